@@ -1,0 +1,69 @@
+"""The error tree.  Every error that a user can cause is a `TirelogError`; its class knows the exit status of the command line.
+
+A message has three parts, joined by semicolons: what is wrong; what is allowed; what to do.  `file` and `line` say where.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from enum import IntEnum
+
+
+class ExitStatus(IntEnum):
+    """Exit statuses of every command."""
+
+    DONE = 0
+    ANSWER_IS_NO = 1
+    UNUSABLE_REQUEST = 2
+    INPUT_LOST = 3
+    NOTHING_READ = 4
+    DEFECT = 70
+
+
+class TirelogError(Exception):
+    """Base of all errors that the user can mend."""
+
+    exit_status: ExitStatus = ExitStatus.UNUSABLE_REQUEST
+
+    def __init__(self, message: str, *, file: object = None, line: int | None = None) -> None:
+        self.message, self.file, self.line = message, file, line
+        super().__init__(self.__str__())
+
+    def __str__(self) -> str:
+        where = "" if self.file is None else f"{self.file}{'' if self.line is None else f':{self.line}'}: "
+        return f"{where}{self.message}"
+
+
+class UsageError(TirelogError):
+    """An option or argument that cannot be carried out."""
+
+
+class SetupError(TirelogError):
+    """A setup file that cannot be used."""
+
+
+class ModelError(TirelogError):
+    """A model file, an effect or a parameter that cannot be used; or a fit that did not converge."""
+
+
+class OutputError(TirelogError):
+    """A result that could not be written (nothing stands under its name then)."""
+
+
+class ReadError(TirelogError):
+    """A log of which nothing could be read."""
+
+    exit_status = ExitStatus.NOTHING_READ
+
+
+class DataLoss(TirelogError):
+    """Input that was lost or could not be read, where the rest was used: reported at the end, status 3."""
+
+    exit_status = ExitStatus.INPUT_LOST
+
+
+def nearest(name: str, allowed: Iterable[str], *, most: int = 3) -> str:
+    """` (nearest: a, b)` for a misspelt `name`, or the empty string where nothing is near."""
+    close = difflib.get_close_matches(name, list(allowed), n=most, cutoff=0.5)
+    return f" (nearest: {', '.join(close)})" if close else ""
