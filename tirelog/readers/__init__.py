@@ -1,0 +1,74 @@
+"""Bytes to raw blocks: one reader a file format, none of which holds a whole file.
+
+    open_log(path, setup) -> LogReader
+        .groups    the channels that share one sample clock, known before the first block
+        .blocks()  RawBlock after RawBlock, in the order of the file, for any of the groups
+        .report    what was lost, repaired or doubted; complete once the blocks are read to the end
+
+Values are in the *source's* unit and float64, NaN where the instrument marks a sample as lost (blank, NaN, 0, -1, ...);
+`tirelog.ingest` scales them to SI, builds the time axis from the stamps (`tirelog.clock`) and writes the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from tirelog.recording import FloatArray
+
+
+@dataclass(frozen=True)
+class Group:
+    """Channels sampled together.
+
+    `channels` are names of the setup; `rate_Hz` is what the file itself says (None: the setup or the stamps must tell);
+    `stamp_resolution_s` the step of the file's stamps (0 where it is as fine as the samples); `counted` is true where the sample
+    number in the file, not the stamp, is the clock; `decimals` the decimals of each channel's source (None: binary floats);
+    `scale`, `offset` turn stored numbers into the source's unit where the file has such attributes (already applied in blocks).
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    rate_Hz: float | None = None
+    stamp_resolution_s: float = 0.0
+    counted: bool = False
+    decimals: dict[str, int | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RawBlock:
+    """Some consecutive samples of a group.
+
+    `values[channel]` shape (n,), source unit, NaN where lost; `stamps_s` shape (n,) seconds from the first stamp of the log, or
+    None where the file has no stamps; `number` shape (n,) the file's own sample numbers (gaps in them are lost samples), or
+    None; `flags` (channel, start, stop, word) in samples of this block.
+    """
+
+    group: str
+    values: dict[str, FloatArray]
+    stamps_s: FloatArray | None = None
+    number: FloatArray | None = None
+    flags: tuple[tuple[str, int, int, str], ...] = ()
+
+
+@dataclass
+class ReadReport:
+    """What the reader met.  `losses` make status 3; `remarks` are said once; `counts` go into the provenance (bad rows, error codes, ...)."""
+
+    format: str = ""
+    start: str | None = None  # absolute start of the log, ISO 8601, where the file tells it
+    losses: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+
+
+class LogReader(Protocol):
+    """An open log."""
+
+    groups: tuple[Group, ...]
+    report: ReadReport
+
+    def blocks(self) -> Iterator[RawBlock]:
+        """All blocks, once."""
+        ...

@@ -1,0 +1,89 @@
+"""Units at the edge of the package: what a source may be recorded in, and how it becomes SI.
+
+Only what an instrument, a setup file or a column writes as a unit passes through here; inside, everything is SI.  The table is
+ours because pint costs more at start than all of our own imports; a test holds it against the definitions.
+"""
+
+from __future__ import annotations
+
+from tirelog.errors import SetupError, nearest
+
+#: unit -> (quantity, factor, offset):  SI value = factor * value + offset
+UNITS: dict[str, tuple[str, float, float]] = {
+    "m": ("length", 1.0, 0.0),
+    "mm": ("length", 1e-3, 0.0),
+    "um": ("length", 1e-6, 0.0),
+    "nm": ("length", 1e-9, 0.0),
+    "pm": ("length", 1e-12, 0.0),
+    "strain": ("strain", 1.0, 0.0),
+    "microstrain": ("strain", 1e-6, 0.0),
+    "ustrain": ("strain", 1e-6, 0.0),
+    "m/m": ("strain", 1.0, 0.0),
+    "um/m": ("strain", 1e-6, 0.0),
+    "m/s^2": ("acceleration", 1.0, 0.0),
+    "m/s2": ("acceleration", 1.0, 0.0),
+    "g": ("acceleration", 9.80665, 0.0),
+    "m/s": ("speed", 1.0, 0.0),
+    "km/h": ("speed", 1.0 / 3.6, 0.0),
+    "mph": ("speed", 0.44704, 0.0),
+    "kn": ("speed", 1852.0 / 3600.0, 0.0),
+    "Pa": ("pressure", 1.0, 0.0),
+    "hPa": ("pressure", 1e2, 0.0),
+    "kPa": ("pressure", 1e3, 0.0),
+    "MPa": ("pressure", 1e6, 0.0),
+    "bar": ("pressure", 1e5, 0.0),
+    "mbar": ("pressure", 1e2, 0.0),
+    "psi": ("pressure", 6894.757293168361, 0.0),
+    "K": ("temperature", 1.0, 0.0),
+    "degC": ("temperature", 1.0, 273.15),
+    "degF": ("temperature", 5.0 / 9.0, 459.67 * 5.0 / 9.0),
+    "N": ("force", 1.0, 0.0),
+    "kN": ("force", 1e3, 0.0),
+    "daN": ("force", 10.0, 0.0),
+    "kgf": ("force", 9.80665, 0.0),
+    "lbf": ("force", 4.4482216152605, 0.0),
+    "s": ("time", 1.0, 0.0),
+    "ms": ("time", 1e-3, 0.0),
+    "us": ("time", 1e-6, 0.0),
+    "ns": ("time", 1e-9, 0.0),
+    "min": ("time", 60.0, 0.0),
+    "h": ("time", 3600.0, 0.0),
+    "V": ("voltage", 1.0, 0.0),
+    "mV": ("voltage", 1e-3, 0.0),
+    "1": ("number", 1.0, 0.0),
+    "count": ("number", 1.0, 0.0),
+    "step": ("number", 1.0, 0.0),
+    "rad": ("angle", 1.0, 0.0),
+    "deg": ("angle", 0.017453292519943295, 0.0),
+}
+
+#: other spellings that instruments use, lower-cased
+SPELLINGS = {
+    "µe": "microstrain", "με": "microstrain", "µε": "microstrain", "ue": "microstrain", "µm/m": "um/m", "°c": "degC", "c": "degC", "celsius": "degC",
+    "°f": "degF", "kmh": "km/h", "kph": "km/h", "m/s²": "m/s^2", "ms^-2": "m/s^2", "m s-2": "m/s^2", "m/s**2": "m/s^2", "sec": "s", "second": "s",
+    "seconds": "s", "volt": "V", "volts": "V", "-": "1", "": "1", "counts": "count", "steps": "step", "µm": "um", "nanometer": "nm", "kelvin": "K",
+}  # fmt: skip
+
+
+def canonical(unit: str) -> str | None:
+    """The table's name of `unit` as an instrument may spell it; None where it is not known."""
+    text = unit.strip()
+    if text in UNITS:
+        return text
+    if text.lower() in SPELLINGS:
+        return SPELLINGS[text.lower()]
+    same = [name for name in UNITS if name.lower() == text.lower()]
+    return same[0] if len(same) == 1 else None
+
+
+def to_si(unit: str, *quantities: str) -> tuple[float, float]:
+    """(factor, offset) with SI = factor * value + offset, for a unit of one of `quantities`.
+
+    SetupError: the unit is not known, or is of another quantity.
+    """
+    allowed = [name for name, (quantity, _, _) in UNITS.items() if quantity in quantities]
+    name = canonical(unit)
+    if name is None or name not in allowed:
+        raise SetupError(f"unit {unit!r} is not one of {', '.join(allowed)}{nearest(unit, allowed)}; write the unit of the source")
+    _, factor, offset = UNITS[name]
+    return factor, offset
