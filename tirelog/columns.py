@@ -1,0 +1,126 @@
+"""Every column of every table, once: name, unit, type, meaning, and the difference that `check` accepts.
+
+`TABLES` says which columns a table has and in which order.  A column's tolerance is absolute + relative x |value|: differences
+that another machine's BLAS or a rounding in text may bring, far below any error bar.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column.  `kind` is float, int, bool or text; tolerances apply to floats only."""
+
+    name: str
+    unit: str
+    kind: str
+    meaning: str
+    absolute: float = 0.0
+    relative: float = 1e-6
+
+
+def _text(name: str, meaning: str) -> Column:
+    return Column(name, "", "text", meaning)
+
+
+def _integer(name: str, meaning: str) -> Column:
+    return Column(name, "", "int", meaning)
+
+
+_ALL = [
+    _text("log", "the log's path as given ('-' for standard input)"),
+    _text("channel", "the channel's name in the setup"),
+    _integer("revolution", "ordinal of the patch passage in the log, the same in all tables of a channel"),
+    Column("time_s", "s", "float", "time of the patch passage from the start of the log", 1e-6),
+    Column("speed_m_s", "m/s", "float", "speed of the wheel centre at the passage", 1e-5),
+    _text("quality", "'ok', or words joined by ';' that say what is wrong inside the patch window"),
+    # speed
+    Column("period_s", "s", "float", "time from half a revolution before to half a revolution after the passage", 1e-6),
+    Column("speed_se_m_s", "m/s", "float", "standard error of the speed", 1e-5, 1e-3),
+    Column("acceleration_m_s2", "m/s^2", "float", "longitudinal acceleration at the passage", 1e-3, 1e-4),
+    # footprint
+    Column("length_m", "m", "float", "contact length, best estimate", 2e-6, 1e-4),
+    Column("length_se_m", "m", "float", "standard error of the contact length, noise and form together", 2e-6, 1e-2),
+    Column("length_d2_m", "m", "float", "contact length by the extrema of the second derivative (P2)", 2e-6, 1e-4),
+    Column("length_d2_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
+    Column("length_d1_m", "m", "float", "contact length by the extrema of the first derivative (Morinaga)", 2e-6, 1e-4),
+    Column("length_d1_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
+    Column("entry_time_s", "s", "float", "time at which the sensor enters the patch", 1e-6),
+    Column("exit_time_s", "s", "float", "time at which the sensor leaves the patch", 1e-6),
+    Column("edge_asymmetry", "", "float", "strain step at the exit edge against the entry edge, signed", 1e-4, 1e-4),
+    Column("slip_onset_m", "m", "float", "abscissa where adhesion turns to slip, entry -L to exit +L", 1e-5, 1e-3),
+    Column("slip_onset_se_m", "m", "float", "its standard error", 1e-5, 1e-2),
+    _text("slip_onset_reason", "why there is no slip onset; empty where there is one"),
+    # dissipation
+    Column("dissipation_factor_1_m", "1/m", "float", "integral of the squared strain gradient over a revolution (P1 29)", 0.0, 1e-4),
+    Column("dissipation_factor_se_1_m", "1/m", "float", "its standard error", 0.0, 1e-2),
+    Column("specific_power_m3_s2", "m^3/s^2", "float", "dissipated power per viscosity (P1 28)", 0.0, 1e-4),
+    Column("steady", "", "bool", "the revolution lies in a stretch of constant speed"),
+    Column("dissipation_factor_mean_1_m", "1/m", "float", "moving average of the factor within the steady stretch", 0.0, 1e-4),
+    Column("specific_power_mean_m3_s2", "m^3/s^2", "float", "moving average of the specific power within the steady stretch", 0.0, 1e-4),
+    Column("power_W", "W", "float", "dissipated power with the setup's viscosity", 0.0, 1e-4),
+    Column("rolling_resistance_N", "N", "float", "rolling resistance force, power over speed", 0.0, 1e-4),
+    Column("rolling_resistance_coefficient", "", "float", "rolling resistance force over load", 0.0, 1e-4),
+    # phase shift
+    Column("entry_angle_deg", "deg", "float", "wheel angle of the entry front", 1e-4),
+    Column("exit_angle_deg", "deg", "float", "wheel angle of the exit front", 1e-4),
+    Column("patch_width_deg", "deg", "float", "angle between the fronts", 1e-4),
+    Column("patch_width_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
+    Column("phase_shift_deg", "deg", "float", "middle of the patch signal minus its value in the zero stretch; negative in braking", 1e-4),
+    Column("phase_shift_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
+    Column("patch_width_detrended_deg", "deg", "float", "patch width without its trend with speed", 1e-4),
+    Column("phase_shift_detrended_deg", "deg", "float", "phase shift without its trend with speed", 1e-4),
+    Column("phase_shift_corrected_deg", "deg", "float", "detrended phase shift without the cross-talk of load", 1e-4),
+    Column("vertical_force_N", "N", "float", "vertical force from the patch width by the calibration", 0.1, 1e-4),
+    Column("vertical_force_se_N", "N", "float", "its standard error", 0.1, 1e-2),
+    Column(
+        "longitudinal_force_N", "N", "float", "longitudinal force from the phase shift by the calibration, positive in drive", 0.1, 1e-4
+    ),
+    Column("longitudinal_force_se_N", "N", "float", "its standard error", 0.1, 1e-2),
+    # inflation
+    Column("strain", "", "float", "strain, mean over the row's stretch", 1e-9),
+    Column("strain_se", "", "float", "its standard error", 1e-10, 1e-2),
+    Column("inflation_pressure_Pa", "Pa", "float", "inflation pressure, mean over the row's stretch", 1.0),
+    # model predict
+    Column("xi_m", "m", "float", "tread coordinate, entry edge at -L, exit edge at +L", 1e-9),
+    Column("phi_deg", "deg", "float", "tread coordinate as an angle", 1e-7),
+    Column("displacement_m", "m", "float", "radial displacement, inward positive", 1e-10, 1e-6),
+    Column("radial_acceleration_m_s2", "m/s^2", "float", "radial acceleration, outward positive", 1e-4, 1e-6),
+    Column("contact_pressure_N_m", "N/m", "float", "contact pressure per length of tread", 1e-3, 1e-6),
+]
+
+COLUMNS: dict[str, Column] = {column.name: column for column in _ALL}
+
+_BEGIN = ("log", "channel", "revolution", "time_s", "speed_m_s")
+
+
+def _revolutions(*own: str) -> tuple[str, ...]:
+    """A table with a row a revolution: the common beginning, its own columns, and the quality."""
+    return (*_BEGIN, *own, "quality")
+
+
+TABLES: dict[str, tuple[str, ...]] = {
+    "speed": _revolutions("period_s", "speed_se_m_s", "acceleration_m_s2"),
+    "footprint": _revolutions(
+        "length_m", "length_se_m", "length_d2_m", "length_d2_se_m", "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s",
+        "edge_asymmetry", "slip_onset_m", "slip_onset_se_m", "slip_onset_reason",
+    ),
+    "dissipation": _revolutions(
+        "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2", "steady", "dissipation_factor_mean_1_m",
+        "specific_power_mean_m3_s2", "power_W", "rolling_resistance_N", "rolling_resistance_coefficient",
+    ),
+    "phase-shift": _revolutions(
+        "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg", "phase_shift_deg", "phase_shift_se_deg",
+        "patch_width_detrended_deg", "phase_shift_detrended_deg", "phase_shift_corrected_deg", "vertical_force_N", "vertical_force_se_N",
+        "longitudinal_force_N", "longitudinal_force_se_N",
+    ),
+    "predict": ("xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2", "contact_pressure_N_m"),
+}  # fmt: skip
+
+#: columns that stand in a table only where the setup or calibration gives what they need
+OPTIONAL = {
+    "power_W", "rolling_resistance_N", "rolling_resistance_coefficient", "vertical_force_N", "vertical_force_se_N", "longitudinal_force_N",
+    "longitudinal_force_se_N",
+}  # fmt: skip

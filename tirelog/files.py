@@ -1,0 +1,54 @@
+"""Output files that appear whole or not at all.
+
+with whole_file(path) as part:  write to `part` (a path beside `path`)   -> on success fsync and rename, else nothing is left
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from tirelog.errors import OutputError
+
+_ADVICE = {
+    errno.ENOENT: "the folder has to exist; make it or give another path",
+    errno.EACCES: "the folder has to be writable; give another path",
+    errno.EROFS: "the file system is read-only; give another path",
+    errno.ENOSPC: "the disk is full; make room or give another path",
+    errno.EDQUOT: "the quota is used up; make room or give another path",
+    errno.EISDIR: "it is a folder; give the path of a file",
+}
+
+
+def output_error(path: Path | str, problem: OSError) -> OutputError:
+    """An OutputError for a failed write, with advice."""
+    advice = _ADVICE.get(problem.errno or 0, "give another path")
+    return OutputError(f"cannot be written ({problem.strerror or problem}); {advice}", file=path)
+
+
+@contextmanager
+def whole_file(path: Path | str) -> Iterator[Path]:
+    """A path beside `path` to write to; it takes the name `path` when the block ends well, and is removed when it does not.
+
+    OutputError: folder missing or read-only, disk full.
+    """
+    path = Path(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        part.touch()
+        yield part
+        with part.open("rb+") as stream:
+            os.fsync(stream.fileno())
+        os.replace(part, path)
+    except OSError as problem:
+        if isinstance(problem, BrokenPipeError):
+            raise
+        raise output_error(path, problem) from problem
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)

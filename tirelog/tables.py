@@ -1,0 +1,191 @@
+"""Tidy tables out: columns -> rows of csv, ndjson, json or parquet, on standard output or as a whole file.
+
+    with TableWriter("speed", output, format, metadata=...) as table:
+        table.write({"log": ..., "time_s": array, ...})     as often as there are parts; every part has the same columns
+
+A part is a mapping of equally long arrays (or scalars, repeated).  NaN is an empty field (null).  Text formats round floats to nine
+significant digits (twelve for times), which is below every column's tolerance; parquet keeps them as they are, and carries unit
+and meaning of every column, tirelog's version and the hashes of the inputs in its metadata.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+
+from tirelog import __version__
+from tirelog.columns import COLUMNS, TABLES
+from tirelog.errors import UsageError, nearest
+from tirelog.files import whole_file
+
+FORMATS = ("csv", "ndjson", "parquet", "json")
+_SUFFIXES = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet", ".json": "json"}
+_ROWS_A_PART = 20_000
+
+
+def table_format(output: Path | str | None, format: str | None) -> str:
+    """The format asked for, or the one of the file's suffix, or csv.  UsageError: not a format."""
+    if format is not None:
+        if format not in FORMATS:
+            raise UsageError(f"--format {format}{nearest(format, FORMATS)}; allowed are {', '.join(FORMATS)}; choose one")
+        return format
+    if output is None:
+        return "csv"
+    suffix = Path(output).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise UsageError(f"{output}: no format has the suffix {suffix!r}; allowed are {', '.join(_SUFFIXES)}; rename it or give --format")
+    return _SUFFIXES[suffix]
+
+
+def quality_text(words: Sequence[str]) -> str:
+    """The quality column's text: 'ok', or the words in alphabetical order joined by ';'."""
+    return ";".join(sorted(set(words))) or "ok"
+
+
+def _digits(values: np.ndarray, digits: int) -> np.ndarray:
+    """`values` rounded to significant digits."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exponent = digits - 1 - np.floor(np.log10(np.abs(values)))
+        scale = 10.0 ** np.clip(np.where(np.isfinite(exponent), exponent, 0.0), -300, 300)
+        rounded = np.round(values * scale) / scale
+    return np.where(np.isfinite(rounded), rounded, values)
+
+
+def _array(name: str, values: Any, rows: int, rounded: bool) -> pa.Array:
+    """One column as an arrow array; floats with NaN as null."""
+    column = COLUMNS.get(name)
+    values = np.asarray(values)
+    kind = column.kind if column else {"f": "float", "i": "int", "u": "int", "b": "bool"}.get(values.dtype.kind, "text")
+    if values.ndim == 0:
+        values = np.broadcast_to(values, (rows,))
+    if kind == "text":
+        return pa.array([None if v is None else str(v) for v in values.tolist()], pa.string())
+    if kind == "float":
+        floats = values.astype(np.float64)
+        if rounded:
+            floats = _digits(floats, 12 if column and column.unit == "s" else 9)
+        return pa.array(floats, pa.float64(), from_pandas=True)
+    if values.dtype.kind == "f":
+        return pa.array(values, pa.float64(), from_pandas=True).cast({"int": pa.int64(), "bool": pa.bool_()}[kind])
+    return pa.array(values.astype({"int": np.int64, "bool": np.bool_}[kind]))
+
+
+class TableWriter(AbstractContextManager["TableWriter"]):
+    """Writes one table, part by part.  `output` None is standard output; `name` is a key of `columns.TABLES` or a new table's name."""
+
+    def __init__(self, name: str, output: Path | str | None, format: str | None, *, metadata: Mapping[str, Any] | None = None) -> None:
+        self.name, self.output, self.format = name, output, table_format(output, format)
+        self.metadata = dict(metadata or {})
+        self.rows = 0
+        self._schema: pa.Schema | None = None
+        self._parquet: Any = None
+        self._file: AbstractContextManager[Path] | None = None
+        self._stream: BinaryIO
+        if output is None:
+            self._stream = sys.stdout.buffer
+        else:
+            self._file = whole_file(output)
+            self._stream = self._file.__enter__().open("wb")
+
+    def write(self, columns: Mapping[str, Any]) -> None:
+        """Append rows.  The first part fixes the columns; the table's own order wins over the mapping's."""
+        rows = max((np.asarray(v).shape[0] for v in columns.values() if np.ndim(v) > 0), default=1)
+        order = [c for c in TABLES.get(self.name, tuple(columns)) if c in columns]
+        order += [c for c in columns if c not in order]
+        arrays = [_array(name, columns[name], rows, self.format != "parquet") for name in order]
+        if self._schema is None:
+            self._begin(pa.schema([_field(name, array.type) for name, array in zip(order, arrays, strict=True)]))
+        assert self._schema is not None
+        table = pa.Table.from_arrays(arrays, schema=self._schema)
+        for start in range(0, table.num_rows, _ROWS_A_PART):
+            self._rows(table.slice(start, _ROWS_A_PART))
+
+    def write_frame(self, frame: Any) -> None:
+        """Append a pandas DataFrame's rows."""
+        self.write({str(name): frame[name].to_numpy() for name in frame.columns})
+
+    def _begin(self, schema: pa.Schema) -> None:
+        """Whatever stands before the first row."""
+        if self.format == "parquet":
+            import pyarrow.parquet as pq
+
+            about = {"tirelog": json.dumps({"version": __version__, "table": self.name, **self.metadata}, default=str)}
+            schema = schema.with_metadata(about)
+            self._parquet = pq.ParquetWriter(self._stream, schema, compression="zstd")
+        elif self.format == "csv":
+            self._stream.write((",".join(schema.names) + "\n").encode())
+        elif self.format == "json":
+            self._stream.write(b"[")
+        self._schema = schema
+
+    def _rows(self, table: pa.Table) -> None:
+        if self.format == "parquet":
+            self._parquet.write_table(table)
+        elif self.format == "csv":
+            import pyarrow.csv as pc
+
+            part = io.BytesIO()
+            pc.write_csv(table, part, pc.WriteOptions(include_header=False, quoting_style="needed"))
+            self._stream.write(part.getvalue())
+        else:
+            lines = [json.dumps(row, ensure_ascii=False) for row in table.to_pylist()]
+            text = "".join(line + "\n" for line in lines) if self.format == "ndjson" else ("," if self.rows else "") + ",\n".join(lines)
+            self._stream.write(text.encode())
+        self.rows += table.num_rows
+
+    def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
+        if kind is None:
+            if self._schema is None:
+                self._begin(pa.schema([_field(name, _type(name)) for name in TABLES.get(self.name, ())]))
+            if self._parquet is not None:
+                self._parquet.close()
+            elif self.format == "json":
+                self._stream.write(b"]\n")
+        if self._file is None:
+            self._stream.flush()
+            return
+        try:
+            self._stream.close()
+        finally:
+            self._file.__exit__(kind, value, trace)
+
+
+def _type(name: str) -> pa.DataType:
+    """The arrow type of a column of the vocabulary."""
+    return {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}[COLUMNS[name].kind]
+
+
+def _field(name: str, type: pa.DataType) -> pa.Field:
+    """A column with its unit and meaning, which parquet keeps."""
+    column = COLUMNS.get(name)
+    return pa.field(name, type, metadata={"unit": column.unit, "meaning": column.meaning} if column else None)
+
+
+def read_table(path: Path | str) -> Any:
+    """A table that tirelog (or another tool) wrote, as a pandas DataFrame; the suffix decides, '-' is csv on standard input.
+
+    ReadError: nothing there, or not a table.
+    """
+    import pandas as pd
+
+    from tirelog.errors import ReadError
+
+    format = "csv" if str(path) == "-" else table_format(path, None)
+    source: Any = sys.stdin.buffer if str(path) == "-" else os.fspath(path)
+    try:
+        if format == "parquet":
+            return pd.read_parquet(source)
+        if format == "csv":
+            return pd.read_csv(source, keep_default_na=False, na_values={c.name: [""] for c in COLUMNS.values() if c.kind != "text"})
+        return pd.read_json(source, orient="records", lines=format == "ndjson")
+    except (OSError, ValueError, pa.ArrowException) as problem:
+        raise ReadError(f"is not a table ({problem}); csv, ndjson, json and parquet are read; write one with -o", file=path) from None
