@@ -1,0 +1,5 @@
+"""`python -m tirelog`."""
+
+from tirelog.cli import main
+
+main()

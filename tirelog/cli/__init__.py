@@ -1,0 +1,68 @@
+"""The command line: the only place that knows typer and rich, and the one place that decides the exit status.
+
+Every error becomes `tirelog: error: FILE[:line]: what is wrong; what is allowed; what to do` on standard error; `--debug` (or
+TIRELOG_DEBUG=1) shows the traceback as well.  Standard output is for the next program: a reader that leaves is not an error.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any
+
+from tirelog.errors import ExitStatus, TirelogError
+
+_INTERRUPTED = 130
+
+
+def _leave_quietly() -> int:
+    """Standard output's reader has left (`| head`): point it at nothing, so that no flush at exit complains."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return int(ExitStatus.DONE)
+
+
+def _status_of(problem: BaseException) -> int:
+    """Say what went wrong; the exit status for it."""
+    if isinstance(problem, TirelogError):
+        text, status = str(problem), int(problem.exit_status)
+    elif isinstance(problem, KeyboardInterrupt) or type(problem).__name__ == "Abort":
+        text, status = "interrupted; nothing was left under the result's name; start it again", _INTERRUPTED
+    elif hasattr(problem, "format_message") and hasattr(problem, "exit_code"):  # a usage error of typer's own parser
+        command = getattr(getattr(problem, "ctx", None), "command_path", "tirelog")
+        text, status = f"{problem.format_message().rstrip('.')}; see {command} --help", int(ExitStatus.UNUSABLE_REQUEST)
+    elif isinstance(problem, MemoryError):
+        text, status = "out of memory; give a shorter log or free some", int(ExitStatus.DEFECT)
+    else:
+        text = f"a defect of tirelog's own ({type(problem).__name__}: {problem}); run it again with --debug and report what it prints"
+        status = int(ExitStatus.DEFECT)
+    sys.stderr.write(f"tirelog: error: {text}\n")
+    return status
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Carry out a command line; its exit status."""
+    from tirelog.cli.app import command
+
+    arguments = sys.argv[1:] if arguments is None else arguments
+    debug = "--debug" in arguments or bool(os.environ.get("TIRELOG_DEBUG"))
+    try:
+        result: Any = command().main(args=[a for a in arguments if a != "--debug"], prog_name="tirelog", standalone_mode=False)
+        sys.stdout.flush()
+        return int(result) if isinstance(result, int) else int(ExitStatus.DONE)
+    except BrokenPipeError:
+        return _leave_quietly()
+    except SystemExit as leaving:
+        return int(leaving.code or 0)
+    except BaseException as problem:
+        if type(problem).__name__ == "Exit":
+            return int(getattr(problem, "exit_code", 0))
+        if debug:
+            import traceback
+
+            traceback.print_exc()
+        return _status_of(problem)
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    sys.exit(run())

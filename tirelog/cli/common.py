@@ -1,0 +1,110 @@
+"""What the commands share: their common options, and a session that opens logs and adds up what was lost.
+
+    with Session(setup, quiet) as session:
+        with session.table("speed", output, format) as table:
+            for recording in session.recordings(logs):
+                table.write(columns)
+
+A session says each recording's remarks once on standard error, goes on with the next log where one cannot be read, and ends with
+status 3 where input was lost (4 where nothing at all could be read).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tirelog.errors import DataLoss, ExitStatus, ReadError
+
+if TYPE_CHECKING:
+    from tirelog.recording import Recording
+    from tirelog.setup import Setup
+    from tirelog.tables import TableWriter
+
+Logs = Annotated[list[str], typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)]
+SetupFile = Annotated[Path | None, typer.Option("--setup", help="Setup file; without it FILE.toml beside the log.", show_default=False)]
+Output = Annotated[Path | None, typer.Option("-o", "--output", help="File to write; its suffix decides the format.", show_default=False)]
+Format = Annotated[str | None, typer.Option("--format", help="csv, ndjson, parquet or json.", show_default=False)]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Picture to write, .png or .svg.", show_default=False)]
+ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]
+
+
+def say(text: str) -> None:
+    """A line on standard error."""
+    sys.stderr.write(f"tirelog: {text}\n")
+
+
+class Session:
+    """One command's work on its logs."""
+
+    def __init__(self, setup: Path | None, quiet: bool = False) -> None:
+        self.quiet = quiet
+        self._setup_file = setup
+        self._shared: Setup | None = None
+        self._resources = ExitStack()
+        self._lost: list[str] = []
+        self._unread: list[str] = []
+        self._read = 0
+        self.hashes: dict[str, str] = {}
+
+    def __enter__(self) -> Session:
+        return self
+
+    def note(self, text: str) -> None:
+        """A remark on standard error, unless --quiet."""
+        if not self.quiet:
+            say(f"note: {text}")
+
+    def setup(self) -> Setup | None:
+        """The setup given with --setup, read once."""
+        if self._shared is None and self._setup_file is not None:
+            from tirelog.setup import load_setup
+
+            self._shared = load_setup(self._setup_file)
+        return self._shared
+
+    def recordings(self, logs: list[str]) -> Iterator[Recording]:
+        """The logs, one after the other, open until the session ends.  A SetupError stops the command, an unreadable log does not."""
+        from tirelog.ingest import open_recording
+
+        self.setup()
+        for log in logs:
+            try:
+                recording = self._resources.enter_context(open_recording(log, self.setup()))
+            except ReadError as problem:
+                self._unread.append(str(problem))
+                say(f"error: {problem}")
+                continue
+            self._read += 1
+            self.hashes[log] = str(recording.provenance.get("sha256", ""))
+            for remark in recording.remarks:
+                self.note(f"{log}: {remark}")
+            for loss in recording.losses:
+                self.lost(f"{log}: {loss}")
+            yield recording
+
+    def lost(self, text: str) -> None:
+        """Input was lost: said now, and status 3 in the end."""
+        self._lost.append(text)
+        say(f"error: {text}")
+
+    def table(self, name: str, output: Path | None, format: str | None, **metadata: Any) -> TableWriter:
+        """A writer for the command's table."""
+        from tirelog.tables import TableWriter
+
+        return TableWriter(name, output, format, metadata={"inputs": self.hashes, **metadata})
+
+    def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
+        self._resources.close()
+        if kind is not None:
+            return
+        if self._unread and not self._read:
+            raise typer.Exit(int(ExitStatus.NOTHING_READ))
+        if self._unread or self._lost:
+            raise typer.Exit(int(DataLoss.exit_status))
