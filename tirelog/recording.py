@@ -135,7 +135,7 @@ class Recording:
     """One log in SI: its channels, its setup (`tirelog.setup.Setup`), where it came from and what was repaired.
 
     `log` is the path as the user gave it; `remarks` are sentences on the whole log that a command says once on standard error;
-    `losses` are sentences on input that was lost (status 3).
+    `losses` are sentences on input that was lost (status 3); the list grows when a damaged chunk is met while reading.
     """
 
     log: str
@@ -143,7 +143,7 @@ class Recording:
     setup: Any
     provenance: Mapping[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-    losses: tuple[str, ...] = ()
+    losses: list[str] = field(default_factory=list)
 
     def of_kind(self, *kinds: str) -> list[Channel]:
         """The channels of these kinds, in the setup's order."""

@@ -1,0 +1,299 @@
+"""The run file: HDF5 that any tool can open, written whole or not at all, checksummed throughout.
+
+    /                   tirelog_run = format version
+    /setup              text of the setup file          /provenance     JSON: source, sha256, version, repairs, remarks, losses
+    /groups/<group>     first, start_s, period_s (segments of the time axis) or time_s; attribute rate_Hz, size
+    /channels/<name>    samples as the source wrote them: int32 counts of 10^-decimals (INT32_MIN where lost), else float32 or float64
+                        (NaN where lost); attributes group, kind, unit, scale_factor, add_offset (stored number to SI), decimals
+    /flags/<name>       start, stop, word
+
+Data chunks carry fletcher32, and the file is of HDF5's "v110" kind, whose metadata has checksums too: a flipped bit is found when
+it is read, its chunk becomes NaN, and the recording's losses say so.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from tirelog.convert import to_si
+from tirelog.errors import ReadError, SetupError
+from tirelog.readers import Group, RawBlock
+from tirelog.recording import Channel, FloatArray, Recording, TimeAxis
+from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
+
+FORMAT_VERSION = 1
+CHUNK = 1 << 15
+_LOST = np.iinfo(np.int32).min
+
+
+class _Column:
+    """A channel on its way into the file: counts while every value is a decimal number of few digits, else floats.
+
+    The choice is made by the data: a value that does not come back exactly promotes what has been written so far.
+    """
+
+    def __init__(self, file: h5py.File, name: str, decimals: int | None, compress: bool) -> None:
+        self.file, self.name, self.compress = file, name, compress
+        self.decimals = decimals
+        self.dataset: h5py.Dataset | None = None
+        self._power = 1.0 if decimals is None else 10.0**decimals
+
+    def append(self, values: FloatArray) -> None:
+        stored = self._encode(values)
+        if self.dataset is None:
+            self.dataset = self._create(self.name, stored.dtype)
+        elif stored.dtype != self.dataset.dtype:
+            self._promote()
+        start = self.dataset.shape[0]
+        self.dataset.resize(start + stored.size, axis=0)
+        self.dataset[start:] = stored
+
+    def _encode(self, values: FloatArray) -> np.ndarray:
+        """`values` as counts, float32 or float64: the smallest that this channel's blocks so far and this one fit exactly."""
+        kind = None if self.dataset is None else self.dataset.dtype.kind + str(self.dataset.dtype.itemsize)
+        lost = np.isnan(values)
+        if self.decimals is not None and kind in (None, "i4"):
+            known = np.where(lost, 0.0, values)
+            counts = np.rint(known * self._power)
+            if np.all(np.abs(counts) < -_LOST - 1.0) and np.array_equal(counts / self._power, known):
+                counts[lost] = _LOST
+                return counts.astype(np.int32)
+        self.decimals = None
+        if kind in (None, "f4"):
+            with np.errstate(over="ignore"):
+                single = values.astype(np.float32)
+            if np.array_equal(single, values, equal_nan=True):
+                return single
+        return values
+
+    def _create(self, name: str, dtype: Any) -> h5py.Dataset:
+        more = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if self.compress else {}
+        return self.file.create_dataset(
+            f"channels/{name}", shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=dtype, fletcher32=True, **more
+        )
+
+    def _promote(self) -> None:
+        """Rewrite what is there as float64."""
+        old = self.dataset
+        assert old is not None
+        wide = self._create(f"{self.name}.wide", np.float64)
+        wide.resize(old.shape[0], axis=0)
+        for start in range(0, old.shape[0], CHUNK):
+            part = old[start : start + CHUNK]
+            wide[start : start + CHUNK] = np.where(part == _LOST, np.nan, part / self._power) if part.dtype.kind == "i" else part
+        del self.file[f"channels/{self.name}"]
+        self.file.move(f"channels/{self.name}.wide", f"channels/{self.name}")
+        self.dataset = self.file[f"channels/{self.name}"]
+
+    def finish(self, group: str, channel: ChannelSetup) -> None:
+        if self.dataset is None:
+            self.dataset = self._create(self.name, np.float64)
+        factor, offset = to_si(channel)
+        counts = self.dataset.dtype.kind == "i"
+        power = self._power if counts else 1.0
+        self.dataset.attrs.update(
+            group=group, kind=channel.kind, unit=KINDS[channel.kind][1], source=channel.source, source_unit=channel.source_unit,
+            scale_factor=factor / power, add_offset=offset, decimals=(self.decimals or 0) if counts else -1,
+        )  # fmt: skip
+        if counts:
+            self.dataset.attrs["_FillValue"] = np.int32(_LOST)
+
+
+class RunWriter:
+    """Writes a run, block by block, to `path` (which the caller makes whole or removes)."""
+
+    def __init__(self, path: Path, setup: Setup, groups: tuple[Group, ...], *, compress: bool) -> None:
+        self.setup, self.groups = setup, groups
+        self.file = h5py.File(path, "w", libver=("v110", "v110"))
+        self.file.attrs["tirelog_run"] = FORMAT_VERSION
+        self._columns = {name: _Column(self.file, name, group.decimals.get(name), compress) for group in groups for name in group.channels}
+        self._rows = {group.name: 0 for group in groups}
+        self._flags: dict[str, list[tuple[int, int, str]]] = {name: [] for name in self._columns}
+
+    def append(self, block: RawBlock) -> int:
+        """Append a block; the number of its samples."""
+        start = self._rows[block.group]
+        rows = 0
+        for name, values in block.values.items():
+            self._columns[name].append(values)
+            rows = values.size
+        for name, first, stop, word in block.flags:
+            self._flags[name].append((start + first, start + stop, word))
+        self._rows[block.group] += rows
+        return rows
+
+    def finish(self, axes: Mapping[str, TimeAxis], flags: Mapping[str, list[tuple[int, int, str]]], provenance: Mapping[str, Any]) -> None:
+        """Time axes, flags on whole groups, setup and provenance; the file is complete after this."""
+        for group in self.groups:
+            self._axis(group.name, axes[group.name])
+            for name in group.channels:
+                self._columns[name].finish(group.name, self.setup.channels[name])
+                self._write_flags(name, sorted(self._flags[name] + list(flags.get(group.name, []))))
+        self.file["setup"] = self.setup.text
+        self.file["provenance"] = json.dumps(provenance, default=str)
+
+    def _axis(self, name: str, axis: TimeAxis) -> None:
+        place = self.file.create_group(f"groups/{name}")
+        place.attrs.update(rate_Hz=axis.rate_Hz, size=axis.size)
+        options = {"chunks": True, "fletcher32": True}
+        if axis.explicit is None:
+            for key in ("first", "start_s", "period_s"):
+                place.create_dataset(key, data=getattr(axis, key), **options)
+            return
+        times = place.create_dataset("time_s", shape=(axis.size,), dtype="f8", chunks=(CHUNK,), fletcher32=True)
+        for start in range(0, axis.size, CHUNK):
+            times[start : start + CHUNK] = axis.explicit(start, min(start + CHUNK, axis.size))
+
+    def _write_flags(self, name: str, flags: list[tuple[int, int, str]]) -> None:
+        if not flags:
+            return
+        place = self.file.create_group(f"flags/{name}")
+        for key, values in (("start", [f[0] for f in flags]), ("stop", [f[1] for f in flags])):
+            place.create_dataset(key, data=np.array(values, np.int64), chunks=True, fletcher32=True)
+        words = np.array([f[2].encode() for f in flags])
+        place.create_dataset("word", data=words, chunks=True, fletcher32=True)
+
+    def close(self) -> None:
+        self.file.close()
+
+
+def is_run(path: Path | str) -> bool:
+    """True where `path` is an HDF5 file that `ingest` wrote."""
+    try:
+        with h5py.File(path, "r") as file:
+            return "tirelog_run" in file.attrs
+    except OSError:
+        return False
+
+
+@contextmanager
+def open_run(path: Path | str, log: str, setup: Setup | None = None) -> Iterator[Recording]:
+    """The run at `path` as a Recording that reads its channels in slices while the context is open.
+
+    `setup` replaces the stored one: tire, conditions and the conversions of channels of the same name.
+    ReadError: not a run, or its inside is damaged.
+    """
+    try:
+        file = h5py.File(path, "r")
+    except OSError as problem:
+        raise ReadError(
+            f"cannot be opened as a run ({_short(problem)}); a run is what `tirelog ingest` writes; ingest it again", file=log
+        ) from None
+    with file:
+        try:
+            recording = _recording(file, log, setup)
+        except SetupError:
+            raise
+        except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as problem:
+            raise ReadError(
+                f"the run is damaged ({_short(problem)}); its metadata cannot be read; ingest the log again", file=log
+            ) from None
+        yield recording
+
+
+def _short(problem: BaseException) -> str:
+    return str(problem).splitlines()[0][:120] if str(problem) else type(problem).__name__
+
+
+def _recording(file: h5py.File, log: str, setup: Setup | None) -> Recording:
+    version = int(file.attrs["tirelog_run"])
+    if version != FORMAT_VERSION:
+        raise ReadError(f"is a run of format {version}; this tirelog reads {FORMAT_VERSION}; ingest the log again", file=log)
+    provenance = json.loads(file["provenance"][()])
+    stored = parse_setup(file["setup"].asstr()[()], provenance.get("setup_file"))
+    setup = setup or stored
+    losses: list[str] = list(provenance.get("losses", []))
+    axes = {name: _read_axis(place) for name, place in file["groups"].items()}
+    channels: dict[str, Channel] = {}
+    for name, known in stored.channels.items():
+        if name in file["channels"]:
+            dataset = file["channels"][name]
+            used = setup.channels.get(name, known)
+            if used.kind != known.kind:
+                raise SetupError(f"channel {name} is {known.kind} in the run, {used.kind} in the setup; mend the setup", file=log)
+            flags = _read_flags(file, name)
+            channels[name] = _channel(name, dataset, used, axes[dataset.attrs["group"]], flags, losses)
+    for name, used in setup.channels.items():
+        twin = used.temperature_channel
+        if name in channels and twin in channels and used.thermal_expansion_1_K:
+            channels[name] = _compensated(channels[name], channels[twin], used.thermal_expansion_1_K)
+    order = [name for name in setup.channels if name in channels] + [name for name in channels if name not in setup.channels]
+    return Recording(log, {name: channels[name] for name in order}, setup, provenance, tuple(provenance.get("remarks", [])), losses)
+
+
+def _read_axis(place: h5py.Group) -> TimeAxis:
+    size, rate = int(place.attrs["size"]), float(place.attrs["rate_Hz"])
+    if "time_s" in place:
+        times, none = place["time_s"], np.zeros(0)
+        return TimeAxis(size, rate, none.astype(np.int64), none, none, lambda start, stop: times[start:stop])
+    return TimeAxis(size, rate, place["first"][:], place["start_s"][:], place["period_s"][:])
+
+
+def _read_flags(file: h5py.File, name: str) -> tuple[tuple[int, int, str], ...]:
+    if f"flags/{name}" not in file:
+        return ()
+    place = file[f"flags/{name}"]
+    return tuple((int(a), int(b), w.decode()) for a, b, w in zip(place["start"][:], place["stop"][:], place["word"][:], strict=True))
+
+
+def _channel(
+    name: str, dataset: h5py.Dataset, channel: ChannelSetup, axis: TimeAxis, flags: tuple[tuple[int, int, str], ...], losses: list[str]
+) -> Channel:
+    """A channel whose samples are read, and scaled to SI, slice by slice."""
+    factor, offset = to_si(channel)
+    counts = dataset.dtype.kind == "i"
+    scale = factor / 10.0 ** int(dataset.attrs["decimals"]) if counts else factor
+
+    def samples(start: int, stop: int) -> FloatArray:
+        raw = _read(dataset, start, stop, name, losses)
+        values = raw * scale
+        values += offset
+        if counts:
+            values[raw == _LOST] = np.nan
+        return values
+
+    more = {key: getattr(channel, key) for key in ("steps", "gauge_length_m") if getattr(channel, key) is not None}
+    resolution = abs(scale) if counts else 0.0
+    return Channel(name, channel.kind, KINDS[channel.kind][1], axis, samples, channel.surface or "outer", resolution, flags, more)
+
+
+def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:
+    """Stored numbers [start, stop); a chunk that fails its checksum is lost, and said once."""
+    try:
+        return dataset[start:stop]
+    except OSError:
+        missing = _LOST if dataset.dtype.kind == "i" else np.nan
+        out = np.full(max(stop - start, 0), missing, dataset.dtype)
+        for first in range(start - start % CHUNK, stop, CHUNK):
+            low, high = max(first, start), min(first + CHUNK, stop)
+            try:
+                out[low - start : high - start] = dataset[low:high]
+            except OSError:
+                loss = f"channel {name}: samples {first} to {first + CHUNK - 1} are damaged (checksum); they count as lost"
+                if loss not in losses:
+                    losses.append(loss)
+        return out
+
+
+def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channel:
+    """Strain without the thermal expansion that its unbonded twin grating reads: the last term of P1 (1)."""
+    plain: Callable[[int, int], FloatArray] = strain.samples
+
+    def samples(start: int, stop: int) -> FloatArray:
+        if twin.axis is strain.axis:
+            change = twin.read(start, stop)
+        else:
+            at = twin.axis.index(strain.axis.time(start, stop))
+            low, high = int(at.min(initial=0.0)), int(at.max(initial=0.0)) + 2
+            near = twin.read(low, high)
+            change = np.interp(at, low + np.arange(near.size), near)
+        return plain(start, stop) - expansion_1_K * change
+
+    return Channel(**{**strain.__dict__, "samples": samples})
