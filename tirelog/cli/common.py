@@ -50,6 +50,7 @@ class Session:
         self._resources = ExitStack()
         self._lost: list[str] = []
         self._unread: list[str] = []
+        self._kept: list[Recording] = []
         self._read = 0
         self.hashes: dict[str, str] = {}
 
@@ -69,25 +70,46 @@ class Session:
             self._shared = load_setup(self._setup_file)
         return self._shared
 
-    def recordings(self, logs: list[str]) -> Iterator[Recording]:
-        """The logs, one after the other, open until the session ends.  A SetupError stops the command, an unreadable log does not."""
+    def recordings(self, logs: list[str], *, blocks: int | None = None) -> Iterator[Recording]:
+        """The logs, one after the other, each closed before the next; of raw logs only the first `blocks` where given.
+
+        A SetupError stops the command, a log that cannot be read does not.
+        """
+        for log in logs:
+            with ExitStack() as resources:
+                recording = self._open(log, resources, blocks)
+                if recording is not None:
+                    yield recording
+                    self._closed(recording)
+
+    def all_recordings(self, logs: list[str]) -> list[Recording]:
+        """The logs, open together until the session ends."""
+        opened = [self._open(log, self._resources, None) for log in logs]
+        self._kept = [recording for recording in opened if recording is not None]
+        if not self._kept:
+            raise typer.Exit(int(ExitStatus.NOTHING_READ))
+        return self._kept
+
+    def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
+        """One log, or None where it cannot be read (which has been said)."""
         from tirelog.ingest import open_recording
 
-        self.setup()
-        for log in logs:
-            try:
-                recording = self._resources.enter_context(open_recording(log, self.setup()))
-            except ReadError as problem:
-                self._unread.append(str(problem))
-                say(f"error: {problem}")
-                continue
-            self._read += 1
-            self.hashes[log] = str(recording.provenance.get("sha256", ""))
-            for remark in recording.remarks:
-                self.note(f"{log}: {remark}")
-            for loss in recording.losses:
-                self.lost(f"{log}: {loss}")
-            yield recording
+        try:
+            recording = resources.enter_context(open_recording(log, self.setup(), blocks=blocks))
+        except ReadError as problem:
+            self._unread.append(log)
+            say(f"error: {problem}")
+            return None
+        self._read += 1
+        self.hashes[log] = str(recording.provenance.get("sha256", ""))
+        for remark in recording.remarks:
+            self.note(f"{log}: {remark}")
+        return recording
+
+    def _closed(self, recording: Recording) -> None:
+        """Say what was lost, only now: a damaged chunk is met while reading."""
+        for loss in recording.losses:
+            self.lost(f"{recording.log}: {loss}")
 
     def lost(self, text: str) -> None:
         """Input was lost: said now, and status 3 in the end."""
@@ -104,6 +126,8 @@ class Session:
         self._resources.close()
         if kind is not None:
             return
+        for recording in self._kept:
+            self._closed(recording)
         if self._unread and not self._read:
             raise typer.Exit(int(ExitStatus.NOTHING_READ))
         if self._unread or self._lost:

@@ -1,0 +1,58 @@
+"""The page that `ingest` and `info` print, and the same as a table with a row a channel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from tirelog.recording import Recording
+
+
+def channel_rows(recording: Recording) -> dict[str, Any]:
+    """What is in a recording, a row a channel, from its metadata alone."""
+    channels = list(recording.channels.values())
+    counts = recording.provenance.get("counts", {})
+    return {
+        "log": np.array([recording.log] * len(channels), dtype=object),
+        "channel": np.array([c.name for c in channels], dtype=object),
+        "kind": np.array([c.kind for c in channels], dtype=object),
+        "unit": np.array([c.unit or "1" for c in channels], dtype=object),
+        "rate_Hz": np.array([c.axis.rate_Hz for c in channels]),
+        "samples": np.array([c.size for c in channels]),
+        "duration_s": np.array([c.axis.duration_s for c in channels]),
+        "gaps": np.array([len(c.axis.gaps()) if c.axis.explicit is None else 0 for c in channels]),
+        "lost_samples": np.array([counts.get(f"lost samples {c.name}", 0) for c in channels]),
+        "flagged_ranges": np.array([len(c.flags) for c in channels]),
+    }
+
+
+def print_summary(recording: Recording) -> None:
+    """The page, on standard output."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(soft_wrap=True, highlight=False, markup=False)
+    about = recording.provenance
+    console.print(
+        f"{recording.log}: {about.get('format', 'log')}, {about.get('bytes', 0):,} bytes, sha256 {str(about.get('sha256', ''))[:12]}"
+    )
+    if about.get("start"):
+        console.print(f"started {about['start']}")
+    rows = channel_rows(recording)
+    table = Table(box=None, pad_edge=False)
+    for name in list(rows)[1:]:
+        table.add_column(name, justify="left" if name in ("channel", "kind", "unit") else "right", no_wrap=True)
+    for i in range(len(rows["channel"])):
+        table.add_row(*(f"{v[i]:,.6g}" if isinstance(v[i], float) else str(v[i]) for name, v in rows.items() if name != "log"))
+    console.print(table)
+    repairs = {f"{group}: {what}": n for group, done in about.get("repairs", {}).items() for what, n in done.items() if n}
+    for what, n in repairs.items():
+        console.print(f"repaired in the time axis of {what}: {n}")
+    for what, n in about.get("counts", {}).items():
+        if n and not what.startswith("lost samples"):
+            console.print(f"{what}: {n}")
+    tire, conditions = recording.setup.tire, recording.setup.conditions
+    known = {**{k: v for k, v in tire.__dict__.items() if v}, **{k: v for k, v in conditions.__dict__.items() if v is not None}}
+    if known:
+        console.print("setup: " + ", ".join(f"{k} {v}" for k, v in known.items()))

@@ -1,0 +1,252 @@
+"""From a log to a run: the one way in for every command.
+
+    bytes --reader--> raw blocks --clock--> time axes
+                          \\--store--> run file        (one pass, bounded memory)
+
+`open_recording` is what commands call: a run is opened as it is; any other log is ingested first into a temporary run (uncompressed,
+in the folder for temporary files), so that a log, its run and standard input give the same rows by construction.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from tirelog import __version__
+from tirelog.clock import ClockFit
+from tirelog.errors import ReadError, SetupError
+from tirelog.files import output_error, whole_file
+from tirelog.readers import Group, LogReader
+from tirelog.recording import Recording
+from tirelog.setup import Setup, load_setup, setup_beside
+from tirelog.store import RunWriter, is_run, open_run
+
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+_HEAD_BYTES = 4096
+
+
+class _HashedStream(io.RawIOBase):
+    """A binary stream that hashes what is read through it, behind a head that was read before."""
+
+    def __init__(self, head: bytes, rest: BinaryIO) -> None:
+        self._head, self._rest = head, rest
+        self.sha256 = hashlib.sha256()
+        self.size = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        part = self._head[: len(buffer)] if self._head else self._rest.read(len(buffer))
+        self._head = self._head[len(part) :] if self._head else b""
+        buffer[: len(part)] = part
+        self.sha256.update(part)
+        self.size += len(part)
+        return len(part)
+
+    def finish(self) -> str:
+        """Read to the end (a reader may stop before it) and give the hash of the whole."""
+        buffer = bytearray(1 << 20)
+        while self.readinto(buffer):
+            pass
+        return self.sha256.hexdigest()
+
+
+@dataclass
+class IngestSummary:
+    """What an ingest met, for the page it prints and for the provenance."""
+
+    log: str
+    format: str = ""
+    sha256: str = ""
+    bytes: int = 0
+    start: str | None = None
+    samples: dict[str, int] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    repairs: dict[str, dict[str, int]] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+
+    def provenance(self, setup: Setup) -> dict[str, Any]:
+        return {**self.__dict__, "version": __version__, "setup_file": setup.file}
+
+
+def _setup_for(log: str, setup: Setup | None) -> Setup:
+    """The setup given, or the one beside the log.  SetupError: there is none."""
+    if setup is not None:
+        return setup
+    beside = None if log == "-" else setup_beside(log)
+    if beside is None:
+        what = "standard input has no setup beside it" if log == "-" else "no setup file beside the log"
+        raise SetupError(f"{what}; a setup says what the channels are; give one with --setup FILE", file=log)
+    return load_setup(beside)
+
+
+def _open(log: str) -> BinaryIO:
+    if log == "-":
+        return sys.stdin.buffer
+    try:
+        return open(log, "rb")
+    except OSError as problem:
+        raise ReadError(f"cannot be read ({problem.strerror}); a log is a file or '-'; give another path", file=log) from None
+
+
+def _reader(stream: _HashedStream, head: bytes, path: Path | None, setup: Setup, log: str) -> LogReader:
+    """The reader for what the bytes are; names and suffixes do not matter."""
+    if path is not None:
+        from tirelog.readers.hdf5 import open_hdf5
+
+        return open_hdf5(path, setup, log)
+    buffered = io.BufferedReader(stream, 1 << 20)
+    if head.startswith(MCAP_MAGIC):
+        from tirelog.readers.mcap_file import open_mcap
+
+        return open_mcap(buffered, setup, log)
+    from tirelog.readers.text import open_text
+
+    return open_text(buffered, setup, log)
+
+
+def _hdf5_path(log: str, head: bytes, stream: _HashedStream) -> tuple[Path | None, bool]:
+    """(path of the HDF5 file or None, whether it is a temporary copy).  HDF5 needs a file to seek in; standard input is copied to one."""
+    user_block = any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048))
+    if not user_block:
+        return None, False
+    if log != "-":
+        return Path(log), False
+    with tempfile.NamedTemporaryFile(prefix="tirelog-", suffix=".h5", delete=False) as copy:
+        while part := stream.read(1 << 20):
+            copy.write(part)
+    return Path(copy.name), True
+
+
+def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks: int | None = None) -> IngestSummary:
+    """Write the run of `log` ('-' for standard input) to `path`, in one pass over its blocks (or the first `blocks` of them).
+
+    ReadError: nothing could be read.  SetupError: no setup, or it does not fit.  What was lost, though the rest could be read, is in the
+    summary's `losses` and in the run.
+    """
+    setup = _setup_for(log, setup)
+    summary = IngestSummary(log)
+    with _open(log) as raw:
+        head = _read_head(raw)
+        if not head:
+            raise ReadError("is empty; a log has at least a header and samples; record it again", file=log)
+        stream = _HashedStream(head, raw)
+        hdf5, temporary = _hdf5_path(log, head, stream)
+        try:
+            reader = _reader(stream, head, hdf5, setup, log)
+            _write(reader, setup, path, summary, stream, compress, blocks)
+        finally:
+            if temporary and hdf5 is not None:
+                os.unlink(hdf5)
+    return summary
+
+
+def _read_head(raw: BinaryIO) -> bytes:
+    """The first bytes, also of a pipe that hands out less than it is asked for."""
+    head = b""
+    while len(head) < _HEAD_BYTES and (part := raw.read(_HEAD_BYTES - len(head))):
+        head += part
+    return head
+
+
+def _write(
+    reader: LogReader, setup: Setup, path: Path, summary: IngestSummary, stream: _HashedStream, compress: bool, blocks: int | None
+) -> None:
+    """Blocks through the clocks and into the run; then what only the end of the log tells."""
+    clocks = {group.name: _clock(group, setup) for group in reader.groups}
+    writer = RunWriter(path, setup, reader.groups, compress=compress)
+    lost: dict[str, int] = {}
+    try:
+        for number, block in enumerate(reader.blocks()):
+            if number == blocks:
+                summary.remarks.append(f"only the first {sum(summary.samples.values())} samples were looked at")
+                break
+            for name, values in block.values.items():
+                lost[name] = lost.get(name, 0) + int(np.isnan(values).sum())
+            rows = writer.append(block)
+            clocks[block.group].feed(rows, block.stamps_s, block.number)
+            summary.samples[block.group] = summary.samples.get(block.group, 0) + rows
+        if not any(summary.samples.values()):
+            raise ReadError("holds no samples; a log has rows under its header; record it again", file=summary.log)
+        report = reader.report
+        summary.format, summary.start, summary.counts = report.format, report.start, dict(report.counts)
+        summary.counts.update({f"lost samples {name}": n for name, n in lost.items()})
+        summary.losses += report.losses
+        summary.remarks += report.remarks
+        for name, n in lost.items():
+            if n == _size(reader.groups, summary, name):
+                summary.remarks.append(f"channel {name} has no reading at all")
+        axes, flags = {}, {}
+        for name, clock in clocks.items():
+            axes[name], flags[name] = clock.axis(), clock.flags
+            summary.repairs[name] = dict(clock.repairs)
+            summary.remarks += clock.remarks
+        summary.remarks += _setup_remarks(setup, set(lost))
+        if blocks is None:
+            summary.sha256, summary.bytes = stream.finish(), stream.size
+        writer.finish(axes, flags, summary.provenance(setup))
+    finally:
+        writer.close()
+
+
+def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
+    return next(summary.samples.get(group.name, 0) for group in groups if name in group.channels)
+
+
+def _clock(group: Group, setup: Setup) -> ClockFit:
+    """The clock of a group: a channel's own rate in the setup, the setup's, or what the file says."""
+    own = [setup.channels[name].sampling_rate_Hz for name in group.channels]
+    rate = next((r for r in own if r is not None), None)
+    return ClockFit(group, rate if rate is not None else setup.log.sampling_rate_Hz)
+
+
+def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
+    """What the setup leaves open and a user should know once."""
+    alone = [
+        name
+        for name, channel in setup.channels.items()
+        if name in read and channel.kind == "fbg_strain" and channel.temperature_channel not in read
+    ]
+    remarks = [f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"] if alone else []
+    if setup.tire.rolling_radius_m is None and setup.tire.unloaded_radius_m is not None:
+        remarks.append("the setup has no rolling_radius_m: the unloaded radius stands in, and speeds come out a few per cent high")
+    return remarks
+
+
+@contextmanager
+def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None = None) -> Iterator[Recording]:
+    """`log` (a run, a log, or '-') as a Recording, open as long as the context is; of a log only the first `blocks` where given.
+
+    ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit.
+    """
+    if log != "-" and is_run(log):
+        with open_run(log, log, setup) as recording:
+            yield recording
+        return
+    with tempfile.TemporaryDirectory(prefix="tirelog-") as folder:
+        run = Path(folder) / "run.h5"
+        try:
+            ingest(log, setup, run, compress=False, blocks=blocks)
+        except OSError as problem:
+            raise output_error(run, problem) from problem
+        with open_run(run, log, setup) as recording:
+            yield recording
+
+
+def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
+    """`ingest -o`: the run of `log`, compressed, whole under the name `output` or not at all."""
+    with whole_file(output) as part:
+        return ingest(log, setup, part, compress=True)
