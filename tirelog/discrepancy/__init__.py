@@ -1,0 +1,24 @@
+"""A model against a measurement: where it fails, which effect it lacks, and how the error falls once that effect is in.
+
+What flows through it (n revolutions, m angles, C cells, N = C m values, p parameters of the base model):
+
+    Recording + passages
+      -> `align`, `manoeuvres`, `stack`   Stack (n, m): raw bin means at their real angles, with conditions, manoeuvre and regime
+      -> `cells`      Cells (C, m): means of like revolutions (one manoeuvre, a narrow band of speed); each revolution's amplitude, shift and
+                      baseline taken out before the mean and put back as random effects of the cell
+      -> `whitening`  one linear operator per manoeuvre: scales by the noise, removes the shift, shrinks along the random effects
+                      (amplitude and baseline of revolutions; load and baseline of manoeuvres)
+      -> `fitting`    base model's parameters by damped least squares in whitened space, several starts, one free offset per log
+      -> `signatures` for every candidate the change of prediction by its parameters, columns (N, k)
+      -> `projection` base Jacobian and nuisances out of residual and signatures; normal matrices per manoeuvre
+      -> `selection`  joint sign flips of manoeuvres with the maximum over candidates; leave-one-manoeuvre-out gain; the size rule
+      -> `naming`     refits of the best, sets that cannot be told apart, what survives freedom of shape for a second effect
+      -> `leftover`   what is left, in physical words;  `separation` the manoeuvre that would part rivals
+      -> `results`    Comparison, Diagnosis, Ladder: frozen, JSON-serialisable, with waveforms, bands and maps for plots and pages
+
+Entry points: `stacks_from_logs(recordings)`, `compare(stacks, model)`, `diagnose(stacks, model)`, `ladder(stacks, model)`.
+A stack with one angle (m = 1) is a number per revolution (patch_length, ...): the same machinery without shift and amplitude.
+
+Two scales, never mixed.  *Significance* is judged in whitened units, with the manoeuvre as the unit of replication.  *Size* is judged in the
+observable's unit: rmse and floor are those of one revolution's value at one angle, so a floor of 1e-6 means what it says on the plot.
+"""

@@ -1,0 +1,96 @@
+"""Linear algebra in a given metric: columns out of residuals, normal matrices per manoeuvre, held-out losses.
+
+Arrays are cells x angles x columns, (C, m, k); `manoeuvre` (C,) numbers the groups 0 ... M-1.  A metric is what the arrays were multiplied
+with before they came here: whitened for significance, plain (shift removed, weighted by revolutions) for size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: singular values below this share of the largest are no directions: EJ, k, mu, y and load share one scale
+_RANK = 1e-7
+
+
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Orthonormal basis (N, r) of the span of columns (..., k) with all leading axes flattened; scale-free in each column."""
+    flat = columns.reshape(-1, columns.shape[-1])
+    norm = np.linalg.norm(flat, axis=0)
+    flat = flat[:, norm > 0] / norm[norm > 0]
+    if not flat.shape[1]:
+        return flat
+    values, vectors = np.linalg.eigh(flat.T @ flat)
+    keep = values > _RANK * values[-1]
+    basis = flat @ (vectors[:, keep] / np.sqrt(values[keep]))
+    return basis - 0.5 * basis @ (basis.T @ basis - np.eye(basis.shape[1]))
+
+
+def without(basis: FloatArray, x: FloatArray) -> FloatArray:
+    """x (C, m) or (C, m, k) with its part in the span of `basis` (N, r) taken out."""
+    flat = x.reshape(basis.shape[0], -1)
+    return (flat - basis @ (basis.T @ flat)).reshape(x.shape)
+
+
+def per_manoeuvre(products: FloatArray, manoeuvre: IntArray) -> FloatArray:
+    """Sums of (C, ...) over the cells of each manoeuvre, (M, ...)."""
+    total = np.zeros((int(manoeuvre.max()) + 1, *products.shape[1:]))
+    np.add.at(total, manoeuvre, products)
+    return total
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of each manoeuvre: gram (M, p, p), right (M, p), square (M,) of residual on columns."""
+
+    gram: FloatArray
+    right: FloatArray
+    square: FloatArray
+
+    @classmethod
+    def of(cls, columns: FloatArray, residual: FloatArray, manoeuvre: IntArray) -> Normal:
+        """columns (C, m, p), residual (C, m)."""
+        swapped = np.swapaxes(columns, 1, 2)
+        return cls(
+            per_manoeuvre(swapped @ columns, manoeuvre),
+            per_manoeuvre((swapped @ residual[..., None])[..., 0], manoeuvre),
+            per_manoeuvre((residual**2).sum(axis=1), manoeuvre),
+        )
+
+    def loss(self, theta: FloatArray) -> FloatArray:
+        """Sum of squares of residual - columns theta in each manoeuvre; theta (M, p) or (p,) -> (M,)."""
+        theta = np.broadcast_to(theta, self.right.shape)
+        quadratic = np.einsum("mi,mij,mj->m", theta, self.gram, theta)
+        return np.maximum(self.square - 2.0 * (theta * self.right).sum(axis=1) + quadratic, 0.0)
+
+
+def solve_scaled(gram: FloatArray, right: FloatArray) -> FloatArray:
+    """Least squares from normal equations, (..., p, p) and (..., p); columns scaled to one, directions without support left at zero."""
+    scale = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
+    scale = np.where(scale > 1e-140, scale, np.inf)
+    values, vectors = np.linalg.eigh(gram / scale[..., :, None] / scale[..., None, :])
+    good = values > _RANK * values[..., -1:]
+    inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
+    rotated = np.swapaxes(vectors, -1, -2) @ (right / scale)[..., None]
+    return (vectors @ (inverse[..., None] * rotated))[..., 0] / scale
+
+
+def left_out(normal: Normal, own: IntArray) -> FloatArray:
+    """theta (M, p): for each manoeuvre the solution of all the others.
+
+    `own` (p,) marks columns that belong to one log (its offset): where no other manoeuvre of that log remains they are fitted
+    on the manoeuvre itself, with the rest held.
+    """
+    gram, right = normal.gram.sum(axis=0) - normal.gram, normal.right.sum(axis=0) - normal.right
+    theta = solve_scaled(gram, right)
+    for j in np.flatnonzero(own):
+        lonely = np.flatnonzero((gram[:, j, j] <= 1e-12 * normal.gram[:, j, j]) & (normal.gram[:, j, j] > 0))
+        for m in lonely:
+            theta[m, j] = 0.0
+            theta[m, j] = (normal.right[m, j] - normal.gram[m, j] @ theta[m]) / normal.gram[m, j, j]
+    return theta
