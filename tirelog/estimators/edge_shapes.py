@@ -1,0 +1,140 @@
+"""The physical shape of one patch passage in the strain: a carcass pressed one-sidedly onto a flat road through its tread.
+
+    EdgeShape (a handful of numbers) --spectrum over the tire's own wave numbers--> strain and its derivatives on a grid of xi
+
+One family holds both carcasses of the papers.  A bending line with tension on a foundation, EJ w'''' - T w'' + k w = p, is P1's and
+P2's beam where T = -mu c^2 (errata: alpha^2 = -tension / 2), and P3's ring where T is the hoop tension p0 b R.  The contact pressure
+is what tread springs give on a flat road, p = k_t (delta - xi^2 / (2 R) - w) and zero outside the patch: for soft tread it is the
+parabola of P2 (12) on a beam, for stiff tread it is the one-sided contact of P3.  So the contact length needs no choice of a carcass.
+
+The pressure is a series in (1 - x^2) P'_{n+1}(x), x = xi / L, which vanishes at the edges; tested with Legendre polynomials the
+contact condition is a small linear system for a *given* length (the approach delta falls out of the equation that is not used).
+Lengths in m.  xi grows in the direction in which tread passes: entry edge at -L, exit edge at +L, so xi grows with time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from tirelog.recording import FloatArray
+
+#: terms of the pressure series, orders 0, 2, ... 2 (TERMS - 1)
+TERMS = 7
+#: nodes of the quadrature over half of the patch
+NODES = 26
+
+
+@dataclass(frozen=True)
+class EdgeShape:
+    """The form of a passage; its height and offset are linear and kept apart.
+
+    half_length_m     L
+    bending_length_m  (EJ / k)^(1/4)
+    tension           T / sqrt(EJ k), above -2 (the critical speed); negative for a beam at speed, positive for a ring under pressure
+    tread             log(1 + k_t / k): 0 is P2's parabola
+    damping           d of the term d (EJ / k)^(1/4) k w': odd about the patch centre, positive as in the errata's equation
+    tilt              p (1 - tilt xi / L): positive is heavier towards the entry
+    """
+
+    half_length_m: float
+    bending_length_m: float
+    tension: float = 0.0
+    tread: float = 0.0
+    damping: float = 0.0
+    tilt: float = 0.0
+
+    def array(self) -> FloatArray:
+        """The parameters in the order of the fields, shape (6,)."""
+        return np.array([getattr(self, field.name) for field in fields(self)])
+
+    @classmethod
+    def of(cls, values: FloatArray) -> EdgeShape:
+        return cls(*(float(v) for v in values))
+
+
+#: what a parameter may be (order of the fields)
+LOWEST = np.array([0.008, 0.004, -1.97, -0.2, -1.5, -1.5])
+HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
+#: steps of the numerical derivatives
+_STEPS = np.array([1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4])
+
+
+@lru_cache(maxsize=1)
+def _series() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Quadrature nodes (half patch), tests P_2, P_4, ... and pressure terms at them times weight, and <test, term>, shapes
+    (NODES,), (TERMS, NODES), (TERMS + 1, NODES; the last is the tilt's x (1 - x^2)), (TERMS, TERMS)."""
+    nodes, weights = legendre.leggauss(2 * NODES)
+    nodes, weights = nodes[NODES:], weights[NODES:]
+    polynomial = legendre.legvander(nodes, 2 * TERMS).T
+    order = np.arange(0, 2 * TERMS, 2)
+    # (1 - x^2) P'_{n+1} = (n+1)(n+2)/(2n+3) (P_n - P_{n+2})
+    factor = (order + 1.0) * (order + 2.0) / (2.0 * order + 3.0)
+    terms = factor[:, None] * (polynomial[order] - polynomial[order + 2])
+    tests = polynomial[order + 2]
+    mass = 2.0 * (tests * weights) @ terms.T
+    odd = nodes * (1.0 - nodes**2)
+    return nodes, 2.0 * tests * weights, 2.0 * np.vstack([terms, odd]) * weights, mass
+
+
+class EdgeFamily:
+    """The family on one tire: wave numbers n / R up to `highest_1_m`, n = 1, 2, ...
+
+    `closed` takes the ring's own operator (n^2 - 1 in place of (kappa R)^2, and a tangential foundation as stiff as the radial one)
+    in place of the straight line's: the difference between the two is a share of the error of form.
+    """
+
+    def __init__(self, radius_m: float, highest_1_m: float, *, closed: bool = False) -> None:
+        self.radius_m, self.closed = radius_m, closed
+        order = np.arange(1, max(int(np.ceil(highest_1_m * radius_m)), 8) + 1)
+        self.kappa_1_m = order / radius_m
+        self._square = self.kappa_1_m**2 - (1.0 / radius_m**2 if closed else 0.0)
+        self._tangential = 1.0 / order**2 if closed else np.zeros(order.size)
+
+    def spectrum(self, shape: EdgeShape) -> NDArray[np.complex128]:
+        """Complex amplitude of the strain of an outer grating at each wave number, shape (n,); the height is of the order of one."""
+        L, ell = shape.half_length_m, shape.bending_length_m
+        ratio = np.expm1(shape.tread)
+        nodes, tests, terms, mass = _series()
+        phase = np.multiply.outer(self.kappa_1_m * L, nodes)
+        cosine = np.cos(phase)
+        phi = cosine @ terms[:-1].T
+        stiffness = ell**4 * self._square**2 + shape.tension * ell**2 * self._square + 1.0 + self._tangential
+        weight = L / (np.pi * self.radius_m * stiffness)
+        contact = mass + ratio * ((cosine @ tests.T) * weight[:, None]).T @ phi
+        load = np.zeros(TERMS)
+        load[0] = -4.0 / 15.0  # <P_2, -x^2>
+        pressure = np.linalg.solve(contact, load)
+        even = phi @ pressure
+        # the parabola of the same load carries the tilt
+        parabola = pressure[0]
+        odd = parabola * shape.tilt * (np.sin(phase) @ terms[-1])
+        complex_stiffness = stiffness + 1j * shape.damping * self.kappa_1_m * ell
+        # height: curvature of the order of 1 / bending length^2 is divided out, so that heights stay comparable while a fit walks
+        return -self._square * ell**2 * (L / (np.pi * self.radius_m * ell)) * (-even - 1j * odd) * -1.0 / complex_stiffness
+
+    def basis(self, xi_m: FloatArray, derivative: int = 0) -> NDArray[np.complex128]:
+        """(1j kappa)^derivative exp(1j kappa xi), shape (len(xi), n): real part of basis @ spectrum is the strain there."""
+        wave = np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m))
+        return wave * (1j * self.kappa_1_m) ** derivative if derivative else wave
+
+    def jacobian(self, shape: EdgeShape, which: FloatArray | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Spectrum, and its derivatives by the parameters `which` (indices of fields; all), shapes (n,), (n, len(which))."""
+        base = self.spectrum(shape)
+        indices = range(6) if which is None else [int(i) for i in which]
+        columns = []
+        for index in indices:
+            values = shape.array()
+            step = _STEPS[index] if values[index] + _STEPS[index] <= HIGHEST[index] else -_STEPS[index]
+            values[index] += step
+            columns.append((self.spectrum(EdgeShape.of(values)) - base) / step)
+        return base, np.array(columns).T
+
+
+def undamped(shape: EdgeShape) -> EdgeShape:
+    """The even part of the form: neither damping nor tilt."""
+    return replace(shape, damping=0.0, tilt=0.0)
