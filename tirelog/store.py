@@ -253,7 +253,7 @@ def _channel(
 
     def samples(start: int, stop: int) -> FloatArray:
         raw = _read(dataset, start, stop, name, losses)
-        values = raw * scale
+        values = raw.astype(np.float64) * scale
         values += offset
         if counts:
             values[raw == _LOST] = np.nan
