@@ -1,0 +1,278 @@
+"""Hostile and damaged HDF5 files: refused or read in part, always in a sentence, never beyond bounded memory."""
+
+import resource
+
+import h5py
+import numpy as np
+import pytest
+
+from tirelog.errors import ReadError, TirelogError
+from tirelog.readers.hdf5 import open_hdf5
+from tirelog.setup import parse_setup
+
+GOOD = np.arange(20_000.0)
+
+
+def setup_of(*sources):
+    return parse_setup("\n".join(f'[channels.c{i}]\nkind = "temperature"\nsource = "{s}"' for i, s in enumerate(sources)))
+
+
+def read(path, *sources):
+    """(values per channel, flags, report)."""
+    reader = open_hdf5(path, setup_of(*sources), "log.h5")
+    parts: dict[str, list] = {}
+    flags = []
+    for block in reader.blocks():
+        flags += block.flags
+        for name, values in block.values.items():
+            parts.setdefault(name, []).append(values)
+    return {name: np.concatenate(v) for name, v in parts.items()}, flags, reader.report
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "log.h5"
+
+
+@pytest.fixture
+def chunked(path):
+    """Twenty chunks with checksums, behind a small contiguous dataset."""
+    with h5py.File(path, "w") as file:
+        file["small"] = np.arange(100.0)
+        file.create_dataset("x", data=np.random.default_rng(3).permutation(GOOD), chunks=(1000,), compression="gzip", fletcher32=True)
+    return path
+
+
+def place(path, source, chunk):
+    with h5py.File(path) as file:
+        return file[source].id.get_chunk_info(chunk)
+
+
+def make_external_link(file):
+    file["bad"] = h5py.ExternalLink("/etc/other.h5", "/x")
+
+
+def make_soft_link_outside(file):
+    file["way"] = h5py.ExternalLink("other.h5", "/")
+    file["bad"] = h5py.SoftLink("/way/x")
+
+
+def make_circle(file):
+    file["bad"] = h5py.SoftLink("/back")
+    file["back"] = h5py.SoftLink("/bad")
+
+
+def make_external_storage(file):
+    file.create_dataset("bad", (100,), "f8", external=[("/etc/hostname", 0, h5py.h5f.UNLIMITED)])
+
+
+def make_virtual(file):
+    layout = h5py.VirtualLayout((100,), "f8")
+    layout[:] = h5py.VirtualSource("other.h5", "x", (100,))
+    file.create_virtual_dataset("bad", layout)
+
+
+def make_virtual_over_a_link(file):
+    file["way"] = h5py.ExternalLink("other.h5", "/x")
+    layout = h5py.VirtualLayout((100,), "f8")
+    layout[:] = h5py.VirtualSource(".", "/way", (100,))
+    file.create_virtual_dataset("bad", layout)
+
+
+def make_lists(file):
+    file.create_dataset("bad", (3,), h5py.vlen_dtype("f8"))[0] = [1.0]
+
+
+def make_text(file):
+    file["bad"] = np.array([b"1550.1", b"1550.2"])
+
+
+def make_long_text(file):
+    file["bad"] = np.array(["1550.1", "x"], dtype=h5py.string_dtype())
+
+
+def make_references(file):
+    file.create_dataset("bad", (1,), h5py.ref_dtype)[0] = file["small"].ref
+
+
+def make_complex(file):
+    file["bad"] = np.zeros(5, complex)
+
+
+def make_absurd(file):
+    file.create_dataset("bad", (10**18,), "f8", chunks=(1000,))
+
+
+def make_absurd_with_a_chunk(file):
+    file.create_dataset("bad", (10**18,), "f8", chunks=(1000,))[0] = 1.0
+
+
+def make_giant_chunk(file):
+    file.create_dataset("bad", (1 << 27,), "i1", chunks=(1 << 27,), compression="gzip")[0] = 1
+
+
+def make_empty(file):
+    file.create_dataset("bad", (0,), "f8", maxshape=(None,))
+
+
+def make_scalar(file):
+    file["bad"] = 3.0
+
+
+def make_null(file):
+    file["bad"] = h5py.Empty("f8")
+
+
+def make_group(file):
+    file.create_group("bad/below")
+
+
+def make_table(file):
+    file["bad"] = np.zeros(5, [("a", "f8"), ("b", "f8")])
+
+
+def make_wide(file):
+    file["bad"] = np.zeros((50, 4))
+
+
+REFUSED = {
+    make_external_link: "external link to '/etc/other.h5'",
+    make_soft_link_outside: "external link to 'other.h5'",
+    make_circle: "circle of soft links",
+    make_external_storage: "keeps its data in the other file",
+    make_virtual: "virtual and points to 'other.h5'",
+    make_virtual_over_a_link: "external link to 'other.h5'",
+    make_lists: "object array",
+    make_text: "holds text",
+    make_long_text: "holds text",
+    make_references: "object references",
+    make_complex: "complex128",
+    make_absurd: "1000000000000000000 values and stores 0 bytes",
+    make_absurd_with_a_chunk: "1000000000000000000 values and stores 8000 bytes",
+    make_giant_chunk: "compressed chunks of 128 MB",
+    make_empty: "no samples",
+    make_scalar: "single value",
+    make_null: "single value",
+    make_group: "is a group",
+    make_table: "a table without a column None; it has a, b",
+    make_wide: "(50, 4)",
+}
+
+
+@pytest.mark.parametrize("make", REFUSED, ids=lambda make: make.__name__)
+def test_what_is_refused_alone_is_unreadable_and_beside_a_good_channel_a_loss(chunked, make):
+    with h5py.File(chunked, "r+") as file:
+        make(file)
+    with pytest.raises(ReadError) as caught:
+        read(chunked, "/bad")
+    assert REFUSED[make] in str(caught.value)
+    assert str(caught.value).count(";") >= 2
+    values, _, report = read(chunked, "/bad", "/small")
+    np.testing.assert_array_equal(values["c1"], np.arange(100.0))
+    assert [REFUSED[make] in loss for loss in report.losses] == [True]
+
+
+@pytest.mark.parametrize("index", ["[4]", "[0, 0]", "[:]", "[-1]", "[x]"])
+def test_an_index_that_does_not_fit(path, index):
+    with h5py.File(path, "w") as file:
+        file["d"] = np.zeros((50, 4))
+    with pytest.raises(ReadError, match="allowed"):
+        read(path, f"/d{index}")
+
+
+def test_a_wrong_path_names_the_nearest(path):
+    with h5py.File(path, "w") as file:
+        file["front_left/encoder"] = np.zeros(5)
+        file["rear"] = np.zeros(5, [("encoder", "f8")])
+    with pytest.raises(ReadError, match=r"nearest: /front_left/encoder"):
+        read(path, "/front_left/encodr")
+    with pytest.raises(ReadError, match=r"nearest: encoder"):
+        read(path, "/rear:encodre")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"), [(b"", "is empty"), (b"time,x\n1,2\n" * 100, "no readable HDF5"), (b"\x89HDF\r\n\x1a\n", "HDF5")]
+)
+def test_what_is_no_hdf5_file(path, content, says):
+    path.write_bytes(content)
+    with pytest.raises(ReadError, match=says):
+        read(path, "/x")
+
+
+def test_a_missing_file(path):
+    with pytest.raises(ReadError, match="No such file"):
+        read(path, "/x")
+
+
+def test_a_flipped_bit_loses_its_chunk_and_no_other(chunked):
+    whole = read(chunked, "/x")[0]["c0"]
+    content = bytearray(chunked.read_bytes())
+    content[place(chunked, "x", 7).byte_offset + 50] ^= 4
+    chunked.write_bytes(content)
+    values, flags, report = read(chunked, "/x")
+    lost = np.isnan(values["c0"])
+    assert lost[7000:8000].all()
+    assert lost.sum() == 1000
+    np.testing.assert_array_equal(values["c0"][~lost], whole[~lost])
+    assert flags == [("c0", 7000, 8000, "gap")]
+    assert ["1000 samples" in loss for loss in report.losses] == [True]
+
+
+def test_a_file_cut_off_keeps_the_whole_chunks_before(chunked):
+    whole = read(chunked, "/x")[0]["c0"]
+    info = place(chunked, "x", 12)
+    chunked.write_bytes(chunked.read_bytes()[: info.byte_offset + info.size // 2])
+    values, _, report = read(chunked, "/x")
+    np.testing.assert_array_equal(values["c0"], whole[:12_000])
+    assert "cut off" in report.losses[0]
+    assert "8000 of 20000 samples" in report.losses[1]
+
+
+@pytest.mark.parametrize("shape", [(20_000, 3), (3, 20_000)])
+def test_contiguous_data_cut_off_keeps_its_whole_samples(path, shape):
+    data = np.arange(60_000.0).reshape(shape)
+    with h5py.File(path, "w") as file:
+        file["d"] = data
+        offset = file["d"].id.get_offset()
+    path.write_bytes(path.read_bytes()[: offset + 8 * 30_001 + 3])
+    whole = data[:10_000, 1] if shape[1] == 3 else data[1, :10_001]
+    values, _, report = read(path, "/d[1]")
+    np.testing.assert_array_equal(values["c0"], whole)
+    assert len(report.losses) == 2
+
+
+def test_chunks_that_were_never_written_are_lost_not_zero(path):
+    with h5py.File(path, "w") as file:
+        x = file.create_dataset("x", (10_000,), "f8", chunks=(1000,), fillvalue=5.0)
+        x[:2000], x[4000:6000] = 1.0, 2.0
+    values, flags, report = read(path, "/x")
+    assert values["c0"].size == 6000
+    assert np.isnan(values["c0"][2000:4000]).all()
+    assert np.isfinite(np.delete(values["c0"], np.s_[2000:4000])).all()
+    assert {word for _, _, _, word in flags} == {"gap"}
+    assert len(report.losses) == 2
+
+
+def test_200_flips_and_cuts_end_in_a_sentence_or_in_data(chunked, tmp_path):
+    """Any damage: an error of ours or samples, never another exception, and bounded memory."""
+    content = chunked.read_bytes()
+    rng = np.random.default_rng(11)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    outcomes = {"refused": 0, "read": 0}
+    for trial in range(200):
+        damaged = bytearray(content)
+        if trial % 4 == 0:
+            del damaged[rng.integers(len(damaged)) :]
+        else:
+            reach = 1_500 if trial % 2 else len(damaged)  # half of them in the metadata at the start
+            for at in rng.integers(min(reach, len(damaged)), size=1 + trial % 3):
+                damaged[at] ^= 1 << rng.integers(8)
+        target = tmp_path / f"damaged_{trial}.h5"
+        target.write_bytes(damaged)
+        try:
+            read(target, "/x", "/small")
+            outcomes["read"] += 1
+        except TirelogError:
+            outcomes["refused"] += 1
+    assert min(outcomes.values()) > 10
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB

@@ -1,0 +1,259 @@
+"""HDF5 logs of every layout: the values, rates, stamps, units and groups that come out are those that were written.
+
+`data/pandas_layouts.h5` was written by pandas 3.0 through PyTables: 20 rows a millisecond apart, CH1_FBG1 = 1549 + row / 16,
+CH1_FBG2 = 1540 + row / 32, n = row, as `fixed`, `table`, `columns` (data_columns), `series`, `float_index`, `objects` (pickles).
+"""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from tirelog.readers import hdf5
+from tirelog.setup import parse_setup
+
+PANDAS = Path(__file__).parent / "data" / "pandas_layouts.h5"
+
+
+def setup_of(sources, kind="temperature", log="", unit="K"):
+    extra = "reference_wavelength_nm = 1550.0" if kind.startswith("fbg") else ""
+    tables = [f'[channels.{k}]\nkind = "{kind}"\nsource = "{v}"\nunit = "{unit}"\n{extra}' for k, v in sources.items()]
+    return parse_setup("\n".join([*tables, f"[log]\n{log}"]))
+
+
+def read(path, sources, **more):
+    """(values per channel, stamps per group, the reader) of a whole log."""
+    reader = hdf5.open_hdf5(path, setup_of(sources, **more), str(path))
+    values: dict[str, list] = {}
+    stamps: dict[str, list] = {}
+    for block in reader.blocks():
+        assert {v.size for v in block.values.values()} == {next(iter(block.values.values())).size}
+        for name, part in block.values.items():
+            values.setdefault(name, []).append(part)
+        if block.stamps_s is not None:
+            stamps.setdefault(block.group, []).append(block.stamps_s)
+    return {k: np.concatenate(v) for k, v in values.items()}, {k: np.concatenate(v) for k, v in stamps.items()}, reader
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "log.h5"
+
+
+@pytest.mark.parametrize("source", ["/a/b", "a/b", "/soft", "/a/relative"])
+def test_a_dataset_by_path_and_through_soft_links(path, source):
+    with h5py.File(path, "w") as file:
+        file["a/b"] = np.arange(50.0)
+        file["soft"] = h5py.SoftLink("/a/b")
+        file["a/relative"] = h5py.SoftLink("b")
+    values, _, reader = read(path, {"x": source})
+    np.testing.assert_array_equal(values["x"], np.arange(50.0))
+    assert reader.report.losses == []
+
+
+@pytest.mark.parametrize(
+    ("shape", "source", "expected"),
+    [
+        ((40, 5), "/d[3]", np.arange(200).reshape(40, 5)[:, 3]),
+        ((5, 40), "/d[3]", np.arange(200).reshape(5, 40)[3]),
+        ((5, 40), "/d[:, 3]", np.arange(200).reshape(5, 40)[:, 3]),
+        ((1, 40), "/d", np.arange(40)),
+        ((40, 1), "/d", np.arange(40)),
+        ((40, 1), "/d[0]", np.arange(40)),
+        ((2, 40, 3), "/d[1, 2]", np.arange(240).reshape(2, 40, 3)[1, :, 2]),
+    ],
+)
+def test_columns_of_arrays(path, shape, source, expected):
+    with h5py.File(path, "w") as file:
+        file["d"] = np.arange(np.prod(shape)).reshape(shape)
+    np.testing.assert_array_equal(read(path, {"x": source})[0]["x"], expected)
+
+
+def test_columns_of_a_compound(path):
+    rows = np.zeros(30, [("time", "f8"), ("wl", "f4", (3,)), ("steps", "i2")])
+    rows["time"], rows["wl"], rows["steps"] = np.arange(30) / 100, np.arange(90).reshape(30, 3), np.arange(30)
+    with h5py.File(path, "w") as file:
+        file["t"] = rows
+    values, stamps, reader = read(path, {"a": "/t:steps", "b": "/t:wl[2]"})
+    np.testing.assert_array_equal(values["a"], np.arange(30))
+    np.testing.assert_array_equal(values["b"], np.arange(2, 90, 3))
+    assert len(reader.groups) == 1
+    np.testing.assert_allclose(stamps["clock_1"], np.arange(30) / 100, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["sampling_rate_Hz", "fs", "Fs", "FS", "sample_rate", "SampleRate"])
+@pytest.mark.parametrize("where", ["dataset", "group", "file"])
+def test_the_rate_by_alias_and_place(path, name, where):
+    with h5py.File(path, "w") as file:
+        file["g/d"] = np.arange(10.0)
+        {"dataset": file["g/d"], "group": file["g"], "file": file}[where].attrs[name] = 2500
+    assert read(path, {"x": "/g/d"})[2].groups[0].rate_Hz == 2500.0
+
+
+@pytest.mark.parametrize("name", ["dt", "wf_increment"])
+def test_the_rate_by_its_period(path, name):
+    with h5py.File(path, "w") as file:
+        file["d"] = np.arange(10.0)
+        file["d"].attrs[name] = np.array([0.0004])
+    assert read(path, {"x": "/d"})[2].groups[0].rate_Hz == pytest.approx(2500.0, rel=1e-12)
+
+
+def test_the_rate_nearest_to_the_data_wins(path):
+    with h5py.File(path, "w") as file:
+        file["g/d"] = np.arange(10.0)
+        file.attrs["fs"], file["g"].attrs["fs"] = 1.0, 2.0
+    assert read(path, {"x": "/g/d"})[2].groups[0].rate_Hz == 2.0
+
+
+@pytest.mark.parametrize(
+    ("attributes", "expected"),
+    [
+        ({"scale_factor": 0.5, "add_offset": 3.0}, 0.5 * np.arange(10) + 3.0),
+        ({"scale": 0.5, "offset": 3.0}, 0.5 * np.arange(10) + 3.0),
+        ({"factor": 0.5, "offset": 3.0}, 0.5 * np.arange(10) + 3.0),
+        ({"scaling_factor": 0.5, "offset": 3.0}, 0.5 * (np.arange(10) + 3.0)),
+        ({"offset": 3.0}, np.arange(10) + 3.0),
+        ({"scale_factor": "0.25"}, 0.25 * np.arange(10)),
+    ],
+)
+def test_words_with_factor_and_offset(path, attributes, expected):
+    with h5py.File(path, "w") as file:
+        file["d"] = np.arange(10, dtype="i2")
+        file["d"].attrs.update(attributes)
+    np.testing.assert_allclose(read(path, {"x": "/d"})[0]["x"], expected, rtol=1e-15)
+
+
+def test_decimal_counts_keep_their_decimals(path):
+    counts = np.arange(154_900_000, 154_900_500, dtype="i4")
+    with h5py.File(path, "w") as file:
+        file["d"] = counts
+        file["d"].attrs["scale_factor"] = 1e-5
+    values, _, reader = read(path, {"x": "/d"}, kind="fbg_strain", unit="nm")
+    assert reader.groups[0].decimals == {"x": 5}
+    np.testing.assert_array_equal(values["x"], [float(f"{c}e-5") for c in counts])
+
+
+def test_lost_peaks_and_fill_values_are_lost(path):
+    with h5py.File(path, "w") as file:
+        file["peaks"] = [1550.0, 0.0, -1.0, np.nan, 1551.0]
+        file["words"] = np.array([1, 2, -999, 4], "i4")
+        file["words"].attrs["_FillValue"] = np.array([-999], "i4")
+    assert np.isnan(read(path, {"x": "/peaks"}, kind="fbg_strain", unit="nm")[0]["x"]).tolist() == [False, True, True, True, False]
+    assert np.isnan(read(path, {"x": "/words"})[0]["x"]).tolist() == [False, False, True, False]
+
+
+def test_a_time_dataset_of_the_setup_its_unit_and_a_common_origin(path):
+    with h5py.File(path, "w") as file:
+        file["fast"], file["slow"] = np.arange(100.0), np.arange(10.0)
+        file["fast_clock"] = 5000.0 + np.arange(100.0)
+        file["time"] = 6000 + np.arange(100)
+        file["time"].attrs["units"] = "ms"
+    _, stamps, _ = read(path, {"a": "/fast"}, log='time = "/fast_clock"\ntime_unit = "ms"')
+    np.testing.assert_allclose(stamps["clock_1"], np.arange(100) / 1000, atol=1e-12)
+    _, stamps, _ = read(path, {"a": "/fast", "b": "/slow"})
+    np.testing.assert_allclose(stamps["clock_1"], np.arange(100) / 1000, atol=1e-12)
+    assert "clock_2" not in stamps  # ten samples have no time beside them
+
+
+def test_two_clocks_count_from_the_first_stamp_of_either(path):
+    with h5py.File(path, "w") as file:
+        file["a/x"], file["a/time"] = np.arange(10.0), 100.0 + np.arange(10.0)
+        file["b/x"], file["b/time"] = np.arange(20.0), 98.5 + np.arange(20.0) / 2
+    _, stamps, _ = read(path, {"a": "/a/x", "b": "/b/x"})
+    assert stamps["clock_1"][0] == 1.5
+    assert stamps["clock_2"][0] == 0.0
+
+
+def test_stamps_in_nanoseconds_since_1970_keep_their_nanoseconds(path):
+    first = 1_767_225_600_123_456_789
+    with h5py.File(path, "w") as file:
+        file["x"], file["timestamp"] = np.arange(10.0), first + 400_001 * np.arange(10)
+    _, stamps, reader = read(path, {"a": "/x"})
+    np.testing.assert_allclose(stamps["clock_1"], 400_001e-9 * np.arange(10), rtol=0, atol=1e-15)
+    assert reader.report.start.startswith("2026-01-01T00:00:00.12345")
+
+
+def test_matlab_7_3(path):
+    """MATLAB keeps a 512-byte user block, vectors as (1, n) or (n, 1), and the rate as a variable beside the data."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["log/strain"] = np.arange(60.0).reshape(1, 60)
+        file["log/all"] = np.arange(120.0).reshape(2, 60)
+        file["log/Fs"] = np.array([[2500.0]])
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM")
+    values, _, reader = read(path, {"a": "/log/strain", "b": "/log/all[1]"})
+    np.testing.assert_array_equal(values["a"], np.arange(60.0))
+    np.testing.assert_array_equal(values["b"], np.arange(60.0, 120.0))
+    assert [g.rate_Hz for g in reader.groups] == [2500.0]
+
+
+@pytest.mark.parametrize("source", ["/entry/data", "/entry/data/counts"])
+@pytest.mark.parametrize("old", [False, True])
+def test_nexus(path, source, old):
+    with h5py.File(path, "w") as file:
+        data = file.create_group("entry/data")
+        data["counts"], data["clock"] = np.arange(30.0), 0.5 + np.arange(30.0) / 50
+        data["clock"].attrs["units"] = "s"
+        if old:
+            data["counts"].attrs["signal"], data["counts"].attrs["axes"] = 1, "clock"
+        else:
+            data.attrs["signal"], data.attrs["axes"] = "counts", ["clock"]
+    values, stamps, _ = read(path, {"x": source})
+    np.testing.assert_array_equal(values["x"], np.arange(30.0))
+    np.testing.assert_allclose(stamps["clock_1"], np.arange(30.0) / 50, atol=1e-12)
+
+
+@pytest.mark.parametrize("frame", ["fixed", "table", "columns", "float_index"])
+def test_pandas(frame):
+    row = np.arange(20)
+    sources = {"a": f"/{frame}:CH1_FBG1", "b": f"/{frame}:CH1_FBG2", "n": f"/{frame}:n"}
+    values, stamps, reader = read(PANDAS, sources)
+    np.testing.assert_array_equal(values["a"], 1549 + row / 16)
+    np.testing.assert_array_equal(values["b"], 1540 + row / 32)
+    np.testing.assert_array_equal(values["n"], row)
+    assert len(reader.groups) == 1
+    np.testing.assert_allclose(stamps["clock_1"], row / 1000, atol=1e-12)
+    assert reader.report.start == (None if frame == "float_index" else "2026-01-01T00:00:00+00:00")
+
+
+def test_a_pandas_series():
+    np.testing.assert_array_equal(read(PANDAS, {"n": "/series"})[0]["n"], np.arange(20))
+
+
+def test_channels_of_one_clock_form_one_group(path):
+    with h5py.File(path, "w") as file:
+        for name, size, rate in (("a", 10, 100), ("b", 10, 100), ("c", 10, 200), ("d", 20, 100)):
+            file[name] = np.arange(float(size))
+            file[name].attrs["fs"] = rate
+    groups = read(path, {n: f"/{n}" for n in "abcd"})[2].groups
+    assert [(g.channels, g.rate_Hz) for g in groups] == [(("a", "b"), 100.0), (("c",), 200.0), (("d",), 100.0)]
+
+
+def test_a_unit_that_contradicts_the_setup_is_said(path):
+    with h5py.File(path, "w") as file:
+        file["x"], file["y"] = np.arange(5.0), np.arange(5.0)
+        file["x"].attrs["units"], file["y"].attrs["unit"] = "degC", "Kelvin"
+    remarks = read(path, {"x": "/x", "y": "/y"})[2].report.remarks
+    assert len(remarks) == 1
+    assert "channel x" in remarks[0]
+    assert "'degC'" in remarks[0]
+
+
+@pytest.mark.parametrize("chunks", [None, (1, 3), (977, 1), (7, 2), (10_000, 3)])
+def test_blocks_of_any_size_give_the_same_samples(path, monkeypatch, chunks):
+    data = np.random.default_rng(1).normal(size=(10_000, 3))
+    with h5py.File(path, "w") as file:
+        file.create_dataset("d", data=data, chunks=chunks, compression="gzip" if chunks else None)
+    monkeypatch.setattr(hdf5, "BLOCK_VALUES", 3001)
+    values, _, _ = read(path, {"a": "/d[0]", "b": "/d[2]"})
+    np.testing.assert_array_equal(values["a"], data[:, 0])
+    np.testing.assert_array_equal(values["b"], data[:, 2])
+
+
+def test_a_run_is_known(path):
+    with h5py.File(path, "w") as file:
+        file.attrs["tirelog_run"] = 1
+    assert hdf5.is_run(path)
+    assert not hdf5.is_run(PANDAS)
+    assert not hdf5.is_run(path.with_name("missing.h5"))
