@@ -1,0 +1,66 @@
+"""The numbers of a carcass and its load: names, units, bounds and starts, as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tirelog.physics.parameters import Parameter
+
+STRAIN, ACCELERATION = "strain", "radial_acceleration"
+WAVEFORMS = (STRAIN, ACCELERATION)
+SCALARS = ("patch_length", "dissipation_factor", "phase_shift", "patch_width")
+OBSERVABLES = (*WAVEFORMS, *SCALARS)
+CARCASSES = ("beam", "ring")
+CONTACTS = ("prescribed", "flat_road")
+
+
+def _p(name: str, unit: str, description: str, value: float, low: float, high: float, *, free: bool = True) -> Parameter:
+    return Parameter(name, unit, description, value, low, high, probe=value or 0.01 * high, free=free)
+
+
+_LOAD = (
+    _p("lever_arm_m", "m", "distance from the neutral axis; the surface gives the sign", 3e-4, 0.0, 0.02),
+    _p("load_N", "N", "F, where the log does not measure it", 3600.0, 1.0, 1e6, free=False),
+    _p("radius_m", "m", "R, unloaded radius", 0.3126, 0.05, 3.0, free=False),
+)
+_PATCH = (
+    _p("patch_half_length_m", "m", "L at the reference load", 0.055, 0.01, 0.2),
+    _p("reference_load_N", "N", "load at which patch_half_length_m holds", 3600.0, 1.0, 1e6, free=False),
+    _p("patch_load_exponent", "1", "L = L_ref (load / reference_load_N)^exponent", 0.5, 0.0, 2.0, free=False),
+)
+_BEAM = (
+    _p("flexural_stiffness_N_m2", "N m^2", "EJ", 4.0, 0.1, 100.0),
+    _p("foundation_stiffness_N_m2", "N/m^2", "k", 2.0e6, 1e5, 1e8),
+    _p("line_mass_kg_m", "kg/m", "mu", 4.5, 1e-3, 100.0, free=False),
+)
+_RING = (
+    _p("flexural_stiffness_N_m2", "N m^2", "EI", 2.0, 0.1, 100.0),
+    _p("line_mass_kg_m", "kg/m", "rho A", 3.15, 1e-3, 100.0, free=False),
+    _p("radial_stiffness_N_m2", "N/m^2", "k_w", 6.3e5, 1e4, 1e8),
+    _p("tangential_stiffness_N_m2", "N/m^2", "k_v", 6.3e5, 1e3, 1e9),
+    _p("radial_damping_N_s_m2", "N s/m^2", "c_w", 0.0, 0.0, 1e6, free=False),
+    _p("tangential_damping_N_s_m2", "N s/m^2", "c_v", 0.0, 0.0, 1e6, free=False),
+    _p("inflation_pressure_Pa", "Pa", "p0, where the log does not measure it", 1.2e5, 0.0, 2e6, free=False),
+    _p("width_m", "m", "b", 0.14, 0.01, 2.0, free=False),
+)
+_TREAD = (_p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),)
+#: For `phase_shift` and `patch_width`: the level, and what follows the force (P4 III).
+_LEVEL = (
+    _p("offset_rad", "rad", "level without force", 0.0, -3.2, 3.2),
+    _p("per_acceleration_rad_s2_m", "rad s^2/m", "what follows the longitudinal force, per acceleration", 0.0, -1.0, 1.0),
+)
+_LEVEL = tuple(replace(p, probe=0.01) for p in _LEVEL)
+
+
+def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tuple[Parameter, ...]:
+    """The parameters of a model without effects, in the order of the file."""
+    structure = _BEAM if carcass == "beam" else _RING
+    patch = _TREAD if flat_road else _PATCH
+    level = _LEVEL if observable in ("phase_shift", "patch_width") else ()
+    chosen = (*structure, *patch, *_LOAD, *level)
+    if observable in (STRAIN, "dissipation_factor"):
+        return chosen
+    # neither of these reads the lever arm; the scalars of geometry do not read the structure either
+    reads = ("patch_half_length_m", "tread_stiffness_N_m2", "offset_rad", "per_acceleration_rad_s2_m")
+    held = (p if observable == ACCELERATION or p.name in reads else p.fixed() for p in chosen)
+    return tuple(p.fixed() if p.name == "lever_arm_m" else p for p in held)

@@ -1,0 +1,168 @@
+"""What an effect is: plain data, and the hooks by which it enters the pipeline's stages.
+
+Hooks are pure functions of the effect's own parameter values `v`, of the conditions `drive` and, after the load stage, of the `site`.
+Columns have shape (n, 1), or (1, 1) where they are the same for all revolutions; modes (n or 1, K).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from tirelog.errors import ModelError
+from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import ComplexArray, FloatArray, grid_angles, wave_numbers
+from tirelog.recording import Conditions
+
+Values = Mapping[str, float]
+GRAVITY_M_S2 = 9.81
+
+#: Stages an effect can act on, in the contract's words.
+ACTS_ON = ("load", "contact_pressure", "structure", "baseline", "sensor", "regressors", "foundation_stiffness", "strain")
+
+
+@dataclass(frozen=True)
+class Drive:
+    """The conditions as columns: each (n, 1), or (1, 1) where all revolutions share the value; NaN where it is not known."""
+
+    speed_m_s: FloatArray
+    acceleration_m_s2: FloatArray
+    time_s: FloatArray
+    temperature_K: FloatArray
+    load_N: FloatArray
+    inflation_pressure_Pa: FloatArray
+    distance_km: FloatArray
+    water_depth_mm: FloatArray
+    slip: FloatArray
+
+    @classmethod
+    def of(cls, conditions: Conditions) -> Drive:
+        return cls(**{f.name: _column(getattr(conditions, f.name)) for f in fields(cls)})
+
+    def take(self, rows: slice) -> Drive:
+        """Some of the revolutions; shared columns stay shared."""
+        columns = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Drive(**{name: c if c.shape[0] == 1 else c[rows] for name, c in columns.items()})
+
+
+def _column(values: FloatArray) -> FloatArray:
+    same = values.size > 0 and bool(np.all((values == values[0]) | (np.isnan(values) & np.isnan(values[0]))))
+    return np.asarray(values[:1] if same else values, dtype=np.float64).reshape(-1, 1)
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where the load acts: F [N] and half length L [m] of the patch (n or 1, 1) on a tread of radius R."""
+
+    load_N: FloatArray
+    half_length_m: FloatArray
+    radius_m: float
+
+    @property
+    def q(self) -> FloatArray:
+        """Wave numbers [1/m], shape (K,)."""
+        return wave_numbers(self.radius_m)
+
+    @property
+    def xi_m(self) -> FloatArray:
+        """The tread coordinate on the grid, shape (GRID,)."""
+        return self.radius_m * grid_angles()
+
+    @property
+    def mean_pressure(self) -> FloatArray:
+        """F / (2 L) [N/m]."""
+        return self.load_N / (2.0 * self.half_length_m)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What effects do to the carcass; contributions of several effects add up.
+
+    tension [N] T in T q^2; damping_rate [1/s] omega_d in 2 mu omega_d c w'; loss, eta in k (1 + i eta); stiffening, the foundation's relative change;
+    added_stiffness [N/m^2]; cubic [1/m^2], k3 in k (1 + k3 w^2); ring, share of a closed ring, whose tangential foundation is
+    ring_tangential [N/m^2].  Columns or scalars.
+    """
+
+    tension: FloatArray | float = 0.0
+    damping_rate: FloatArray | float = 0.0
+    loss: FloatArray | float = 0.0
+    stiffening: FloatArray | float = 0.0
+    added_stiffness: FloatArray | float = 0.0
+    cubic: FloatArray | float = 0.0
+    ring: float = 0.0
+    ring_tangential: float = 0.0
+
+    def __add__(self, other: Structure) -> Structure:
+        return Structure(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
+
+
+#: (values, drive) -> column; (values, drive, site) -> column or modes.
+DriveHook = Callable[[Values, Drive], FloatArray]
+SiteHook = Callable[[Values, Drive, Site], "FloatArray | ComplexArray"]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical mechanism.
+
+    id, mechanism, follows     as in the catalogue
+    acts_on                    the stages it enters
+    parameters                 numbers with unit, bounds, start; the first ones are its `strength`: all zero means off
+    needs                      fields of Conditions without which it cannot be computed
+    instead                    a field of `needs` -> another that serves as well
+    options                    words a model file may choose from, the first by default
+    source, valid, signature   where it comes from, where it holds, what it looks like in a waveform
+    hooks                      load: relative change of F; added_load [N]; pressure: modes to add [N/m]; tilt: a in p (1 - a xi/L);
+                               kernel: transfer of a convolution of p; traction: modes of tau [N/m] and its lever [m];
+                               structure; baseline [strain]; transfer: sensor's transfer; gain: sensor's factor;
+                               strain: added waveform at (drive, site, phi); regressor: added to a number per revolution
+    """
+
+    id: str
+    mechanism: str
+    follows: str
+    acts_on: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    strength: tuple[str, ...]
+    source: str
+    valid: str
+    signature: str
+    needs: tuple[str, ...] = ()
+    instead: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    observables: tuple[str, ...] = ("strain", "radial_acceleration", "patch_length", "dissipation_factor")
+    load: DriveHook | None = None
+    added_load: DriveHook | None = None
+    tilt: DriveHook | None = None
+    pressure: SiteHook | None = None
+    kernel: SiteHook | None = None
+    traction: Callable[[Values, Drive, Site], tuple[ComplexArray, float] | None] | None = None
+    structure: Callable[[Values, Drive], Structure] | None = None
+    baseline: DriveHook | None = None
+    transfer: SiteHook | None = None
+    gain: DriveHook | None = None
+    strain: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
+    regressor: Callable[[Values, Drive, Site, str], FloatArray] | None = None
+
+    def is_on(self, values: Values) -> bool:
+        """False where its strength is zero: the model is then the same as without it, to the last bit."""
+        return any(values[name] != 0.0 for name in self.strength)
+
+    def missing(self, conditions: Conditions) -> list[str]:
+        """Fields of the conditions that it needs and some revolution lacks."""
+        lacking = [name for name in self.needs if not conditions.known(name)]
+        return [name for name in lacking if name not in self.instead or not conditions.known(self.instead[name])]
+
+    def checked(self) -> Effect:
+        """Itself; ModelError where its description contradicts itself."""
+        names = [parameter.name for parameter in self.parameters]
+        if len(set(names)) != len(names) or not set(self.strength) <= set(names) or not set(self.acts_on) <= set(ACTS_ON):
+            raise ModelError(
+                f"effect {self.id}: parameters {names}, strength {list(self.strength)}, acts on {list(self.acts_on)}; allowed are distinct "
+                f"parameters, a strength among them, and {', '.join(ACTS_ON)}; correct the effect"
+            )
+        for parameter in self.parameters:
+            parameter.checked(f"{self.id}.{parameter.name}")
+        return self

@@ -1,0 +1,31 @@
+"""Momentum of the arriving tread: a pressure pulse at the entry edge (outlook (i) of P1 and P2)."""
+
+from __future__ import annotations
+
+from tirelog.physics.effects.base import Drive, Effect, Site, Values
+from tirelog.physics.parameters import Parameter
+from tirelog.physics.pressure import bell
+from tirelog.physics.spectral import ComplexArray
+
+
+def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
+    height = v["amplitude"] * site.mean_pressure * (drive.speed_m_s / 20.0)
+    return bell(height, -v["position"] * site.half_length_m, v["width"] * site.half_length_m, site.radius_m)
+
+
+EFFECT = Effect(
+    id="edge_impact",
+    mechanism="momentum of the tread arriving: a pressure pulse at the entry edge",
+    follows="speed",
+    acts_on=("contact_pressure",),
+    parameters=(
+        Parameter("amplitude", "1", "a in a F/(2L) (v/20) exp(-((xi + x0 L)/(s L))^2/2)", 0.0, 0.0, 20.0, probe=0.5),
+        Parameter("position", "1", "x0, place of the pulse over L", 1.0, 0.5, 1.5, probe=1.0),
+        Parameter("width", "1", "s, width of the pulse over L", 0.05, 0.02, 0.5, probe=0.05),
+    ),
+    strength=("amplitude",),
+    source="P1, P2, outlook (i)",
+    valid="pulses narrower than the patch",
+    signature="a kink at the entry edge that grows with speed",
+    pressure=_pressure,
+)

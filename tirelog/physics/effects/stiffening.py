@@ -1,0 +1,24 @@
+"""A foundation that hardens with deflection, k (1 + k3 w^2) (outlook (iii) of P1 and P2)."""
+
+from __future__ import annotations
+
+from tirelog.physics.effects.base import Drive, Effect, Structure, Values
+from tirelog.physics.parameters import Parameter
+
+
+def _structure(v: Values, drive: Drive) -> Structure:
+    return Structure(cubic=v["cubic_1_m2"])
+
+
+EFFECT = Effect(
+    id="stiffening",
+    mechanism="foundation that hardens with deflection, k (1 + k3 w^2)",
+    follows="load",
+    acts_on=("structure",),
+    parameters=(Parameter("cubic_1_m2", "1/m^2", "k3 in k (1 + k3 w^2)", 0.0, 0.0, 1e6, probe=3e3),),
+    strength=("cubic_1_m2",),
+    source="P1, P2, outlook (iii)",
+    valid="k3 w^2 up to about 10; softening is not modelled",
+    signature="even; the patch centre is held back, more at high load",
+    structure=_structure,
+)

@@ -1,0 +1,109 @@
+"""Fourier tools on the tread's circumference: powers, and the evaluation of a waveform at the angles asked.
+
+A waveform f(phi) over one revolution stands as its coefficients c_n, n = 0 ... K-1, shape (..., K), with
+f(phi) = Re[ c_0 + 2 sum c_n exp(i n phi) ].  Strain has c_n ~ n^-4 (the parabola's slope jumps at +-L), so K = 1024 leaves 2e-7
+of the largest strain at the edges of the patch; a grid of 3072 points with local cubic interpolation adds 4e-7 there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Fourier modes of a waveform, and points of the uniform grid on which it is laid out.
+MODES = 1024
+GRID = 3 * MODES
+#: The grid's angles: GRID points from 0, shape (GRID,); the second half stands for negative angles.
+STEP = 2.0 * np.pi / GRID
+_HARMONIC = np.arange(MODES, dtype=np.float64)
+_BLOCK = 32
+
+
+def wave_numbers(radius_m: float) -> FloatArray:
+    """q_n = n / R [1/m], shape (K,)."""
+    return _HARMONIC / radius_m
+
+
+def grid_angles() -> FloatArray:
+    """Angles of the grid in (-pi, pi], in the grid's order, shape (GRID,)."""
+    phi = np.arange(GRID) * STEP
+    return np.where(phi > np.pi, phi - 2.0 * np.pi, phi)
+
+
+def powers(angle: FloatArray) -> ComplexArray:
+    """exp(i n angle) for n = 0 ... K-1, from `angle` of shape (n, 1) to (n, K).
+
+    Two short tables and one product instead of K exponentials: exact to some 1e-15.
+    """
+    fine = np.exp(1j * angle * np.arange(_BLOCK))
+    coarse = np.exp(1j * angle * (_BLOCK * np.arange(MODES // _BLOCK)))
+    return (coarse[:, :, None] * fine[:, None, :]).reshape(angle.shape[0], MODES)
+
+
+def to_grid(coefficients: ComplexArray) -> FloatArray:
+    """Values on the grid, (..., K) to (..., GRID)."""
+    return irfft(coefficients, GRID, axis=-1, norm="forward")
+
+
+def to_modes(values: FloatArray) -> ComplexArray:
+    """Coefficients from values on the grid, (..., GRID) to (..., K)."""
+    return rfft(values, axis=-1, norm="forward")[..., :MODES]
+
+
+class Angles:
+    """The angles at which waveforms are wanted, with their interpolation weights made once.
+
+    `phi_rad` (m,) for all revolutions or (n, m), NaN allowed; `phi_variance` of a shape that broadcasts with it [rad^2] adds f''/2 times
+    it: the mean over a bin of samples with that variance.
+    """
+
+    def __init__(self, phi_rad: FloatArray, phi_variance: FloatArray | None = None) -> None:
+        self.phi_rad = np.atleast_2d(np.asarray(phi_rad, dtype=np.float64))
+        position = self.phi_rad / STEP
+        floor = np.floor(position)
+        t = position - floor
+        u = 1.0 - t
+        # cubic through four points: the chord, less the curvature that runs linearly from the first to the second
+        bend = [-t * u * (1.0 + u) / 6.0, -t * u * (1.0 + t) / 6.0]
+        if phi_variance is not None:
+            spread = np.atleast_2d(phi_variance) * (0.5 / STEP**2)
+            bend = [bend[0] + spread * u, bend[1] + spread * t]
+        first, second = bend
+        self._weights = (first, u - 2.0 * first + second, t + first - 2.0 * second, second)
+        index = np.where(np.isfinite(floor), floor, 0.0).astype(np.int64)
+        self._index = [(index + shift) % GRID for shift in (-1, 0, 1, 2)]
+
+    def take(self, rows: slice) -> Angles:
+        """The angles of some revolutions."""
+        part = Angles.__new__(Angles)
+        part.phi_rad = self._rows(self.phi_rad, rows)
+        part._weights = tuple(self._rows(w, rows) for w in self._weights)
+        part._index = [self._rows(i, rows) for i in self._index]
+        return part
+
+    @staticmethod
+    def _rows(values: Any, rows: slice) -> Any:
+        return values if values.shape[0] == 1 else values[rows]
+
+    def evaluate(self, coefficients: ComplexArray) -> FloatArray:
+        """Values (n or 1, m) of waveforms given by coefficients (n or 1, K)."""
+        grid = to_grid(coefficients)
+        total = self._weights[0] * _gather(grid, self._index[0])
+        for weight, index in zip(self._weights[1:], self._index[1:]):
+            total += weight * _gather(grid, index)
+        return total
+
+
+def _gather(grid: FloatArray, index: NDArray[np.int64]) -> FloatArray:
+    """grid (n or 1, GRID) at index (n or 1, m) -> (n, m)."""
+    if grid.shape[0] == 1:
+        return grid[0][index]
+    if index.shape[0] == 1:
+        return grid[:, index[0]]
+    return np.take_along_axis(grid, index, axis=1)
