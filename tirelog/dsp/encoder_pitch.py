@@ -1,0 +1,123 @@
+"""The pitch error of a tone wheel, learnt from the log itself.
+
+    times (n,), counts (n,) --smooth motion over whole turns--> deviation of each passage [rad] --mean over turns--> table (2 steps,)
+
+The time of count n is the smooth motion's plus the pitch error over the speed.  Smoothing by B (2 - B), B the mean over one turn,
+keeps motions up to the third order in the count and has a zero at every harmonic of the wheel, so whatever is fixed to the wheel
+stays in the deviation: errors of the teeth, the offset between rising and falling passages, and what a once-per-turn change of
+amplitude does to them.  Its constant part is a convention and left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from tirelog.recording import FloatArray, IntArray
+
+#: turns that a table needs; fewer leave it zero
+LEAST_TURNS = 4
+#: a stretch of this many turns at most goes into the deviations at once (bounded memory)
+TURNS_AT_ONCE = 2000
+
+
+@dataclass(frozen=True)
+class PitchTable:
+    """`error_rad` (2 steps,) true angle of a passage minus its nominal angle, zero mean; `se_rad` its standard error (a number);
+    `turns` it was learnt from; `scatter_rad` standard deviation of one passage about the table; `repeats` the share of the
+    deviations' variance that the table explains beyond chance, in [0, 1]."""
+
+    error_rad: FloatArray
+    se_rad: float
+    turns: int
+    scatter_rad: float
+    repeats: float
+
+    @classmethod
+    def zero(cls, steps: int) -> PitchTable:
+        return cls(np.zeros(2 * steps), 0.0, 0, 0.0, 0.0)
+
+
+def deviations(time_s: FloatArray, count: IntArray, steps: int) -> tuple[IntArray, FloatArray]:
+    """(counts, deviations [rad]) of one stretch of ascending counts, without the turn at each end; and without uneven turns.
+
+    `time_s`, `count` shape (n,).  Passages that are missing are bridged for the smoothing and left out of the result.
+    """
+    turn = 2 * steps
+    if count.size < 3 * turn or count[-1] - count[0] < 4 * turn:
+        return np.zeros(0, np.int64), np.zeros(0)
+    whole = np.arange(count[0], count[-1] + 1)
+    time = time_s if whole.size == count.size else np.interp(whole, count, time_s)
+    line = np.linspace(time[0], time[-1], time.size)
+    bent = time - line
+    # a window of an even number of steps needs half weights at its ends to be centred
+    once = _turn_mean(bent, turn)
+    smooth = 2 * once - _turn_mean(once, turn) + line
+    lap = np.full(whole.size, np.nan)
+    lap[steps:-steps] = (time[turn:] - time[:-turn])[: whole.size - turn]
+    rate = 2 * np.pi / lap
+    change = np.full(whole.size, np.nan)
+    change[turn:-turn] = np.abs(lap[turn + steps : -turn + steps] - lap[turn - steps : -turn - steps]) / lap[turn:-turn]
+    good = np.isfinite(change) & (change < 0.1)
+    if whole.size != count.size:
+        good &= np.isin(whole, count, assume_unique=True)
+    return whole[good], ((time - smooth) * rate)[good]
+
+
+def _turn_mean(x: FloatArray, turn: int) -> FloatArray:
+    wide = uniform_filter1d(x, turn, mode="nearest")
+    return 0.5 * (wide + np.concatenate([wide[1:], wide[-1:]]))
+
+
+def learn(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> PitchTable:
+    """The table from (times, counts) of all stretches."""
+    size = 2 * steps
+    total, squares, number = np.zeros(size), 0.0, np.zeros(size)
+    for time_s, count in stretches:
+        for start in range(0, count.size, TURNS_AT_ONCE * size):
+            piece = slice(max(start - 2 * size, 0), start + (TURNS_AT_ONCE + 2) * size)
+            at, deviation = deviations(time_s[piece], count[piece], steps)
+            near = np.abs(deviation) < np.pi / steps
+            at, deviation = np.mod(at[near], size), deviation[near]
+            total += np.bincount(at, deviation, size)
+            number += np.bincount(at, minlength=size)
+            squares += float(deviation @ deviation)
+    turns = float(np.median(number))
+    if turns < LEAST_TURNS or number.min() < 2:
+        return PitchTable.zero(steps)
+    table = total / number
+    explained = float(number @ table**2)
+    left = max(squares - explained, 0.0) / max(number.sum() - size, 1.0)
+    table -= table.mean()
+    chance = left * size
+    share = max(explained - chance, 0.0) / max(squares, np.finfo(float).tiny)
+    return PitchTable(table, float(np.sqrt(left / turns)), int(turns), float(np.sqrt(left)), share)
+
+
+def steps_that_repeat(stretches: list[tuple[FloatArray, IntArray]], steps: int, most: int = 256) -> tuple[int, float]:
+    """(steps a turn with which the deviations repeat best, share of the variance explained beyond chance), over 4 to `most` steps.
+
+    For a table that does not repeat with the setup's `steps`: the passages are smoothed over several teeth, independent of the turn.
+    """
+    best = (steps, 0.0)
+    time_s, count = max(stretches, key=lambda s: s[1].size)
+    time_s, count = time_s[: 400 * steps], count[: 400 * steps]
+    if count.size < 64 or count[-1] - count[0] != count.size - 1:
+        return best
+    rate = np.gradient(time_s)
+    deviation = (time_s - uniform_filter1d(time_s, 9)) / rate
+    deviation = deviation[16:-16] - np.mean(deviation[16:-16])
+    squares = float(deviation @ deviation)
+    for candidate in range(4, most + 1):
+        size = 2 * candidate
+        if deviation.size < 6 * size:
+            break
+        at = np.mod(np.arange(deviation.size), size)
+        number = np.bincount(at, minlength=size)
+        explained = float(np.sum(np.bincount(at, deviation, size) ** 2 / number))
+        share = (explained - squares * size / deviation.size) / squares
+        if share > best[1] + 0.05:
+            best = (candidate, share)
+    return best

@@ -1,0 +1,241 @@
+"""The wheel's angle, speed and rolling radius from its encoder (P4 section IV A).
+
+    encoder channel --teeth--> counted passages --pitch table learnt from the log--> WheelAngle (angle and rate at any time)
+    WheelAngle, vehicle_speed --> rolling radius with its error
+    Recording --encoder_speed--> columns of the `speed` table, a row a turn of the wheel
+
+Angles [rad] grow in the direction of rolling; their zero is the first tooth that was seen.  Sine, square pulses, counters and angles
+are taken as they come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tirelog import units
+from tirelog.dsp.angle import AngleFunction, smooth_angle
+from tirelog.dsp.encoder_counter import counter_knots
+from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchTable, learn, steps_that_repeat
+from tirelog.dsp.encoder_signal import Probe, crossings, probe
+from tirelog.dsp.encoder_teeth import Teeth, count_teeth
+from tirelog.errors import SetupError
+from tirelog.recording import Channel, FloatArray, Recording
+
+#: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
+SPEED_WINDOW_S = 0.443 / 20.0
+#: slower than this, in turns a second, the wheel counts as standing
+STANDSTILL_TURNS_S = 0.1
+#: a table that explains more than this share of the deviations repeats; below the other, it does not
+REPEATS, DOES_NOT_REPEAT = 0.3, 0.1
+
+
+@dataclass(frozen=True)
+class WheelAngle:
+    """`angle`: the function of time; `pitch`: the learnt table; `teeth`: the counted passages (None for counters and angles);
+    `remarks`: sentences on the whole log."""
+
+    channel: str
+    steps: int
+    form: str
+    angle: AngleFunction
+    pitch: PitchTable
+    backward: np.ndarray
+    remarks: tuple[str, ...]
+
+    def speed_rad_s(self, time_s: FloatArray) -> FloatArray:
+        """Wheel speed [rad/s], low-passed at 20 Hz, at times of shape (n,)."""
+        return self.angle.mean_rate(time_s, SPEED_WINDOW_S)
+
+    def words(self, start_s: FloatArray, stop_s: FloatArray) -> list[set[str]]:
+        """What is wrong with the angle within [start, stop], each shape (n,): standstill, reversing."""
+        knots = self.angle.time_s
+        first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
+        last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
+        slow = np.concatenate([[0], np.cumsum(np.diff(knots) > 2 * np.pi / STANDSTILL_TURNS_S / max(self.steps, 1) / (2 * np.pi))])
+        back = np.concatenate([[0], np.cumsum(self.backward)])
+        words: list[set[str]] = [set() for _ in first]
+        for row, (a, b) in enumerate(zip(first, last, strict=True)):
+            if slow[b] > slow[a] or self.angle.stretch[b] != self.angle.stretch[a]:
+                words[row].add("standstill")
+            if back[b + 1] > back[a]:
+                words[row].add("reversing")
+        return words
+
+
+def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
+    """The wheel angle from an encoder channel; `unit` is the source's (an angle is taken as it is).
+
+    SetupError: the channel has no `steps`, or shows no teeth.
+    """
+    quantity = units.UNITS[units.canonical(unit) or "1"][0]
+    steps = int(channel.settings.get("steps") or 0)
+    if steps < 1 and quantity != "angle":
+        raise SetupError(f"channel {channel.name}: no steps; an encoder has a whole number of steps a turn; add steps = 48 or what it has")
+    found = probe(channel.read, channel.size)
+    if quantity == "angle" or found.form == "counter":
+        return _counted(channel, quantity == "angle", steps)
+    teeth = _teeth(channel, found, steps)
+    time = channel.axis.at(teeth.index)
+    pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
+    forward = np.where(teeth.forward, 1, -1)
+    stretches = [
+        (t, c) for t, c in zip(np.split(time, pieces), np.split(teeth.count, pieces), strict=True) if c.size > 1 and (np.diff(c) > 0).all()
+    ]
+    pitch = learn(stretches, steps)
+    error = pitch.error_rad[np.mod(teeth.count, 2 * steps)]
+    noise = pitch.scatter_rad if pitch.turns else _noise(found, steps)
+    function = smooth_angle(time, teeth.count, error, np.pi / steps, teeth.stretch, noise)
+    remarks = _remarks(channel, teeth, pitch, stretches, steps)
+    return WheelAngle(channel.name, steps, found.form, function, pitch, forward < 0, tuple(remarks))
+
+
+def _noise(found: Probe, steps: int) -> float:
+    """Standard deviation [rad] of one passage where the log is too short to show it: the noise over the slope, five samples."""
+    return found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0)
+
+
+def _teeth(channel: Channel, found: Probe, steps: int) -> Teeth:
+    """Counted teeth of a sine or square channel; gaps in its time axis end a stretch."""
+    nothing = (
+        f"channel {channel.name}: no teeth; an encoder's signal swings {2 * steps} times a turn through its middle; "
+        "check the wiring, the source, and that encoder and accelerometer are not swapped"
+    )
+    if found.form == "dead":
+        raise SetupError(nothing)
+    passages = crossings(channel.read, channel.size, channel.axis.rate_Hz, found)
+    if passages.index.size < 4 * steps:
+        raise SetupError(nothing)
+    teeth = count_teeth(channel.read, found, passages, channel.axis.rate_Hz, steps)
+    holes = channel.axis.first[1:]
+    if holes.size:
+        teeth = Teeth(
+            teeth.index, teeth.count, teeth.stretch + np.searchsorted(holes, teeth.index, side="right"), teeth.forward, teeth.missing,
+            teeth.extra,
+        )  # fmt: skip
+    return teeth
+
+
+def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
+    """The wheel angle of a counter (of `steps` counts a turn) or of an angle channel."""
+    size = 2 * np.pi if is_angle else float(steps)
+    time, turns, backward = counter_knots(channel, size, is_angle)
+    if time.size < 16:
+        raise SetupError(f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a turn; check the source")
+    steps = steps or 360
+    rate = np.gradient(2 * np.pi * turns, time)
+    noise = 0.0 if is_angle else float(np.median(np.abs(rate))) / channel.axis.rate_Hz / np.sqrt(12.0)
+    count = np.rint(turns * size).astype(np.int64)
+    stretch = np.zeros(time.size, np.int64)
+    if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
+        function = AngleFunction(time, 2 * np.pi * turns, rate, stretch, noise)
+        return WheelAngle(channel.name, steps, "angle" if is_angle else "counter", function, PitchTable.zero(steps), backward, ())
+    function = smooth_angle(time, count, np.zeros(time.size), 2 * np.pi / size, stretch, noise)
+    return WheelAngle(channel.name, steps, "counter", function, PitchTable.zero(steps), backward, ())
+
+
+def _remarks(channel: Channel, teeth: Teeth, pitch: PitchTable, stretches: list[Any], steps: int) -> list[str]:
+    """Sentences on the encoder of this log."""
+    said = []
+    if teeth.missing or teeth.extra:
+        said.append(f"channel {channel.name}: {teeth.missing} missing and {teeth.extra} extra teeth were repaired")
+    if pitch.turns == 0:
+        return [*said, f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's pitch errors are not learnt"]
+    if pitch.repeats < REPEATS:
+        other, share = steps_that_repeat(stretches, steps)
+        if other % steps and steps % other and share > max(pitch.repeats, DOES_NOT_REPEAT) + 0.1:
+            said.append(
+                f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it does with {other}; mend steps in the setup"
+            )
+    return said
+
+
+@dataclass(frozen=True)
+class Radius:
+    """The rolling radius [m], its standard error (NaN where it is a given) and a sentence on where it comes from ('' for the setup's)."""
+
+    radius_m: float
+    se_m: float
+    remark: str
+
+
+def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
+    """The setup's rolling radius; else calibrated against `vehicle_speed` (P4: v = r omega); else the unloaded radius.
+
+    Only stretches above 3 rad/s count; the error comes from the scatter of up to 40 pieces of the log.
+    """
+    tire = recording.setup.tire
+    speeds = recording.of_kind("vehicle_speed")
+    measured = _radius_against(speeds[0], wheel) if speeds else None
+    if tire.rolling_radius_m is not None:
+        if measured and abs(measured[0] / tire.rolling_radius_m - 1) > 0.1:
+            ratio = measured[0] / tire.rolling_radius_m
+            return Radius(
+                tire.rolling_radius_m,
+                float("nan"),
+                f"{speeds[0].name} over the wheel's speed gives a radius of {measured[0]:.4f} m, {ratio:.3g} times the setup's: "
+                "the sampling rate, the number of steps or a unit is wrong",
+            )
+        return Radius(tire.rolling_radius_m, float("nan"), "")
+    if measured:
+        return Radius(*measured, f"rolling radius {measured[0]:.5f} +- {measured[1]:.5f} m, calibrated against {speeds[0].name}")
+    return Radius(tire.radius_m, float("nan"), f"no rolling radius and no vehicle speed: the unloaded radius {tire.radius_m:.4f} m is used")
+
+
+def _radius_against(speed: Channel, wheel: WheelAngle, most: int = 20_000) -> tuple[float, float] | None:
+    """(radius, standard error) [m] from the wheel's rate at up to `most` samples of the vehicle's speed; None where it never rolls."""
+    parts, size = [], max(speed.size * 500 // most, 500)
+    for start in range(0, speed.size, size):
+        values = speed.read(start, start + size)
+        pick = np.linspace(0, values.size - 1, min(500, values.size)).astype(np.int64)
+        time = speed.axis.at(start + pick.astype(np.float64))
+        rate = wheel.speed_rad_s(time)
+        good = np.isfinite(values[pick]) & np.isfinite(rate) & (rate > 3.0)
+        if good.sum() > 20:
+            parts.append((float(values[pick][good] @ rate[good]), float(rate[good] @ rate[good])))
+    if len(parts) < 2:
+        return None
+    above, below = np.array(parts).T
+    radius = float(above.sum() / below.sum())
+    se = float(np.sqrt(np.sum((above - radius * below) ** 2) * len(parts) / (len(parts) - 1)) / below.sum())
+    return radius, se
+
+
+def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
+    """The recording's encoder channel and its wheel angle.  SetupError: the setup has none."""
+    encoders = recording.of_kind("wheel_encoder")
+    if not encoders:
+        raise SetupError(f"{recording.log}: no wheel_encoder channel; the wheel angle needs one; add it to the setup")
+    unit = recording.setup.channels[encoders[0].name].source_unit if encoders[0].name in recording.setup.channels else "1"
+    return encoders[0], wheel_angle(encoders[0], unit)
+
+
+def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
+    """(columns of the `speed` table, remarks): a row a turn of the wheel, for a log without a sensor that passes the patch.
+
+    `time_s` is the middle of the turn, `speed_m_s` the wheel's speed low-passed at 20 Hz, `period_s` the turn's duration,
+    `acceleration_m_s2` from the durations of its two halves.  The standard error holds angle noise and the radius' error.
+    """
+    channel, wheel = encoder_of(recording)
+    radius = rolling_radius(recording, wheel)
+    highest, lowest = float(np.max(wheel.angle.angle_rad)), float(wheel.angle.angle_rad[0])
+    middles = lowest + np.pi + 2 * np.pi * np.arange(max(int((highest - lowest) / (2 * np.pi)), 0))
+    start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
+    rate = wheel.speed_rad_s(time)
+    noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
+    share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
+    columns = {
+        "log": recording.log,
+        "channel": channel.name,
+        "revolution": np.arange(time.size),
+        "time_s": time,
+        "speed_m_s": rate * radius.radius_m,
+        "period_s": stop - start,
+        "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
+        "acceleration_m_s2": radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start),
+        "quality": [";".join(sorted(words)) or "ok" for words in wheel.words(start, stop)],
+    }
+    return columns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]
