@@ -1,0 +1,31 @@
+"""`tirelog simulate SCENARIO -o LOG`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tirelog.cli.common import say
+
+
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="TOML file: manoeuvres, tire, sensors, effects, seed.", show_default=False)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The log: .csv, .txt, .mcap or .h5.", show_default=False)],
+    seed: Annotated[int | None, typer.Option("--seed", help="Another seed than the scenario's.", show_default=False)] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No summary on standard error.")] = False,
+) -> None:
+    """Write a log with known truth: LOG, LOG.truth.json and its setup."""
+    from dataclasses import replace
+
+    from tirelog.simulation import load_scenario, write_log
+    from tirelog.simulation import simulate as make
+    from tirelog.simulation.writers import suffix_of
+
+    suffix_of(output)
+    described = load_scenario(scenario)
+    files = write_log(make(described if seed is None else replace(described, seed=seed)), output)
+    if not quiet:
+        planted = ", ".join(effect.name for effect in described.effects) or "no effect"
+        say(f"note: {described.duration_s:g} s of log with {planted} planted; wrote {', '.join(str(f) for f in files)}")

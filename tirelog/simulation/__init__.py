@@ -1,0 +1,16 @@
+"""The truth: logs with known physics, solved apart from the models that are tested on them.
+
+    SCENARIO.toml --load_scenario--> Scenario --simulate--> Simulated --write_log--> LOG, LOG.truth.json, setup
+                                                                     --to_recording--> Recording in memory
+
+Nothing here is shared with `tirelog.physics`, and neither imports the other: the carcass stands on a fine closed grid as
+difference operators (order eight), contact is one-sided by an active set, sensors and drive are sampled from that.  P1 to P4 are the
+papers of the README.
+"""
+
+from tirelog.simulation.recording import setup_text, to_recording
+from tirelog.simulation.scenario import Scenario, load_scenario, scenario_of
+from tirelog.simulation.simulate import Simulated, simulate
+from tirelog.simulation.writers import write_log
+
+__all__ = ["Scenario", "Simulated", "load_scenario", "scenario_of", "setup_text", "simulate", "to_recording", "write_log"]

@@ -1,0 +1,121 @@
+"""One-sided contact of the ring with a flat road through the tread's springs, by an active set.
+
+    load F --> height of the road such that the springs that are pressed carry F, and none pulls --> pressure on the grid
+
+The road is flat: a point of the belt at angle phi, moved by w outwards and v along, is at the depth
+(R + w) cos phi - v sin phi below the axle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lu_factor, lu_solve
+
+from tirelog.errors import UsageError
+from tirelog.simulation.carcass import carcass
+from tirelog.simulation.loads import Instants
+from tirelog.simulation.operators import Ring
+from tirelog.simulation.scenario import Scenario
+
+FloatArray = NDArray[np.float64]
+
+#: contact is looked for within this angle of the patch centre [rad]
+SECTOR_RAD = 0.55
+LARGEST_ITERATIONS = 60
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Contact at b instants: `pressure` (b, points) [N/m], never negative; `entry_m`, `exit_m` (b,) its edges, below the grid's step."""
+
+    pressure: FloatArray
+    entry_m: FloatArray
+    exit_m: FloatArray
+
+
+class FlatRoad:
+    """The contact problem of one scenario's ring; remembers the last compliance and the last contact as the next one's start."""
+
+    def __init__(self, scenario: Scenario, ring: Ring) -> None:
+        self.scenario, self.ring = scenario, ring
+        self.radius = scenario.tire.rolling_radius_m
+        self.sector = np.flatnonzero(np.abs(ring.xi_m) < SECTOR_RAD * self.radius)
+        phi = ring.xi_m[self.sector] / self.radius
+        self.cos, self.sin = np.cos(phi), np.sin(phi)
+        self.above = self.radius * (1.0 - self.cos)
+        self._speed_matters = bool(
+            scenario.tire.radial_damping_N_s_m2
+            or scenario.tire.tangential_damping_N_s_m2
+            or scenario.planted("viscous_damping")
+            or scenario.planted("belt_tension")
+        )
+        self._compliance: FloatArray | None = None
+        self._active = self.ring.xi_m[self.sector] ** 2 < 0.05**2
+
+    def touch(self, at: Instants) -> Touch:
+        """The contact at every instant, at its load."""
+        pressure = np.zeros((len(at), self.ring.points))
+        entry, exit_ = np.zeros(len(at)), np.zeros(len(at))
+        for i in range(len(at)):
+            if self._compliance is None or self._speed_matters or at.warmed[i] != at.warmed[0]:
+                self._compliance = self._response(at, i)
+            force, gap = self._solve(self._compliance, float(at.load[i]))
+            pressure[i, self.sector] = force
+            entry[i], exit_[i] = self._edges(gap)
+        return Touch(pressure, entry, exit_)
+
+    def _response(self, at: Instants, i: int) -> FloatArray:
+        """How far a point of the sector rises [m] per unit of line force [N/m] at another, shape (n, n)."""
+        body = carcass(self.scenario, self.ring, at.take(slice(i, i + 1)))
+        d1 = self.ring.derivatives[1] * self.radius
+        # w outwards is -R dv/dxi: from the transforms of inward w back to v; the mean of v comes from tangential loads alone
+        along = np.zeros_like(d1)
+        along[1:-1] = 1.0 / d1[1:-1]
+        kernels = {
+            "w_p": body.radial[0],
+            "w_q": body.tangential[0],
+            "v_p": body.radial[0] * along,
+            "v_q": body.tangential[0] * along,
+        }
+        kernels["v_q"][0] = 1.0 / (self.scenario.tire.tangential_stiffness_N_m2)
+        lag = (self.sector[:, None] - self.sector[None, :]) % self.ring.points
+        table = {name: self.ring.inverse(spectrum)[lag] for name, spectrum in kernels.items()}
+        # a road force f pushes inwards with f cos phi and along with f sin phi
+        inward = table["w_p"] * self.cos + table["w_q"] * self.sin
+        tangential = table["v_p"] * self.cos + table["v_q"] * self.sin
+        return self.cos[:, None] * inward + self.sin[:, None] * tangential
+
+    def _solve(self, compliance: FloatArray, load: float) -> tuple[FloatArray, FloatArray]:
+        """Line force (n,) and pressed depth of the springs (n,), negative where the tread is clear of the road."""
+        step, stiffness = self.ring.step_m, self.scenario.tire.tread_stiffness_N_m2
+        active = self._active
+        for _ in range(LARGEST_ITERATIONS):
+            size = int(active.sum())
+            system = np.zeros((size + 1, size + 1))
+            system[:size, :size] = compliance[np.ix_(active, active)]
+            system[np.arange(size), np.arange(size)] += 1.0 / stiffness
+            system[:size, size] = -1.0
+            system[size, :size] = step
+            solution = lu_solve(lu_factor(system, check_finite=False), np.append(-self.above[active], load), check_finite=False)
+            force = np.zeros(active.size)
+            force[active] = solution[:size]
+            depth = solution[size] - self.above - compliance @ force
+            # a pressed spring shows its own force, a free one the depth of the road inside the tread
+            pressed = np.where(active, force / stiffness, depth)
+            again = pressed > 0
+            if (again == active).all():
+                self._active = active
+                return force, pressed
+            active = again
+        raise UsageError(f"the contact at {load:.0f} N did not settle; allowed is a load that the ring can carry; lower it")
+
+    def _edges(self, pressed: FloatArray) -> tuple[float, float]:
+        """Entry and exit [m], where the pressed depth crosses zero, linear between grid points."""
+        xi = self.ring.xi_m[self.sector]
+        inside = np.flatnonzero(pressed > 0)
+        first, last = inside[0], inside[-1]
+        entry = xi[first] - self.ring.step_m * pressed[first] / (pressed[first] - pressed[first - 1])
+        return float(entry), float(xi[last] + self.ring.step_m * pressed[last] / (pressed[last] - pressed[last + 1]))

@@ -1,0 +1,68 @@
+"""A scenario becomes a log with known truth, in memory.
+
+Scenario --seed--> Drive, Roughness --> World --sampling--> Simulated (raw channels in the file's units, truth) --> Recording or a file
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.simulation.drive import drive_of, roughness_of
+from tirelog.simulation.sampling import (
+    RIDING,
+    Trace,
+    in_source_units,
+    pitch_tables,
+    riding_values,
+    spoiled,
+    traces,
+    vehicle_values,
+)
+from tirelog.simulation.scenario import Scenario
+from tirelog.simulation.truth import truth_of
+from tirelog.simulation.waveforms import World
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A simulated log.  `channels` raw values (n,) in the file's unit, NaN where lost; `stamp_s` (n,) their stamps [s]; `world` the truth
+    itself, to be asked for any instant."""
+
+    scenario: Scenario
+    channels: Mapping[str, FloatArray]
+    stamp_s: Mapping[str, FloatArray]
+    world: World
+    pitch_rad: Mapping[str, FloatArray]
+
+    @cached_property
+    def truth(self) -> dict[str, Any]:
+        """What is known of the log, ready for JSON."""
+        return truth_of(self.world, self.pitch_rad)
+
+
+def simulate(scenario: Scenario) -> Simulated:
+    """The log of a scenario.  The same scenario (with its seed) gives the same numbers.  UsageError where the physics refuses it."""
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(4 + len(scenario.channels))]
+    drive = drive_of(scenario, streams[0])
+    length = float(drive.angle_at(drive.time_s[-1])) * drive.radius_m
+    world = World(scenario, drive, roughness_of(scenario, length, streams[1]))
+    moments = traces(scenario, streams[2])
+    tables = pitch_tables(world, streams[3])
+    clean = riding_values(world, moments)
+    channels = {}
+    for (name, trace), random in zip(moments.items(), streams[4:], strict=True):
+        values = clean[name] if trace.sensor.kind in RIDING else vehicle_values(world, name, trace, tables)
+        channels[name] = spoiled(trace.sensor, in_source_units(world, trace, values), random)
+    return Simulated(scenario, channels, _stamps(moments), world, tables)
+
+
+def _stamps(moments: Mapping[str, Trace]) -> dict[str, FloatArray]:
+    return {name: trace.stamp_s for name, trace in moments.items()}
