@@ -225,7 +225,9 @@ def _one_number(stack: Stack, rows: IntArray) -> _Part:
     mean = np.nanmean(values, axis=0) if good.any() else np.full(1, np.nan)
     scatter = np.nanstd(values, axis=0, ddof=1) if good.sum() > 2 else np.full(1, np.nan)
     zero = np.zeros(1)
-    return _Part(rows, mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((rows.size, 3)), zero, zero, scatter)
+    return _Part(
+        rows, mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((rows.size, 3)), zero, zero, scatter
+    )
 
 
 def _noise_profile(parts: list[_Part], m: int) -> FloatArray:

@@ -47,8 +47,8 @@ def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
     """(F, M) of +-1: all sign patterns up to 13 manoeuvres, else random ones; the first is what was measured."""
     if manoeuvres <= _EXACT:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1
-        return 1.0 - 2.0 * bits
-    signs = np.random.default_rng(seed).integers(0, 2, (_RANDOM + 1, manoeuvres)) * 2.0 - 1.0
+        return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
+    signs: FloatArray = np.random.default_rng(seed).integers(0, 2, (_RANDOM + 1, manoeuvres)) * 2.0 - 1.0
     signs[0] = 1.0
     return signs
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from tirelog.discrepancy.align import WheelAngle, refine, split_turns
 from tirelog.discrepancy.manoeuvres import accelerations, regimes, segment
 from tirelog.errors import UsageError
+from tirelog.estimators.passages import Passages, find_passages
 from tirelog.recording import Channel, Conditions, Recording, Stack
 
 FloatArray = NDArray[np.float64]
@@ -25,8 +27,6 @@ ANGLES = 256
 #: observable -> kinds of channel that measure it
 KINDS = {"strain": ("fbg_strain", "strain"), "radial_acceleration": ("radial_acceleration",)}
 _SHORTEST_RUN = 5
-#: a period longer than this many times its neighbours' median has lost a passage
-_MISSED = 1.5
 _CONDITION_KINDS = {
     "vertical_load": "load_N",
     "inflation_pressure": "inflation_pressure_Pa",
@@ -70,23 +70,21 @@ def stacks_from_logs(
 
 def stack_channel(recording: Recording, channel: Channel, observable: str, *, angles: int = ANGLES) -> Stack:
     """The stack of one channel of one recording."""
-    from tirelog.estimators.passages import find_passages
-
     radius = recording.setup.tire.radius_m
     passages = find_passages(channel, radius)
     time_s, values = channel.axis.time(), channel.read()
-    runs = [turns for turns in _runs(passages.time_s, time_s, values)]
-    rows = [_rows(turns, time_s, values, angles) for turns in runs]
+    rows = [_rows(turns, time_s, values, angles) for turns in _runs(passages, time_s, values)]
     n = sum(part[0].size for part in rows)
     if n < 10:
         raise UsageError(
-            f"{n} whole revolutions in channel {channel.name}; at least ten are needed to see what repeats; give a longer log", file=recording.log
+            f"{n} whole revolutions in channel {channel.name}; at least ten are needed to see what repeats; give a longer log",
+            file=recording.log,
         )
     ordinal, centre, speed, mean, phi_mean, phi_variance, count = (np.concatenate(x) for x in zip(*rows, strict=True))
     acceleration = np.concatenate([accelerations(part[1], part[2] * radius) for part in rows])
     breaks = np.concatenate([np.r_[True, np.zeros(part[0].size - 1, bool)] for part in rows])
     manoeuvre, regime = segment(regimes(acceleration), breaks)
-    grid = (np.arange(angles) + 0.5) * (2.0 * np.pi / angles) - np.pi
+    grid: FloatArray = (np.arange(angles) + 0.5) * (2.0 * np.pi / angles) - np.pi
     return Stack(
         observable=observable,
         channel=channel.name,
@@ -114,17 +112,17 @@ def sample_noise(values: FloatArray) -> float:
     return float(np.median(np.abs(third)) / (0.6745 * np.sqrt(20.0))) if third.size else float("nan")
 
 
-def _runs(centre_s: FloatArray, time_s: FloatArray, values: FloatArray) -> Iterable[Turns]:
-    """Unbroken runs of passages, refined by the matched filter."""
-    period = np.diff(centre_s)
-    if not period.size:
-        return
-    around = np.array([np.median(period[max(0, i - 2) : i + 3]) for i in range(period.size)])
-    cut = np.flatnonzero(period > _MISSED * around) + 1
-    for index in np.split(np.arange(centre_s.size), cut):
-        if index.size >= _SHORTEST_RUN:
-            low, high = np.searchsorted(time_s, [2 * centre_s[index[0]] - centre_s[index[1]], 2 * centre_s[index[-1]] - centre_s[index[-2]]])
-            yield Turns(index, WheelAngle.through(refine(time_s[low:high], values[low:high], centre_s[index])))
+def _runs(passages: Passages, time_s: FloatArray, values: FloatArray) -> Iterable[Turns]:
+    """Unbroken runs of passages one turn apart, refined by the matched filter."""
+    known = np.flatnonzero(np.isfinite(passages.time_s))
+    cut = np.flatnonzero(~(passages.turn_after[known[:-1]] & (np.diff(known) == 1))) + 1
+    for index in np.split(known, cut):
+        if index.size < _SHORTEST_RUN:
+            continue
+        centre = passages.time_s[index]
+        ends = (2 * centre[0] - centre[1], 2 * centre[-1] - centre[-2])
+        low, high = np.searchsorted(time_s, ends)
+        yield Turns(index, WheelAngle.through(refine(time_s[low:high], values[low:high], centre)))
 
 
 def _rows(turns: Turns, time_s: FloatArray, values: FloatArray, m: int) -> tuple[NDArray, ...]:
@@ -167,9 +165,7 @@ def _conditions(recording: Recording, centre_s: FloatArray, speed_m_s: FloatArra
             mean = _channel_mean(channel, centre_s)
             if np.isfinite(mean).all():
                 values[name] = mean - mean[0] if kind == "temperature" else mean
-    return Conditions.of(
-        centre_s.size, speed_m_s=speed_m_s, acceleration_m_s2=acceleration_m_s2, time_s=centre_s, **values
-    )
+    return Conditions.of(centre_s.size, speed_m_s=speed_m_s, acceleration_m_s2=acceleration_m_s2, time_s=centre_s, **values)
 
 
 def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
@@ -189,10 +185,6 @@ def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
 
 def joined(stacks: Sequence[Stack]) -> Stack:
     """Several stacks on the same angles as one."""
-    first = stacks[0]
-    rows = ("values", "phi_mean", "phi_variance", "count", "noise", "log", "manoeuvre", "revolution", "regime")
-    return replace(
-        first,
-        conditions=Conditions.concatenate([stack.conditions for stack in stacks]),
-        **{name: np.concatenate([getattr(stack, name) for stack in stacks]) for name in rows},
-    )
+    names = ("values", "phi_mean", "phi_variance", "count", "noise", "log", "manoeuvre", "revolution", "regime")
+    rows: dict[str, Any] = {name: np.concatenate([getattr(stack, name) for stack in stacks]) for name in names}
+    return replace(stacks[0], conditions=Conditions.concatenate([stack.conditions for stack in stacks]), **rows)

@@ -1,0 +1,260 @@
+"""The base model's parameters from cells: damped least squares in whitened space, several starts, one free offset per log.
+
+    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p), offsets O = W 1_log (C, m, logs)
+    offsets are projected out of r and J (they are linear), steps are damped in the scale of the parameters, bounds are kept
+
+Where a parameter stands at a bound and would leave it, it is held.  A fit that stays far above the others is a local minimum: `fit_model` takes the
+best of its starts and says how many agreed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.discrepancy.cells import Cells
+from tirelog.discrepancy.projection import orthonormal, without
+from tirelog.discrepancy.whitening import Whitener
+from tirelog.errors import ModelError
+from tirelog.physics.model import Model
+from tirelog.physics.parameters import Parameter
+
+FloatArray = NDArray[np.float64]
+
+MOST_STEPS = 40
+_SETTLED = 1e-4
+#: starts: factors on the start values of some parameters
+STARTS: tuple[Mapping[str, float], ...] = (
+    {},
+    {"patch_half_length_m": 0.7},
+    {"patch_half_length_m": 1.4, "foundation_stiffness_N_m2": 0.4},
+    {"foundation_stiffness_N_m2": 4.0, "flexural_stiffness_N_m2": 0.4},
+    {"flexural_stiffness_N_m2": 4.0, "tread_stiffness_N_m2": 0.3},
+)
+#: cells that a start is judged on
+_FEW = 12
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model in the metric `white`: whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p) in the
+    observable's unit, prediction (C, m) without offsets, offset per log, chi-square, errors by name."""
+
+    model: Model
+    names: tuple[str, ...]
+    chi2: float
+    freedom: float
+    residual: FloatArray
+    prediction: FloatArray
+    jacobian: FloatArray
+    offsets: FloatArray
+    errors: Mapping[str, float]
+    settled: bool
+
+    @property
+    def reduced_chi2(self) -> float:
+        return self.chi2 / self.freedom
+
+
+def log_columns(cells: Cells) -> FloatArray:
+    """One column per log, 1 in its cells: (C, m, logs).  A number per revolution has no offset of its own: (C, m, 0)."""
+    if cells.phi.shape[1] == 1:
+        return np.zeros((*cells.values.shape, 0))
+    logs = np.unique(cells.log)
+    return np.repeat((cells.log[:, None, None] == logs).astype(float), cells.values.shape[1], axis=1)
+
+
+def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
+    """What the fit moves: the free parameters, without those that nothing in these cells can show."""
+    held = set()
+    for effect in model.effects:
+        if effect.effect.missing(cells.conditions):
+            held |= {f"{effect.id}.{p.name}" for p in effect.parameters}
+    return tuple(name for name in model.free if name not in held)
+
+
+class Problem:
+    """One fit's data: cells in a metric, offsets taken out."""
+
+    def __init__(self, cells: Cells, white: Whitener) -> None:
+        self.cells, self.white = cells, white
+        self.offset_columns = log_columns(cells)
+        self.offset_basis = orthonormal(white(self.offset_columns)) if self.offset_columns.shape[2] else np.zeros((cells.values.size, 0))
+        self.angles = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance} if cells.phi.shape[1] > 1 else {"phi_rad": None}
+
+    def measured_less(self, prediction: FloatArray) -> FloatArray:
+        """Whitened residual (C, m), offsets taken out."""
+        return without(self.offset_basis, self.white(self.cells.values - prediction))
+
+    def predict(self, model: Model, values: Mapping[str, float]) -> FloatArray:
+        return model.predict(self.cells.conditions, surface=self.cells.surface, values=values, **self.angles)
+
+    def linearised(self, model: Model, names: Sequence[str], values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+        """Prediction (C, m) and Jacobian (C, m, p) in the observable's unit."""
+        prediction, slopes = model.linearised(
+            self.cells.conditions, names=names, surface=self.cells.surface, values=values, **self.angles
+        )
+        return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
+
+    def offsets(self, prediction: FloatArray) -> FloatArray:
+        """Offset of each log, (logs,)."""
+        columns = self.white(self.offset_columns).reshape(-1, self.offset_columns.shape[2])
+        right = self.white(self.cells.values - prediction).reshape(-1)
+        return np.linalg.lstsq(columns, right, rcond=None)[0] if columns.shape[1] else np.zeros(0)
+
+
+def _sizes(model: Model, names: Sequence[str]) -> FloatArray:
+    """The scale in which a parameter's step is damped."""
+    parameters = model.parameters
+    return np.array([max(abs(parameters[n].value), 0.3 * abs(parameters[n].probe), 1e-12) for n in names])
+
+
+def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    parameters: list[Parameter] = [model.parameters[n] for n in names]
+    return np.array([p.min for p in parameters]), np.array([p.max for p in parameters])
+
+
+def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = MOST_STEPS) -> tuple[Model, float, bool]:
+    """Levenberg-Marquardt from the model's values; the best model, its chi-square, whether it settled.  A point that the physics refuses is a
+    step too far; ModelError only where the start itself is refused."""
+    theta = np.array([model.values[n] for n in names])
+    low, high = _bounds(model, names)
+    values = dict(zip(names, theta, strict=True))
+    prediction, jacobian = problem.linearised(model, names, values)
+    residual = problem.measured_less(prediction)
+    chi2, damping, settled = float((residual**2).sum()), 1e-3, not len(names)
+    for _ in range(steps if len(names) else 0):
+        size = _sizes(model.with_values(dict(zip(names, np.clip(theta, low, high), strict=True))), names)
+        slope = without(problem.offset_basis, problem.white(jacobian * size)).reshape(-1, len(names))
+        gram, gradient = slope.T @ slope, slope.T @ residual.reshape(-1)
+        free = ~(((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0)))
+        better = False
+        for _ in range(8):
+            step = np.zeros(theta.size)
+            square = gram[np.ix_(free, free)]
+            square = square + damping * np.diag(np.diag(square) + 1e-9 * np.trace(gram))
+            step[free] = np.linalg.lstsq(square, gradient[free], rcond=1e-12)[0]
+            new = np.clip(theta + np.clip(step, -1.0, 1.0) * size, low, high)
+            try:
+                trial = problem.measured_less(problem.predict(model, dict(zip(names, new, strict=True))))
+                reached = float((trial**2).sum())
+            except ModelError:
+                reached = np.inf
+            if reached < chi2:
+                better = True
+                break
+            damping = max(damping, 1e-6) * 8.0
+        if not better:
+            settled = True
+            break
+        drop, theta, chi2, damping = chi2 - reached, new, reached, damping / 10.0
+        values = dict(zip(names, theta, strict=True))
+        if drop < _SETTLED * chi2 and drop < 0.3:
+            settled = True
+            residual = trial
+            break
+        prediction, jacobian = problem.linearised(model, names, values)
+        residual = trial
+    return model.with_values(values), chi2, settled
+
+
+def starts(model: Model, names: Sequence[str]) -> list[Model]:
+    """The model's own values, and others around them that stay within the bounds."""
+    result = []
+    for factors in STARTS:
+        moved = {n: f * model.values[n] for n, f in factors.items() if n in names}
+        if factors and not moved:
+            continue
+        clipped = {n: float(np.clip(v, model.parameters[n].min, model.parameters[n].max)) for n, v in moved.items()}
+        result.append(model.with_values(clipped))
+    return result
+
+
+def few_cells(cells: Cells) -> NDArray[np.int64]:
+    """Some cells that span the speeds and logs, for judging starts."""
+    order = np.lexsort((cells.conditions.speed_m_s, cells.log))
+    return np.unique(order[np.linspace(0, order.size - 1, min(_FEW, order.size)).astype(int)])
+
+
+def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = True) -> Fit:
+    """The model fitted to the cells.  ModelError where no start can be computed."""
+    names = free_names(model, cells)
+    candidates = starts(model, names) if several else [model]
+    if len(candidates) > 1:
+        candidates = _promising(cells, model, names, candidates)
+    problem = Problem(cells, white)
+    results, refused = [], None
+    for start in candidates:
+        try:
+            results.append(descend(problem, start, names))
+        except ModelError as problem_of_start:
+            refused = problem_of_start
+    if not results:
+        raise refused or ModelError("the model could not be fitted; a model that predicts these speeds is allowed; change its start values")
+    best, _, settled = min(results, key=lambda result: result[1])
+    return finish(problem, best, names, settled)
+
+
+def _promising(cells: Cells, model: Model, names: Sequence[str], candidates: list[Model]) -> list[Model]:
+    """The two best of the starts after a few steps on a few cells."""
+    from tirelog.discrepancy.whitening import whitener
+
+    some = take_cells(cells, few_cells(cells))
+    problem = Problem(some, whitener(some))
+    reached = []
+    for start in candidates:
+        try:
+            reached.append(descend(problem, start, names, steps=15))
+        except ModelError:
+            continue
+    reached.sort(key=lambda result: result[1])
+    distinct = [r for i, r in enumerate(reached) if i == 0 or abs(r[1] - reached[0][1]) > 0.02 * reached[0][1]]
+    return [r[0] for r in distinct[:2]] or candidates
+
+
+def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
+    """Some of the cells."""
+    names = (
+        "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions", "log", "manoeuvre", "regime", "within",
+    )  # fmt: skip
+    return replace(cells, conditions=cells.conditions.take(rows), **{name: getattr(cells, name)[rows] for name in names})
+
+
+def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) -> Fit:
+    """Everything about the fitted point."""
+    prediction, jacobian = problem.linearised(model, names, {})
+    residual = problem.measured_less(prediction)
+    slope = without(problem.offset_basis, problem.white(jacobian)).reshape(-1, len(names))
+    chi2 = float((residual**2).sum())
+    freedom = max(problem.white.values - problem.white.removed - problem.offset_basis.shape[1] - len(names), 1.0)
+    errors = _errors(slope, max(1.0, chi2 / freedom))
+    return Fit(
+        model.with_values({n: model.values[n] for n in names}, se=dict(zip(names, errors, strict=True))),
+        tuple(names),
+        chi2,
+        freedom,
+        residual,
+        prediction,
+        jacobian,
+        problem.offsets(prediction),
+        dict(zip(names, errors, strict=True)),
+        settled,
+    )
+
+
+def _errors(slope: FloatArray, scale: float) -> list[float]:
+    """Standard errors from the whitened Jacobian (N, p); infinite along directions that the data cannot see."""
+    norm = np.linalg.norm(slope, axis=0)
+    usable = norm > 0
+    if not usable.any():
+        return [float("inf")] * slope.shape[1]
+    unit = slope[:, usable] / norm[usable]
+    values, vectors = np.linalg.eigh(unit.T @ unit)
+    good = values > 1e-10 * values[-1]
+    variance = np.where(np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1, np.inf, (vectors[:, good] ** 2 / values[good]).sum(axis=1))
+    errors = np.full(slope.shape[1], np.inf)
+    errors[usable] = np.sqrt(scale * variance) / norm[usable]
+    return [float(e) for e in errors]
