@@ -1,0 +1,216 @@
+"""The manifest: which logs, with which setups and conditions, become which tables and are held against which models.
+
+```toml
+[campaign]
+name = "spring 2026"
+output = "results"                 # relative to the manifest
+
+[[logs]]
+glob = "logs/wet/*.csv.gz"
+setup = "wet.toml"                 # optional: else the setup beside each log
+conditions = "conditions.csv"      # optional: column `log` (path or name), and conditions of the setup or tags (driver, track) per log
+
+[tables.speed]
+[tables.footprint]
+cutoff = "auto"                    # the command's own options
+
+[[models]]
+file = "beam.toml"
+commands = ["compare", "diagnose"]
+```
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from tirelog.errors import UsageError, nearest
+from tirelog.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
+
+_SECTIONS = ("campaign", "logs", "tables", "models")
+_CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))
+MODEL_COMMANDS = ("compare", "diagnose", "ladder")
+
+
+@dataclass(frozen=True)
+class CampaignLog:
+    """One log: its path, its setup (with the conditions of the campaign's table put in), its partition's name and tags.
+
+    `problem` says why it cannot be read at all (its setup does not fit, ...); it is kept as failed, and does not stop the rest.
+    """
+
+    path: str
+    name: str
+    setup: Setup | None
+    tags: Mapping[str, str] = field(default_factory=dict)
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class CampaignModel:
+    """A model file and what to do with it over all logs."""
+
+    file: Path
+    commands: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A whole manifest, resolved."""
+
+    name: str
+    output: Path
+    logs: tuple[CampaignLog, ...]
+    tables: Mapping[str, Mapping[str, Any]]
+    models: tuple[CampaignModel, ...]
+    file: Path
+
+
+def _refuse(message: str, file: Path) -> UsageError:
+    return UsageError(message, file=file)
+
+
+def _keys(data: Any, allowed: tuple[str, ...], where: str, file: Path) -> dict[str, Any]:
+    """`data` as a table with no other keys than `allowed`."""
+    if not isinstance(data, dict):
+        raise _refuse(f"{where} is not a table; allowed are {', '.join(allowed)} under it; mend it", file)
+    for key in data:
+        if key not in allowed:
+            raise _refuse(
+                f"unknown key {key!r} in {where}{nearest(key, allowed)}; allowed are {', '.join(allowed)}; mend or remove it", file
+            )
+    return data
+
+
+def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign:
+    """The manifest at `path`.  `tables`: known tables and their options.
+
+    UsageError: not TOML, an unknown key, no log matches, two logs with one name.  A log whose setup does not fit is no error here.
+    """
+    try:
+        data = tomllib.loads(path.read_text("utf-8"))
+    except OSError as problem:
+        raise _refuse(f"cannot be read ({problem.strerror}); a manifest is a TOML file; give its path", path) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise _refuse(f"not TOML: {problem}; mend the line", path) from None
+    _keys(data, _SECTIONS, "the manifest", path)
+    about = _keys(data.get("campaign", {}), ("name", "output"), "[campaign]", path)
+    wanted = _keys(data.get("tables", {}), tuple(tables), "[tables]", path)
+    for name, options in wanted.items():
+        _keys(options, tables[name], f"[tables.{name}]", path)
+    base = path.parent
+    logs = tuple(
+        log for number, entry in enumerate(data.get("logs", []), 1) for log in _logs(entry, f"[[logs]] number {number}", base, path)
+    )
+    _distinct(logs, path)
+    if not wanted and not data.get("models"):
+        raise _refuse(f"asks for nothing; allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]; add one", path)
+    models = tuple(_model(entry, base, path) for entry in data.get("models", []))
+    return Campaign(str(about.get("name", path.stem)), base / str(about.get("output", "results")), logs, wanted, models, path)
+
+
+def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
+    if not logs:
+        raise _refuse("matches no log; each [[logs]] has a glob relative to the manifest; mend the glob", path)
+    seen: dict[str, str] = {}
+    for log in logs:
+        if log.name in seen:
+            raise _refuse(
+                f"two logs have the name {log.name!r}: {seen[log.name]} and {log.path}; a name stands for one log; narrow the globs", path
+            )
+        seen[log.name] = log.path
+
+
+def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
+    """The logs of one [[logs]] entry, in the order of their paths."""
+    _keys(entry, ("glob", "setup", "conditions"), where, file)
+    pattern = entry.get("glob")
+    if not isinstance(pattern, str) or not pattern:
+        raise _refuse(f'{where} has no glob; allowed is a pattern relative to the manifest; add glob = "logs/*.csv"', file)
+    if Path(pattern).is_absolute():
+        root = Path(Path(pattern).anchor)
+        paths = root.glob(str(Path(pattern).relative_to(root)))
+    else:
+        paths = base.glob(pattern)
+    setups = (".toml",)
+    found = sorted(p for p in paths if p.is_file() and p.suffix not in setups and not p.name.endswith(".truth.json"))
+    if not found:
+        raise _refuse(f"{where}: glob {pattern!r} matches no log; it is relative to {base}; mend it", file)
+    shared = load_setup(base / entry["setup"]) if "setup" in entry else None
+    overrides = _conditions(base / entry["conditions"]) if "conditions" in entry else {}
+    return [_log(path, shared, overrides, base) for path in found]
+
+
+def _log(path: Path, shared: Setup | None, overrides: Mapping[str, Mapping[str, str]], base: Path) -> CampaignLog:
+    relative = path.relative_to(base) if path.is_relative_to(base) else path
+    name = re.sub(r"[^\w.+-]+", "_", str(relative)).strip("_")
+    row = overrides.get(str(relative)) or overrides.get(path.name) or {}
+    tags = {k: v for k, v in row.items() if k not in _CONDITIONS}
+    try:
+        beside = None if shared is not None else setup_beside(path)
+        setup = shared if shared is not None else load_setup(beside) if beside is not None else None
+        if setup is not None and row:
+            setup = _with_conditions(setup, row)
+    except UsageError:
+        raise
+    except Exception as problem:  # a log whose setup is unusable is kept as failed
+        return CampaignLog(str(path), name, None, tags, str(problem))
+    return CampaignLog(str(path), name, setup, tags, "" if setup else "no setup file beside the log and none in the manifest")
+
+
+def _with_conditions(setup: Setup, row: Mapping[str, str]) -> Setup:
+    """The setup with this log's conditions; its text carries them too, so that a run made from it says the same."""
+    given = {}
+    for key in _CONDITIONS:
+        if row.get(key, "") != "":
+            given[key] = row[key].strip().lower() in ("true", "1", "yes") if key == "driven" else float(row[key])
+    known = {k: v for k, v in dataclasses.asdict(setup.conditions).items() if v is not None} | given
+    lines = [f"{k} = {str(v).lower() if isinstance(v, bool) else repr(v)}" for k, v in known.items()]
+    outside = re.sub(r"(?ms)^\s*\[conditions\].*?(?=^\s*\[|\Z)", "", setup.text)
+    return parse_setup(outside.rstrip() + "\n\n[conditions]\n" + "\n".join(lines) + "\n", setup.file)
+
+
+def _conditions(path: Path) -> dict[str, dict[str, str]]:
+    """The campaign's table of conditions: log -> its other columns."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError, csv.Error) as problem:
+        raise UsageError(f"cannot be read ({problem}); the conditions are a CSV with a column log; mend the path", file=path) from None
+    if not rows or "log" not in rows[0]:
+        raise UsageError("has no column log; it names each row's log by path or file name; add it", file=path)
+    for line, row in enumerate(rows, 2):
+        for key in _CONDITIONS:
+            text = row.get(key) or ""
+            if key != "driven" and text and not _finite(text):
+                raise UsageError(f"{key} = {text!r}; allowed is a number; mend it", file=path, line=line)
+    return {str(row["log"]): {k: v or "" for k, v in row.items() if k and k != "log" and isinstance(v, str)} for row in rows}
+
+
+def _finite(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def _model(entry: Any, base: Path, file: Path) -> CampaignModel:
+    _keys(entry, ("file", "commands"), "[[models]]", file)
+    commands = tuple(entry.get("commands", ["compare", "diagnose"]))
+    for command in commands:
+        if command not in MODEL_COMMANDS:
+            raise _refuse(
+                f"[[models]] command {command!r}{nearest(str(command), MODEL_COMMANDS)}; allowed are {', '.join(MODEL_COMMANDS)}; mend it",
+                file,
+            )
+    if not isinstance(entry.get("file"), str):
+        raise _refuse('[[models]] has no file; allowed is the path of a model file; add file = "beam.toml"', file)
+    return CampaignModel(base / entry["file"], commands)

@@ -1,0 +1,96 @@
+"""One log's task, carried out in a worker: open the log once, write all its tables, say how it went.
+
+The worker's memory is that of one command on one log, which streams: blocks of a fixed size, whatever the log's length.
+"""
+
+from __future__ import annotations
+
+import resource
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tirelog import __version__
+from tirelog.campaign.ledger import Entry
+from tirelog.errors import ExitStatus, TirelogError, UsageError
+from tirelog.ingest import open_recording
+from tirelog.recording import Recording
+from tirelog.setup import parse_setup
+from tirelog.tables import TableWriter
+
+Columns = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker is sent: only text and numbers, so that it can travel to another machine."""
+
+    log: str
+    name: str
+    key: str
+    setup_text: str
+    setup_file: str
+    tables: Mapping[str, Mapping[str, Any]]
+    output: str
+    temporary: str
+    problem: str = ""
+
+
+def make_tables(task: Task) -> Entry:
+    """Write the log's tables to `output/table=NAME/log=NAME/part.parquet`; every failure is in the entry, none is raised."""
+    entry = Entry(task.log, task.name, task.key)
+    begun = time.perf_counter()
+    try:
+        if task.problem:
+            raise UsageError(task.problem, file=task.log)
+        tempfile.tempdir = task.temporary if Path(task.temporary).is_dir() else None
+        with open_recording(task.log, parse_setup(task.setup_text, task.setup_file)) as recording:
+            for name, options in task.tables.items():
+                _make(name, options, recording, task, entry)
+            entry.remarks, entry.losses = list(recording.remarks), list(recording.losses)
+        entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
+    except TirelogError as problem:
+        entry.error, entry.exit_status = str(problem), int(problem.exit_status)
+    except Exception as problem:  # one log's failure, also a defect of our own, must not stop the campaign
+        entry.error, entry.exit_status = (
+            f"{task.log}: a defect of tirelog's own ({type(problem).__name__}: {problem})",
+            int(ExitStatus.DEFECT),
+        )
+    entry.seconds = round(time.perf_counter() - begun, 3)
+    entry.peak_memory_MB = round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1)
+    return entry
+
+
+def part_path(output: str | Path, table: str, name: str) -> Path:
+    """Where a log's rows of a table stand."""
+    return Path(output) / f"table={table}" / f"log={name}" / "part.parquet"
+
+
+def _make(name: str, options: Mapping[str, Any], recording: Recording, task: Task, entry: Entry) -> None:
+    """One table of one log.  The column `log` is the partition, so that readers of the dataset get it from the folder's name."""
+    path = part_path(task.output, name, task.name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    words: dict[str, int] = {}
+    with TableWriter(name, path, "parquet", metadata={"key": task.key, "log": task.log, "version": __version__}) as writer:
+        for columns in MAKERS[name].rows(recording, options):
+            for word, n in zip(*np.unique(np.asarray(columns["quality"], dtype=str), return_counts=True), strict=True):
+                words[str(word)] = words.get(str(word), 0) + int(n)
+            writer.write({key: value for key, value in columns.items() if key != "log"})
+        entry.rows[name] = writer.rows
+    entry.quality[name] = words
+
+
+@dataclass(frozen=True)
+class Maker:
+    """How a table is made, and the options that a manifest may give for it."""
+
+    rows: Callable[[Recording, Mapping[str, Any]], Iterator[Columns]]
+    options: tuple[str, ...] = ()
+
+
+MAKERS: dict[str, Maker] = {}

@@ -1,0 +1,108 @@
+"""`tirelog campaign run | status MANIFEST`."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tirelog.cli.common import Quiet, say
+from tirelog.errors import ExitStatus
+
+if TYPE_CHECKING:
+    from tirelog.campaign.ledger import Entry, Ledger
+    from tirelog.campaign.manifest import Campaign
+
+app = typer.Typer(help="Every log of a test campaign, every table, resumable.", no_args_is_help=True, rich_markup_mode=None)
+
+Manifest = Annotated[Path, typer.Argument(help="The campaign's manifest (TOML).", show_default=False)]
+Only = Annotated[str | None, typer.Option("--only", help="Only logs whose path or name matches this pattern.", show_default=False)]
+
+
+def _load(manifest: Path) -> tuple[Campaign, Ledger]:
+    from tirelog.campaign.ledger import Ledger
+    from tirelog.campaign.manifest import load_manifest
+    from tirelog.campaign.work import MAKERS
+
+    campaign = load_manifest(manifest, {name: maker.options for name, maker in MAKERS.items()})
+    return campaign, Ledger(campaign.output)
+
+
+@app.command("run")
+def run(
+    manifest: Manifest,
+    workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Processes on this machine.")] = 1,
+    scheduler: Annotated[str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT.", show_default=False)] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done.")] = False,
+    only: Only = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Try the failed logs again.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Make what is not made yet: every log's tables, then the models over all logs."""
+    from tirelog.campaign.runner import plan, to_do, write_summary
+    from tirelog.campaign.runner import run as carry_out
+
+    campaign, ledger = _load(manifest)
+    with ledger.locked():
+        tasks = plan(campaign, ledger, only=only)
+        open_tasks = to_do(tasks, ledger, retry_failed=retry_failed)
+        if dry_run:
+            for task in open_tasks:
+                typer.echo(f"{task.log}: {', '.join(task.tables)}")
+            return
+        progress = _Progress(quiet)
+        carry_out(campaign, ledger, open_tasks, workers=workers, scheduler=scheduler, said=progress)
+        summary = write_summary(campaign, ledger)
+        failed = [entry for task in tasks if (entry := ledger.entry(task.name)) is not None and (entry.error or entry.losses)]
+        if not quiet:
+            say(f"note: {len(open_tasks)} of {len(tasks)} logs worked on, {len(tasks) - len(open_tasks)} were done; {summary}")
+        if campaign.models:
+            from tirelog.campaign.models import run_models
+
+            run_models(campaign, ledger, say if not quiet else lambda text: None)
+    for entry in failed:
+        if entry.error:
+            say(f"error: {entry.error}")
+    if failed:
+        raise typer.Exit(int(ExitStatus.INPUT_LOST))
+
+
+@app.command("status")
+def status(manifest: Manifest) -> None:
+    """Say what is done, failed and open."""
+    from tirelog.campaign.runner import plan, to_do
+
+    campaign, ledger = _load(manifest)
+    with ledger.locked():
+        tasks = plan(campaign, ledger)
+        waiting = {task.name for task in to_do(tasks, ledger)}
+    failed = {
+        task.name: entry for task in tasks if (entry := ledger.entry(task.name)) is not None and entry.error and task.name not in waiting
+    }
+    typer.echo(
+        f"{campaign.name}: {len(tasks)} logs, {len(tasks) - len(waiting) - len(failed)} done, {len(failed)} failed, {len(waiting)} open"
+    )
+    for task in tasks:
+        if task.name in waiting:
+            typer.echo(f"open    {task.log}")
+        elif task.name in failed:
+            typer.echo(f"failed  {failed[task.name].error}")
+
+
+class _Progress:
+    """A line that is overwritten on a terminal, with the time left; a plain line a log elsewhere."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.quiet, self.begun, self.terminal = quiet, time.monotonic(), sys.stderr.isatty()
+
+    def __call__(self, entry: Entry, finished: int, of: int) -> None:
+        if self.quiet:
+            return
+        left = (time.monotonic() - self.begun) / finished * (of - finished)
+        outcome = "failed" if entry.error else f"{sum(entry.rows.values())} rows, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
+        line = f"tirelog: {finished}/{of} {entry.log}: {outcome}; {left:.0f} s left"
+        sys.stderr.write(f"\r\x1b[K{line}" + ("\n" if finished == of else "") if self.terminal else f"{line}\n")
+        sys.stderr.flush()
