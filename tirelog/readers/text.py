@@ -1,0 +1,240 @@
+"""Text logs: what an interrogator or a logger wrote, as blocks of the setup's channels.
+
+    path or stream --text_source--> whole lines --sniff--> Layout --text_columns--> Columns
+                   --text_parse, two blocks at once--> rows --here: lost samples, stamps, flags--> RawBlock
+
+What happens to a row that is not like the others: a cell that is no number is NaN and counted; a row of the wrong width keeps
+its place with NaN where its stamp can be read (or where the log has none) and is left out where not; a last row that is cut off
+is left out.  All three are losses, told with their first line.  Samples that the instrument marks as lost are NaN and counted.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from tirelog.errors import ReadError
+from tirelog.readers import Group, RawBlock, ReadReport
+from tirelog.readers.peaks import GratingTracker
+from tirelog.readers.sniff import Layout, filled, is_number, sniff, split
+from tirelog.readers.text_columns import assign, decimals, most_decimals, resolution_s, start_iso
+from tirelog.readers.text_parse import Parsed, Plan, parse
+from tirelog.readers.text_source import ByteSource
+from tirelog.readers.text_time import MISSING, month_first, unwrap_midnight
+from tirelog.recording import FloatArray
+from tirelog.setup import Setup
+
+#: the name of the one group of a text log: all columns share the row's clock
+GROUP = "rows"
+#: blocks that are parsed or wait to be used at one time, beside the one that is read
+_AHEAD = 2
+#: stamps above this many seconds are kept as whole numbers until the first one is taken off
+_EXACT_ABOVE_S = 1e6
+
+_RATE = re.compile(r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?", re.I)
+
+
+def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> TextReader:
+    """A reader of the text log at a path or in a binary stream (which need not seek).
+
+    ReadError: no text, no rows, or none of the setup's channels in it.  SetupError: `[log] time` names no column.
+    """
+    return TextReader(ByteSource(source, log_name), setup, log_name)
+
+
+class TextReader:
+    """An open text log (`tirelog.readers.LogReader`)."""
+
+    def __init__(self, source: ByteSource, setup: Setup, name: str) -> None:
+        self.name, self.setup, self._source = name, setup, source
+        self.layout = sniff(self._source.head(), name)
+        self.columns = assign(self.layout, setup, name)
+        self._plan = _plan(self.layout, setup, name)
+        self.report = ReadReport(format="text" if source.kind == "plain" else f"text, {source.kind}")
+        self.report.start = start_iso(self.layout, self.columns, self._plan.us)
+        self.report.losses += [f"channel {channel}: {why}" for channel, why in self.columns.missing.items()]
+        channels = [c for c in setup.channels if c not in self.columns.missing]
+        self._tracker = GratingTracker({c: setup.channels[c] for c in self.columns.peaks}) if self.columns.peaks else None
+        self.groups = (self._group(tuple(channels)),)
+        self._gratings = [c for c in self.columns.values if setup.channels[c].kind.startswith("fbg_")]
+        self._origin: int | float | None = None
+        self._last_ns: int | None = None
+        self._bad: dict[str, list[tuple[int, str]]] = {"row": [], "cell": []}
+        self._seen: set[str] = set()
+
+    def _group(self, channels: tuple[str, ...]) -> Group:
+        columns, layout = self.columns, self.layout
+        places = {c: decimals(layout, columns.values[c]) for c in columns.values}
+        places |= {c: max((decimals(layout, k) or 0 for k in range(self._plan.peaks_at, layout.width)), default=0) for c in columns.peaks}
+        counted = False
+        if columns.number is not None:
+            parts = [k for k in (columns.time, columns.clock) if k is not None]
+            stamps = [tuple(row[k] for k in parts) for row in layout.rows if len(row) > max(parts, default=0)]
+            counted = not parts or len(set(stamps)) < 0.7 * len(stamps)
+        return Group(GROUP, channels, _rate(layout), resolution_s(layout, columns), counted, places)
+
+    def blocks(self) -> Iterator[RawBlock]:
+        """All rows, block by block."""
+        try:
+            rows = 0
+            for parsed in self._parsed():
+                self._bad["row"] += parsed.bad_rows
+                self._bad["cell"] += parsed.bad_cells
+                if parsed.size:
+                    rows += parsed.size
+                    yield self._block(parsed)
+            self._finish(rows)
+        finally:
+            self._source.close()
+
+    def _parsed(self) -> Iterator[Parsed]:
+        """Parsed blocks in order; two are parsed at once, since parsing leaves the interpreter's lock."""
+        waiting: deque[Future[Parsed]] = deque()
+        with ThreadPoolExecutor(_AHEAD, "tirelog-text") as pool:
+            for line, block in self._source.blocks(self.layout.skip, self.layout.first_line, returns=self.layout.returns):
+                waiting.append(pool.submit(parse, self._plan, line, self._whole(line, block)))
+                if len(waiting) > _AHEAD:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+
+    def _whole(self, line: int, block: bytes) -> bytes:
+        """The block without a last row that is cut off."""
+        if block.endswith(b"\n"):
+            return block
+        start = block.rfind(b"\n") + 1
+        last = block[start:].decode(self.layout.encoding, errors="replace")
+        if not (self._source.problem or cut_off(self.layout, last)):
+            return block
+        number = line + block.count(b"\n")
+        self.report.counts["rows_cut_off"] = 1
+        self.report.losses.append(f"line {number}: the last row is cut off and was left out")
+        return block[:start]
+
+    def _block(self, parsed: Parsed) -> RawBlock:
+        values: dict[str, FloatArray] = {}
+        flags: list[tuple[str, int, int, str]] = []
+        for channel, column in self.columns.values.items():
+            values[channel] = parsed.values[column]
+            if channel in self._gratings:
+                values[channel] = np.where((values[channel] == 0.0) | (values[channel] == -1.0), np.nan, values[channel])
+        if self._tracker:
+            found, flags = self._tracker.follow(parsed)
+            values |= found
+        for channel, samples in values.items():
+            lost = int(np.isnan(samples).sum())
+            self._count(f"lost_samples {channel}", lost)
+            if lost < samples.size:
+                self._seen.add(channel)
+        if parsed.errors is not None:
+            flags += self._errors(parsed)
+        self._count("rows", parsed.size)
+        ordered = {channel: values[channel] for channel in self.groups[0].channels}
+        return RawBlock(GROUP, ordered, self._stamps(parsed), parsed.number, tuple(flags))
+
+    def _stamps(self, parsed: Parsed) -> FloatArray | None:
+        """Seconds from the log's first stamp."""
+        stamps = parsed.stamps
+        if stamps is None:
+            return None
+        factor = self.columns.time_factor
+        if stamps.dtype == np.float64:
+            if self._origin is None:
+                self._origin = float(stamps[0])
+            return (stamps - self._origin) * factor
+        if self.columns.form == "hms":
+            stamps, turns = unwrap_midnight(stamps, self._last_ns)
+            self._count("midnight_rollovers", turns)
+            self._last_ns = int(stamps[-1])
+        if self._origin is None:
+            self._origin = int(stamps[0])
+        return (stamps - int(self._origin)) * (factor / 1e9)
+
+    def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, str]]:
+        """Sample ranges whose rows carry error codes, for every channel: the codes do not say whose they are."""
+        assert_codes = parsed.errors if parsed.errors is not None else np.zeros(0, np.int64)
+        with_codes = assert_codes > 0
+        self._count("rows_with_error_codes", int(with_codes.sum()))
+        self._count("error_codes", int(assert_codes.sum()))
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], with_codes.astype(np.int8), [0]])))
+        spans = zip(edges[::2].tolist(), edges[1::2].tolist())
+        return [(channel, start, stop, "error_code") for start, stop in spans for channel in self.groups[0].channels]
+
+    def _count(self, what: str, number: int) -> None:
+        if number:
+            self.report.counts[what] = self.report.counts.get(what, 0) + number
+
+    def _finish(self, rows: int) -> None:
+        """The report, once all is read."""
+        report = self.report
+        for what, sentence in (("row", "rows do not parse"), ("cell", "cells are no numbers")):
+            bad = self._bad[what]
+            self._count(f"bad_{what}s", len(bad))
+            if bad:
+                report.losses.append(f"{len(bad)} {sentence} (first in line {bad[0][0]}: {bad[0][1]})")
+        if self._source.problem:
+            report.losses.append(f"{self._source.problem}; the rows before it were read")
+        if not rows:
+            raise ReadError("; ".join(report.losses or ["holds no rows"]) + "; check the recording", file=self.name)
+        for channel in self.groups[0].channels:
+            if channel not in self._seen:
+                self._silent(channel)
+
+    def _silent(self, channel: str) -> None:
+        """A channel without one reading: said once, and a loss where a wrong window is the likely reason."""
+        if self._tracker and channel in self.columns.peaks:
+            self.report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
+        else:
+            self.report.remarks.append(f"channel {channel} holds no reading: every sample is blank, NaN, 0 or -1")
+
+
+def cut_off(layout: Layout, line: str) -> bool:
+    """True where a last line without its newline is shorter than the rows before it: in cells, in peaks, or in its last decimals."""
+    cells = split(line, layout.separator, layout.timed)
+    usual = layout.rows[:-1]
+    if not usual:
+        return len(cells) < layout.width
+    if layout.counts:
+        fronts = cells[layout.counts_at : layout.counts_at + layout.counts]
+        if len(fronts) < layout.counts or not all(cell.isdigit() for cell in fronts):
+            return True
+        if sum(map(int, fronts)) != filled(cells) - layout.counts_at - layout.counts:
+            return True
+    elif not layout.ragged and len(cells) < layout.width - (layout.kinds[layout.width - 1] == "blank"):
+        return True
+    if not cells[-1] or not is_number(cells[-1], layout.decimal):
+        return layout.kinds[min(len(cells), len(layout.kinds)) - 1] == "number" and bool(cells[-1])
+    column = len(cells) - 1
+    lengths = {most_decimals([row[column]], layout.decimal) for row in usual if len(row) > column and row[column]}
+    return len(lengths) == 1 and most_decimals([cells[-1]], layout.decimal) < lengths.pop()
+
+
+def _plan(layout: Layout, setup: Setup, name: str) -> Plan:
+    columns = assign(layout, setup, name)
+    us = columns.form == "dmy" and month_first([row[columns.time] for row in layout.rows if len(row) > (columns.time or 0)])  # type: ignore[index]
+    exact = False
+    if columns.form == "number" and columns.time is not None:
+        first = next((row[columns.time] for row in layout.rows if is_number(row[columns.time], layout.decimal)), "0")
+        exact = abs(float(first.replace(layout.decimal, "."))) * columns.time_factor > _EXACT_ABOVE_S
+    behind = [layout.counts_at + layout.counts - 1 if layout.counts else -1, columns.time, columns.clock, columns.number, columns.errors]
+    return Plan(layout, columns, us, exact, max(k for k in behind if k is not None) + 1)
+
+
+def _rate(layout: Layout) -> float | None:
+    """The sampling rate that a preamble tells."""
+    for line in layout.preamble:
+        if match := _RATE.search(line):
+            try:
+                return float(match[1].replace(",", ".")) * (1e3 if (match[2] or "").lower() == "khz" else 1.0) or None
+            except ValueError:
+                continue
+    return None
+
+
+__all__ = ["GROUP", "MISSING", "TextReader", "open_text"]

@@ -1,0 +1,233 @@
+"""Which columns of a text log hold what: the setup's channels, the time, the sample number, the error codes.
+
+    Layout + Setup --names, else shapes of the cells--> Columns
+
+A channel's `source` is a header's name (its unit suffix may be left out; upper and lower case, blanks and underscores are
+forgiven where that leaves one column), or `#3`, the third column.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from tirelog import units
+from tirelog.errors import ReadError, SetupError, nearest
+from tirelog.readers.sniff import Layout
+from tirelog.readers.text_time import MISSING, has_clock, one_ns
+from tirelog.setup import ChannelSetup, Setup
+
+_TIME_NAMES = re.compile(r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time|t|sec|seconds|zeit|tempo)", re.I)
+_NUMBER_NAMES = re.compile(
+    r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)|sample|frame|scan|record|n", re.I
+)
+_ERROR_NAMES = re.compile(r".*(error|fault).*", re.I)
+_UNIT_SUFFIX = re.compile(r".*[_ ](s|ms|us|ns|min|h)", re.I)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Column indices, from 0.
+
+    `values` channel -> column; `peaks` channels that are found by wavelength; `missing` channel -> why its column is not there;
+    `time` the column of the stamps and `clock` a second one with the time of day where `time` holds the date alone; `form` their
+    form ('number' with `time_factor` seconds a unit); `number` the sample number; `errors` the column of error codes.
+    """
+
+    values: dict[str, int]
+    peaks: tuple[str, ...] = ()
+    missing: dict[str, str] = field(default_factory=dict)
+    time: int | None = None
+    clock: int | None = None
+    form: str = "number"
+    time_factor: float = 1.0
+    number: int | None = None
+    errors: int | None = None
+
+
+def assign(layout: Layout, setup: Setup, name: str) -> Columns:
+    """The columns of the setup's channels.  ReadError where none is there; SetupError where `[log] time` names no column."""
+    values: dict[str, int] = {}
+    missing: dict[str, str] = {}
+    peaks = []
+    for channel, what in setup.channels.items():
+        if by_wavelength(layout, what):
+            peaks.append(channel)
+            continue
+        column = find(layout, what.source)
+        if column is None:
+            missing[channel] = _absent(layout, what.source)
+        else:
+            values[channel] = column
+    if not values and not peaks:
+        raise ReadError("; ".join(dict.fromkeys(missing.values())) + "; mend source in the setup", file=name)
+    time, clock, form, factor = _time(layout, setup, set(values.values()))
+    number = _sample_number(layout, {*values.values(), time})
+    errors = next((k for k, text in enumerate(layout.names) if _ERROR_NAMES.fullmatch(text) and k not in values.values()), None)
+    return Columns(values, tuple(peaks), missing, time, clock, form, factor, number, errors)
+
+
+def by_wavelength(layout: Layout, channel: ChannelSetup) -> bool:
+    """True where a grating has to be found by wavelength, as its rows hold a varying number of peaks or its column has no name."""
+    if not channel.kind.startswith("fbg_") or channel.source.startswith("#"):
+        return False
+    loose = layout.ragged or layout.counts > 0 or (layout.names and len(layout.names) != layout.width and not _trailing(layout))
+    if loose:
+        return True
+    return channel.window_nm is not None and find(layout, channel.source) is None
+
+
+def _trailing(layout: Layout) -> bool:
+    """True where the rows merely have a separator behind the last cell."""
+    return len(layout.names) == layout.width - 1 and layout.kinds[layout.width - 1] == "blank"
+
+
+def find(layout: Layout, source: str) -> int | None:
+    """The column of a source, None where there is none."""
+    if match := re.fullmatch(r"#(\d+)", source.strip()):
+        column = int(match[1]) - 1
+        return column if 0 <= column < max(layout.width, len(layout.kinds)) else None
+    for same in (str, str.strip, _bare, lambda text: _loose(_bare(text))):
+        hits = [k for k, text in enumerate(layout.names) if same(text) == same(source)]
+        if len(hits) == 1 or (hits and same is str):
+            return hits[0]
+    return None
+
+
+def _bare(name: str) -> str:
+    return re.sub(r"\s*[\[(][^\[\]()]*[\])]\s*$", "", name).strip()
+
+
+def _loose(name: str) -> str:
+    return re.sub(r"[\s_.\-]+", "", name).lower()
+
+
+def _absent(layout: Layout, source: str) -> str:
+    """What is wrong with a source that is no column, and which columns there are."""
+    if not layout.names:
+        return f"no column {source!r}: the log has no header; allowed are #1 to #{layout.width}"
+    shown = ", ".join(text for text in layout.names[:12] if text) + (", ..." if len(layout.names) > 12 else "")
+    return f"no column {source!r}{nearest(source, layout.names)}; the log's columns are {shown}"
+
+
+def _time(layout: Layout, setup: Setup, taken: set[int]) -> tuple[int | None, int | None, str, float]:
+    """(column, column of the time of day, form, seconds a unit) of the stamps."""
+    if setup.log.time:
+        column = find(layout, setup.log.time)
+        if column is None:
+            raise SetupError(f"[log] time: {_absent(layout, setup.log.time)}; mend time in the setup", file=setup.file)
+        return _with_clock(layout, setup, column)
+    best: tuple[int, int | None, str, float] | None = None
+    distinct = 0
+    for column in _time_candidates(layout, taken):
+        candidate = _with_clock(layout, setup, column)
+        parts = [c for c in candidate[:2] if c is not None]
+        seen = len({tuple(row[c] for c in parts) for row in layout.rows if len(row) > max(parts)})
+        if seen > distinct:  # of several, the one with the finest stamps
+            best, distinct = candidate, seen
+    return best or (None, None, "number", 1.0)
+
+
+def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
+    """Columns that look like stamps: those whose cells are times, then numbers under a name of time, then a leading ramp."""
+    kinds = layout.kinds[: layout.width]
+    found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
+    named = [k for k, text in enumerate(layout.names[: len(kinds)]) if _TIME_NAMES.fullmatch(_bare(text)) and kinds[k] == "number"]
+    found += [k for k in named if k not in taken and _ascending(layout, k)]
+    if not found and kinds[0] == "number" and 0 not in taken and not layout.counts and _ascending(layout, 0, strictly=True):
+        whole = all("." not in row[0] and "," not in row[0] for row in layout.rows)
+        if not whole and (not layout.names or not layout.names[0]):
+            found.append(0)
+    return found
+
+
+def _ascending(layout: Layout, column: int, strictly: bool = False) -> bool:
+    """True where the cells of a number column mostly do not fall (three rows at least where they must rise)."""
+    cells = [row[column].replace(layout.decimal, ".") for row in layout.rows if len(row) > column]
+    numbers = []
+    for cell in cells:
+        try:
+            numbers.append(float(cell))
+        except ValueError:
+            continue
+    steps = [b - a for a, b in pairwise(numbers)]
+    good = sum(step > 0 if strictly else step >= 0 for step in steps)
+    return good >= 0.9 * len(steps) and (len(steps) >= 2 or not strictly)
+
+
+def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | None, str, float]:
+    """The stamps' column with its form; a date alone is joined with the first column of times of day."""
+    kind = layout.kinds[column]
+    if kind in ("iso", "dmy"):
+        if any(has_clock(row[column]) for row in layout.rows if len(row) > column):
+            return column, None, kind, 1.0
+        clock = next((k for k, other in enumerate(layout.kinds) if other == "hms"), None)
+        return column, clock, kind, 1.0
+    if kind == "hms":
+        date = [k for k, other in enumerate(layout.kinds[:column]) if other in ("iso", "dmy")]
+        bare = [k for k in date if not any(has_clock(row[k]) for row in layout.rows if len(row) > k)]
+        return (bare[0], column, layout.kinds[bare[0]], 1.0) if bare else (column, None, "hms", 1.0)
+    return column, None, "number", _time_factor(layout, setup, column)
+
+
+def _time_factor(layout: Layout, setup: Setup, column: int) -> float:
+    """Seconds a unit of a numeric time column: the setup's `time_unit`, the header's unit, the name's suffix, else seconds."""
+    if setup.log.time_unit:
+        return units.to_si(setup.log.time_unit, "time")[0]
+    unit = layout.units[column] if column < len(layout.units) else ""
+    if not unit and column < len(layout.names) and (match := _UNIT_SUFFIX.fullmatch(layout.names[column])):
+        unit = match[1].lower()
+    name = units.canonical(unit) if unit else None
+    return units.UNITS[name][1] if name and units.UNITS[name][0] == "time" else 1.0
+
+
+def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:
+    """The column of sample numbers: whole numbers under such a name that rise by one step."""
+    for k, text in enumerate(layout.names[: layout.width]):
+        if k in taken or layout.kinds[k] != "number" or not _NUMBER_NAMES.fullmatch(_bare(text)):
+            continue
+        cells = [row[k] for row in layout.rows if len(row) > k]
+        if not all(re.fullmatch(r"\d+", cell) for cell in cells):
+            continue
+        steps = [int(b) - int(a) for a, b in pairwise(cells)]
+        usual = max(set(steps), key=steps.count, default=1)
+        if usual > 0 and steps.count(usual) >= 0.8 * len(steps):
+            return k
+    return None
+
+
+def resolution_s(layout: Layout, columns: Columns) -> float:
+    """The step of the stamps [s] as written in the sample rows; 0 where the log has none."""
+    if columns.time is None:
+        return 0.0
+    shown = columns.time if columns.clock is None else columns.clock
+    texts = [row[shown] for row in layout.rows if len(row) > shown]
+    if columns.form == "number":
+        return columns.time_factor * 10.0 ** -most_decimals(texts, layout.decimal)
+    fractions = [re.search(r"\d[.,](\d+)\D*$", text) for text in texts]
+    return 10.0 ** -max((len(match[1]) for match in fractions if match), default=0)
+
+
+def most_decimals(cells: Sequence[str], decimal: str) -> int:
+    """The most decimals of these cells; 0 for whole numbers."""
+    return max((len(cell.split(decimal)[1]) for cell in cells if cell.count(decimal) == 1 and "e" not in cell.lower()), default=0)
+
+
+def decimals(layout: Layout, column: int) -> int | None:
+    """Decimals of a channel's column in the sample rows, None where it is written with exponents."""
+    cells = [row[column] for row in layout.rows if len(row) > column]
+    if any(re.search(r"\d[eE]", cell) for cell in cells):
+        return None
+    return most_decimals(cells, layout.decimal)
+
+
+def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:
+    """The first stamp as written, where it tells a date."""
+    if columns.time is None or columns.form not in ("iso", "dmy") or not layout.rows:
+        return None
+    row = layout.rows[0]
+    if len(row) <= columns.time or one_ns(row[columns.time], columns.form, us) == MISSING:
+        return None
+    return row[columns.time] if columns.clock is None else f"{row[columns.time]} {row[columns.clock]}"
