@@ -1,0 +1,170 @@
+"""The noise floor, and errors in the observable's own unit.
+
+    within    repeatability of revolutions inside a manoeuvre, by angle: noise and the random effects of revolutions
+    between   scatter between manoeuvres: load (amplitude and width together) and baseline, as random effects about what follows
+              speed, acceleration and time (which is physics, and for the candidates to explain)
+    floor^2 = within^2 + between^2,   excess^2 = rmse^2 - floor^2
+
+rmse is that of one revolution's value at one angle.  A cell's mean shows it as
+    rmse^2 = within^2 + mean over revolutions of (|cell mean - model|^2 - what noise alone would leave of it)
+so more revolutions sharpen the excess and do not move the floor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.discrepancy.cells import Cells
+from tirelog.discrepancy.fitting import Fit, log_columns
+from tirelog.discrepancy.projection import Normal, left_out, orthonormal, solve_scaled, without
+from tirelog.discrepancy.whitening import Whitener
+from tirelog.errors import ModelError
+
+FloatArray = NDArray[np.float64]
+
+#: relative step of the load for its derivative
+_STEP = 0.01
+
+
+@dataclass(frozen=True)
+class Plain:
+    """The metric of size: shift removed, each cell weighted by its revolutions, so that sums of squares are mean squares times `weight`."""
+
+    cells: Cells
+    weights: FloatArray
+    direction: FloatArray
+    weight: float
+    bias: float
+
+    @classmethod
+    def of(cls, cells: Cells) -> Plain:
+        good = np.isfinite(cells.values) & np.isfinite(cells.sd)
+        number = np.maximum(good.sum(axis=1), 1)
+        weights = np.where(good, np.sqrt(cells.revolutions / number)[:, None], 0.0)
+        shift = cells.shift * (weights > 0)
+        norm = np.linalg.norm(shift, axis=1, keepdims=True)
+        direction = np.divide(shift, norm, out=np.zeros_like(shift), where=norm > 0)
+        spread = np.einsum("cmi,cij,cmj->cm", cells.random, cells.random_cov, cells.random)
+        noise = np.where(good, cells.sd, 0.0) ** 2
+        bias = (weights**2 * (noise + spread)).sum() - (weights**2 * noise * direction**2).sum()
+        return cls(cells, weights, direction, float(cells.revolutions.sum()), float(bias))
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """x (C, m) or (C, m, k) in this metric."""
+        flat = x.ndim == 2
+        x = np.where(self.weights[..., None] > 0, (x[..., None] if flat else x), 0.0)
+        along = np.swapaxes(self.direction[..., None], 1, 2) @ x
+        x = (x - self.direction[..., None] @ along) * self.weights[..., None]
+        return x[..., 0] if flat else x
+
+    def mean_square(self, losses: FloatArray) -> float:
+        """Mean square error of a revolution's value above `within`, from sums of squares (M,) of cell means."""
+        return (float(np.sum(losses)) - self.bias) / self.weight
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Mean squares [unit^2]: within, between, and by angle (m,); `load_sd` relative, `baseline_sd` [unit]: scatter between manoeuvres."""
+
+    within: float
+    between: float
+    within_by_angle: FloatArray
+    between_by_angle: FloatArray
+    load_sd: float
+    baseline_sd: float
+
+    @property
+    def square(self) -> float:
+        return self.within + self.between
+
+
+def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
+    """Change of the prediction per relative change of the load, (C, m); where the model does not know what a load does, its amplitude."""
+    from dataclasses import replace
+
+    conditions = cells.conditions
+    load = np.where(np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan))
+    angles = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance} if cells.phi.shape[1] > 1 else {"phi_rad": None}
+    try:
+        ends = [
+            fit.model.predict(replace(conditions, load_N=load * (1.0 + s * _STEP)), surface=cells.surface, **angles) for s in (1, -1)
+        ]
+    except ModelError:
+        return fit.prediction
+    slope = (ends[0] - ends[1]) / (2.0 * _STEP)
+    return slope if np.isfinite(slope).all() or cells.phi.shape[1] > 1 else fit.prediction
+
+
+def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
+    """Columns of the random effects of manoeuvres: relative load, baseline; (C, m, 2)."""
+    return np.stack([load_derivative(cells, fit), np.ones_like(cells.phi)], axis=-1)
+
+
+def trend_columns(cells: Cells) -> FloatArray:
+    """What physics may follow, one row a manoeuvre (M, k): 1, v, v^2, a, t, each centred, fewer where there are few manoeuvres."""
+    M = cells.manoeuvres
+    number = np.bincount(cells.manoeuvre, cells.revolutions, M)
+    mean = lambda x: np.bincount(cells.manoeuvre, cells.revolutions * x, M) / number  # noqa: E731
+    c = cells.conditions
+    first = [np.unique(cells.log[cells.manoeuvre == m])[0] for m in range(M)]
+    per_log = (np.array(first)[:, None] == np.unique(cells.log)).astype(float)
+    followed = [mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.speed_m_s**2), mean(c.time_s)]
+    keep = int(np.clip((M - per_log.shape[1]) // 3, 0, len(followed)))
+    columns = [per_log] + [((x - x.mean()) / (x.std() + 1e-12))[:, None] for x in followed[:keep]]
+    return np.hstack(columns)
+
+
+def scatter_between(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray) -> tuple[float, float]:
+    """Standard deviations between manoeuvres of the relative load and the baseline, by the method of moments."""
+    basis = orthonormal(np.concatenate([white(fit.jacobian), white(log_columns(cells))], axis=-1))
+    residual = without(basis, white(cells.values - fit.prediction))
+    normal = Normal.of(white(columns), residual, cells.manoeuvre)
+    coefficients = solve_scaled(normal.gram, normal.right)
+    trend = trend_columns(cells)
+    hat = trend @ np.linalg.pinv(trend)
+    freedom = trend.shape[0] - np.trace(hat)
+    if freedom < 2.0:
+        return 0.0, 0.0
+    inverse = np.stack([solve_scaled(normal.gram, np.broadcast_to(e, normal.right.shape)) for e in np.eye(2)], axis=-1)
+    result = []
+    for i in range(2):
+        left = coefficients[:, i] - hat @ coefficients[:, i]
+        expected = float(((1.0 - np.diag(hat)) * inverse[:, i, i]).sum())
+        result.append(float(np.sqrt(max((left @ left - expected) / freedom, 0.0))))
+    return result[0], result[1]
+
+
+def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, load_sd: float, baseline_sd: float) -> Floor:
+    """The floor from the cells' repeatability and the scatter between manoeuvres."""
+    share = plain.weights**2
+    total = np.maximum(share.sum(axis=0), 1e-300)
+    within = np.where(share > 0, cells.within, 0.0)
+    scatter = (load_sd * columns[..., 0]) ** 2 + (baseline_sd * columns[..., 1]) ** 2
+    scatter = np.where(share > 0, scatter, 0.0)
+    return Floor(
+        float((share * within).sum() / plain.weight),
+        float((share * scatter).sum() / plain.weight),
+        (share * within).sum(axis=0) / total,
+        (share * scatter).sum(axis=0) / total,
+        load_sd,
+        baseline_sd,
+    )
+
+
+def held_out_losses(cells: Cells, white: Whitener, plain: Plain, fit: Fit, more: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+    """Losses (M,) of each manoeuvre when all the others decide the parameters: in whitened units, and in the plain metric.
+
+    One step from the fitted point, which is where leaving one manoeuvre out moves it.  `more` (C, m, k) adds columns to the model.
+    """
+    offsets = log_columns(cells)
+    parts = [fit.jacobian, offsets] + ([] if more is None else [more])
+    columns = np.concatenate(parts, axis=-1)
+    own = np.zeros(columns.shape[-1], bool)
+    own[fit.jacobian.shape[-1] : fit.jacobian.shape[-1] + offsets.shape[-1]] = True
+    residual = np.where(np.isfinite(cells.values), cells.values - fit.prediction, 0.0)
+    normal = Normal.of(white(columns), white(residual), cells.manoeuvre)
+    theta = left_out(normal, own)
+    return normal.loss(theta), Normal.of(plain(columns), plain(residual), cells.manoeuvre).loss(theta)
