@@ -109,7 +109,7 @@ class Effect:
 
     id, mechanism, follows     as in the catalogue
     acts_on                    the stages it enters
-    parameters                 numbers with unit, bounds, start; the first ones are its `strength`: all zero means off
+    parameters                 numbers with unit, bounds, start; `strength` names those that are all zero when it is off
     needs                      fields of Conditions without which it cannot be computed
     instead                    a field of `needs` -> another that serves as well
     options                    words a model file may choose from, the first by default
@@ -148,7 +148,7 @@ class Effect:
 
     def is_on(self, values: Values) -> bool:
         """False where its strength is zero: the model is then the same as without it, to the last bit."""
-        return any(values[name] != 0.0 for name in self.strength)
+        return not self.strength or any(values[name] != 0.0 for name in self.strength)
 
     def missing(self, conditions: Conditions) -> list[str]:
         """Fields of the conditions that it needs and some revolution lacks."""

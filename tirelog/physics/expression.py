@@ -1,0 +1,168 @@
+"""A user's formula in a model file: parsed into a tree of allowed nodes and computed by walking it, never executed as Python.
+
+Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else b`, and numpy's elementary functions by
+their plain names.  Everything is computed in floating point, so no exponent grows beyond it.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tirelog.errors import ModelError, nearest
+
+LONGEST, DEEPEST = 1000, 40
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    name: getattr(np, name)
+    for name in (
+        "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp exp2 expm1 log log2 log10 log1p "
+        "sqrt cbrt square abs sign floor ceil minimum maximum where clip hypot heaviside sinc"
+    ).split()
+}
+CONSTANTS = {"pi": np.pi, "e": np.e}
+_BINARY: Mapping[type, Callable[..., Any]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+    ast.Mod: np.mod,
+    ast.BitAnd: np.logical_and,
+    ast.BitOr: np.logical_or,
+}
+_UNARY: Mapping[type, Callable[..., Any]] = {
+    ast.USub: np.negative,
+    ast.UAdd: np.positive,
+    ast.Not: np.logical_not,
+    ast.Invert: np.logical_not,
+}
+_COMPARE: Mapping[type, Callable[..., Any]] = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.Eq: np.equal,
+    ast.NotEq: np.not_equal,
+}
+_BOOLEAN: Mapping[type, Callable[..., Any]] = {ast.And: np.logical_and, ast.Or: np.logical_or}
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A parsed formula: its text and the names that it reads."""
+
+    text: str
+    names: frozenset[str]
+    tree: ast.expr
+
+    def __call__(self, values: Mapping[str, Any]) -> np.ndarray:
+        """The value where the names have these values (arrays that broadcast); ModelError where it is not finite."""
+        with np.errstate(all="ignore"):
+            result = np.asarray(_compute(self.tree, values), dtype=np.float64)
+        if not np.isfinite(result).all():
+            raise ModelError(
+                f"expression {self.text!r} is not finite everywhere; a finite number at every xi and condition is allowed; "
+                f"guard it with where(), clip() or a comparison"
+            )
+        return result
+
+
+def parse(text: str, allowed: frozenset[str] | set[str]) -> Expression:
+    """The formula `text` over the `allowed` names; ModelError for anything else, with what is allowed."""
+    if len(text) > LONGEST:
+        raise ModelError(f"expression of {len(text)} characters; up to {LONGEST} are allowed; shorten it")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
+        raise ModelError(
+            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)}); numbers, names, operators and calls are allowed; correct it"
+        ) from None
+    names: set[str] = set()
+    _check(tree, text, allowed, names, 0)
+    return Expression(text, frozenset(names), tree)
+
+
+def _check(node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: set[str], depth: int) -> None:
+    """Refuses every node that is not on the list; collects names."""
+    if depth > DEEPEST:
+        raise ModelError(f"expression {text!r} is nested deeper than {DEEPEST}; a flatter one is allowed; split it")
+    if isinstance(node, ast.Name):
+        if node.id not in allowed and node.id not in CONSTANTS:
+            raise ModelError(
+                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}; allowed here are {', '.join(sorted(allowed))}, "
+                f"pi, e and the functions {', '.join(FUNCTIONS)}; use one of them"
+            )
+        names.add(node.id)
+        return
+    for part in _parts(node, text):
+        _check(part, text, allowed, names, depth + 1)
+
+
+def _parts(node: ast.AST, text: str) -> list[ast.expr]:
+    """The operands of an allowed node."""
+    if isinstance(node, ast.Constant) and type(node.value) in (int, float) and abs(node.value) < 1e300:
+        return []
+    if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
+        return [node.left, node.right]
+    if isinstance(node, ast.UnaryOp) and type(node.op) in _UNARY:
+        return [node.operand]
+    if isinstance(node, ast.BoolOp):
+        return node.values
+    if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
+        return [node.left, *node.comparators]
+    if isinstance(node, ast.IfExp):
+        return [node.test, node.body, node.orelse]
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and not node.keywords:
+        if 1 <= len(node.args) <= 3 and not any(isinstance(a, ast.Starred) for a in node.args):
+            return node.args
+    what = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else type(node).__name__
+    raise ModelError(
+        f"expression {text!r} uses {what}, which is not allowed; allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, "
+        f"a if c else b, and the functions {', '.join(FUNCTIONS)}; write it with these"
+    )
+
+
+def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    if isinstance(node, ast.Constant):
+        return np.float64(node.value)  # type: ignore[arg-type]
+    if isinstance(node, ast.Name):
+        return values[node.id] if node.id in values else CONSTANTS[node.id]
+    if isinstance(node, ast.BinOp):
+        left, right = _compute(node.left, values), _compute(node.right, values)
+        return _BINARY[type(node.op)](_float(left), _float(right)) if not _logical(node.op) else _BINARY[type(node.op)](left, right)
+    if isinstance(node, ast.UnaryOp):
+        operand = _compute(node.operand, values)
+        return _UNARY[type(node.op)](_float(operand) if isinstance(node.op, ast.USub | ast.UAdd) else operand)
+    if isinstance(node, ast.BoolOp):
+        result = _compute(node.values[0], values)
+        for part in node.values[1:]:
+            result = _BOOLEAN[type(node.op)](result, _compute(part, values))
+        return result
+    if isinstance(node, ast.Compare):
+        terms = [_compute(part, values) for part in (node.left, *node.comparators)]
+        result = np.True_
+        for op, left, right in zip(node.ops, terms, terms[1:]):
+            result = np.logical_and(result, _COMPARE[type(op)](left, right))
+        return result
+    if isinstance(node, ast.IfExp):
+        return np.where(_compute(node.test, values), _compute(node.body, values), _compute(node.orelse, values))
+    call: Any = node  # `_check` let nothing but a call of an allowed function through
+    arguments = [_compute(part, values) for part in call.args]
+    try:
+        return FUNCTIONS[call.func.id](*arguments)
+    except (TypeError, ValueError):
+        raise ModelError(
+            f"{call.func.id}() does not take {len(arguments)} arguments; as many as numpy's {call.func.id} takes are allowed; correct the expression"
+        ) from None
+
+
+def _logical(op: ast.operator) -> bool:
+    return isinstance(op, ast.BitAnd | ast.BitOr)
+
+
+def _float(value: Any) -> Any:
+    return np.asarray(value, dtype=np.float64)
