@@ -52,6 +52,9 @@ class Pulses:
     def __len__(self) -> int:
         return int(self.middle.size)
 
+    def take(self, which: NDArray[np.bool_]) -> Pulses:
+        return Pulses(self.middle[which], self.width[which], self.height[which], self.base[which])
+
 
 def bucket_samples(rate_Hz: float) -> int:
     """Samples a bucket: 1, 4, or a multiple of 4."""

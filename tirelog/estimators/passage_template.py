@@ -15,9 +15,9 @@ import numpy as np
 from tirelog.recording import FloatArray
 
 #: knots over the template's window, and points of its table
-INTERVALS, TABLE = 56, 4096
+INTERVALS, TABLE = 40, 4096
 #: smoothing: weight of the squared third differences against the mean number of samples in a knot interval
-SMOOTHING = 1e-4
+SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8
 NARROWEST_RAD, WIDEST_RAD = 0.1, 0.8

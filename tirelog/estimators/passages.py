@@ -1,37 +1,40 @@
 """Passages of a grating (or accelerometer) through the contact patch: the clock of every other estimator.
 
-    Channel --passage_search--> rough middles and widths --template learnt from some, passage_fit on all--> Passages, a row a passage
+    Channel --passage_search--> rough middles and widths
+            --passage_learn: a template from some; passage_fit: all by it--> times
+            --passage_kinematics--> speeds --passage_marks--> words --> Passages, a row a passage
 
 One row is one passage, in the order of the log: its ordinal is the `revolution` of every table.  The *patch centre* is the zero of the
 matched template, the middle between its half-level crossings (`passage_template`); all commands use it.  Only windows around the passages
-are fitted, block by block at places fixed by the passages, so the rows do not depend on the size of the blocks that were read.
+are fitted, a block at a time at places fixed by the passages, so the rows do not depend on the size of the blocks that were read.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.dsp.noise import sample_noise
-from tirelog.estimators.passage_fit import Fit, Start, Windows, fit, gather
+from tirelog.estimators import passage_marks as marks
+from tirelog.estimators.passage_fit import Fit, Start, fit, gather
+from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, turns_between
+from tirelog.estimators.passage_learn import learn_template
 from tirelog.estimators.passage_search import Pulses, decimate, find_pulses
-from tirelog.estimators.passage_template import WIDEST_RAD, Template, learn
+from tirelog.estimators.passage_template import Template
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
-TURN_RAD = 2 * np.pi
 #: width of a passage (half level) as a share of a turn, where the log is too short to tell
 USUAL_WIDTH_TURNS = 0.06
 #: two passages are one turn apart if the turn that the speeds beside them give lies in this range
 ONE_TURN = (0.7, 1.4)
 #: relative uncertainty of the speed from neighbouring passages, and from a pulse's width
 STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
-#: the template: passages it is learnt from, in clusters of neighbours, and rounds
-LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
-#: misfit [height] beyond which a pulse of unknown speed is no steady passage: the wheel stood in it or turned back
-STANDING_MISFIT = 0.05
+#: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in it), or not the tire at all
+STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
 
 
 @dataclass(frozen=True)
@@ -39,15 +42,17 @@ class Passages:
     """Passages through the patch, in time order; arrays of shape (n,), n may be 0.
 
     index            fractional sample index of the patch centre
-    time_s           its time; NaN where a passage is known to be there and its time is not
-    time_se_s        standard error from the noise
-    turn_before, turn_after   bool: the neighbouring passage is exactly one turn away
-    period_before_s, period_after_s   to that neighbour, NaN where it is not one turn away
-    omega_rad_s      wheel speed at the passage, positive; from the neighbours or, without them, from the pulse's stretch
-    omega_se_rad_s   its standard error where it comes from the stretch, else NaN
-    alpha_rad_s2     wheel acceleration at the passage; 0 where not known
-    height, offset   of the template in this passage, patch upward (sign x recorded signal), channel's unit
+    time_s           its time; of a passage that lies in lost samples: by the speeds around it
+    time_se_s        standard error of the time from the noise
+    turn_before, turn_after   bool: the neighbouring passage is exactly one turn away, and was measured as this one was
+    break_after      '' or why the next passage is not known to be one turn away: gap, standstill, reversing
+    omega_rad_s      wheel speed at the passage, positive; where no neighbour is a turn away from the pulse's stretch (NaN: not known)
+    omega_se_rad_s   its standard error, the differencing in it
+    alpha_rad_s2     wheel acceleration at the passage, NaN where not known
+    sides            neighbours on how many sides gave the speed: 2 centred, 1 extrapolated, 0 from the stretch or between neighbours
+    height, offset   of the template in this passage, patch upward (sign x recorded signal), channel's unit; NaN where lost
     misfit           rms residual of the fit, channel's unit
+    measured         bool: False where the passage lies in lost samples
     quality          words inside the passage's window (empty: ok)
 
     `noise`: sigma of one sample; `sign`: +1 where the patch is a maximum of the recorded signal, -1 where a minimum; `template`: None where
@@ -65,12 +70,15 @@ class Passages:
     time_se_s: FloatArray
     turn_before: NDArray[np.bool_]
     turn_after: NDArray[np.bool_]
+    break_after: NDArray[np.str_]
     omega_rad_s: FloatArray
     omega_se_rad_s: FloatArray
     alpha_rad_s2: FloatArray
+    sides: NDArray[np.int64]
     height: FloatArray
     offset: FloatArray
     misfit: FloatArray
+    measured: NDArray[np.bool_]
     quality: tuple[frozenset[str], ...]
 
     def __len__(self) -> int:
@@ -78,16 +86,28 @@ class Passages:
 
     @property
     def period_before_s(self) -> FloatArray:
+        """Time since the passage before, NaN where that is not one turn away."""
         return np.where(self.turn_before, np.diff(self.time_s, prepend=np.nan), np.nan)
 
     @property
     def period_after_s(self) -> FloatArray:
+        """Time to the passage after, NaN where that is not one turn away."""
         return np.where(self.turn_after, np.diff(self.time_s, append=np.nan), np.nan)
 
     @property
     def speed_m_s(self) -> FloatArray:
-        """Speed at the passage over the rolling circumference; `estimators.speed` has the better one with its error."""
+        """Speed over the rolling circumference (errata, Speed)."""
         return self.radius_m * self.omega_rad_s
+
+    @property
+    def speed_se_m_s(self) -> FloatArray:
+        """Standard error of `speed_m_s`, the radius taken as exact."""
+        return self.radius_m * self.omega_se_rad_s
+
+    @property
+    def acceleration_m_s2(self) -> FloatArray:
+        """Longitudinal acceleration, positive in drive."""
+        return self.radius_m * self.alpha_rad_s2
 
 
 def patch_sign(channel: Channel) -> float:
@@ -97,30 +117,92 @@ def patch_sign(channel: Channel) -> float:
     positive) outside, so the patch points away from the median, whichever way the sensor counts.
     """
     if channel.kind == "radial_acceleration":
-        middle = np.nanmedian(channel.read(0, min(channel.size, BLOCK_SAMPLES))) if channel.size else -1.0
-        return 1.0 if not middle > 0 else -1.0
+        some = channel.read(0, min(channel.size, BLOCK_SAMPLES))
+        some = some[np.isfinite(some)]
+        return -1.0 if some.size and np.median(some) > 0 else 1.0
     return 1.0 if channel.surface == "inner" else -1.0
 
 
-def kinematics(time_s: FloatArray, turn_after: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-    """Wheel speed [rad/s] and acceleration [rad/s^2] at each passage, exact where the acceleration is constant; NaN at ends of a stretch.
+def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_SAMPLES) -> Passages:
+    """The passages of `channel` (strain or radial acceleration), `radius_m` the rolling radius.
 
-    Through three passages one turn apart goes one parabola of the angle in time.
+    The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
     """
-    before = np.diff(time_s, prepend=np.nan)
-    after = np.diff(time_s, append=np.nan)
-    known = turn_after & np.concatenate([[False], turn_after[:-1]])
-    before, after = np.where(known, before, np.nan), np.where(known, after, np.nan)
-    mean_before, mean_after = TURN_RAD / before, TURN_RAD / after
-    omega = (mean_before * after + mean_after * before) / (before + after)
-    alpha = 2 * (mean_after - mean_before) / (before + after)
-    return omega, alpha
+    sign, noise = patch_sign(channel), sample_noise(channel)
+    data = decimate(channel, sign, block_samples)
+    pulses = find_pulses(data, noise) if np.isfinite(noise) else None
+    if not pulses:
+        return _none(channel, radius_m, sign, noise)
+    template, found, start, pulses = _fitted(channel, pulses, sign, noise, data.extremes)
+    turns = turns_between(found.time_s, start.omega)
+    linked = np.append((turns > ONE_TURN[0]) & (turns < ONE_TURN[1]), False)
+    known = start.stretch == STRETCH_NEIGHBOURS
+    standing = ~known & (found.misfit > np.maximum(STANDING_MISFIT * np.abs(found.height), 3 * noise))
+    half_width_s = 0.5 * pulses.width / channel.axis.rate_Hz
+    time_s = np.where(standing, start.time_s, found.time_s)
+    time_se_s = np.where(standing, 0.5 * half_width_s, found.time_se_s)
+    window_rad = template.window_rad if template else float(np.median(2 * half_width_s * start.omega))
+    lost = marks.lost_between(channel, time_s, start.omega, turns, window_rad) if template else np.zeros(turns.size, np.int64)
+    turns_after = np.append(lost, 0) + np.where(linked | (np.append(lost, 0) > 0), 1, 0)
+    motion = kinematics(time_s, time_se_s, turns_after.astype(float))
+    alone = motion.sides == 0
+    index = pulses.middle + (time_s - start.time_s) * channel.axis.rate_Hz
+    omega = np.where(alone, np.where(standing, np.nan, found.omega), motion.omega)
+    words = marks.window_words(channel, found, standing, index, window_rad / start.omega * channel.axis.rate_Hz)
+    measured = Passages(
+        channel=channel.name,
+        radius_m=radius_m,
+        sign=sign,
+        noise=noise,
+        window_rad=window_rad,
+        template=template,
+        index=index,
+        time_s=time_s,
+        time_se_s=time_se_s,
+        turn_before=np.concatenate([[False], linked[:-1]]),
+        turn_after=linked,
+        break_after=marks.breaks(channel, index, turns, turns_after > 0),
+        omega_rad_s=omega,
+        omega_se_rad_s=np.where(alone, found.omega_se, motion.omega_se),
+        alpha_rad_s2=motion.alpha,
+        sides=motion.sides,
+        height=found.height,
+        offset=found.offset,
+        misfit=found.misfit,
+        measured=np.ones(time_s.size, bool),
+        quality=tuple(frozenset(w) for w in words),
+    )
+    return _with_lost(measured, lost, channel) if lost.any() else measured
 
 
-def one_turn_apart(time_s: FloatArray, omega: FloatArray) -> NDArray[np.bool_]:
-    """Whether the next passage is one turn later, shape (n,), False for the last: by the mean of the speeds at both ends."""
-    turns = np.diff(time_s) * 0.5 * (omega[1:] + omega[:-1]) / TURN_RAD
-    return np.append((turns > ONE_TURN[0]) & (turns < ONE_TURN[1]), False)[: time_s.size]
+def _fitted(
+    channel: Channel, pulses: Pulses, sign: float, noise: float, extremes: tuple[float, float]
+) -> tuple[Template | None, Fit, Start, Pulses]:
+    """Template and fit of the pulses, without those that are no passage: a bad fit between two good ones one turn apart."""
+    start = _start(channel, pulses)
+    good = np.flatnonzero(start.stretch == STRETCH_NEIGHBOURS)
+    good = good if good.size else np.arange(len(pulses))
+    template = learn_template(channel, start, good, pulses, sign, noise, extremes) if len(pulses) > 1 else None
+    if template is None:
+        return None, _rough(channel, start, pulses), start, pulses
+    found = _fit_all(channel, start, pulses.height, template, sign, noise, extremes)
+    kept = ~_foreign(found, start, noise)
+    if not kept.all():
+        pulses = pulses.take(kept)
+        start = _start(channel, pulses)
+        found = _fit_all(channel, start, pulses.height, template, sign, noise, extremes)
+    return template, found, start, pulses
+
+
+def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
+    """Pulses that fit badly while the passages before and after are one turn apart."""
+    bad = found.misfit > np.maximum(FOREIGN_MISFIT * np.abs(found.height), 3 * noise)
+    foreign = np.zeros(bad.size, bool)
+    if bad.size > 2:
+        skip = (found.time_s[2:] - found.time_s[:-2]) * 0.5 * (start.omega[2:] + start.omega[:-2]) / TURN_RAD
+        one = (skip > ONE_TURN[0]) & (skip < ONE_TURN[1])
+        foreign[1:-1] = bad[1:-1] & ~bad[:-2] & ~bad[2:] & one
+    return foreign
 
 
 def _width_turns(time_s: FloatArray, width_s: FloatArray) -> float:
@@ -128,77 +210,29 @@ def _width_turns(time_s: FloatArray, width_s: FloatArray) -> float:
     if time_s.size < 2:
         return USUAL_WIDTH_TURNS
     if time_s.size == 2:
-        share = width_s.mean() / (time_s[1] - time_s[0])
+        share = float(width_s.mean() / (time_s[1] - time_s[0]))
     else:
         share = float(np.median(2 * width_s[1:-1] / (time_s[2:] - time_s[:-2])))
     return share if 0.01 < share < 0.25 else USUAL_WIDTH_TURNS
 
 
-def _start(channel: Channel, pulses: Pulses) -> tuple[Start, NDArray[np.bool_]]:
-    """Rough centres, speeds and accelerations; and which passages have the next one a turn later."""
+def _start(channel: Channel, pulses: Pulses) -> Start:
+    """Rough centres, speeds and accelerations: from the neighbours where these are one turn away, else from the pulse's width."""
     time_s = channel.axis.at(pulses.middle)
     width_s = pulses.width / channel.axis.rate_Hz
     from_width = TURN_RAD * _width_turns(time_s, width_s) / width_s
-    turn_after = one_turn_apart(time_s, from_width)
-    omega, alpha = kinematics(time_s, turn_after)
-    known = np.isfinite(omega) & (np.abs(omega / from_width - 1) < 0.5)
-    start = Start(
+    turns = turns_between(time_s, from_width)
+    linked = np.append((turns > ONE_TURN[0]) & (turns < ONE_TURN[1]), False)
+    motion = kinematics(time_s, 0.02 * width_s, linked.astype(float))
+    with np.errstate(invalid="ignore"):
+        known = (motion.sides == 2) & (np.abs(motion.omega / from_width - 1) < 0.5)
+    return Start(
         time_s,
         pulses.middle,
-        np.where(known, omega, from_width),
-        np.where(known, alpha, 0.0),
+        np.where(known, motion.omega, from_width),
+        np.where(known, motion.alpha, 0.0),
         np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
     )
-    return start, turn_after
-
-
-def _clusters(good: np.ndarray) -> list[np.ndarray]:
-    """Up to LEARNT_FROM of the passages `good`, as clusters of neighbours spread over the log."""
-    if good.size <= LEARNT_FROM:
-        return [good[k : k + LEARNT_FROM // CLUSTERS] for k in range(0, good.size, LEARNT_FROM // CLUSTERS)]
-    size = LEARNT_FROM // CLUSTERS
-    firsts = np.linspace(0, good.size - size, CLUSTERS).astype(np.int64)
-    return [good[k : k + size] for k in firsts]
-
-
-def _learn(channel: Channel, start: Start, pulses: Pulses, sign: float, noise: float, extremes: tuple[float, float]) -> Template | None:
-    """The template, from passages whose speed is known; each round fits them with the template of the round before."""
-    good = np.flatnonzero(start.stretch == STRETCH_NEIGHBOURS)
-    if not good.size:
-        good = np.arange(len(pulses))
-    clusters = _clusters(good)
-    if not clusters:
-        return None
-    window = min(WIDEST_RAD, 3.0 * 0.5 * float(np.median(pulses.width[good] / channel.axis.rate_Hz * start.omega[good])))
-    starts = [start.take(cluster) for cluster in clusters]
-    windows = [gather(channel, part, window, sign, extremes) for part in starts]
-    offset = [pulses.base[cluster] for cluster in clusters]
-    height = [pulses.height[cluster] for cluster in clusters]
-    template: Template | None = None
-    for _ in range(ROUNDS):
-        phi, values = _laid_over(windows, starts, offset, height)
-        template = learn(phi, values, window)
-        if template is None:
-            return None
-        fits = [fit(w, template, s, h, noise) for w, s, h in zip(windows, starts, height, strict=True)]
-        offset, height = [f.offset for f in fits], [np.abs(f.height) for f in fits]
-        starts = [Start(f.time_s, s.index, s.omega, s.alpha, s.stretch) for s, f in zip(starts, fits, strict=True)]
-    return template
-
-
-def _laid_over(
-    windows: list[Windows], starts: list[Start], offset: list[FloatArray], height: list[FloatArray]
-) -> tuple[FloatArray, FloatArray]:
-    """Angles and scaled values of all windows' good samples."""
-    phis, scaled = [], []
-    for part, start, base, tall in zip(windows, starts, offset, height, strict=True):
-        tau = part.time_s - start.time_s[part.row]
-        phi = (start.omega[part.row] + 0.5 * start.alpha[part.row] * tau) * tau
-        value = (part.values - base[part.row]) / tall[part.row]
-        usable = np.isfinite(value) & ~part.clipped & (np.abs(value) < 2.0)
-        phis.append(phi[usable])
-        scaled.append(value[usable])
-    return np.concatenate(phis), np.concatenate(scaled)
 
 
 def _fit_all(
@@ -215,82 +249,48 @@ def _fit_all(
     return Fit.concatenate(parts)
 
 
-def _rough(channel: Channel, start: Start, pulses: Pulses, noise: float) -> Fit:
+def _rough(channel: Channel, start: Start, pulses: Pulses) -> Fit:
     """Rows without a template: the middle of the half-level crossings, with an error of a tenth of the width."""
     n = len(pulses)
-    no = np.zeros(n, bool)
+    no, nan = np.zeros(n, bool), np.full(n, np.nan)
     width_s = pulses.width / channel.axis.rate_Hz
-    nan = np.full(n, np.nan)
-    return Fit(start.time_s, 0.1 * width_s, start.omega, nan, pulses.height, pulses.base, nan, np.zeros(n, np.int64), no, no, no, no)
+    return Fit(start.time_s, 0.1 * width_s, nan, nan, pulses.height, pulses.base, nan, np.zeros(n, np.int64), no, no, no, no)
 
 
-def _quality(channel: Channel, found: Fit, standing: NDArray[np.bool_], index: FloatArray, reach: FloatArray) -> list[set[str]]:
-    """Words for what lies inside each row's window."""
-    words: list[set[str]] = [set() for _ in range(index.size)]
-    marks = {"lost_peak": found.lost, "spike": found.spike, "clipped": found.clipped, "edge_of_log": found.outside, "standstill": standing}
-    for word, where in marks.items():
-        for k in np.flatnonzero(where):
-            words[k].add(word)
-    gaps = channel.axis.first[1:].astype(float)
-    ranges = [(gap - 0.5, gap - 0.5, "gap") for gap in gaps] + [(float(a), float(b - 1), word) for a, b, word in channel.flags]
-    for low, high, word in ranges:
-        for k in np.flatnonzero((index + reach >= low) & (index - reach <= high)):
-            words[k].add(word)
-    return words
-
-
-def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_SAMPLES) -> Passages:
-    """The passages of `channel` (strain or radial acceleration), `radius_m` the rolling radius.
-
-    The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
-    """
-    sign, noise = patch_sign(channel), sample_noise(channel)
-    data = decimate(channel, sign, block_samples)
-    pulses = find_pulses(data, noise if np.isfinite(noise) else 0.0)
-    n = len(pulses)
-    if not n:
-        return _none(channel, radius_m, sign, noise)
-    start, turn_after = _start(channel, pulses)
-    template = _learn(channel, start, pulses, sign, noise, data.extremes)
-    if template is None:
-        found, window = _rough(channel, start, pulses, noise), float(np.median(pulses.width / channel.axis.rate_Hz * start.omega))
-    else:
-        found, window = _fit_all(channel, start, pulses.height, template, sign, noise, data.extremes), template.window_rad
-    unknown = start.stretch == STRETCH_WIDTH
-    standing = unknown & (found.misfit > np.maximum(STANDING_MISFIT * np.abs(found.height), 3 * noise)) & (template is not None)
-    width_s = pulses.width / channel.axis.rate_Hz
-    time_s = np.where(standing, start.time_s, found.time_s)
-    time_se = np.where(standing, 0.25 * width_s, found.time_se_s)
-    omega, alpha = kinematics(time_s, turn_after)
-    omega = np.where(np.isfinite(omega), omega, found.omega)
-    index = pulses.middle + (time_s - start.time_s) * channel.axis.rate_Hz
-    reach = window / omega * channel.axis.rate_Hz
-    words = _quality(channel, found, standing, index, reach)
-    return Passages(
-        channel.name,
-        radius_m,
-        sign,
-        noise,
-        window,
-        template,
-        index,
-        time_s,
-        time_se,
-        np.concatenate([[False], turn_after[:-1]]),
-        turn_after,
-        omega,
-        np.where(unknown, found.omega_se, np.nan),
-        np.nan_to_num(alpha),
-        found.height,
-        found.offset,
-        found.misfit,
-        tuple(frozenset(w) for w in words),
-    )
+def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) -> Passages:
+    """`measured` with a row for each passage that lies in lost samples, its time and speed from the passages around."""
+    times, speeds, ses, words = [], [], [], []
+    for k in np.flatnonzero(lost):
+        count, around = int(lost[k]), slice(k, k + 2)
+        t, omega = measured.time_s[around], measured.omega_rad_s[around]
+        times.append(marks.between(t[0], t[1], omega[0], omega[1], count))
+        even = t[0] + (t[1] - t[0]) * np.arange(1, count + 1) / (count + 1)
+        ses.append(0.2 * np.abs(times[-1] - even) + 1e-3 * (t[1] - t[0]) / (count + 1))
+        speeds.append(np.interp(times[-1], t, omega))
+        words += [frozenset({"lost_peak"})] * count
+    place = np.repeat(np.arange(1, lost.size + 1), lost)
+    time_s, omega = np.concatenate(times), np.concatenate(speeds)
+    # the speed at a lost passage is only as good as the change over the turns around it
+    omega_se = np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
+    extra: dict[str, Any] = {
+        "index": channel.axis.index(time_s), "time_s": time_s, "time_se_s": np.concatenate(ses), "turn_before": False, "turn_after": False,
+        "break_after": "", "omega_rad_s": omega, "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
+    }  # fmt: skip
+    columns: dict[str, Any] = {
+        f.name: np.insert(value, place, extra.get(f.name, np.nan))
+        for f in fields(Passages)
+        if isinstance(value := getattr(measured, f.name), np.ndarray)
+    }
+    quality = list(measured.quality)
+    for where, word in zip(place[::-1], words[::-1], strict=True):
+        quality.insert(int(where), word)
+    return replace(measured, quality=tuple(quality), **columns)
 
 
 def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passages:
     """No passage at all."""
     empty, no = np.zeros(0), np.zeros(0, bool)
-    return Passages(
-        channel.name, radius_m, sign, noise, 0.0, None, empty, empty, empty, no, no, empty, empty, empty, empty, empty, empty, ()
-    )
+    columns: dict[str, Any] = {f.name: empty for f in fields(Passages)[6:]}
+    columns |= {"turn_before": no, "turn_after": no, "measured": no, "break_after": np.zeros(0, "U10"), "sides": np.zeros(0, np.int64)}
+    columns |= {"quality": ()}
+    return Passages(channel.name, radius_m, sign, noise, 0.0, None, **columns)

@@ -1,0 +1,155 @@
+"""How fast the wheel turns at each passage, from the times of the passages alone, with an error that holds the differencing.
+
+    times and their errors (n,), turns to the next passage (n,) --parabolas through three passages--> omega, alpha, standard error (n,)
+
+The second-order centred difference over two turns (P1 4, P2 4.2, errata) in its form for unequal steps is exact for a constant
+acceleration.  What a change of acceleration leaves, one twelfth of the period times the change over two turns, is taken off as far
+as it stands out of the noise; what the accelerations around do not foretell by a straight line goes into the standard error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.recording import FloatArray, IntArray
+
+TURN_RAD = 2 * np.pi
+#: a change of acceleration counts beyond this many times its noise variance
+SIGNIFICANT = 4.0
+#: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink at random places between passages
+KINK = 0.45
+#: passages on either side whose accelerations tell how it changes
+REACH = 2
+#: standard deviation of the jerk where nothing tells it: the acceleration itself, gained or lost over this many turns
+BLIND_TURNS = 2.0
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Each shape (n,): `omega` [rad/s], `omega_se`, `alpha` [rad/s^2]; `sides`: neighbours on how many sides were used (2 centred, 1
+    extrapolated from the next, 0 none: NaN)."""
+
+    omega: FloatArray
+    omega_se: FloatArray
+    alpha: FloatArray
+    sides: IntArray
+
+
+def turns_between(time_s: FloatArray, omega: FloatArray) -> FloatArray:
+    """Turns from each passage to the next by the mean of the speeds at both, shape (n - 1,)."""
+    return np.diff(time_s) * 0.5 * (omega[1:] + omega[:-1]) / TURN_RAD
+
+
+def _noise_of_residual() -> float:
+    """Variance of the accelerations about their straight line, per variance of the second difference's ends, white passage times."""
+    count = 2 * REACH + 1
+    second = np.zeros((count, count + 2))
+    for k in range(count):
+        second[k, k : k + 3] = 1.0, -2.0, 1.0
+    line = np.vander(np.arange(count) - REACH, 2)
+    project = np.eye(count) - line @ np.linalg.pinv(line)
+    return float(np.trace(project @ second @ second.T @ project) / (count - 2))
+
+
+RESIDUAL_NOISE = _noise_of_residual()
+
+
+def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArray) -> Kinematics:
+    """Speeds at the passages.  `turns_after` (n,): whole turns to the next passage, 0 where that is not known (and for the last)."""
+    n = time_s.size
+    nan = np.full(n, np.nan)
+    if n < 3:
+        return Kinematics(nan, nan.copy(), nan.copy(), np.zeros(n, np.int64))
+    linked = turns_after > 0
+    after = np.where(linked, np.diff(time_s, append=np.nan), np.nan)
+    before = np.concatenate([[np.nan], after[:-1]])
+    mean_after = TURN_RAD * turns_after / after
+    mean_before = np.concatenate([[np.nan], mean_after[:-1]])
+    omega = (mean_before * after + mean_after * before) / (before + after)
+    alpha = 2 * (mean_after - mean_before) / (before + after)
+    centred = np.isfinite(omega)
+    period = 0.5 * (before + after)
+    omega, omega_se = _corrected(omega, alpha, period, time_se_s)
+    sides = np.where(centred, 2, 0)
+    for step in (1, -1):
+        _one_sided(step, time_s, time_se_s, linked, omega, omega_se, alpha, sides)
+    return Kinematics(omega, omega_se, alpha, sides)
+
+
+def _near(values: FloatArray, offset: int) -> FloatArray:
+    """`values` of the passage `offset` later, NaN beyond the ends."""
+    result = np.full(values.size, np.nan)
+    if abs(offset) < values.size:
+        result[max(-offset, 0) : values.size - max(offset, 0)] = values[max(offset, 0) : values.size + min(offset, 0)]
+    return result
+
+
+def _local_mean(values: FloatArray, reach: int) -> FloatArray:
+    """Mean over the finite values within `reach` passages."""
+    some = np.array([_near(values, k) for k in range(-reach, reach + 1)])
+    finite = np.isfinite(some)
+    return np.where(finite, some, 0.0).sum(0) / np.maximum(finite.sum(0), 1)
+
+
+def _corrected(omega: FloatArray, alpha: FloatArray, period: FloatArray, time_se_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Speeds freed of the differencing error where that is known, and their standard errors."""
+    acceleration_noise = omega * time_se_s / period**2
+    change = _near(alpha, 1) - _near(alpha, -1)
+    # white times: (1, -2, 0, 2, -1)
+    level = _local_mean(change**2, 1) / (10.0 * acceleration_noise**2)
+    share = np.where(np.isfinite(change), np.clip(1.0 - SIGNIFICANT / np.maximum(level, 1e-9), 0.0, 1.0), 0.0)
+    corrected = omega - share * np.nan_to_num(change) * period / 12.0
+    inner, outer = 0.5 + share / 6.0, share / 12.0
+    noise = inner**2 * (_near(time_se_s, 1) ** 2 + _near(time_se_s, -1) ** 2)
+    noise = noise + outer**2 * np.nan_to_num(_near(time_se_s, 2) ** 2 + _near(time_se_s, -2) ** 2)
+    scatter = _scatter(alpha, acceleration_noise)
+    return corrected, np.sqrt(noise * (omega / period) ** 2 + (KINK * scatter * period) ** 2)
+
+
+def _scatter(alpha: FloatArray, noise: FloatArray) -> FloatArray:
+    """Standard deviation of the accelerations about a straight line through those around, beyond the noise [rad/s^2]; where a
+    stretch is too short for a line, half of the change to the next."""
+    around = np.array([_near(alpha, k) for k in range(-REACH, REACH + 1)])
+    place = np.arange(-REACH, REACH + 1.0)[:, None]
+    mean = around.mean(0)
+    slope = (place * around).sum(0) / (place**2).sum()
+    square = ((around - mean - slope * place) ** 2).sum(0) / (2 * REACH - 1)
+    beyond = square - SIGNIFICANT * RESIDUAL_NOISE * noise**2
+    line = np.where(beyond > 0, np.sqrt(np.maximum(square - RESIDUAL_NOISE * noise**2, 0.0)), 0.0)
+    steps = np.array([np.abs(_near(alpha, k) - alpha) for k in (-1, 1)])
+    step = np.where(np.isfinite(steps), steps, 0.0).max(0)
+    alone = ~np.isfinite(steps).any(0)
+    step = np.where(alone, np.abs(alpha) / BLIND_TURNS, np.where(step > 3.0 * np.sqrt(20.0) * noise, 0.5 * step, 0.0))
+    return np.where(np.isfinite(line), line, step)
+
+
+def _one_sided(
+    step: int,
+    time_s: FloatArray,
+    time_se_s: FloatArray,
+    linked: NDArray[np.bool_],
+    omega: FloatArray,
+    omega_se: FloatArray,
+    alpha: FloatArray,
+    sides: IntArray,
+) -> None:
+    """Fill the passages at the ends of a stretch from the parabola of their neighbour `step` later, in place."""
+    n = time_s.size
+    rows = np.flatnonzero(sides == 0)
+    rows = rows[(rows + step >= 0) & (rows + step < n)]
+    rows = rows[linked[rows if step > 0 else rows - 1] & (sides[rows + step] == 2)]
+    near = rows + step
+    elapsed = time_s[rows] - time_s[near]
+    omega[rows] = omega[near] + alpha[near] * elapsed
+    beyond = near + step
+    known = (beyond >= 0) & (beyond < n)
+    beyond = np.clip(beyond, 0, n - 1)
+    known &= sides[beyond] == 2
+    change = np.where(known, np.abs(alpha[beyond] - alpha[near]), np.abs(alpha[near]) / BLIND_TURNS)
+    noise = 2.1 * omega[near] * time_se_s[near] / np.abs(elapsed)
+    omega_se[rows] = np.sqrt(noise**2 + (change * elapsed / 3.0) ** 2 + omega_se[near] ** 2)
+    alpha[rows] = alpha[near]
+    sides[rows] = 1
