@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import errno
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from tirelog.errors import OutputError
+from tirelog.remote import address, upload
 
 _ADVICE = {
     errno.ENOENT: "the folder has to exist; make it or give another path",
@@ -33,8 +35,16 @@ def output_error(path: Path | str, problem: OSError) -> OutputError:
 def whole_file(path: Path | str) -> Iterator[Path]:
     """A path beside `path` to write to; it takes the name `path` when the block ends well, and is removed when it does not.
 
-    OutputError: folder missing or read-only, disk full.
+    A remote address is written to a temporary file that is uploaded whole.  OutputError: folder missing or read-only, disk full.
     """
+    url = address(path)
+    if url is not None:
+        with tempfile.TemporaryDirectory(prefix="tirelog-") as folder:
+            local = Path(folder) / Path(path).name
+            local.touch()
+            yield local
+            upload(local, url)
+        return
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

@@ -24,10 +24,11 @@ import numpy as np
 
 from tirelog import __version__
 from tirelog.clock import ClockFit
-from tirelog.errors import ReadError, SetupError
+from tirelog.errors import ReadError, SetupError, UsageError
 from tirelog.files import output_error, whole_file
 from tirelog.readers import Group, LogReader
 from tirelog.recording import Recording
+from tirelog.remote import address, open_remote
 from tirelog.setup import Setup, load_setup, setup_beside
 from tirelog.store import RunWriter, is_run, open_run
 
@@ -86,7 +87,7 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
     """The setup given, or the one beside the log.  SetupError: there is none."""
     if setup is not None:
         return setup
-    beside = None if log == "-" else setup_beside(log)
+    beside = None if log == "-" or address(log) else setup_beside(log)
     if beside is None:
         what = "standard input has no setup beside it" if log == "-" else "no setup file beside the log"
         raise SetupError(f"{what}; a setup says what the channels are; give one with --setup FILE", file=log)
@@ -96,6 +97,9 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
 def _open(log: str) -> BinaryIO:
     if log == "-":
         return sys.stdin.buffer
+    url = address(log)
+    if url is not None:
+        return open_remote(url)
     try:
         return open(log, "rb")
     except OSError as problem:
@@ -119,11 +123,11 @@ def _reader(stream: _HashedStream, head: bytes, path: Path | None, setup: Setup,
 
 
 def _hdf5_path(log: str, head: bytes, stream: _HashedStream) -> tuple[Path | None, bool]:
-    """(path of the HDF5 file or None, whether it is a temporary copy).  HDF5 needs a file to seek in; standard input is copied to one."""
+    """(path of the HDF5 file or None, whether it is a temporary copy).  HDF5 needs a file to seek in: what is no file is copied to one."""
     user_block = any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048))
     if not user_block:
         return None, False
-    if log != "-":
+    if log != "-" and address(log) is None:
         return Path(log), False
     with tempfile.NamedTemporaryFile(prefix="tirelog-", suffix=".h5", delete=False) as copy:
         while part := stream.read(1 << 20):
@@ -146,6 +150,8 @@ def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks:
         stream = _HashedStream(head, raw)
         hdf5, temporary = _hdf5_path(log, head, stream)
         try:
+            if hdf5 is not None and is_run(hdf5):
+                raise UsageError("is a run already; ingest takes a log; give the run's path to the other commands", file=log)
             reader = _reader(stream, head, hdf5, setup, log)
             _write(reader, setup, path, summary, stream, compress, blocks)
         finally:
@@ -177,7 +183,7 @@ def _write(
             for name, values in block.values.items():
                 lost[name] = lost.get(name, 0) + int(np.isnan(values).sum())
             rows = writer.append(block)
-            clocks[block.group].feed(rows, block.stamps_s, block.number)
+            clocks[block.group].add(block.stamps_s, block.number, rows)
             summary.samples[block.group] = summary.samples.get(block.group, 0) + rows
         if not any(summary.samples.values()):
             raise ReadError("holds no samples; a log has rows under its header; record it again", file=summary.log)
@@ -207,10 +213,10 @@ def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
 
 
 def _clock(group: Group, setup: Setup) -> ClockFit:
-    """The clock of a group: a channel's own rate in the setup, the setup's, or what the file says."""
+    """The clock of a group, with the rate that the setup declares for one of its channels or for the log."""
     own = [setup.channels[name].sampling_rate_Hz for name in group.channels]
-    rate = next((r for r in own if r is not None), None)
-    return ClockFit(group, rate if rate is not None else setup.log.sampling_rate_Hz)
+    declared = next((rate for rate in own if rate is not None), setup.log.sampling_rate_Hz)
+    return ClockFit(file_rate_Hz=group.rate_Hz, setup_rate_Hz=declared, resolution_s=group.stamp_resolution_s, counted=group.counted)
 
 
 def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
@@ -232,7 +238,7 @@ def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None =
 
     ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit.
     """
-    if log != "-" and is_run(log):
+    if log != "-" and address(log) is None and is_run(log):
         with open_run(log, log, setup) as recording:
             yield recording
         return

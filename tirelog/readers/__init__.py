@@ -66,8 +66,12 @@ class ReadReport:
 class LogReader(Protocol):
     """An open log."""
 
-    groups: tuple[Group, ...]
     report: ReadReport
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The channels that share one sample clock."""
+        ...
 
     def blocks(self) -> Iterator[RawBlock]:
         """All blocks, once."""
