@@ -16,7 +16,7 @@ from tirelog.physics.effects import BY_ID, Drive, Effect
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.pipeline import Active, Task, hub_forces, loaded_site, waveform
 from tirelog.physics.scalars import scalar
-from tirelog.physics.spectral import Angles, FloatArray
+from tirelog.physics.spectral import MODES, Angles, FloatArray
 from tirelog.recording import Conditions
 
 #: Revolutions computed at once: their modes stay in the processor's cache.
@@ -203,14 +203,36 @@ class Model:
         surface 'outer' (groove, minimum in the patch) or 'inner' (liner, maximum).  ModelError: speed at or above the critical one,
         load not above zero, patch longer than the circumference, a condition that an effect needs is not known.
         """
+        wave, level, _ = self.parts(
+            conditions, phi_rad, surface=surface, phi_variance=phi_variance, values=values, observable=observable, slope=False
+        )
+        return wave + level
+
+    def parts(
+        self,
+        conditions: Conditions,
+        phi_rad: FloatArray | None,
+        *,
+        surface: str = "outer",
+        phi_variance: FloatArray | None = None,
+        values: Mapping[str, float] | None = None,
+        observable: str | None = None,
+        slope: bool = True,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """`predict` as waveform (n, m), in proportion to the lever arm for strain, what is added to it (n, m or 1), and with `slope` the
+        waveform's derivative by phi (n, m), else empty."""
         observable = observable or self.observable
-        n = len(conditions)
         flat = {**self.values, **(values or {})}
         angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
-        out = np.empty((n, 1 if angles is None else angles.phi_rad.shape[1]))
+        n, m = len(conditions), 1 if angles is None else angles.phi_rad.shape[1]
+        wide = any(e.effect.strain is not None for e in self.effects)
+        wave, level = np.empty((n, m)), np.zeros((n, m if wide else 1))
+        steep = np.empty((n, m) if slope else (0, 0))
         for rows, task in self._tasks(conditions, flat):
-            out[rows] = self._values(task, observable, surface, None if angles is None else angles.take(rows))
-        return out
+            wave[rows], level[rows], part = _parts(task, observable, surface, None if angles is None else angles.take(rows), slope)
+            if slope:
+                steep[rows] = part
+        return wave, level, steep
 
     def jacobian(
         self,
@@ -221,9 +243,12 @@ class Model:
         surface: str = "outer",
         phi_variance: FloatArray | None = None,
         values: Mapping[str, float] | None = None,
+        observable: str | None = None,
     ) -> FloatArray:
         """Derivatives of `predict` by the parameters `names`, shape (len(names), n, m); central differences of the stages a parameter touches."""
-        return self.linearised(conditions, phi_rad, names, surface=surface, phi_variance=phi_variance, values=values)[1]
+        return self.linearised(
+            conditions, phi_rad, names, surface=surface, phi_variance=phi_variance, values=values, observable=observable
+        )[1]
 
     def linearised(
         self,
@@ -234,22 +259,26 @@ class Model:
         surface: str = "outer",
         phi_variance: FloatArray | None = None,
         values: Mapping[str, float] | None = None,
+        observable: str | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """`predict` and `jacobian` together, sharing their stages."""
         self._known(names)
+        observable = observable or self.observable
         flat = {**self.values, **(values or {})}
-        angles = None if self.observable in SCALARS else self._angles(phi_rad, phi_variance)
-        m = 1 if angles is None else angles.phi_rad.shape[1]
-        n = len(conditions)
+        angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
+        model, n, m = self.resolved(conditions), len(conditions), 1 if angles is None else angles.phi_rad.shape[1]
         base, slopes = np.empty((n, m)), np.empty((len(names), n, m))
-        for rows, task in self._tasks(conditions, flat):
+        for rows, task in self._tasks(conditions, flat, also=names):
             part = None if angles is None else angles.take(rows)
-            base[rows] = self._values(task, self.observable, surface, part)
+            wave, level, _ = _parts(task, observable, surface, part, False)
+            base[rows] = wave + level
             for i, name in enumerate(names):
-                slopes[i, rows] = self._slope(task, flat, name, surface, part)
+                slopes[i, rows] = model._slope(task, flat, name, observable, surface, part)
         return base, slopes
 
-    def _slope(self, task: Task, flat: dict[str, float], name: str, surface: str, angles: Angles | None) -> FloatArray:
+    def _slope(
+        self, task: Task, flat: dict[str, float], name: str, observable: str, surface: str, angles: Angles | None
+    ) -> FloatArray:
         step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
         ends = []
         for value in (flat[name] + step, flat[name] - step):
@@ -257,18 +286,12 @@ class Model:
             base, active = self._split(moved)
             ends.append(replace(task, base=base, active=active))
         if angles is None:
-            up, down = (scalar(end, self.observable, _lever(end, surface)) for end in ends)
+            up, down = (scalar(end, observable, _lever(end, surface)) for end in ends)
             return (up - down) / (2.0 * step)
-        (up, level_up), (down, level_down) = (waveform(end, self.observable, _lever(end, surface)) for end in ends)
-        slope = angles.evaluate((up - down) / (2.0 * step)) + (level_up - level_down) / (2.0 * step)
-        added_up, added_down = (_added_strain(end, self.observable, angles.phi_rad) for end in ends)
-        return slope + (added_up - added_down) / (2.0 * step)
-
-    def _values(self, task: Task, observable: str, surface: str, angles: Angles | None) -> FloatArray:
-        if angles is None:
-            return scalar(task, observable, _lever(task, surface))
-        modes, level = waveform(task, observable, _lever(task, surface))
-        return angles.evaluate(modes) + level + _added_strain(task, observable, angles.phi_rad)
+        (up, level_up), (down, level_down) = (waveform(end, observable, _lever(end, surface)) for end in ends)
+        added_up, added_down = (_added_strain(end, observable, angles.phi_rad) for end in ends)
+        level = (level_up - level_down + added_up - added_down) / (2.0 * step)
+        return level if up is down else angles.evaluate((up - down) / (2.0 * step)) + level
 
     def _angles(self, phi_rad: FloatArray | None, phi_variance: FloatArray | None) -> Angles:
         if phi_rad is None:
@@ -280,11 +303,11 @@ class Model:
         active = (Active(e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id))
         return {p.name: flat[p.name] for p in self.base}, tuple(a for a in active if a.effect.is_on(a.values))
 
-    def _tasks(self, conditions: Conditions, flat: Mapping[str, float]) -> Any:
-        """(rows, task) block by block; refuses conditions that are not known."""
+    def _tasks(self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()) -> Any:
+        """(rows, task) block by block; refuses conditions that effects which are on, or have parameters in `also`, need and do not find."""
         model = self.resolved(conditions)
         base, active = model._split(flat)
-        on = {a.effect.id for a in active}
+        on = {a.effect.id for a in active} | {name.split(".")[0] for name in also if "." in name}
         for effect, lacking in self.missing_conditions(conditions).items():
             if effect in on:
                 raise ModelError(f"effect {effect!r} needs {', '.join(lacking)}; the log must know it; give it in the setup's [conditions] or as a channel")
@@ -317,6 +340,15 @@ class Model:
 def _lever(task: Task, surface: str) -> float:
     _one_of("surface", surface, ("outer", "inner"))
     return task.base["lever_arm_m"] if surface == "inner" else -task.base["lever_arm_m"]
+
+
+def _parts(task: Task, observable: str, surface: str, angles: Angles | None, slope: bool) -> tuple[Any, Any, Any]:
+    """Waveform, what is added to it, and with `slope` the waveform's derivative by phi, of one block."""
+    if angles is None:
+        return scalar(task, observable, _lever(task, surface)), 0.0, 0.0
+    modes, level = waveform(task, observable, _lever(task, surface))
+    steep = angles.evaluate(modes * (1j * np.arange(MODES))) if slope else 0.0
+    return angles.evaluate(modes), level + _added_strain(task, observable, angles.phi_rad), steep
 
 
 def _added_strain(task: Task, observable: str, phi_rad: FloatArray) -> FloatArray | float:
