@@ -96,10 +96,10 @@ def _structural(effect: Planted, ring: Ring, at: Instants, stiffness: float, rat
     """One effect's operator, (b, m)."""
     one, d1, d2, d3, _ = ring.derivatives
     if effect.name == "viscous_damping":
-        spread = DAMPED_LENGTH_M**2 * d3 if effect.other else 0.0 * d3
-        return rate * effect["damping_rate_1_s"] * ((0.8 if effect.other else 1.0) * d1 - spread)
-    if effect.name == "hysteresis":
         # other: part of the loss in bending, where short waves weigh more
+        loss = 0.4 * d1 - 2.0 * DAMPED_LENGTH_M**2 * d3 if effect.other else d1
+        return rate * effect["damping_rate_1_s"] * loss
+    if effect.name == "hysteresis":
         weight = 0.75 * one - 2.0 * DAMPED_LENGTH_M**2 * d2 if effect.other else one
         return stiffness * effect["loss_factor"] * ring.quarter_turn * weight
     if effect.name == "belt_tension":

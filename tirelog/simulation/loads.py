@@ -68,21 +68,22 @@ def _gauss(u: FloatArray) -> FloatArray:
 
 def _heavier_side(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:
     """p (1 - a xi/L); other: the asymmetry grows with the cube towards the edges."""
-    shape = 0.55 * x + 0.75 * x**3 if effect.other else x
+    shape = 0.3 * x + 1.3 * x**3 if effect.other else x
     return p * (1.0 - effect["offset"] * np.clip(shape, -3.0, 3.0))
 
 
 def _impact(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:
     """A pulse at the entry edge, ~ v; other: a sudden rise that dies away into the patch."""
     u = (x + effect["position"]) / effect["width"]
-    shape = 1.15 * _pulse((u + 1.3) / 1.2) if effect.other else _gauss(u)
+    shape = 1.05 * _pulse((u + 1.5) / 1.1) if effect.other else _gauss(u)
     return p + effect["amplitude"] * (at.load / (2 * at.half_length) * at.speed / REFERENCE_SPEED_M_S)[:, None] * shape
 
 
 def _wedge(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:
-    """A hydrodynamic wedge ahead of the entry, ~ v^2 depth; other: straight rise up to the edge over a finite length."""
+    """A hydrodynamic wedge ahead of the entry, ~ v^2 depth; other: a triangle of finite length."""
     u = (-1.0 - x) / effect["length"]
-    shape = np.where(u > 0, np.maximum(1.0 - u / 2.6, 0.0) ** 1.3 * 1.1, 0.0) if effect.other else _pulse(u)
+    triangle = np.clip(np.minimum(u / 0.7, (3.5 - u) / 2.8), 0.0, 1.0)
+    shape = 1.3 * triangle if effect.other else _pulse(u)
     speeds = (at.speed / REFERENCE_SPEED_M_S) ** 2
     return p + effect["amplitude"] * (at.load / (2 * at.half_length) * speeds * at.water_depth_mm)[:, None] * shape
 
@@ -175,6 +176,9 @@ def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Fricti
     stiffness = 1.5 * STATIC_FRICTION * at.load[:, None] / length**2
     position = ring.borders_m + length
     held = np.abs(slip) * stiffness * np.maximum(position, 0.0)
+    if effect.other:
+        # a tread that yields: the shear grows quickly behind the entry, then levels off
+        held = np.abs(slip) * stiffness * 1.2 * length * -np.expm1(-np.maximum(position, 0.0) / (0.7 * length))
     middle = 0.5 * (np.concatenate((p[:, -1:], p), axis=1) + np.concatenate((p, p[:, :1]), axis=1))
     if effect.other:
         limit = 0.5 * (STATIC_FRICTION + SLIDING_FRICTION) * np.maximum(middle, 1e-9)

@@ -94,7 +94,7 @@ def encoder_signal(world: World, sensor: Sensor, time_s: FloatArray, table: Floa
     if sensor.signal == "counter":
         return np.asarray(np.floor(tooth + sensor.steps * np.round((angle - turn) / (2 * np.pi))), float)
     if sensor.signal == "square":
-        return sensor.offset + sensor.amplitude * (wave > 0)
+        return sensor.offset + sensor.amplitude * (wave > 0)  # type: ignore[return-value]
     speed = world.drive.speed_at(time_s)
     amplitude = sensor.amplitude * speed / (speed + 3.0) * (1.0 + 0.15 * np.cos(turn + 0.7))
     return np.asarray(sensor.offset + amplitude * wave, float)
