@@ -1,0 +1,34 @@
+"""Time and memory of whole processes, as the operating system counts them."""
+
+import os
+import subprocess
+import time
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Wall and CPU seconds and peak memory [MB] of one process with its children."""
+
+    wall_s: float
+    cpu_s: float
+    peak_MB: float
+
+    def __str__(self) -> str:
+        return f"{self.wall_s:7.2f} s wall  {self.cpu_s:7.2f} s cpu  {self.peak_MB:6.0f} MB"
+
+
+def cost(command: list[str]) -> Cost:
+    """Run `command` with its output thrown away; it has to succeed."""
+    begun = time.perf_counter()
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise RuntimeError(f"{command} ended with {process.returncode}")
+    return Cost(time.perf_counter() - begun, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+
+
+def median(costs: list[Cost]) -> Cost:
+    """The run with the median wall time."""
+    return sorted(costs, key=lambda c: c.wall_s)[len(costs) // 2]
