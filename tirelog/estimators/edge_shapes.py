@@ -14,7 +14,7 @@ Lengths in m.  xi grows in the direction in which tread passes: entry edge at -L
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
@@ -60,8 +60,6 @@ class EdgeShape:
 #: what a parameter may be (order of the fields)
 LOWEST = np.array([0.008, 0.004, -1.97, -0.2, -1.5, -1.5])
 HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
-#: steps of the numerical derivatives
-_STEPS = np.array([1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4])
 
 
 @lru_cache(maxsize=1)
@@ -97,44 +95,73 @@ class EdgeFamily:
 
     def spectrum(self, shape: EdgeShape) -> NDArray[np.complex128]:
         """Complex amplitude of the strain of an outer grating at each wave number, shape (n,); the height is of the order of one."""
-        L, ell = shape.half_length_m, shape.bending_length_m
-        ratio = np.expm1(shape.tread)
+        return self._solve(shape).spectrum
+
+    def _solve(self, shape: EdgeShape) -> _Solution:
+        """The contact problem of `shape`: stiffness, pressure and spectrum."""
+        L, ell, ratio = shape.half_length_m, shape.bending_length_m, np.expm1(shape.tread)
         nodes, tests, terms, mass = _series()
         phase = np.multiply.outer(self.kappa_1_m * L, nodes)
-        cosine = np.cos(phase)
-        phi = cosine @ terms[:-1].T
+        wave = np.exp(1j * phase)
+        test, phi = wave.real @ tests.T, wave.real @ terms[:-1].T
         stiffness = ell**4 * self._square**2 + shape.tension * ell**2 * self._square + 1.0 + self._tangential
-        weight = L / (np.pi * self.radius_m * stiffness)
-        contact = mass + ratio * ((cosine @ tests.T) * weight[:, None]).T @ phi
-        load = np.zeros(TERMS)
-        load[0] = -4.0 / 15.0  # <P_2, -x^2>
-        pressure = np.linalg.solve(contact, load)
-        even = phi @ pressure
-        # the parabola of the same load carries the tilt
-        parabola = pressure[0]
-        odd = parabola * shape.tilt * (np.sin(phase) @ terms[-1])
-        complex_stiffness = stiffness + 1j * shape.damping * self.kappa_1_m * ell
-        # height: curvature of the order of 1 / bending length^2 is divided out, so that heights stay comparable while a fit walks
-        return -self._square * ell**2 * (L / (np.pi * self.radius_m * ell)) * (-even - 1j * odd) * -1.0 / complex_stiffness
+        weight = L / (np.pi * self.radius_m) / stiffness
+        inverse = np.linalg.inv(mass + ratio * (test * weight[:, None]).T @ phi)
+        pressure = inverse[:, 0] * (-4.0 / 15.0)  # <P_2, -x^2>
+        even, odd = phi @ pressure, wave.imag @ terms[-1]
+        # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights stay comparable while a fit walks
+        height = -self._square * ell * (L / (np.pi * self.radius_m))
+        response = height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell)
+        # the tilt is carried by the parabola of the same load
+        spectrum = response * (even + 1j * shape.tilt * pressure[0] * odd)
+        return _Solution(wave, test, phi, stiffness, weight, inverse, pressure, even, odd, response, spectrum)
 
     def basis(self, xi_m: FloatArray, derivative: int = 0) -> NDArray[np.complex128]:
         """(1j kappa)^derivative exp(1j kappa xi), shape (len(xi), n): real part of basis @ spectrum is the strain there."""
         wave = np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m))
         return wave * (1j * self.kappa_1_m) ** derivative if derivative else wave
 
-    def jacobian(self, shape: EdgeShape, which: FloatArray | None = None) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Spectrum, and its derivatives by the parameters `which` (indices of fields; all), shapes (n,), (n, len(which))."""
-        base = self.spectrum(shape)
-        indices = range(6) if which is None else [int(i) for i in which]
-        columns = []
-        for index in indices:
-            values = shape.array()
-            step = _STEPS[index] if values[index] + _STEPS[index] <= HIGHEST[index] else -_STEPS[index]
-            values[index] += step
-            columns.append((self.spectrum(EdgeShape.of(values)) - base) / step)
-        return base, np.array(columns).T
+    def jacobian(self, shape: EdgeShape) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+        """Spectrum (n,), and its derivatives by the six parameters in the order of the fields, shape (n, 6)."""
+        L, ell, ratio = shape.half_length_m, shape.bending_length_m, np.expm1(shape.tread)
+        nodes, tests, terms, _ = _series()
+        s = self._solve(shape)
+        kappa = self.kappa_1_m
+        loaded = s.weight * s.even
+        test_slope = -kappa[:, None] * (s.wave.imag @ (tests * nodes).T)
+        even_slope = -kappa * (s.wave.imag @ (terms[:-1].T @ s.pressure * nodes))
+        odd_slope = kappa * (s.wave.real @ (terms[-1] * nodes))
+        by_ell = 4.0 * ell**3 * self._square**2 + 2.0 * shape.tension * ell * self._square
+        by_tension = ell**2 * self._square
+        bend = s.test.T @ np.column_stack([loaded / L + s.weight * even_slope, loaded * by_ell / s.stiffness, loaded * by_tension / s.stiffness, loaded])
+        bend[:, 0] += test_slope.T @ loaded
+        pressure_slope = s.inverse @ (bend * np.array([-ratio, ratio, ratio, -(1.0 + ratio)]))
+        even_by = s.phi @ pressure_slope
+        even_by[:, 0] += even_slope
+        form_by = even_by + 1j * shape.tilt * np.multiply.outer(s.odd, pressure_slope[0])
+        form_by[:, 0] += 1j * shape.tilt * s.pressure[0] * odd_slope
+        complex_stiffness = s.stiffness + 1j * shape.damping * kappa * ell
+        columns = s.response[:, None] * form_by
+        columns[:, 0] += s.spectrum / L
+        columns[:, 1] += s.spectrum * (1.0 / ell - (by_ell + 1j * shape.damping * kappa) / complex_stiffness)
+        columns[:, 2] -= s.spectrum * by_tension / complex_stiffness
+        by_damping = -s.spectrum * 1j * kappa * ell / complex_stiffness
+        by_tilt = s.response * 1j * s.pressure[0] * s.odd
+        return s.spectrum, np.column_stack([columns, by_damping, by_tilt])
 
 
-def undamped(shape: EdgeShape) -> EdgeShape:
-    """The even part of the form: neither damping nor tilt."""
-    return replace(shape, damping=0.0, tilt=0.0)
+@dataclass(frozen=True)
+class _Solution:
+    """What `spectrum` and `jacobian` share; n wave numbers, t terms."""
+
+    wave: NDArray[np.complex128]
+    test: FloatArray
+    phi: FloatArray
+    stiffness: FloatArray
+    weight: FloatArray
+    inverse: FloatArray
+    pressure: FloatArray
+    even: FloatArray
+    odd: FloatArray
+    response: NDArray[np.complex128]
+    spectrum: NDArray[np.complex128]

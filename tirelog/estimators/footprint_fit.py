@@ -1,0 +1,187 @@
+"""Every passage against the log's own form: height, offset, position, length and oddness by one linear least squares a row.
+
+    Reference --on a fine grid of xi--> FormTable of each speed: columns of the linear model
+    PatchWindows --columns at each sample's distance--> normal equations (rows x 6 x 6) --> PassageFits
+
+A passage is height x form(xi - shift; length, damping, tilt) + offset.  Linear in everything about the reference; what is quadratic
+in the length and in the shift is known from two more columns of the same products and taken off in turns, without touching the samples again.
+At the noise of the log the errors are those of Cramer and Rao.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from tirelog.estimators.edge_shapes import EdgeShape
+from tirelog.estimators.footprint_reference import Reference
+from tirelog.estimators.footprint_windows import PatchWindows
+from tirelog.recording import FloatArray
+
+#: step of the form's table along xi, as a share of the half length
+TABLE_STEP = 1.0 / 300.0
+#: columns: height, offset, -shift, length, damping, tilt | second by length, second by shift
+LINEAR, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
+#: weak knowledge of a passage's own oddness beside the log's: standard deviations of damping and tilt
+ODD_SD = (0.3, 0.3)
+ROUNDS = 4
+#: rows fitted at once
+_ROWS = 2048
+
+
+@dataclass(frozen=True)
+class FormTable:
+    """The form at one speed, on an even grid: `columns` (g, 8) in the order above without the offset's ones, and, last, by the squared speed."""
+
+    speed_m_s: float
+    half_length_m: float
+    first_m: float
+    step_m: float
+    columns: FloatArray
+
+    def at(self, xi_m: FloatArray) -> FloatArray:
+        """Columns at `xi_m` (any shape), linear between the grid's points; shape (..., 8)."""
+        place = np.clip((xi_m - self.first_m) / self.step_m, 0.0, self.columns.shape[0] - 1.001)
+        low = place.astype(np.int64)
+        share = (place - low)[..., None]
+        return self.columns[low] * (1.0 - share) + self.columns[low + 1] * share
+
+
+def form_table(reference: Reference, number: int, half_window_m: float, *, with_residual: bool = True) -> FormTable:
+    """The table at speed `number` of `reference`; `with_residual` adds what the form left of the average where it is above the noise."""
+    family, shape = reference.family, reference.shapes[number]
+    step = TABLE_STEP * shape.half_length_m
+    xi = np.arange(-np.ceil(half_window_m / step), np.ceil(half_window_m / step) + 1) * step
+    base, slopes = family.jacobian(shape)
+    nudge = 1e-3 * shape.half_length_m
+    longer = EdgeShape.of(shape.array() + nudge * np.eye(6)[0])
+    wave_number = 1j * family.kappa_1_m
+    spectra = np.column_stack(
+        [
+            base,
+            -wave_number * base,
+            slopes[:, 0],
+            slopes[:, 4],
+            slopes[:, 5],
+            (family.jacobian(longer)[1][:, 0] - slopes[:, 0]) / nudge,
+            wave_number**2 * base,
+            -reference.inertia * slopes[:, 2],
+        ]
+    )
+    columns = (family.basis(xi) @ spectra).real
+    if with_residual and reference.chi2[number] > 1.5:
+        one = reference.averages[number]
+        known = one.weight > 0
+        left = np.convolve(reference.residuals[number][known], (0.25, 0.5, 0.25), "same") / reference.heights[number]
+        columns[:, 0] += np.interp(xi, one.xi_m[known] - reference.shifts_m[number], left, 0.0, 0.0)
+    return FormTable(reference.speed_m_s[number], shape.half_length_m, float(xi[0]), step, columns)
+
+
+@dataclass(frozen=True)
+class PassageFits:
+    """One row a passage, shape (n,): `height` (patch downward), `shift_m` of the patch's middle behind the passage's centre,
+    `length_m` the full contact length, `damping`, `tilt` beside the reference's; standard errors at `noise` one; `chi2` per degree of
+    freedom, `used` samples, `inside` samples between the edges."""
+
+    height: FloatArray
+    shift_m: FloatArray
+    length_m: FloatArray
+    damping: FloatArray
+    tilt: FloatArray
+    length_se_m: FloatArray
+    shift_se_m: FloatArray
+    chi2: FloatArray
+    used: FloatArray
+    inside: FloatArray
+
+    @classmethod
+    def empty(cls, n: int) -> PassageFits:
+        return cls(**{f.name: np.full(n, np.nan) for f in fields(cls)})
+
+    def put(self, rows: FloatArray, other: PassageFits) -> None:
+        """Write the rows of `other` at the ordinals `rows`."""
+        for f in fields(self):
+            getattr(self, f.name)[rows] = getattr(other, f.name)
+
+
+def design(table: FormTable, xi_m: FloatArray, speed_m_s: FloatArray) -> FloatArray:
+    """Columns of the linear model (LINEAR and the two quadratic ones) at `xi_m` (n, m), shape (n, m, 8)."""
+    looked = table.at(xi_m)
+    out = np.empty((*xi_m.shape, LINEAR + 2))
+    faster = (speed_m_s**2 - table.speed_m_s**2)[:, None]
+    out[..., HEIGHT] = looked[..., 0] + faster * looked[..., 7]
+    out[..., OFFSET] = 1.0
+    out[..., SHIFT:] = looked[..., 1:7]
+    return out
+
+
+def fit_passages(
+    windows: PatchWindows, table: FormTable, half_window_m: float, speed_m_s: FloatArray, acceleration_m_s2: FloatArray, noise: float
+) -> PassageFits:
+    """Fits of all rows of `windows` (rows of one speed class) with `table`; `noise`: standard deviation of a sample of the log."""
+    parts = []
+    for low in range(0, len(windows.row), _ROWS):
+        rows = slice(low, low + _ROWS)
+        some = PatchWindows(windows.row[rows], windows.values[rows], windows.centre[rows], windows.rate_Hz, windows.averaged)
+        parts.append(_fit_rows(some, table, half_window_m, speed_m_s[rows], acceleration_m_s2[rows], noise))
+    return PassageFits(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(PassageFits)})
+
+
+def _fit_rows(
+    windows: PatchWindows, table: FormTable, half_window_m: float, speed: FloatArray, acceleration: FloatArray, noise: float
+) -> PassageFits:
+    xi = windows.distance_m(speed, acceleration)
+    good = (np.abs(xi) < half_window_m) & np.isfinite(windows.values)
+    middle = np.nanmedian(np.where(good, windows.values, np.nan), axis=1, keepdims=True)
+    values = np.where(good, windows.values - middle, 0.0)
+    columns = design(table, xi, speed) * good[..., None]
+    gram = np.swapaxes(columns, 1, 2) @ columns
+    right = (np.swapaxes(columns, 1, 2) @ values[..., None])[..., 0]
+    used = good.sum(axis=1)
+    sigma = noise / np.sqrt(windows.averaged)
+    return _solve(gram, right, (values**2).sum(axis=1), used, sigma, table, (good & (np.abs(xi) < table.half_length_m)).sum(axis=1))
+
+
+def _solve(
+    gram: FloatArray, right: FloatArray, square: FloatArray, used: FloatArray, sigma: float, table: FormTable, inside: FloatArray
+) -> PassageFits:
+    """Normal equations (n, 8, 8), (n, 8) to fits."""
+    n = right.shape[0]
+    normal = gram[:, :LINEAR, :LINEAR].copy()
+    unit = np.sqrt(np.maximum(gram[:, HEIGHT, HEIGHT], 1e-300))
+    # oddness is a ratio to the height, whose rough size is the right side's
+    rough = np.maximum(np.abs(right[:, HEIGHT]) / unit**2, 1e-300)
+    for column, sd in zip((DAMPING, TILT), ODD_SD, strict=True):
+        normal[:, column, column] += (sigma / (sd * rough)) ** 2
+    poor = used < LINEAR + 2
+    normal[poor] = np.eye(LINEAR)
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-300))
+    scaled = normal * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(LINEAR)
+    inverse = np.linalg.inv(scaled) * scale[:, :, None] * scale[:, None, :]
+    solution = np.einsum("nij,nj->ni", inverse, right[:, :LINEAR])
+    bends = np.einsum("nij,njk->nik", inverse, gram[:, :LINEAR, LINEAR:])
+    straight = solution
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(ROUNDS):
+            curved = 0.5 * solution[:, [LENGTH, SHIFT]] ** 2 / solution[:, [HEIGHT]]
+            solution = straight - np.einsum("nik,nk->ni", bends, np.clip(curved, -1e-2 * rough[:, None], 1e-2 * rough[:, None]))
+        height = solution[:, HEIGHT]
+        curved = 0.5 * solution[:, [LENGTH, SHIFT]] ** 2 / height[:, None]
+        whole = np.concatenate([solution, curved], axis=1)
+        left = square - 2.0 * np.einsum("ni,ni->n", whole, right) + np.einsum("ni,nij,nj->n", whole, gram, whole)
+        relative = solution / height[:, None]
+        error = sigma * np.sqrt(np.einsum("nii->ni", inverse)) / np.abs(height)[:, None]
+    nan = np.where(poor | ~(height > 0), np.nan, 1.0)
+    return PassageFits(
+        height * nan,
+        relative[:, SHIFT] * nan,
+        2.0 * (table.half_length_m + relative[:, LENGTH]) * nan,
+        relative[:, DAMPING] * nan,
+        relative[:, TILT] * nan,
+        2.0 * error[:, LENGTH] * nan,
+        error[:, SHIFT] * nan,
+        np.maximum(left, 0.0) / np.maximum(used - LINEAR, 1) / sigma**2 * nan,
+        used.astype(float),
+        inside.astype(float) * np.ones(n),
+    )

@@ -1,0 +1,94 @@
+"""Rectangular windows of a channel around its passages, with the distance of every sample along the tread.
+
+    Channel + Passages --passages of like window length, a stretch of the log at a time--> PatchWindows (rows x columns)
+                       --neighbouring samples averaged where they lie closer than needed--> PatchWindows, fewer columns
+
+A row's window depends on its own passage only (its length is the next power of two above what its speed needs), so rows do not change
+with the blocks that are read.  Values are turned so that the patch is a minimum, whatever the surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tirelog.estimators.edges import travelled
+from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class PatchWindows:
+    """`row` (n,): ordinals of the passages; `values` (n, m): strain, patch downward, NaN where lost or beyond a gap;
+    `centre` (n,): column of the patch centre; `rate_Hz`: columns a second; `averaged`: samples a column."""
+
+    row: IntArray
+    values: FloatArray
+    centre: FloatArray
+    rate_Hz: float
+    averaged: int = 1
+
+    def time_s(self) -> FloatArray:
+        """Time from the patch centre, shape (n, m)."""
+        return (np.arange(self.values.shape[1]) - self.centre[:, None]) / self.rate_Hz
+
+    def distance_m(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
+        """Distance from the patch centre along the tread, shape (n, m)."""
+        return travelled(self.time_s(), speed_m_s[:, None], acceleration_m_s2[:, None])
+
+    def reduced(self, averaged: int) -> PatchWindows:
+        """The same windows with `averaged` neighbouring columns as one."""
+        if averaged <= 1:
+            return self
+        count = self.values.shape[1] // averaged
+        parts = self.values[:, : count * averaged].reshape(len(self.row), count, averaged)
+        lost = np.isnan(parts)
+        if lost.any():
+            kept = (~lost).sum(axis=2)
+            mean = np.where(kept == averaged, np.where(lost, 0.0, parts).sum(axis=2) / averaged, np.nan)
+        else:
+            mean = parts.mean(axis=2)
+        return PatchWindows(
+            self.row, mean, (self.centre - 0.5 * (averaged - 1)) / averaged, self.rate_Hz / averaged, self.averaged * averaged
+        )
+
+
+def window_class(reach_samples: FloatArray) -> IntArray:
+    """Half window [samples] of each passage: `reach_samples` rounded up to the next power of 2^(1/2), at least 8."""
+    steps = np.ceil(2.0 * np.log2(np.maximum(reach_samples, 8.0)))
+    return np.ceil(2.0 ** (0.5 * steps)).astype(np.int64)
+
+
+def gather_windows(
+    channel: Channel, sign: float, index: FloatArray, reach_samples: FloatArray, rows: IntArray, block_samples: int = BLOCK_SAMPLES
+) -> Iterator[PatchWindows]:
+    """Windows around `index` (fractional samples, NaN is left out) of the passages `rows`, block by block.
+
+    `sign`: +1 where the patch is a maximum of the recorded signal; `reach_samples` (n,): half of the window that each passage needs.
+    """
+    rows = rows[np.isfinite(index[rows])]
+    half = window_class(np.minimum(reach_samples, channel.size))
+    block = np.floor(index[rows] / max(block_samples, 1)).astype(np.int64)
+    for number in np.unique(block):
+        inside = rows[block == number]
+        nearest = np.round(index[inside]).astype(np.int64)
+        low = max(int((nearest - half[inside]).min()), 0)
+        high = min(int((nearest + half[inside]).max()) + 1, channel.size)
+        samples = -sign * np.asarray(channel.read(low, high), dtype=np.float64)
+        for size in np.unique(half[inside]):
+            some = half[inside] == size
+            yield _cut(channel, samples, low, index[inside[some]], nearest[some], int(size), inside[some])
+
+
+def _cut(channel: Channel, samples: FloatArray, low: int, index: FloatArray, nearest: IntArray, size: int, rows: IntArray) -> PatchWindows:
+    """Windows of half length `size` out of `samples`, which start at sample `low` of the channel."""
+    columns = nearest[:, None] + np.arange(-size, size + 1)
+    place = columns - low
+    values = samples[np.clip(place, 0, samples.size - 1)]
+    outside = (place < 0) | (place >= samples.size)
+    if channel.axis.explicit is None and channel.axis.first.size > 1:
+        part = np.searchsorted(channel.axis.first, columns, side="right")
+        outside |= part != np.searchsorted(channel.axis.first, nearest, side="right")[:, None]
+    values[outside] = np.nan
+    return PatchWindows(rows, values, index - nearest + size, channel.axis.rate_Hz)
