@@ -31,7 +31,7 @@ def refuse_supercritical(speed_m_s: FloatArray, hoop_N: FloatArray, EJ: float, k
         limit = np.sqrt((2.0 * np.sqrt(EJ * k) + tension) / mu).min()
         raise ModelError(
             f"speed {float(speed_m_s.max()):.4g} m/s reaches the beam's critical speed {float(limit):.4g} m/s; below it a "
-            f"steady wave exists; take a stiffer or lighter beam (EJ, k, mu), the effect belt_tension, or carcass = \"ring\""
+            f'steady wave exists; take a stiffer or lighter beam (EJ, k, mu), the effect belt_tension, or carcass = "ring"'
         )
 
 

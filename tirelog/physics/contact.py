@@ -91,9 +91,7 @@ def _contact(on: np.ndarray, p: FloatArray, depth: FloatArray, drop: float, R: f
     return Contact(_PHI[on], p, 0.5 * R * float(leave - entry), 0.5 * R * float(leave + entry), drop)
 
 
-def pressure_modes(
-    carcass: RingCarcass, load_N: FloatArray, pb_N_m: FloatArray
-) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+def pressure_modes(carcass: RingCarcass, load_N: FloatArray, pb_N_m: FloatArray) -> tuple[FloatArray, ComplexArray, ComplexArray]:
     """(L, modes of p, modes of p xi / L) for columns of load and inflation p0 b, (n or 1, 1) each; interpolated between solved loads."""
     load, pb = np.broadcast_arrays(load_N, pb_N_m)
     half, modes, tilted = (np.empty((load.shape[0], size), dtype) for size, dtype in ((1, float), (MODES, complex), (MODES, complex)))

@@ -85,7 +85,9 @@ class Model:
         contact = contact or ("flat_road" if carcass == "ring" else "prescribed")
         _one_of("contact", contact, CONTACTS)
         if carcass == "beam" and contact == "flat_road":
-            raise ModelError('contact = "flat_road" needs the geometry of a ring; "prescribed" is allowed for a beam; take carcass = "ring"')
+            raise ModelError(
+                'contact = "flat_road" needs the geometry of a ring; "prescribed" is allowed for a beam; take carcass = "ring"'
+            )
         base = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
         return cls(observable, carcass, contact, base).with_values(values)
 
@@ -117,16 +119,16 @@ class Model:
         """Other parameters (bounds, free or fixed) by full name."""
         self._known(parameters)
         base = tuple(parameters.get(p.name, p) for p in self.base)
-        effects = tuple(
-            replace(e, parameters=tuple(parameters.get(f"{e.id}.{p.name}", p) for p in e.parameters)) for e in self.effects
-        )
+        effects = tuple(replace(e, parameters=tuple(parameters.get(f"{e.id}.{p.name}", p) for p in e.parameters)) for e in self.effects)
         return replace(self, base=base, effects=effects)
 
     def with_effect(self, effect: str | Effect | ModelEffect, **values: float) -> Model:
         """The model with one effect more, at its start values or those given; ModelError if unknown, twice, or not for this model."""
         if isinstance(effect, str):
             if effect not in BY_ID:
-                raise ModelError(f"unknown effect {effect!r}{nearest(effect, BY_ID)}; allowed are {', '.join(BY_ID)}; see `tirelog effects`")
+                raise ModelError(
+                    f"unknown effect {effect!r}{nearest(effect, BY_ID)}; allowed are {', '.join(BY_ID)}; see `tirelog effects`"
+                )
             effect = BY_ID[effect]
         added = effect if isinstance(effect, ModelEffect) else ModelEffect.of(effect)
         self._accept(added)
@@ -137,7 +139,9 @@ class Model:
         """The model without an effect."""
         if effect not in [e.id for e in self.effects]:
             held = ", ".join(e.id for e in self.effects) or "none"
-            raise ModelError(f"the model has no effect {effect!r}{nearest(effect, [e.id for e in self.effects])}; it has: {held}; name one of them")
+            raise ModelError(
+                f"the model has no effect {effect!r}{nearest(effect, [e.id for e in self.effects])}; it has: {held}; name one of them"
+            )
         return replace(self, effects=tuple(e for e in self.effects if e.id != effect))
 
     def _accept(self, added: ModelEffect) -> None:
@@ -276,9 +280,7 @@ class Model:
                 slopes[i, rows] = model._slope(task, flat, name, observable, surface, part)
         return base, slopes
 
-    def _slope(
-        self, task: Task, flat: dict[str, float], name: str, observable: str, surface: str, angles: Angles | None
-    ) -> FloatArray:
+    def _slope(self, task: Task, flat: dict[str, float], name: str, observable: str, surface: str, angles: Angles | None) -> FloatArray:
         step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
         ends = []
         for value in (flat[name] + step, flat[name] - step):
@@ -310,7 +312,9 @@ class Model:
         on = {a.effect.id for a in active} | {name.split(".")[0] for name in also if "." in name}
         for effect, lacking in self.missing_conditions(conditions).items():
             if effect in on:
-                raise ModelError(f"effect {effect!r} needs {', '.join(lacking)}; the log must know it; give it in the setup's [conditions] or as a channel")
+                raise ModelError(
+                    f"effect {effect!r} needs {', '.join(lacking)}; the log must know it; give it in the setup's [conditions] or as a channel"
+                )
         if len(conditions) and not conditions.known("speed_m_s"):
             raise ModelError("a revolution has no speed; every revolution needs one; leave it out of the stack")
         drive = Drive.of(conditions)

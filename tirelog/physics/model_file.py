@@ -51,7 +51,9 @@ def read(path: Path, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
             raise ModelError("is larger than 1 MB; a model is a page of text; give a model file", file=path)
         text = path.read_text(encoding="utf-8-sig")
     except OSError as problem:
-        raise ModelError(f"cannot be read ({problem.strerror}); a model file is needed; make one with `tirelog model new`", file=path) from None
+        raise ModelError(
+            f"cannot be read ({problem.strerror}); a model file is needed; make one with `tirelog model new`", file=path
+        ) from None
     except UnicodeDecodeError:
         raise ModelError("is not UTF-8 text; a TOML model file is allowed; save it as UTF-8", file=path) from None
     return replace(parse(text, path, catalogue=catalogue), path=path)
@@ -63,7 +65,9 @@ def parse(text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect
     try:
         document = tomlkit.parse(text).unwrap()
     except (TOMLKitError, RecursionError) as problem:
-        raise ModelError(f"is not TOML ({problem}); see `tirelog model new`; correct it", file=path or "model", line=getattr(problem, "line", None)) from None
+        raise ModelError(
+            f"is not TOML ({problem}); see `tirelog model new`; correct it", file=path or "model", line=getattr(problem, "line", None)
+        ) from None
     _only(document, ("model", "parameters", "effects"), source, "a model file")
     head, numbers, effects = document.get("model", {}), document.get("parameters", {}), document.get("effects", [])
     if not (isinstance(head, dict) and isinstance(numbers, dict) and isinstance(effects, list)):
@@ -110,7 +114,9 @@ def _only(table: Mapping[str, Any], allowed: Iterable[str], source: _Text, where
     allowed = list(allowed)
     for key in table:
         if key not in allowed:
-            raise source.error(f"unknown key {key!r} in {where}{nearest(key, allowed)}; allowed are {', '.join(allowed)}; correct it", key, after)
+            raise source.error(
+                f"unknown key {key!r} in {where}{nearest(key, allowed)}; allowed are {', '.join(allowed)}; correct it", key, after
+            )
 
 
 def _base(numbers: Mapping[str, Any], known: tuple[Parameter, ...], source: _Text) -> tuple[Parameter, ...]:
@@ -131,7 +137,11 @@ def _number(value: Any, known: Parameter, source: _Text, label: str, after: int 
     for key, number in table.items():
         wrong = not isinstance(number, bool) if key == "fixed" else (isinstance(number, bool) or not isinstance(number, int | float))
         if wrong or (key not in ("fixed", "se") and not math.isfinite(number)):
-            raise source.error(f"{label}: {key} = {number!r}; a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed; correct it", label, after)
+            raise source.error(
+                f"{label}: {key} = {number!r}; a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed; correct it",
+                label,
+                after,
+            )
     free = isinstance(value, dict) and not table.get("fixed", False)
     low, high = (float(table.get(key, getattr(known, key))) for key in ("min", "max"))
     parameter = replace(known, value=float(table.get("value", known.value)), min=low, max=high, free=free, se=table.get("se"))
@@ -151,7 +161,9 @@ def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _
         given, own = table.get("parameters", {}), {k: table[k] for k in ("acts_on", "expression")}
     elif name not in catalogue:
         raise source.error(
-            f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}, or one with an expression; see `tirelog effects`", name, after - 1
+            f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}, or one with an expression; see `tirelog effects`",
+            name,
+            after - 1,
         )
     else:
         effect = catalogue[name]
@@ -170,7 +182,9 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
     parameters = tuple(_number(value, _unknown(key, value), source, key, after - 1) for key, value in given.items())
     parameters = tuple(replace(p, probe=p.value or 0.01 * max(abs(p.min), abs(p.max))) for p in parameters)
     try:
-        return effect_by_expression(table["name"], _word(table, "acts_on", EXPRESSION_ACTS_ON, "contact_pressure", source), table["expression"], parameters)
+        return effect_by_expression(
+            table["name"], _word(table, "acts_on", EXPRESSION_ACTS_ON, "contact_pressure", source), table["expression"], parameters
+        )
     except ModelError as problem:
         raise source.error(problem.message, table["name"], after - 1) from None
 

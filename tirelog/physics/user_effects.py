@@ -94,8 +94,10 @@ def _hook(acts_on: str, formula: Expression) -> dict[str, Any]:
 
 def _spread(values: FloatArray, size: int) -> FloatArray:
     """Values that do not depend on xi, all around."""
-    return np.broadcast_to(values, (*values.shape[:-1], size)) if values.ndim and values.shape[-1] == 1 else np.broadcast_to(
-        values, np.broadcast_shapes(values.shape, (1, size))
+    return (
+        np.broadcast_to(values, (*values.shape[:-1], size))
+        if values.ndim and values.shape[-1] == 1
+        else np.broadcast_to(values, np.broadcast_shapes(values.shape, (1, size)))
     )
 
 
@@ -132,7 +134,9 @@ def effects_of_file(path: Path) -> dict[str, Effect]:
         raise ModelError(f"cannot be read ({problem.strerror}); a Python file with effects is allowed; give its path", file=path) from None
     except Exception as problem:
         line = getattr(problem, "lineno", None)
-        raise ModelError(f"{type(problem).__name__}: {problem}; a Python file that runs is allowed; correct it", file=path, line=line) from None
+        raise ModelError(
+            f"{type(problem).__name__}: {problem}; a Python file that runs is allowed; correct it", file=path, line=line
+        ) from None
     return _collected([value for value in namespace.values() if isinstance(value, Effect)], path)
 
 

@@ -93,7 +93,9 @@ TOOTH_PITCH = Effect(
     parameters=(
         _angle("amplitude_rad", "cosine part over one tooth", 0.1),
         _angle("slope_rad", "sine part over one tooth", 0.1),
-        Parameter("phase_per_g_rad", "rad", "phase shift at 1 g of acceleration, that moves the patch over the teeth", 0.05, -1.0, 1.0, probe=0.05),
+        Parameter(
+            "phase_per_g_rad", "rad", "phase shift at 1 g of acceleration, that moves the patch over the teeth", 0.05, -1.0, 1.0, probe=0.05
+        ),
         Parameter("steps", "1", "teeth of the wheel", 48.0, 1.0, 1e4, probe=48.0, free=False),
     ),
     strength=("amplitude_rad", "slope_rad"),

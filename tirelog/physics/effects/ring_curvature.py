@@ -17,9 +17,7 @@ EFFECT = Effect(
     acts_on=("structure",),
     parameters=(
         Parameter("fraction", "1", "share of the ring's response: 0 the beam, 1 the ring", 1.0, 0.0, 1.0, probe=1.0),
-        Parameter(
-            "tangential_stiffness_N_m2", "N/m^2", "k_v, tangential foundation of the ring", 3e5, 1e3, 1e9, probe=3e5, free=False
-        ),
+        Parameter("tangential_stiffness_N_m2", "N/m^2", "k_v, tangential foundation of the ring", 3e5, 1e3, 1e9, probe=3e5, free=False),
     ),
     strength=("fraction",),
     source="P3, Z_n of the errata",

@@ -36,7 +36,7 @@ EFFECT = Effect(
     ),
     strength=("drift", "stiffness"),
     source="P1 4",
-    valid="one warming from the start of the log; driver = \"time\" or \"temperature\" (auto: temperature where it varies)",
+    valid='one warming from the start of the log; driver = "time" or "temperature" (auto: temperature where it varies)',
     signature="the baseline moves once in time or with temperature, whatever the speed",
     needs=("time_s",),
     instead={"time_s": "temperature_K"},
