@@ -1,0 +1,59 @@
+"use strict";
+(function () {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+
+  function styled(layout) {
+    const style = getComputedStyle(document.documentElement);
+    const ink = style.getPropertyValue("--ink").trim(), grid = style.getPropertyValue("--line").trim();
+    const out = Object.assign({
+      margin: { l: 60, r: 20, t: 10, b: 50 }, font: { color: ink, family: "system-ui, sans-serif" },
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", legend: { orientation: "h", y: -0.25 }, height: 380
+    }, layout);
+    for (const key of Object.keys(out)) {
+      if (/^[xy]axis/.test(key)) { out[key] = Object.assign({ gridcolor: grid, zerolinecolor: grid, linecolor: grid }, out[key]); }
+    }
+    return out;
+  }
+
+  function draw(id) {
+    const figure = data.figures[id];
+    return Plotly.react(document.getElementById(id), figure.traces, styled(figure.layout), config);
+  }
+
+  // a figure is drawn when it comes near the window, so that a long page opens at once
+  const seen = new Set();
+  function show(id) { if (!seen.has(id)) { seen.add(id); draw(id); } }
+  const near = new IntersectionObserver(function (entries) {
+    for (const entry of entries) { if (entry.isIntersecting) { show(entry.target.id); near.unobserve(entry.target); } }
+  }, { rootMargin: "600px" });
+  for (const id of Object.keys(data.figures)) { near.observe(document.getElementById(id)); }
+  window.addEventListener("beforeprint", function () { Object.keys(data.figures).forEach(show); });
+  dark.addEventListener("change", function () { seen.forEach(draw); });
+
+  // switches: each combination of effects has its prediction, residual map and error in the data
+  for (const [section, spec] of Object.entries(data.switches)) {
+    const place = document.querySelector('.switches[data-section="' + section + '"]');
+    const boxes = spec.effects.map(function (effect, bit) {
+      const label = document.createElement("label"), box = document.createElement("input");
+      box.type = "checkbox"; box.checked = Boolean(spec.start & (1 << bit)); box.dataset.bit = String(bit);
+      label.append(box, document.createTextNode(effect)); place.append(label);
+      box.addEventListener("change", update);
+      return box;
+    });
+    const said = document.createElement("output"); said.setAttribute("aria-live", "polite"); place.append(said);
+    function update() {
+      const state = boxes.reduce(function (sum, box, bit) { return sum + (box.checked ? 1 << bit : 0); }, 0);
+      const chosen = spec.states[String(state)];
+      said.textContent = chosen.text;
+      for (const [id, changes] of Object.entries(chosen.figures)) {
+        for (const [trace, values] of Object.entries(changes)) { Object.assign(data.figures[id].traces[Number(trace)], values); }
+        data.figures[id].layout.datarevision = state;
+        if (seen.has(id)) { draw(id); }
+      }
+    }
+    update();
+  }
+  document.documentElement.dataset.ready = "true";
+})();
