@@ -9,7 +9,8 @@ papers of the README.
 """
 
 from tirelog.simulation.recording import setup_text, to_recording
-from tirelog.simulation.scenario import Scenario, load_scenario, scenario_of
+from tirelog.simulation.scenario import Scenario
+from tirelog.simulation.scenario_file import load_scenario, scenario_of
 from tirelog.simulation.simulate import Simulated, simulate
 from tirelog.simulation.writers import write_log
 

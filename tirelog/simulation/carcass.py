@@ -23,8 +23,8 @@ FloatArray = NDArray[np.float64]
 
 #: lengths over which the other forms of damping and tension act [m]
 DAMPED_LENGTH_M, SHEAR_LENGTH_M = 0.02, 0.02
-#: Picard's iteration for the hardening foundation
-LARGEST_ITERATIONS, RELATIVE_CHANGE = 200, 1e-9
+#: iterations for the hardening foundation, and the change at which they end, over the largest displacement
+LARGEST_ITERATIONS, RELATIVE_CHANGE = 200, 1e-8
 
 
 @dataclass(frozen=True)
@@ -49,19 +49,25 @@ class Carcass:
         return self._hardened(free, w if start is None else start)
 
     def _hardened(self, free: ComplexArray, w: FloatArray) -> FloatArray:
-        """Picard's iteration with a mean hardening taken into the linear operator, until w changes by less than 1e-9 of its peak."""
+        """Fixed point w = A (p - (hardening(w) - mean) w)/(1 + mean A), a mean hardening being taken into the linear operator A; each
+        row mixes its last two iterates so that their residual is least (Anderson's method, depth one)."""
         peak = np.abs(w).max(axis=1)
-        mean = 1.4 * self.hardening * (0.4 * peak if self.hardens_linearly else (0.75 * peak) ** 2)
-        # 1/A + mean on the other side: A/(1 + mean A)
-        softer = 1.0 / (1.0 + mean[:, None] * self.radial)
+        mean = self.hardening * (0.8 * peak if self.hardens_linearly else 1.1 * peak**2)
+        softer = self.radial / (1.0 + mean[:, None] * self.radial)
+        free = free / (1.0 + mean[:, None] * self.radial)
+        before: tuple[FloatArray, FloatArray] | None = None
         for _ in range(LARGEST_ITERATIONS):
             stiffening = self.hardening[:, None] * (np.abs(w) if self.hardens_linearly else w * w)
-            rest = self.radial * self.ring.transform((mean[:, None] - stiffening) * w)
-            new = self.ring.inverse(softer * (free + rest))
-            change = np.abs(new - w).max() / np.abs(new).max()
-            w = new
-            if change < RELATIVE_CHANGE:
-                return w
+            image = self.ring.inverse(free + softer * self.ring.transform((mean[:, None] - stiffening) * w))
+            residual = image - w
+            if np.abs(residual).max() < RELATIVE_CHANGE * np.abs(image).max():
+                return image
+            w = image
+            if before is not None:
+                change = residual - before[1]
+                share = (residual * change).sum(axis=1) / np.maximum((change * change).sum(axis=1), 1e-300)
+                w = image - np.clip(share, -2.0, 2.0)[:, None] * (image - before[0])
+            before = image, residual
         raise UsageError("the stiffening foundation did not settle; allowed is a hardening of up to about its own stiffness; plant less")
 
     def shape(self, w: FloatArray, derivative: int) -> ComplexArray:

@@ -8,7 +8,6 @@ Arrays are (b, points): b instants of the drive.  Pressure is a line load [N/m],
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-
 from typing import Any
 
 import numpy as np

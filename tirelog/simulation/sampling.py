@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.simulation import ramp
 from tirelog.simulation.drive import GRAVITY_M_S2
 from tirelog.simulation.scenario import Scenario, Sensor
 from tirelog.simulation.waveforms import LOAD_STEP, World, chunks, family
@@ -156,7 +157,8 @@ def vehicle_values(world: World, name: str, trace: Trace, tables: dict[str, Floa
     if kind == "longitudinal_force":
         return longitudinal_force(world, time)
     if kind == "inflation_pressure":
-        return np.full(time.size, conditions.inflation_pressure_Pa)
+        course = world.scenario.ramp
+        return np.full(time.size, conditions.inflation_pressure_Pa) if course is None else ramp.pressure(course, time)
     return world.temperature(time)
 
 

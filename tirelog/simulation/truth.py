@@ -37,6 +37,7 @@ def truth_of(world: World, pitch_rad: Mapping[str, FloatArray]) -> dict[str, Any
         "tire": asdict(scenario.tire),
         "conditions": asdict(scenario.conditions),
         "road": asdict(scenario.road),
+        "ramp": None if scenario.ramp is None else asdict(scenario.ramp),
         "effects": planted_truth(scenario),
         "manoeuvres": [asdict(part) for part in world.drive.parts],
         "motion": {

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.simulation import ramp
 from tirelog.simulation.carcass import carcass, curvature_operator
 from tirelog.simulation.contact import FlatRoad
 from tirelog.simulation.drive import GRAVITY_M_S2, Drive, Roughness
@@ -193,8 +194,10 @@ class World:
         return gauge, self.scenario.planted("sensor_lag") or sensor.lag_s or None
 
     def baseline(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
-        """The strain's slow baseline: the sensor's own, tension's stretch, thermal drift."""
+        """The strain's slow baseline: the sensor's own, inflation, tension's stretch, thermal drift."""
         total = np.full_like(time_s, sensor.baseline)
+        if self.scenario.ramp is not None:
+            total = total + ramp.strain(self.scenario.ramp, time_s)
         tension, drift = self.scenario.planted("belt_tension"), self.scenario.planted("thermal_drift")
         if tension is not None:
             total = total + tension["stretch_s2_m2"] * self.drive.speed_at(time_s) ** 2

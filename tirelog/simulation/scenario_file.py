@@ -1,0 +1,159 @@
+"""The scenario file: TOML becomes a validated Scenario, or an error that says what is allowed.
+
+    TOML text --tomllib--> tables --fields of the dataclasses in `scenario`, parameters in `planted`--> Scenario (frozen)
+
+What is unknown is refused with what is allowed and the nearest spelling.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import Field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tirelog.errors import UsageError, nearest
+from tirelog.simulation.planted import FORMS, PLANTABLE, Planted
+from tirelog.simulation.scenario import (
+    SOURCE_UNITS,
+    TRUTHS,
+    Manoeuvre,
+    Ramp,
+    Road,
+    Scenario,
+    Sensor,
+    TrueConditions,
+    TrueTire,
+    Vehicle,
+)
+
+T = TypeVar("T")
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
+    """`value` as the field wants it, or a UsageError that says what is allowed."""
+    wanted, at = str(spec.type), f"{spec.name} = {value!r} in [{table}]"
+    if "tuple" in wanted:
+        whole = "int" in wanted
+        if not isinstance(value, list) or not all(_number(v) and v >= 0 and (v == int(v) or not whole) for v in value):
+            raise UsageError(f"{at}; allowed is a list of {'whole ' if whole else ''}numbers from 0; mend it", file=file)
+        return tuple(int(v) if whole else float(v) for v in value)
+    if "float" in wanted or "int" in wanted:
+        low, high = spec.metadata.get("range", (-(2**62), 2**62))
+        if not _number(value) or not low <= value <= high or ("int" in wanted and value != int(value)):
+            raise UsageError(f"{at}; allowed is a number from {low:g} to {high:g}; mend it", file=file)
+        return int(value) if "int" in wanted else float(value)
+    if not isinstance(value, bool if "bool" in wanted else str):
+        raise UsageError(f"{at}; allowed is {'true or false' if 'bool' in wanted else 'text in quotes'}; mend it", file=file)
+    allowed = spec.metadata.get("allowed")
+    if allowed and value not in allowed:
+        raise UsageError(f"{at}{nearest(str(value), allowed)}; allowed are {', '.join(allowed)}; mend it", file=file)
+    return value
+
+
+def _table(cls: type[T], data: Any, table: str, file: str | None) -> T:
+    """A TOML table as the dataclass `cls`."""
+    if not isinstance(data, Mapping):
+        raise UsageError(f"{table} is not a table; allowed is [{table}] with keys under it; mend it", file=file)
+    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
+    for key in data:
+        if key not in specs:
+            allowed = ", ".join(specs)
+            raise UsageError(f"unknown key {key!r} in [{table}]{nearest(key, specs)}; allowed are {allowed}; mend it", file=file)
+    return cls(**{key: _value(specs[key], value, table, file) for key, value in data.items()})
+
+
+def _planted(data: Any, file: str | None) -> Planted:
+    """One [[effects]] table."""
+    if not isinstance(data, Mapping) or not isinstance(data.get("name"), str):
+        raise UsageError('an [[effects]] table without a name; allowed is name = "..."; add one', file=file)
+    name, form = data["name"], data.get("form", "exact")
+    if name == "ring_curvature":
+        raise UsageError('ring_curvature is the carcass itself; allowed is truth = "ring"; set it (contact = "parabola")', file=file)
+    if name not in PLANTABLE:
+        raise UsageError(f"unknown effect {name!r}{nearest(name, PLANTABLE)}; allowed are {', '.join(PLANTABLE)}; mend it", file=file)
+    if form not in FORMS:
+        raise UsageError(f"form = {form!r} of {name}{nearest(str(form), FORMS)}; allowed are {', '.join(FORMS)}; mend it", file=file)
+    given = {key: value for key, value in data.items() if key not in ("name", "form")}
+    allowed = PLANTABLE[name].parameters
+    for key, value in given.items():
+        if key not in allowed:
+            known = ", ".join(allowed)
+            raise UsageError(f"unknown parameter {key!r} of {name}{nearest(key, allowed)}; allowed are {known}; mend it", file=file)
+        if not _number(value):
+            raise UsageError(f"{key} = {value!r} of {name}; allowed is a finite number; mend it", file=file)
+    return Planted(name, form, {**allowed, **{k: float(v) for k, v in given.items()}})
+
+
+_TABLES = {"tire": TrueTire, "conditions": TrueConditions, "vehicle": Vehicle, "road": Road}
+_PLAIN = {"truth": TRUTHS, "seed": (0, 2**62), "grid_points": (256, 65536), "knot_s": (0.005, 0.05), "rounding_s": (0.05, 5.0)}
+
+
+def _plain(key: str, value: Any, file: str | None) -> Any:
+    """A key of the file's own level."""
+    allowed = _PLAIN[key]
+    if key == "truth":
+        if value not in TRUTHS:
+            raise UsageError(f"truth = {value!r}{nearest(str(value), TRUTHS)}; allowed are {', '.join(TRUTHS)}; mend it", file=file)
+        return value
+    low, high = allowed
+    whole = key in ("seed", "grid_points")
+    if not _number(value) or not low <= value <= high or (whole and value != int(value)) or (key == "grid_points" and value % 2):  # type: ignore[operator]
+        even = ", even" if key == "grid_points" else ""
+        raise UsageError(f"{key} = {value!r}; allowed is a number from {low:g} to {high:g}{even}; mend it", file=file)
+    return int(value) if whole else float(value)
+
+
+def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
+    """The scenario in TOML tables `data`.  UsageError for anything that is not allowed."""
+    known = [*_PLAIN, *_TABLES, "manoeuvres", "channels", "effects", "ramp"]
+    for key in data:
+        if key not in known:
+            raise UsageError(f"unknown key {key!r}{nearest(key, known)}; allowed are {', '.join(known)}; mend it", file=file)
+    values: dict[str, Any] = {key: _plain(key, data[key], file) for key in _PLAIN if key in data}
+    values.update({key: _table(cls, data.get(key, {}), key, file) for key, cls in _TABLES.items()})
+    manoeuvres = data.get("manoeuvres", [])
+    channels = data.get("channels", {})
+    if not isinstance(manoeuvres, list) or not manoeuvres:
+        raise UsageError("no manoeuvres; a drive is a list of [[manoeuvres]] with duration_s and speed_m_s; add one", file=file)
+    if not isinstance(channels, Mapping) or not channels:
+        raise UsageError('no channels; a log has at least one [channels.NAME] with kind = "..."; add one', file=file)
+    values["manoeuvres"] = tuple(_table(Manoeuvre, m, "manoeuvres", file) for m in manoeuvres)
+    values["channels"] = {name: _table(Sensor, c, f"channels.{name}", file) for name, c in channels.items()}
+    values["effects"] = tuple(_planted(e, file) for e in data.get("effects", []))
+    if "ramp" in data:
+        values["ramp"] = _table(Ramp, data["ramp"], "ramp", file)
+    scenario = Scenario(**values)
+    _check(scenario, file)
+    return scenario
+
+
+def _check(scenario: Scenario, file: str | None) -> None:
+    """What one table alone cannot say."""
+    names = [effect.name for effect in scenario.effects]
+    for name in names:
+        if names.count(name) > 1:
+            raise UsageError(f"effect {name!r} is planted twice; allowed is once; remove one", file=file)
+    for name, sensor in scenario.channels.items():
+        if sensor.kind not in SOURCE_UNITS:
+            known = ", ".join(SOURCE_UNITS)
+            raise UsageError(f"kind {sensor.kind!r} of {name}{nearest(sensor.kind, SOURCE_UNITS)}; allowed are {known}; mend it", file=file)
+        twin = sensor.temperature_channel
+        if twin is not None and (twin not in scenario.channels or scenario.channels[twin].kind != "fbg_temperature"):
+            raise UsageError(f"temperature_channel {twin!r} of {name}; allowed is a channel of kind fbg_temperature; mend it", file=file)
+
+
+def load_scenario(path: Path | str) -> Scenario:
+    """The scenario file at `path`."""
+    try:
+        return scenario_of(tomllib.loads(Path(path).read_text(encoding="utf-8")), str(path))
+    except OSError as problem:
+        raise UsageError(f"cannot be read ({problem.strerror}); a scenario is a TOML file; give another", file=path) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+        raise UsageError(f"not TOML ({problem}); a scenario is a TOML file in UTF-8; mend it", file=path) from None
