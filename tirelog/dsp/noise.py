@@ -1,31 +1,34 @@
 """The noise of one sample, from the log itself.
 
-    a channel's samples --third differences of pieces spread over the log--> sigma [unit of the channel]
+    a channel's samples --sixth differences of pieces spread over the log--> sigma [unit of the channel]
 
-Third differences remove whatever the tire does slowly; the median of their size ignores the patch, spikes and steps.  The pieces lie
+Sixth differences remove what the tire does, even a patch of ten samples; the median of their size ignores the patch, spikes and steps.  The pieces lie
 at fixed places of the log, so the answer does not depend on how the log is read.
 """
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 from tirelog.recording import Channel, FloatArray
 
-#: third difference 1 -3 3 -1 of white noise: sqrt(1 + 9 + 9 + 1) standard deviations
-THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
+#: order of the difference; that of white noise has sqrt(binomial(2 order, order)) standard deviations
+ORDER = 6
+DIFFERENCE_GAIN = comb(2 * ORDER, ORDER) ** 0.5
 #: median of |x| of a normal variable, in standard deviations
 NORMAL_MEDIAN = 0.6744897501960817
 PIECES, PIECE_SAMPLES = 64, 4096
 
 
 def white_noise(values: FloatArray) -> float:
-    """Standard deviation of the white noise on `values`, shape (n,), NaN allowed; NaN where fewer than 4 samples stand in a row."""
-    third = np.abs(np.diff(values, 3))
-    third = third[np.isfinite(third)]
-    if not third.size:
+    """Standard deviation of the white noise on `values`, shape (n,), NaN allowed; NaN where fewer than 7 samples stand in a row."""
+    difference = np.abs(np.diff(values, ORDER))
+    difference = difference[np.isfinite(difference)]
+    if not difference.size:
         return float("nan")
-    return float(np.median(third) / NORMAL_MEDIAN / THIRD_DIFFERENCE_GAIN)
+    return float(np.median(difference) / NORMAL_MEDIAN / DIFFERENCE_GAIN)
 
 
 def sample_noise(channel: Channel, pieces: int = PIECES, piece_samples: int = PIECE_SAMPLES) -> float:

@@ -4,7 +4,7 @@
 
 The second-order centred difference over two turns (P1 4, P2 4.2, errata) in its form for unequal steps is exact for a constant
 acceleration.  What a change of acceleration leaves, one twelfth of the period times the change over two turns, is taken off as far
-as it stands out of the noise; what the accelerations around do not foretell by a straight line goes into the standard error.
+as it stands out of the noise; what a smooth curve through the accelerations around does not foretell goes into the standard error.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ TURN_RAD = 2 * np.pi
 #: a change of acceleration counts beyond this many times its noise variance
 SIGNIFICANT = 4.0
 #: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink at random places between passages
-KINK = 0.45
-#: passages on either side whose accelerations tell how it changes
-REACH = 2
+KINK = 0.5
+#: passages on either side whose accelerations tell how it changes, and the degree of their curve
+REACH, DEGREE = 3, 3
 #: standard deviation of the jerk where nothing tells it: the acceleration itself, gained or lost over this many turns
 BLIND_TURNS = 2.0
 
@@ -43,18 +43,21 @@ def turns_between(time_s: FloatArray, omega: FloatArray) -> FloatArray:
     return np.diff(time_s) * 0.5 * (omega[1:] + omega[:-1]) / TURN_RAD
 
 
-def _noise_of_residual() -> float:
-    """Variance of the accelerations about their straight line, per variance of the second difference's ends, white passage times."""
+def _residual() -> tuple[FloatArray, float]:
+    """Projection of the accelerations around on what their curve leaves, and the residual variance that white passage times make of it.
+
+    Accelerations are second differences of the times: 1, -2, 1.
+    """
     count = 2 * REACH + 1
     second = np.zeros((count, count + 2))
     for k in range(count):
         second[k, k : k + 3] = 1.0, -2.0, 1.0
-    line = np.vander(np.arange(count) - REACH, 2)
-    project = np.eye(count) - line @ np.linalg.pinv(line)
-    return float(np.trace(project @ second @ second.T @ project) / (count - 2))
+    curve = np.vander((np.arange(count) - REACH) / REACH, DEGREE + 1)
+    project = np.eye(count) - curve @ np.linalg.pinv(curve)
+    return project, float(np.trace(project @ second @ second.T) / (count - DEGREE - 1))
 
 
-RESIDUAL_NOISE = _noise_of_residual()
+RESIDUAL, RESIDUAL_NOISE = _residual()
 
 
 def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArray) -> Kinematics:
@@ -110,20 +113,19 @@ def _corrected(omega: FloatArray, alpha: FloatArray, period: FloatArray, time_se
 
 
 def _scatter(alpha: FloatArray, noise: FloatArray) -> FloatArray:
-    """Standard deviation of the accelerations about a straight line through those around, beyond the noise [rad/s^2]; where a
-    stretch is too short for a line, half of the change to the next."""
+    """Standard deviation of the accelerations about a smooth curve through those around, beyond the noise [rad/s^2].
+
+    Where the stretch is too short for a curve: half of the change to the next.
+    """
     around = np.array([_near(alpha, k) for k in range(-REACH, REACH + 1)])
-    place = np.arange(-REACH, REACH + 1.0)[:, None]
-    mean = around.mean(0)
-    slope = (place * around).sum(0) / (place**2).sum()
-    square = ((around - mean - slope * place) ** 2).sum(0) / (2 * REACH - 1)
+    square = ((RESIDUAL @ around) ** 2).sum(0) / (2 * REACH - DEGREE)
     beyond = square - SIGNIFICANT * RESIDUAL_NOISE * noise**2
-    line = np.where(beyond > 0, np.sqrt(np.maximum(square - RESIDUAL_NOISE * noise**2, 0.0)), 0.0)
+    scatter = np.where(beyond > 0, np.sqrt(np.maximum(square - RESIDUAL_NOISE * noise**2, 0.0)), 0.0)
     steps = np.array([np.abs(_near(alpha, k) - alpha) for k in (-1, 1)])
     step = np.where(np.isfinite(steps), steps, 0.0).max(0)
     alone = ~np.isfinite(steps).any(0)
     step = np.where(alone, np.abs(alpha) / BLIND_TURNS, np.where(step > 3.0 * np.sqrt(20.0) * noise, 0.5 * step, 0.0))
-    return np.where(np.isfinite(line), line, step)
+    return np.where(np.isfinite(square), scatter, step)
 
 
 def _one_sided(

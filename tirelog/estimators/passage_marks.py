@@ -23,8 +23,8 @@ def window_words(channel: Channel, found: Fit, standing: NDArray[np.bool_], inde
     words: list[set[str]] = [set() for _ in range(index.size)]
     marks = {"lost_peak": found.lost, "spike": found.spike, "clipped": found.clipped, "edge_of_log": found.outside, "standstill": standing}
     for word, where in marks.items():
-        for k in np.flatnonzero(where):
-            words[k].add(word)
+        for row in np.flatnonzero(where):
+            words[row].add(word)
     gaps = [(float(first) - 0.5, float(first) - 0.5, "gap") for first in channel.axis.first[1:]]
     doubts = [(float(start), float(stop - 1), word) for start, stop, word in channel.flags]
     lowest, highest = index - reach, index + reach
@@ -40,11 +40,11 @@ def lost_between(channel: Channel, time_s: FloatArray, omega: FloatArray, turns:
 
     `turns` (n - 1,) as the speeds give them.  Two to MOST_LOST + 1 turns count, where the samples are lost at every place between.
     """
-    whole = np.round(turns)
+    whole = np.rint(turns)
     lost = np.zeros(turns.size, np.int64)
     likely = np.flatnonzero((whole >= 2) & (whole <= MOST_LOST + 1) & (np.abs(turns - whole) < 0.15 * whole))
     for k in likely:
-        count = round(turns[k]) - 1
+        count = int(whole[k]) - 1
         times = between(time_s[k], time_s[k + 1], omega[k], omega[k + 1], count)
         reach = window_rad / omega[k]
         if all(_lost_share(channel, t - reach, t + reach) > LOST_SHARE for t in times):
@@ -54,7 +54,7 @@ def lost_between(channel: Channel, time_s: FloatArray, omega: FloatArray, turns:
 
 def _lost_share(channel: Channel, begin_s: float, end_s: float) -> float:
     """Share of the samples between two times that are lost; 0 where the recording itself has a gap there."""
-    low, high = np.round(channel.axis.index(np.array([begin_s, end_s]))).astype(int).tolist()
+    low, high = round(float(channel.axis.index(begin_s))), round(float(channel.axis.index(end_s)))
     expected = (end_s - begin_s) * channel.axis.rate_Hz
     if high <= low or high - low < 0.8 * expected:
         return 0.0

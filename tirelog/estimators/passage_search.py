@@ -11,7 +11,7 @@ the shoulders beside the patch are too low.  The median of a bucket ignores a si
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +25,10 @@ BUCKET_S = 1.6e-3
 LEAST_HEIGHT = 0.45
 #: and by this many times the noise of a sample
 LEAST_SIGMAS = 8.0
+#: a pulse whose top lies this share of its height below both neighbours' is the stretch between two patches, seen from its deep shoulders
+PLATEAU_SHARE = 0.4
+#: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a car's wheel) nothing is looked for
+LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
 
 
 @dataclass(frozen=True)
@@ -81,6 +85,8 @@ def _bucket_medians(values: FloatArray, bucket: int) -> FloatArray:
 def _of_three(values: FloatArray) -> FloatArray:
     """Running median of three; the ends and the neighbours of lost samples stay as they are."""
     result = values.copy()
+    if values.size < 3:
+        return result
     a, b, c = values[:-2], values[1:-1], values[2:]
     median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
     result[1:-1] = np.where(np.isnan(median), b, median)
@@ -100,14 +106,14 @@ def decimate(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) 
         if np.isfinite(values).any():
             low, high = min(low, float(np.nanmin(values))), max(high, float(np.nanmax(values)))
         if bucket == 1:
-            some = _of_three(values)[start - first : start - first + step] if values.size > 2 else values
+            some = _of_three(values)[start - first : start - first + step]
         else:
             short = -values.size % bucket
             some = _bucket_medians(np.pad(values, (0, short), constant_values=np.nan) if short else values, bucket)
         parts.append((sign * some).astype(np.float32))
     medians = np.concatenate(parts) if parts else np.zeros(0, np.float32)
     kept = np.flatnonzero(np.isfinite(medians))
-    index: FloatArray = kept * float(bucket) + 0.5 * (bucket - 1)
+    index = kept.astype(np.float64) * bucket + 0.5 * (bucket - 1)
     part = np.searchsorted(channel.axis.first, index, side="right") if channel.axis.explicit is None else np.ones(kept.size, np.int64)
     return Decimated(medians[kept], index, np.asarray(part, np.int64), bucket, (low, high))
 
@@ -167,7 +173,41 @@ def find_pulses(data: Decimated, noise: float) -> Pulses:
         peaks.append(points[top])
         left.append(points[top - 1])
         right.append(points[top + 1])
-    return _half_level(data, *(np.concatenate(places).astype(np.int64) for places in (peaks, left, right)))
+    return _half_level(data, *_without_plateaus(data.values, *(np.concatenate(p).astype(np.int64) for p in (peaks, left, right))))
+
+
+def _without_plateaus(values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The peaks that are not lower than both neighbours (at the ends: the only neighbour) by much of their own height."""
+    if peak.size < 2:
+        return peak, left, right
+    top = values[peak]
+    height = top - np.minimum(values[left], values[right])
+    before = np.concatenate([[np.inf], top[:-1]])
+    after = np.concatenate([top[1:], [np.inf]])
+    kept = top >= np.minimum(before, after) - PLATEAU_SHARE * height
+    return peak[kept], left[kept], right[kept]
+
+
+def search(channel: Channel, sign: float, noise: float, block_samples: int = BLOCK_SAMPLES) -> tuple[Pulses, tuple[float, float]]:
+    """The pulses of `channel`, and its least and largest sample.  `sign` turns the patch upward, `noise` is one sample's sigma.
+
+    Radial acceleration, whose pulses grow with the square of the speed, is searched in units of its level outside the patch.
+    """
+    data = decimate(channel, sign, block_samples)
+    if channel.kind != "radial_acceleration" or not data.values.size:
+        return find_pulses(data, noise), data.extremes
+    level = np.maximum(_level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * noise))
+    pulses = find_pulses(replace(data, values=(data.values / level).astype(np.float32)), noise / float(np.median(level)))
+    scale = np.interp(pulses.middle, data.index, level)
+    return replace(pulses, height=pulses.height * scale, base=pulses.base * scale), data.extremes
+
+
+def _level(data: Decimated, rate_Hz: float) -> FloatArray:
+    """Median size of the values over pieces of LEVEL_S, straight lines between, shape (m,)."""
+    piece = (data.index / (LEVEL_S * rate_Hz)).astype(np.int64)
+    first = np.concatenate([[0], np.flatnonzero(np.diff(piece)) + 1])
+    medians = [float(np.median(np.abs(some))) for some in np.split(data.values, first[1:])]
+    return np.interp(data.index, (piece[first] + 0.5) * LEVEL_S * rate_Hz, medians)
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Pulses:

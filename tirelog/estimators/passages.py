@@ -23,7 +23,7 @@ from tirelog.estimators import passage_marks as marks
 from tirelog.estimators.passage_fit import Fit, Start, fit, gather
 from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, turns_between
 from tirelog.estimators.passage_learn import learn_template
-from tirelog.estimators.passage_search import Pulses, decimate, find_pulses
+from tirelog.estimators.passage_search import Pulses, search
 from tirelog.estimators.passage_template import Template
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
@@ -129,11 +129,10 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
     The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
     """
     sign, noise = patch_sign(channel), sample_noise(channel)
-    data = decimate(channel, sign, block_samples)
-    pulses = find_pulses(data, noise) if np.isfinite(noise) else None
+    pulses, extremes = search(channel, sign, noise, block_samples) if np.isfinite(noise) else (None, (0.0, 0.0))
     if not pulses:
         return _none(channel, radius_m, sign, noise)
-    template, found, start, pulses = _fitted(channel, pulses, sign, noise, data.extremes)
+    template, found, start, pulses = _fitted(channel, pulses, sign, noise, extremes)
     turns = turns_between(found.time_s, start.omega)
     linked = np.append((turns > ONE_TURN[0]) & (turns < ONE_TURN[1]), False)
     known = start.stretch == STRETCH_NEIGHBOURS

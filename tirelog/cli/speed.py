@@ -1,0 +1,31 @@
+"""`tirelog speed LOG...`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from tirelog.cli.common import Format, Logs, Output, Quiet, Session, SetupFile
+
+
+def speed(
+    logs: Logs,
+    setup: SetupFile = None,
+    output: Output = None,
+    format: Format = None,
+    quiet: Quiet = False,
+    calibrate_radius: Annotated[
+        bool, typer.Option("--calibrate-radius", help="Take the rolling radius from the log's vehicle_speed, with its error.")
+    ] = False,
+) -> None:
+    """Tell the speed at each passage of the patch, with standard error and acceleration."""
+    from tirelog.estimators.speed import speed_tables
+
+    with Session(setup, quiet) as session, session.table("speed", output, format) as table:
+        for recording in session.recordings(logs):
+            tables, remarks = speed_tables(recording, calibrate_radius)
+            for columns in tables:
+                table.write(columns)
+            for remark in remarks:
+                session.note(f"{recording.log}: {remark}")

@@ -1,0 +1,103 @@
+"""The speed table: a row a passage, speed over the rolling circumference with an error that covers.
+
+    Recording --find_passages on each strain channel--> Passages --here--> columns of the table `speed`
+
+v_i = 2 (2 pi R_e) / (t_{i+1} - t_{i-1}) between like passages (P1 4, P2 4.2, errata), in its form for unequal steps, which is exact for
+constant acceleration, less what is left of a changing one (`passage_kinematics`).  R_e is the loaded rolling radius.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tirelog.errors import UsageError
+from tirelog.estimators.passage_kinematics import TURN_RAD
+from tirelog.estimators.passages import Passages, find_passages
+from tirelog.estimators.speed_radius import calibrate_radius
+from tirelog.estimators.wheel_angle import encoder_speed
+from tirelog.recording import FloatArray, Recording
+from tirelog.tables import quality_text
+
+STRAIN_KINDS = ("fbg_strain", "strain")
+
+
+def speed_words(passages: Passages) -> list[set[str]]:
+    """The passages' words, with those on the speed: edge_of_log at the first and last, extrapolated where it is not centred, standstill
+    and reversing beside such a break."""
+    words = [set(word) for word in passages.quality]
+    for k in np.flatnonzero(passages.sides < 2):
+        words[k].add("edge_of_log" if k in (0, len(passages) - 1) else "extrapolated")
+    for why in ("standstill", "reversing"):
+        for k in np.flatnonzero(passages.break_after == why):
+            words[k].add(why)
+            words[k + 1].add(why)
+    return words
+
+
+def period(passages: Passages) -> FloatArray:
+    """Time of one revolution around each passage [s]: half of the time between the passages before and after where these are one turn
+    away, else a turn at the passage's speed."""
+    both = 0.5 * (passages.period_before_s + passages.period_after_s)
+    return np.where(np.isfinite(both), both, TURN_RAD / passages.omega_rad_s)
+
+
+def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dict[str, Any]:
+    """The speed table's columns for one channel's passages; `radius_se_m` is the radius' error where it was calibrated."""
+    n = len(passages)
+    radius_share = radius_se_m / passages.radius_m
+    return {
+        "log": np.full(n, log, object),
+        "channel": np.full(n, passages.channel, object),
+        "revolution": np.arange(n),
+        "time_s": passages.time_s,
+        "speed_m_s": passages.speed_m_s,
+        "period_s": period(passages),
+        "speed_se_m_s": np.hypot(passages.speed_se_m_s, radius_share * passages.speed_m_s),
+        "acceleration_m_s2": passages.acceleration_m_s2,
+        "quality": np.array([quality_text(sorted(words)) for words in speed_words(passages)], object),
+    }
+
+
+def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[list[Mapping[str, Any]], list[str]]:
+    """(columns of the `speed` table for each channel that tells it, remarks on the whole log).
+
+    Strain channels tell it; without them the encoder; without that the radial acceleration.  `calibrate` takes the rolling radius from
+    the log's `vehicle_speed`.  UsageError: no channel tells the speed, or nothing to calibrate against.
+    """
+    channels = recording.of_kind(*STRAIN_KINDS)
+    if not channels and recording.of_kind("wheel_encoder"):
+        columns, remarks = encoder_speed(recording)
+        return [columns], remarks
+    channels = channels or recording.of_kind("radial_acceleration")
+    if not channels:
+        have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
+        raise UsageError(
+            f"no channel tells the speed; allowed are strain, wheel_encoder and radial_acceleration, the log has {have}; "
+            "name one in the setup",
+            file=recording.log,
+        )
+    found = [find_passages(channel, recording.setup.tire.radius_m) for channel in channels]
+    if not calibrate:
+        return [speed_columns(recording.log, passages) for passages in found], _radius_remarks(recording)
+    references = recording.of_kind("vehicle_speed")
+    if not references:
+        raise UsageError(
+            "--calibrate-radius: the log has no vehicle speed; allowed is a channel of kind vehicle_speed; add it to the setup",
+            file=recording.log,
+        )
+    radius = calibrate_radius(references[0], found)
+    found = [replace(passages, radius_m=radius.radius_m) for passages in found]
+    return [speed_columns(recording.log, passages, radius.radius_se_m) for passages in found], [str(radius)]
+
+
+def _radius_remarks(recording: Recording) -> list[str]:
+    """Said where the setup has no rolling radius."""
+    tire = recording.setup.tire
+    if tire.rolling_radius_m is not None:
+        return []
+    way = "--calibrate-radius takes it from the vehicle's speed" if recording.of_kind("vehicle_speed") else "give rolling_radius_m"
+    return [f"no rolling radius in the setup: the unloaded radius {tire.radius_m:g} m is used, and speeds are too high by about 2 %; {way}"]
