@@ -189,7 +189,7 @@ def _write(
             raise ReadError("holds no samples; a log has rows under its header; record it again", file=summary.log)
         report = reader.report
         summary.format, summary.start, summary.counts = report.format, report.start, dict(report.counts)
-        summary.counts.update({f"lost samples {name}": n for name, n in lost.items()})
+        summary.counts.update({f"lost_samples {name}": n for name, n in lost.items()})
         summary.losses += report.losses
         summary.remarks += report.remarks
         for name, n in lost.items():

@@ -134,7 +134,7 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             import pyarrow.csv as pc
 
             part = io.BytesIO()
-            pc.write_csv(table, part, pc.WriteOptions(include_header=False, quoting_style="needed"))
+            pc.write_csv(table, part, pc.WriteOptions(include_header=False, quoting_style=_quoting(table)))
             self._stream.write(part.getvalue())
         else:
             lines = [json.dumps(row, ensure_ascii=False) for row in table.to_pylist()]
@@ -157,6 +157,16 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             self._stream.close()
         finally:
             self._file.__exit__(kind, value, trace)
+
+
+def _quoting(table: pa.Table) -> str:
+    """Quotes only where a text needs them (arrow's own "needed" quotes every text)."""
+    import pyarrow.compute as pc
+
+    for column in table.columns:
+        if pa.types.is_string(column.type) and pc.any(pc.match_substring_regex(column, '[",\r\n]')).as_py():
+            return "needed"
+    return "none"
 
 
 def _type(name: str) -> pa.DataType:

@@ -27,6 +27,9 @@ def _status_of(problem: BaseException) -> int:
         text, status = str(problem), int(problem.exit_status)
     elif isinstance(problem, KeyboardInterrupt) or type(problem).__name__ == "Abort":
         text, status = "interrupted; nothing was left under the result's name; start it again", _INTERRUPTED
+    elif type(problem).__name__ == "NoArgsIsHelpError":
+        sys.stderr.write(f"{problem}\n")
+        return int(ExitStatus.UNUSABLE_REQUEST)
     elif hasattr(problem, "format_message") and hasattr(problem, "exit_code"):  # a usage error of typer's own parser
         command = getattr(getattr(problem, "ctx", None), "command_path", "tirelog")
         text, status = f"{problem.format_message().rstrip('.')}; see {command} --help", int(ExitStatus.UNUSABLE_REQUEST)
@@ -46,9 +49,14 @@ def run(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in arguments or bool(os.environ.get("TIRELOG_DEBUG"))
     try:
-        result: Any = command().main(args=[a for a in arguments if a != "--debug"], prog_name="tirelog", standalone_mode=False)
+        parsed: Any = command()
+        if "_TIRELOG_COMPLETE" in os.environ:  # the shell asks for completions
+            parsed.main(prog_name="tirelog")
+        # not main(): it would turn a reader that leaves (`| head`) into status 1
+        with parsed.make_context("tirelog", [a for a in arguments if a != "--debug"]) as context:
+            parsed.invoke(context)
         sys.stdout.flush()
-        return int(result) if isinstance(result, int) else int(ExitStatus.DONE)
+        return int(ExitStatus.DONE)
     except BrokenPipeError:
         return _leave_quietly()
     except SystemExit as leaving:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
 
 from tirelog.recording import Recording
+
+#: columns of a page that no terminal shows
+_WIDTH = 160
 
 
 def channel_rows(recording: Recording) -> dict[str, Any]:
@@ -22,7 +26,7 @@ def channel_rows(recording: Recording) -> dict[str, Any]:
         "samples": np.array([c.size for c in channels]),
         "duration_s": np.array([c.axis.duration_s for c in channels]),
         "gaps": np.array([len(c.axis.gaps()) if c.axis.explicit is None else 0 for c in channels]),
-        "lost_samples": np.array([counts.get(f"lost samples {c.name}", 0) for c in channels]),
+        "lost_samples": np.array([counts.get(f"lost_samples {c.name}", 0) for c in channels]),
         "flagged_ranges": np.array([len(c.flags) for c in channels]),
     }
 
@@ -32,7 +36,7 @@ def print_summary(recording: Recording) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    console = Console(soft_wrap=True, highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else _WIDTH)
     about = recording.provenance
     console.print(
         f"{recording.log}: {about.get('format', 'log')}, {about.get('bytes', 0):,} bytes, sha256 {str(about.get('sha256', ''))[:12]}"
@@ -50,7 +54,7 @@ def print_summary(recording: Recording) -> None:
     for what, n in repairs.items():
         console.print(f"repaired in the time axis of {what}: {n}")
     for what, n in about.get("counts", {}).items():
-        if n and not what.startswith("lost samples"):
+        if n and not what.startswith("lost_samples"):
             console.print(f"{what}: {n}")
     tire, conditions = recording.setup.tire, recording.setup.conditions
     known = {**{k: v for k, v in tire.__dict__.items() if v}, **{k: v for k, v in conditions.__dict__.items() if v is not None}}
