@@ -42,11 +42,6 @@ def travelled(time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: Floa
     return time_s * (speed_m_s + 0.5 * acceleration_m_s2 * time_s)
 
 
-def _upsampling(rate_Hz: float, cutoff_Hz: FloatArray) -> int:
-    """Points a sample, so that a parabola through three of them follows what the low-pass leaves."""
-    return 2 if float(np.max(cutoff_Hz)) < rate_Hz / 8.0 else 4
-
-
 def find_edges(
     windows: FloatArray,
     rate_Hz: float,
@@ -56,14 +51,14 @@ def find_edges(
     cutoff_Hz: FloatArray,
     half_length_m: FloatArray,
     noise: float,
+    upsample: int = 2,
 ) -> Edges:
     """Edges of the passages in `windows` (n, m), patch downward, NaN where lost.
 
     `centre` (n,): column of the patch centre; `half_length_m` (n,): what half of the patch is expected to be, to look for extrema;
-    `noise`: standard deviation of a sample.
+    `noise`: standard deviation of a sample; `upsample`: points a sample, so that a parabola through three follows what the low-pass leaves.
     """
     count = windows.shape[1]
-    upsample = _upsampling(rate_Hz, cutoff_Hz)
     spectrum = window_spectrum(fill_lost(windows))
     frequency = np.fft.rfftfreq(count, 1.0 / rate_Hz)
     gains = gain(frequency, cutoff_Hz)

@@ -10,7 +10,7 @@ At the noise of the log the errors are those of Cramer and Rao.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -32,12 +32,15 @@ _ROWS = 2048
 
 @dataclass(frozen=True)
 class FormTable:
-    """The form at one speed, on an even grid: `columns` (g, 8) in the order above without the offset's ones, and, last, by the squared speed."""
+    """The form at one speed, on an even grid: `columns` (g, 8) in the order above without the offset's ones, and, last, by the squared speed;
+    `height`, `shift_m`: of the average that it was learnt from (a fit's height over this is in the scale of the average's height)."""
 
     speed_m_s: float
     half_length_m: float
     first_m: float
     step_m: float
+    height: float
+    shift_m: float
     columns: FloatArray
 
     def at(self, xi_m: FloatArray) -> FloatArray:
@@ -75,16 +78,17 @@ def form_table(reference: Reference, number: int, half_window_m: float, *, with_
         known = one.weight > 0
         left = np.convolve(reference.residuals[number][known], (0.25, 0.5, 0.25), "same") / reference.heights[number]
         columns[:, 0] += np.interp(xi, one.xi_m[known] - reference.shifts_m[number], left, 0.0, 0.0)
-    return FormTable(reference.speed_m_s[number], shape.half_length_m, float(xi[0]), step, columns)
+    return FormTable(reference.speed_m_s[number], shape.half_length_m, float(xi[0]), step, abs(reference.heights[number]), 0.0, columns)
 
 
 @dataclass(frozen=True)
 class PassageFits:
-    """One row a passage, shape (n,): `height` (patch downward), `shift_m` of the patch's middle behind the passage's centre,
+    """One row a passage, shape (n,): `height` and `offset` (patch downward), `shift_m` of the patch's middle behind the passage's centre,
     `length_m` the full contact length, `damping`, `tilt` beside the reference's; standard errors at `noise` one; `chi2` per degree of
     freedom, `used` samples, `inside` samples between the edges."""
 
     height: FloatArray
+    offset: FloatArray
     shift_m: FloatArray
     length_m: FloatArray
     damping: FloatArray
@@ -140,7 +144,8 @@ def _fit_rows(
     right = (np.swapaxes(columns, 1, 2) @ values[..., None])[..., 0]
     used = good.sum(axis=1)
     sigma = noise / np.sqrt(windows.averaged)
-    return _solve(gram, right, (values**2).sum(axis=1), used, sigma, table, (good & (np.abs(xi) < table.half_length_m)).sum(axis=1))
+    fits = _solve(gram, right, (values**2).sum(axis=1), used, sigma, table, (good & (np.abs(xi) < table.half_length_m)).sum(axis=1))
+    return replace(fits, offset=fits.offset + middle[:, 0])
 
 
 def _solve(
@@ -175,6 +180,7 @@ def _solve(
     nan = np.where(poor | ~(height > 0), np.nan, 1.0)
     return PassageFits(
         height * nan,
+        solution[:, OFFSET] * nan,
         relative[:, SHIFT] * nan,
         2.0 * (table.half_length_m + relative[:, LENGTH]) * nan,
         relative[:, DAMPING] * nan,

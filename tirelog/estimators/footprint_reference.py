@@ -43,7 +43,7 @@ class Average:
 class Reference:
     """The fitted forms.  `speed_m_s` (k,) ascending; `shapes`, `heights`, `shifts_m`, `offsets` at each; `inertia`: fall of the tension
     with the squared speed [s^2/m^2]; `length_se_m` (k,): error of the full length from the noise of the averages;
-    `chi2`: squared misfit per degree of freedom of each average; `residuals`: what the form leaves of each Average."""
+    `parameters`: as fitted; `chi2`: squared misfit per degree of freedom of each average; `residuals`: what the form leaves of each Average."""
 
     family: EdgeFamily
     speed_m_s: FloatArray
@@ -55,6 +55,7 @@ class Reference:
     chi2: FloatArray
     averages: tuple[Average, ...]
     residuals: tuple[FloatArray, ...]
+    parameters: FloatArray
 
     @property
     def misfit(self) -> float:
@@ -208,11 +209,17 @@ def _best(family: EdgeFamily, averages: list[Average], length_m: float) -> tuple
     return problem, *_descend(problem, theta)
 
 
-def fit_reference(averages: list[Average], radius_m: float, start_length_m: float, *, closed: bool = False) -> Reference:
-    """The family fitted to `averages`; `start_length_m` is a rough half length."""
+def fit_reference(
+    averages: list[Average], radius_m: float, start_length_m: float, *, closed: bool = False, start: Reference | None = None
+) -> Reference:
+    """The family fitted to `averages`; `start_length_m` is a rough half length, `start` an earlier fit at the same speeds."""
     family = EdgeFamily(radius_m, 42.0 / (0.8 * start_length_m), closed=closed)
     averages = sorted(averages, key=lambda a: a.speed_m_s)
-    problem, theta, _, jacobian = _best(family, averages, start_length_m)
+    if start is None:
+        problem, theta, _, jacobian = _best(family, averages, start_length_m)
+    else:
+        problem = _Problem(family, averages, start_length_m)
+        theta, _, jacobian = _descend(problem, problem.settled(start.parameters))
     covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     per = theta[SHARED:].reshape(-1, 4)
     chi2, residuals = [], []
@@ -232,6 +239,7 @@ def fit_reference(averages: list[Average], radius_m: float, start_length_m: floa
         np.array(chi2),
         tuple(averages),
         tuple(residuals),
+        theta,
     )
 
 
