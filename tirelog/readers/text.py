@@ -140,29 +140,26 @@ class TextReader:
 
     def _stamps(self, parsed: Parsed) -> FloatArray | None:
         """Seconds from the log's first stamp."""
-        stamps = parsed.stamps
+        stamps, factor = parsed.stamps, self.columns.time_factor
         if stamps is None:
             return None
-        factor = self.columns.time_factor
         if stamps.dtype == np.float64:
-            if self._origin is None:
-                self._origin = float(stamps[0])
-            return (stamps - self._origin) * factor
+            self._origin = float(stamps[0]) if self._origin is None else self._origin
+            return np.asarray((stamps - self._origin) * factor, np.float64)
+        ticks = np.asarray(stamps, np.int64)
         if self.columns.form == "hms":
-            stamps, turns = unwrap_midnight(stamps, self._last_ns)
+            ticks, turns = unwrap_midnight(ticks, self._last_ns)
             self._count("midnight_rollovers", turns)
-            self._last_ns = int(stamps[-1])
-        if self._origin is None:
-            self._origin = int(stamps[0])
-        return (stamps - int(self._origin)) * (factor / 1e9)
+            self._last_ns = int(ticks[-1])
+        self._origin = int(ticks[0]) if self._origin is None else self._origin
+        return np.asarray((ticks - int(self._origin)) * (factor / 1e9), np.float64)
 
     def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, str]]:
         """Sample ranges whose rows carry error codes, for every channel: the codes do not say whose they are."""
-        assert_codes = parsed.errors if parsed.errors is not None else np.zeros(0, np.int64)
-        with_codes = assert_codes > 0
-        self._count("rows_with_error_codes", int(with_codes.sum()))
-        self._count("error_codes", int(assert_codes.sum()))
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], with_codes.astype(np.int8), [0]])))
+        codes = np.zeros(0, np.int64) if parsed.errors is None else parsed.errors
+        self._count("rows_with_error_codes", int((codes > 0).sum()))
+        self._count("error_codes", int(codes.sum()))
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (codes > 0).astype(np.int8), [0]])))
         spans = zip(edges[::2].tolist(), edges[1::2].tolist())
         return [(channel, start, stop, "error_code") for start, stop in spans for channel in self.groups[0].channels]
 

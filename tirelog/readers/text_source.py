@@ -121,7 +121,8 @@ class ByteSource:
     def blocks(self, skip: int, line: int, size: int = BLOCK_BYTES, *, returns: bool = False) -> Iterator[tuple[int, bytes]]:
         """(number of the first line, whole lines) from byte `skip`, which begins line number `line`, to the end.
 
-        `returns` takes carriage returns for the ends of lines.  A last line without its newline comes as it is.  A line without end (a hole in the file) is given up: `problem` says where.
+        `returns` takes carriage returns for the ends of lines.  A last line without its newline comes as it is.  A line without
+        end (a hole in the file) is given up: `problem` says where.
         """
         self.read(skip)
         rest = b""

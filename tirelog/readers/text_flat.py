@@ -1,0 +1,203 @@
+"""A block of text cell by cell: rows of any width, and cells that are no numbers, with the line where each stands.
+
+    block --separators and line ends--> cells --pyarrow, one cell a line--> numbers --rows--> Parsed
+
+A row whose stamp cannot be read is left out; one of the wrong width keeps its place with NaN; a cell that is no number is NaN.
+"""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from tirelog.readers.sniff import LOST_WORDS
+from tirelog.readers.text_rows import ERROR_CODE, Parsed, Plan, floats, joined, read_cells, stripped
+from tirelog.readers.text_time import MISSING, Nanoseconds, column_ns
+from tirelog.recording import FloatArray, IntArray
+
+
+def flat(plan: Plan, line: int, block: bytes) -> Parsed:
+    """The block cell by cell; `line` is the number of its first line."""
+    layout = plan.layout
+    if not block.endswith(b"\n"):
+        block += b"\n"
+    data = np.frombuffer(block, np.uint8)
+    newline = data == 10
+    ends = np.flatnonzero(newline | (data == ord(layout.separator)))
+    starts, stops = stripped(data, np.concatenate([[0], ends[:-1] + 1]), ends)
+    first = np.concatenate([[0], np.flatnonzero(newline[ends]) + 1])
+    numbers, unread = _numbers(plan, block, data, starts, stops, first)
+    out = _Rows(plan, line, block, data, starts, stops, first, numbers, unread)
+    return out.parsed()
+
+
+def _numbers(
+    plan: Plan, block: bytes, data: NDArray[np.uint8], starts: IntArray, stops: IntArray, first: IntArray
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """(every cell as a number, NaN where it is none; True where it is neither number, blank, nor in a column of text)."""
+    text = np.zeros(starts.size, bool)
+    for k, kind in enumerate(plan.layout.kinds):
+        if kind not in ("number", "blank"):
+            at = first[:-1] + k
+            text[at[at < first[1:]]] = True
+    lines = np.where(data == ord(plan.layout.separator), 10, data).astype(np.uint8)
+    covered = np.zeros(data.size + 1, np.int64)
+    np.add.at(covered, starts[text], 1)
+    np.add.at(covered, stops[text], -1)
+    lines[np.cumsum(covered[:-1]) > 0] = ord("0")
+    try:
+        column = read_cells(lines.tobytes(), "\x1f", plan.layout.decimal, {"0": pa.float64()}, ["0"], blank_lines=True).column("0")
+        numbers, unread = floats(column).copy(), np.zeros(starts.size, bool)
+    except pa.ArrowInvalid:
+        numbers, unread = _one_by_one(plan, block, starts, stops, text)
+    numbers[text] = np.nan
+    return numbers, unread
+
+
+def _one_by_one(
+    plan: Plan, block: bytes, starts: IntArray, stops: IntArray, text: NDArray[np.bool_]
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """The same, each cell by itself."""
+    numbers, unread = np.full(starts.size, np.nan), np.zeros(starts.size, bool)
+    for i in np.flatnonzero(~text):
+        cell = block[starts[i] : stops[i]].decode("latin-1").replace(plan.layout.decimal, ".")
+        if cell.lower() in LOST_WORDS:
+            continue
+        with suppress(ValueError):
+            numbers[i] = float(cell) if "_" not in cell else np.nan
+        unread[i] = np.isnan(numbers[i])
+        numbers[i] = np.nan if np.isinf(numbers[i]) else numbers[i]
+    return numbers, unread
+
+
+@dataclass
+class _Rows:
+    """The cells of a block, on their way to columns.  Row i has the cells first[i] to first[i + 1]."""
+
+    plan: Plan
+    line: int
+    block: bytes
+    data: NDArray[np.uint8]
+    starts: IntArray
+    stops: IntArray
+    first: IntArray
+    numbers: FloatArray
+    unread: NDArray[np.bool_]
+
+    def parsed(self) -> Parsed:
+        layout, columns = self.plan.layout, self.plan.columns
+        size = np.diff(self.first)
+        empty = (size == 1) & (self.starts[self.first[:-1]] == self.stops[self.first[:-1]])
+        good = ~empty
+        out = Parsed({})
+        stamps = self._stamps()
+        if stamps is not None:
+            readable = ~np.isnan(stamps) if stamps.dtype == np.float64 else stamps != MISSING
+            self._tell(out.bad_rows, good & ~readable, "no readable time")
+            good &= readable
+        wide = size >= self._least()
+        if not layout.ragged and not columns.peaks:
+            wide &= self._as_wide(size)
+        self._tell(out.bad_rows, good & ~wide, f"not {layout.width} cells")
+        rows = np.flatnonzero(good)
+        at = {k: self._column(rows, k, wide) for k in {*columns.values.values(), columns.number} - {None}}
+        for k in columns.values.values():
+            out.values[k] = at[k]
+            self._tell_cells(out.bad_cells, rows, k)
+        out.number = None if columns.number is None else at[columns.number]
+        out.stamps = None if stamps is None else stamps[rows]
+        if columns.errors is not None:
+            out.errors = self._errors(rows, columns.errors)
+        if columns.peaks:
+            self._peaks(out, rows)
+        out.size = rows.size
+        return out
+
+    def _least(self) -> int:
+        used = [*self.plan.columns.values.values(), self.plan.columns.number, self.plan.columns.time, self.plan.columns.clock]
+        return max((k for k in used if k is not None), default=-1) + 1
+
+    def _as_wide(self, size: IntArray) -> NDArray[np.bool_]:
+        """True for rows of the layout's width, but for blank cells at the end."""
+        width = self.plan.layout.width
+        blank = self.starts == self.stops
+        until = np.concatenate([[0], np.cumsum(~blank)])
+        beyond = until[self.first[1:]] - until[np.minimum(self.first[:-1] + width, self.first[1:])]
+        short = size < width
+        if self.plan.layout.kinds[width - 1] == "blank":
+            short = size < width - 1
+        return ~short & (beyond == 0)
+
+    def _column(self, rows: IntArray, k: int, wide: NDArray[np.bool_]) -> FloatArray:
+        """Column k of these rows, NaN where the row has no such cell or the wrong width."""
+        cell = self.first[rows] + k
+        there = (cell < self.first[rows + 1]) & wide[rows]
+        return np.where(there, self.numbers[np.minimum(cell, self.numbers.size - 1)], np.nan)
+
+    def _span(self, rows: IntArray, k: int) -> tuple[IntArray, IntArray]:
+        """(start, stop) of the cells of column k, empty where a row has none."""
+        cell = np.minimum(self.first[rows] + k, self.starts.size - 1)
+        there = self.first[rows] + k < self.first[rows + 1]
+        return self.starts[cell], np.where(there, self.stops[cell], self.starts[cell])
+
+    def _stamps(self) -> Nanoseconds | FloatArray | None:
+        columns = self.plan.columns
+        if columns.time is None:
+            return None
+        rows = np.arange(self.first.size - 1)
+        if columns.form != "number":
+            parts = [(columns.time, columns.form), (columns.clock, "hms")]
+            return joined([column_ns(self.data, *self._span(rows, k), form, self.plan.us) for k, form in parts if k is not None])
+        if not self.plan.exact:
+            return self._column(rows, columns.time, np.ones(rows.size, bool))
+        text = [self.block[a:b].decode("latin-1").replace(self.plan.layout.decimal, ".") for a, b in zip(*self._span(rows, columns.time))]
+        return np.array([_tick(cell) for cell in text], np.int64)
+
+    def _errors(self, rows: IntArray, k: int) -> IntArray:
+        cells = [self.block[a:b].decode("latin-1") for a, b in zip(*self._span(rows, k))]
+        return np.array([len(re.findall(ERROR_CODE, cell)) for cell in cells], np.int64)
+
+    def _peaks(self, out: Parsed, rows: IntArray) -> None:
+        """The flat list of peaks behind the other columns, and the counts in front of it."""
+        layout = self.plan.layout
+        begin = np.minimum(self.first[rows] + self.plan.peaks_at, self.first[rows + 1])
+        many = self.first[rows + 1] - begin
+        cell = np.repeat(begin - np.concatenate([[0], np.cumsum(many)[:-1]]), many) + np.arange(many.sum())
+        out.cells = self.numbers[cell]
+        out.first = np.concatenate([[0], np.cumsum(many)])
+        if layout.counts:
+            fronts = [self._column(rows, layout.counts_at + k, np.ones(self.first.size - 1, bool)) for k in range(layout.counts)]
+            out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64)
+        bad = np.flatnonzero(self.unread)
+        row = np.searchsorted(self.first, bad, side="right") - 1
+        for i, r in zip(bad, row):
+            out.bad_cells.append((self.line + int(r), self._text(i)))
+
+    def _tell(self, told: list[tuple[int, str]], rows: NDArray[np.bool_], why: str) -> None:
+        for i in np.flatnonzero(rows):
+            told.append((self.line + int(i), why))
+
+    def _tell_cells(self, told: list[tuple[int, str]], rows: IntArray, k: int) -> None:
+        cell = self.first[rows] + k
+        bad = np.flatnonzero(self.unread[np.minimum(cell, self.unread.size - 1)] & (cell < self.first[rows + 1]))
+        for i in bad:
+            told.append((self.line + int(rows[i]), self._text(cell[i])))
+
+    def _text(self, cell: int) -> str:
+        shown = self.block[self.starts[cell] : self.stops[cell]].decode(self.plan.layout.encoding, errors="replace")
+        return repr(shown[:40])
+
+
+def _tick(cell: str) -> int:
+    """A decimal in units of 1e-9."""
+    try:
+        value = Decimal(cell)
+        return int(value.scaleb(9)) if value.is_finite() else MISSING
+    except (InvalidOperation, ValueError):
+        return MISSING
