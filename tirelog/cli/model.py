@@ -1,0 +1,234 @@
+"""`tirelog model new | show | add | remove | fit | predict`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tirelog.cli.common import Format, Logs, ModelFile, Output, Quiet, Session, SetupFile, say
+
+if TYPE_CHECKING:
+    from tirelog.physics.model import Model
+    from tirelog.setup import Setup
+
+app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
+
+Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
+Target = Annotated[Path, typer.Option("-o", "--output", help="Model file to write.", show_default=False)]
+EffectsFile = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)]
+Sets = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="A parameter's value; several times.")]
+
+
+def _load(path: Path, effects: Path | None) -> Model:
+    from tirelog.physics.model import Model
+    from tirelog.physics.user_effects import catalogue_with
+
+    return Model.load(path, catalogue=catalogue_with(effects))
+
+
+def _setup(path: Path | None) -> Setup | None:
+    from tirelog.setup import load_setup
+
+    return None if path is None else load_setup(path)
+
+
+def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
+    """NAME=VALUE pairs as numbers."""
+    from tirelog.errors import UsageError
+
+    values = {}
+    for text in sets:
+        name, equals, number = text.partition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not equals or not math.isfinite(value):
+            raise UsageError(f"--set {text}; NAME=VALUE with a finite number is allowed, such as --set line_mass_kg_m=4.5; correct it")
+        values[prefix + name.strip().removeprefix(prefix)] = value
+    return values
+
+
+@app.command()
+def new(
+    output: Target,
+    carcass: Annotated[str, typer.Option(help="beam or ring.")] = "beam",
+    setup: SetupFile = None,
+    observable: Annotated[str, typer.Option(help="What the model predicts, as in the model file.")] = "strain",
+    contact: Annotated[str | None, typer.Option(help="prescribed or flat_road; a ring stands on a flat road by default.")] = None,
+    sets: Sets = [],  # noqa: B006  (typer reads it, nothing writes it)
+    quiet: Quiet = False,
+) -> None:
+    """Make a model without effects; tire and conditions come from the setup where it has them."""
+    from tirelog.physics.model import Model
+
+    model = Model.new(carcass, observable, contact)
+    model = model.with_values({**_from_setup(model, _setup(setup)), **_assignments(sets)})
+    model.save(output)
+    if not quiet:
+        say(f"wrote {output}; next: tirelog model fit LOG --model {output} -o {output}, or tirelog compare LOG --model {output}")
+
+
+def _from_setup(model: Model, setup: Setup | None) -> dict[str, float]:
+    """What a setup knows of a model's numbers."""
+    if setup is None:
+        return {}
+    tire, conditions = setup.tire, setup.conditions
+    radius = tire.rolling_radius_m or tire.unloaded_radius_m
+    known = {
+        "radius_m": radius,
+        "width_m": tire.width_m,
+        "load_N": conditions.load_N,
+        "reference_load_N": conditions.load_N,
+        "inflation_pressure_Pa": conditions.inflation_pressure_Pa,
+        "patch_half_length_m": None if tire.static_footprint_length_m is None else tire.static_footprint_length_m / 2.0,
+    }
+    return {name: value for name, value in known.items() if value is not None and name in model.parameters}
+
+
+@app.command()
+def show(
+    model: Model_,
+    against: Annotated[Path | None, typer.Option(help="Another model: differences in sigma.", show_default=False)] = None,
+    effects: EffectsFile = None,
+    output: Output = None,
+    format: Format = None,
+) -> None:
+    """Show a model to read, or its parameters as a table; with --against the difference of two models in sigma."""
+    from tirelog.cli.model_page import difference_page, difference_rows, model_page, parameter_rows
+
+    read = _load(model, effects)
+    rows = parameter_rows(read) if against is None else difference_rows(read, _load(against, effects))
+    if format is None and output is None:
+        typer.echo(model_page(read) if against is None else difference_page(rows))
+        return
+    with Session(None).table("model", output, format) as table:
+        table.write(rows)
+
+
+@app.command()
+def add(
+    model: Model_,
+    effect: Annotated[str, typer.Argument(help="Effect of the catalogue, or of --effects.")],
+    output: Target,
+    sets: Sets = [],  # noqa: B006
+    setup: SetupFile = None,
+    effects: EffectsFile = None,
+) -> None:
+    """Add an effect at its start values (or --set ones); a grating's length is fixed where the setup gives it."""
+    from tirelog.errors import ModelError, nearest
+    from tirelog.physics.model import ModelEffect
+    from tirelog.physics.user_effects import catalogue_with
+
+    catalogue = catalogue_with(effects)
+    if effect not in catalogue:
+        raise ModelError(
+            f"unknown effect {effect!r}{nearest(effect, catalogue)}; allowed are {', '.join(catalogue)}; see `tirelog effects`"
+        )
+    changed = _load(model, effects).with_effect(ModelEffect.of(catalogue[effect])).with_values(_assignments(sets, f"{effect}."))
+    given = _setup(setup)
+    if effect == "gauge_length" and given is not None:
+        changed = _gauge_from_setup(changed, given)
+    changed.save(output)
+
+
+def _gauge_from_setup(model: Model, setup: Setup) -> Model:
+    """The grating's length held at what the setup says, where its strain channels agree on one."""
+    lengths = {c.gauge_length_m for c in setup.channels.values() if c.kind in ("fbg_strain", "strain")}
+    length = lengths.pop() if len(lengths) == 1 else None
+    if length is None:
+        return model
+    name = "gauge_length.length_m"
+    return model.with_parameters({name: model.parameters[name].at(length).fixed()})
+
+
+@app.command()
+def remove(
+    model: Model_, effect: Annotated[str, typer.Argument(help="Effect of the model.")], output: Target, effects: EffectsFile = None
+) -> None:
+    """Remove an effect."""
+    _load(model, effects).without_effect(effect).save(output)
+
+
+@app.command()
+def fit(
+    logs: Logs,
+    model: ModelFile,
+    output: Target,
+    setup: SetupFile = None,
+    channel: Annotated[list[str], typer.Option(help="Channel to fit; several times for several (default: the first that fits).")] = [],  # noqa: B006
+    nuisances: Annotated[str, typer.Option(help="Taken out of every revolution: offset, amplitude, shift (words, or none).")] = "shift",
+    effects: EffectsFile = None,
+    quiet: Quiet = False,
+) -> None:
+    """Fit a model's free parameters to all revolutions of the logs, and write the model with values and standard errors."""
+    from tirelog.cli.model_page import fit_page
+    from tirelog.discrepancy.stack import stacks_from_logs
+    from tirelog.physics.carcass import WAVEFORMS
+    from tirelog.physics.fit import fit as fit_model
+
+    start = _load(model, effects)
+    words = [w for w in nuisances.replace(",", " ").split() if w != "none"] if start.observable in WAVEFORMS else []
+    with Session(setup, quiet) as session:
+        recordings = session.all_recordings(logs)
+        stacks = [stack for name in channel or [None] for stack in stacks_from_logs(recordings, _observable(recordings, name, start), name)]
+        result = fit_model(start, stacks, nuisances=words)
+        result.model.save(output)
+        if not quiet:
+            typer.echo(fit_page(result))
+
+
+def _observable(recordings: list[Any], name: str | None, model: Model) -> str:
+    """What a named channel measures (strain and radial acceleration fit one tire together), else what the model predicts."""
+    kinds = {recording.channels[name].kind for recording in recordings if name in recording.channels}
+    if model.observable in ("strain", "radial_acceleration") and kinds:
+        return "radial_acceleration" if kinds == {"radial_acceleration"} else "strain"
+    return model.observable
+
+
+@app.command()
+def predict(
+    model: Model_,
+    speed: Annotated[float, typer.Option(help="Speed [m/s].")],
+    setup: SetupFile = None,
+    acceleration: Annotated[float, typer.Option(help="Longitudinal acceleration [m/s^2].")] = 0.0,
+    time: Annotated[float, typer.Option(help="Time since the start [s].")] = 0.0,
+    temperature: Annotated[float | None, typer.Option(help="Temperature change [K].", show_default=False)] = None,
+    slip: Annotated[float | None, typer.Option(help="Longitudinal slip, positive in braking.", show_default=False)] = None,
+    surface: Annotated[
+        str | None, typer.Option(help="outer or inner; default the setup's strain channel, else outer.", show_default=False)
+    ] = None,
+    points: Annotated[int, typer.Option(min=8, max=100_000, help="Angles over the revolution.")] = 1024,
+    effects: EffectsFile = None,
+    output: Output = None,
+    format: Format = None,
+) -> None:
+    """One revolution as the model sees it, from half a turn before the patch centre to half a turn after."""
+    import numpy as np
+
+    from tirelog.recording import Conditions
+
+    read, given = _load(model, effects), _setup(setup)
+    known: dict[str, Any] = {
+        "speed_m_s": speed,
+        "acceleration_m_s2": acceleration,
+        "time_s": time,
+        "temperature_K": temperature,
+        "slip": slip,
+    }
+    if given is not None:
+        names = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
+        known |= {name: getattr(given.conditions, name) for name in names}
+        strain = [c.surface for c in given.channels.values() if c.kind in ("fbg_strain", "strain") and c.surface]
+        surface = surface or (strain[0] if strain else None)
+    conditions = Conditions.of(1, **{name: value for name, value in known.items() if value is not None})
+    phi = (np.arange(points) + 0.5) * (2.0 * np.pi / points) - np.pi
+    columns: dict[str, Any] = {"xi_m": phi * read.parameters["radius_m"].value, "phi_deg": np.degrees(phi)}
+    wanted = {"displacement_m": "displacement", "strain": "strain", "radial_acceleration_m_s2": "radial_acceleration"}
+    for column, observable in (*wanted.items(), ("contact_pressure_N_m", "contact_pressure")):
+        columns[column] = read.predict(conditions, phi, surface=surface or "outer", observable=observable)[0]
+    with Session(None).table("predict", output, format) as table:
+        table.write(columns)

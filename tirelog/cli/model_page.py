@@ -1,0 +1,137 @@
+"""Models, effects and fits as a page to read, and as rows of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tirelog.physics.effects import Effect
+    from tirelog.physics.fit import FitResult
+    from tirelog.physics.model import Model
+    from tirelog.physics.parameters import Parameter
+
+
+def _aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
+    """Rows of text in columns as wide as their widest cell."""
+    rows = list(rows)
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))] if rows else []
+    return "\n".join((indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths))).rstrip() for row in rows)
+
+
+def _unit(unit: str) -> str:
+    return "" if unit in ("", "1") else unit
+
+
+def _cells(p: Parameter) -> tuple[str, ...]:
+    error = "" if p.se is None else f"+- {p.se:.2g}"
+    state = f"free in [{p.min:g}, {p.max:g}]" if p.free else "fixed"
+    return p.name, f"{p.value:.6g}", error, _unit(p.unit), state, p.description
+
+
+def model_page(model: Model) -> str:
+    """The model as a person reads it."""
+    road = ", on a flat road" if model.contact == "flat_road" else ""
+    parts = [f"{model.observable} of a {model.carcass}{road}", _aligned(_cells(p) for p in model.base)]
+    for e in model.effects:
+        options = "".join(f", {key} = {word}" for key, word in e.options.items())
+        parts += [f"{e.id}: {e.effect.mechanism}{options}", _aligned(_cells(p) for p in e.parameters) or "  no parameters"]
+    if not model.effects:
+        parts.append("no effects; `tirelog effects` lists what can be added")
+    return "\n".join(parts)
+
+
+def parameter_rows(model: Model) -> dict[str, list[Any]]:
+    """Columns of the table of parameters."""
+    named = model.parameters.items()
+    return {
+        "parameter": [name for name, _ in named],
+        "value": [p.value for _, p in named],
+        "se": [float("nan") if p.se is None else p.se for _, p in named],
+        "unit": [p.unit for _, p in named],
+        "min": [p.min for _, p in named],
+        "max": [p.max for _, p in named],
+        "free": [p.free for _, p in named],
+    }
+
+
+def difference_rows(one: Model, other: Model) -> dict[str, list[Any]]:
+    """Parameters of two models side by side; `difference_sigma` where either has a standard error."""
+    names = [*one.parameters, *(n for n in other.parameters if n not in one.parameters)]
+    rows: dict[str, list[Any]] = {"parameter": names, "value": [], "against": [], "difference_sigma": []}
+    for name in names:
+        a, b = one.parameters.get(name), other.parameters.get(name)
+        error = sum((p.se or 0.0) ** 2 for p in (a, b) if p is not None) ** 0.5
+        rows["value"].append(a.value if a else float("nan"))
+        rows["against"].append(b.value if b else float("nan"))
+        rows["difference_sigma"].append((a.value - b.value) / error if a and b and error > 0 else float("nan"))
+    return rows
+
+
+def difference_page(rows: dict[str, list[Any]]) -> str:
+    """`difference_rows` to read."""
+    header = ("parameter", "value", "against", "difference in sigma")
+    body = (
+        (name, *("-" if v != v else f"{v:.6g}" for v in (value, against)), "" if sigma != sigma else f"{sigma:+.1f}")
+        for name, value, against, sigma in zip(*rows.values())
+    )
+    return _aligned([header, *body], indent="")
+
+
+def fit_page(result: FitResult) -> str:
+    """What a fit found."""
+    names = [name.split(".")[-1] for name in result.names]
+    parameters = [result.model.parameters[name] for name in result.names]
+    rows = [
+        (full, f"{value:.6g}", f"+- {se:.2g}" if se < float("inf") else "not determined", _unit(p.unit))
+        for full, value, se, p, _ in zip(result.names, result.values, result.se, parameters, names)
+    ]
+    lines = [f"{result.revolutions} revolutions, reduced chi-square {result.reduced_chi2:.3f}", _aligned(rows)]
+    lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]
+    lines += [f"{name} stands at a bound" for name in result.at_bound]
+    return "\n".join([*lines, *result.degenerate])
+
+
+def effect_page(effect: Effect) -> str:
+    """One effect of the catalogue."""
+    rows: list[tuple[str, ...]] = [
+        ("follows", effect.follows),
+        ("acts on", ", ".join(effect.acts_on)),
+        ("for", ", ".join(effect.observables)),
+        ("needs", ", ".join(effect.needs) or "nothing beyond speed"),
+        ("signature", effect.signature),
+        ("valid", effect.valid),
+        ("source", effect.source),
+    ]
+    rows += [(f"option {name}", " | ".join(words)) for name, words in effect.options.items()]
+    numbers = [
+        (p.name, f"start {p.value:g}", f"[{p.min:g}, {p.max:g}]", _unit(p.unit), p.description + ("" if p.free else " (fixed)"))
+        for p in effect.parameters
+    ]
+    return "\n".join([f"{effect.id}: {effect.mechanism}", _aligned(rows), "  parameters", _aligned(numbers, indent="    ")])
+
+
+def catalogue_page(effects: Iterable[Effect]) -> str:
+    """The catalogue, two lines an effect."""
+    lines = []
+    for e in effects:
+        lines.append(f"{e.id}: {e.mechanism}")
+        lines.append(f"  acts on {', '.join(e.acts_on)}; follows {e.follows}; {', '.join(p.name for p in e.parameters)}; {e.source}")
+    return "\n".join(lines)
+
+
+def catalogue_rows(effects: Iterable[Effect]) -> dict[str, list[Any]]:
+    """Columns of the catalogue's table."""
+    effects = list(effects)
+    return {
+        "effect": [e.id for e in effects],
+        "mechanism": [e.mechanism for e in effects],
+        "follows": [e.follows for e in effects],
+        "acts_on": [" ".join(e.acts_on) for e in effects],
+        "observables": [" ".join(e.observables) for e in effects],
+        "parameters": [" ".join(p.name for p in e.parameters) for e in effects],
+        "needs": [" ".join(e.needs) for e in effects],
+        "source": [e.source for e in effects],
+        "valid": [e.valid for e in effects],
+        "signature": [e.signature for e in effects],
+    }
