@@ -23,7 +23,7 @@ from tirelog.errors import ReadError
 from tirelog.readers import Group, RawBlock, ReadReport
 from tirelog.readers.peaks import GratingTracker
 from tirelog.readers.sniff import Layout, filled, is_number, sniff, split
-from tirelog.readers.text_columns import assign, decimals, most_decimals, resolution_s, start_iso
+from tirelog.readers.text_columns import Columns, assign, decimals, most_decimals, resolution_s, start_iso
 from tirelog.readers.text_parse import Parsed, Plan, parse
 from tirelog.readers.text_source import ByteSource
 from tirelog.readers.text_time import MISSING, month_first, unwrap_midnight
@@ -55,14 +55,13 @@ class TextReader:
         self.name, self.setup, self._source = name, setup, source
         self.layout = sniff(self._source.head(), name)
         self.columns = assign(self.layout, setup, name)
-        self._plan = _plan(self.layout, setup, name)
+        self._plan = _plan(self.layout, self.columns, setup)
         self.report = ReadReport(format="text" if source.kind == "plain" else f"text, {source.kind}")
         self.report.start = start_iso(self.layout, self.columns, self._plan.us)
         self.report.losses += [f"channel {channel}: {why}" for channel, why in self.columns.missing.items()]
         channels = [c for c in setup.channels if c not in self.columns.missing]
         self._tracker = GratingTracker({c: setup.channels[c] for c in self.columns.peaks}) if self.columns.peaks else None
         self.groups = (self._group(tuple(channels)),)
-        self._gratings = [c for c in self.columns.values if setup.channels[c].kind.startswith("fbg_")]
         self._origin: int | float | None = None
         self._last_ns: int | None = None
         self._bad: dict[str, list[tuple[int, str]]] = {"row": [], "cell": []}
@@ -97,33 +96,28 @@ class TextReader:
         """Parsed blocks in order; two are parsed at once, since parsing leaves the interpreter's lock."""
         waiting: deque[Future[Parsed]] = deque()
         with ThreadPoolExecutor(_AHEAD, "tirelog-text") as pool:
-            for line, block in self._source.blocks(self.layout.skip, self.layout.first_line, returns=self.layout.returns):
-                waiting.append(pool.submit(parse, self._plan, line, self._whole(line, block)))
+            for line, ends, block in self._source.blocks(self.layout.skip, self.layout.first_line, returns=self.layout.returns):
+                waiting.append(pool.submit(parse, self._plan, line, ends, self._whole(line + ends, block)))
                 if len(waiting) > _AHEAD:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
 
     def _whole(self, line: int, block: bytes) -> bytes:
-        """The block without a last row that is cut off."""
+        """The block without a last row, in this line, that is cut off."""
         if block.endswith(b"\n"):
             return block
         start = block.rfind(b"\n") + 1
         last = block[start:].decode(self.layout.encoding, errors="replace")
         if not (self._source.problem or cut_off(self.layout, last)):
             return block
-        number = line + block.count(b"\n")
         self.report.counts["rows_cut_off"] = 1
-        self.report.losses.append(f"line {number}: the last row is cut off and was left out")
+        self.report.losses.append(f"line {line}: the last row is cut off and was left out")
         return block[:start]
 
     def _block(self, parsed: Parsed) -> RawBlock:
-        values: dict[str, FloatArray] = {}
+        values: dict[str, FloatArray] = {channel: parsed.values[column] for channel, column in self.columns.values.items()}
         flags: list[tuple[str, int, int, str]] = []
-        for channel, column in self.columns.values.items():
-            values[channel] = parsed.values[column]
-            if channel in self._gratings:
-                values[channel] = np.where((values[channel] == 0.0) | (values[channel] == -1.0), np.nan, values[channel])
         if self._tracker:
             found, flags = self._tracker.follow(parsed)
             values |= found
@@ -174,7 +168,7 @@ class TextReader:
             bad = self._bad[what]
             self._count(f"bad_{what}s", len(bad))
             if bad:
-                report.losses.append(f"{len(bad)} {sentence} (first in line {bad[0][0]}: {bad[0][1]})")
+                report.losses.append(f"{len(bad)} {sentence} (first in line {min(bad)[0]}: {min(bad)[1]})")
         if self._source.problem:
             report.losses.append(f"{self._source.problem}; the rows before it were read")
         if not rows:
@@ -212,15 +206,15 @@ def cut_off(layout: Layout, line: str) -> bool:
     return len(lengths) == 1 and most_decimals([cells[-1]], layout.decimal) < lengths.pop()
 
 
-def _plan(layout: Layout, setup: Setup, name: str) -> Plan:
-    columns = assign(layout, setup, name)
+def _plan(layout: Layout, columns: Columns, setup: Setup) -> Plan:
     us = columns.form == "dmy" and month_first([row[columns.time] for row in layout.rows if len(row) > (columns.time or 0)])  # type: ignore[index]
     exact = False
     if columns.form == "number" and columns.time is not None:
         first = next((row[columns.time] for row in layout.rows if is_number(row[columns.time], layout.decimal)), "0")
         exact = abs(float(first.replace(layout.decimal, "."))) * columns.time_factor > _EXACT_ABOVE_S
     behind = [layout.counts_at + layout.counts - 1 if layout.counts else -1, columns.time, columns.clock, columns.number, columns.errors]
-    return Plan(layout, columns, us, exact, max(k for k in behind if k is not None) + 1)
+    gratings = {column for channel, column in columns.values.items() if setup.channels[channel].kind.startswith("fbg_")}
+    return Plan(layout, columns, us, exact, max(k for k in behind if k is not None) + 1, tuple(sorted(gratings)))
 
 
 def _rate(layout: Layout) -> float | None:

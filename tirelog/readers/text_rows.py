@@ -54,7 +54,7 @@ class Plan:
     """What to take out of every block: the layout, the columns, and whether dates have the month first (`us`).
 
     `exact` reads a numeric time column as decimals of 1e-9 units, where float64 would round its stamps; `peaks_at` is the first
-    column of a flat list of peaks.
+    column of a flat list of peaks; `gratings` are the columns of wavelengths, where 0 and -1 are lost peaks.
     """
 
     layout: Layout
@@ -62,6 +62,7 @@ class Plan:
     us: bool = False
     exact: bool = False
     peaks_at: int = 0
+    gratings: tuple[int, ...] = ()
 
     @property
     def wanted(self) -> list[int]:

@@ -15,6 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
+
 from tirelog.errors import ReadError
 
 #: bytes that sniffing may look at
@@ -75,10 +77,10 @@ class ByteSource:
             raise ReadError(f"cannot be read ({problem.strerror}); a log is a readable file or -; check the path", file=name) from None
         self.kind = next((kind for kind, magic in _MAGIC.items() if start.startswith(magic)), "plain")
         self._pieces = self._read(start)
-        self._held = b""
+        self._held: list[bytes] = []
 
     def _read(self, start: bytes) -> Iterator[bytes]:
-        size = _PIECE_BYTES if self.kind != "plain" else 1 << 20
+        size = _PIECE_BYTES if self.kind != "plain" else BLOCK_BYTES
 
         def raw() -> Iterator[bytes]:
             yield start
@@ -97,53 +99,56 @@ class ByteSource:
                 raise
             self.problem = f"the {self.kind} stream is damaged after {self.unpacked_bytes} unpacked bytes ({problem})"
 
-    def read(self, size: int) -> bytes:
-        """Up to `size` bytes; fewer only at the end."""
-        parts, have = [self._held], len(self._held)
-        self._held = b""
-        while have < size:
-            piece = next(self._pieces, None)
-            if piece is None:
-                break
-            self.unpacked_bytes += len(piece)
-            parts.append(piece)
-            have += len(piece)
-        data = b"".join(parts)
-        self._held = data[size:]
-        return data[:size]
-
     def head(self) -> bytes:
-        """The first bytes, which are read again afterwards."""
-        data = self.read(HEAD_BYTES)
-        self._held = data + self._held
-        return data
+        """The first bytes, which `blocks` gives again."""
+        while sum(map(len, self._held)) < HEAD_BYTES and (piece := self._next()):
+            self._held.append(piece)
+        self._held = [b"".join(self._held)]
+        return self._held[0][:HEAD_BYTES]
 
-    def blocks(self, skip: int, line: int, size: int = BLOCK_BYTES, *, returns: bool = False) -> Iterator[tuple[int, bytes]]:
-        """(number of the first line, whole lines) from byte `skip`, which begins line number `line`, to the end.
+    def _next(self) -> bytes:
+        """Another piece; empty at the end."""
+        piece = next(self._pieces, b"")
+        self.unpacked_bytes += len(piece)
+        return piece
 
-        `returns` takes carriage returns for the ends of lines.  A last line without its newline comes as it is.  A line without
-        end (a hole in the file) is given up: `problem` says where.
+    def blocks(self, skip: int, line: int, size: int = BLOCK_BYTES, *, returns: bool = False) -> Iterator[tuple[int, int, bytes]]:
+        """(number of the first line, line ends, whole lines) from byte `skip`, which begins line `line`, to the end.
+
+        `returns` takes carriage returns for the ends of lines.  A last line without its end comes as it is.  A line without end
+        (a hole in the file) is given up: `problem` says where.
         """
-        self.read(skip)
-        rest = b""
-        while data := self.read(size):
-            data = data.replace(b"\r", b"\n") if returns else data
-            cut = data.rfind(b"\n") + 1
-            if not cut:
-                rest += data
-                if len(rest) > LONGEST_LINE_BYTES:
-                    self.problem = f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read"
-                    return
+        held = memoryview(b"".join(self._held))[skip:]
+        self._held = []
+        parts, have = [held], len(held)
+        while piece := self._next():
+            parts.append(memoryview(piece))
+            have += len(piece)
+            if have < size:
                 continue
-            block = rest + data[:cut]
-            rest = data[cut:]
-            yield line, block
-            line += block.count(b"\n")
-        if rest:
-            yield line, rest
+            cut = (piece.replace(b"\r", b"\n") if returns else piece).rfind(b"\n") + 1
+            if cut:
+                ends, block = _joined([*parts[:-1], parts[-1][:cut]], returns)
+                yield line, ends, block
+                line += ends
+                parts, have = [parts[-1][cut:]], len(piece) - cut
+            elif have > LONGEST_LINE_BYTES + size:
+                self.problem = f"line {line} or one soon after has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read"
+                return
+        ends, block = _joined(parts, returns)
+        if block:
+            yield line, ends, block
 
     def close(self) -> None:
         """Closes a file that this object opened."""
         if self._owned:
             with suppress(OSError):
                 self._file.close()
+
+
+def _joined(parts: list[memoryview], returns: bool) -> tuple[int, bytes]:
+    """(line ends, the parts as one)."""
+    block = b"".join(parts)
+    if returns:
+        block = block.replace(b"\r", b"\n")
+    return int(np.count_nonzero(np.frombuffer(block, np.uint8) == 10)), block

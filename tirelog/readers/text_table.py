@@ -20,8 +20,8 @@ class Irregular(Exception):
     """The block is no table of the layout's width that holds numbers where numbers should be."""
 
 
-def table(plan: Plan, block: bytes) -> Parsed:
-    """The block as a table.  Irregular or ArrowInvalid where it is none."""
+def table(plan: Plan, block: bytes, lines: int) -> Parsed:
+    """The block of so many lines as a table.  Irregular or ArrowInvalid where it is none."""
     layout, columns = plan.layout, plan.columns
     names = [str(k) for k in range(layout.width)]
     types: dict[str, Any] = {str(k): pa.float64() for k in plan.wanted}
@@ -32,7 +32,7 @@ def table(plan: Plan, block: bytes) -> Parsed:
     if any(int(name) >= layout.width for name in types):
         raise Irregular
     rows = read_cells(block, layout.separator, layout.decimal, types, names, blank_lines=False)
-    if rows.num_rows != block.count(b"\n") + (not block.endswith(b"\n")):
+    if rows.num_rows != lines:
         raise Irregular
     out = Parsed({}, size=rows.num_rows)
     for k in {*columns.values.values()}:
