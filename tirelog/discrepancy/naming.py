@@ -1,0 +1,193 @@
+"""Which effect it is: refits of the best candidates, sets that cannot be told apart, second effects.
+
+    Assessed, by falling statistic -> contenders -> refitted with the base parameters from two strengths -> least held-out loss names
+
+Likeness of two effects on these data is the nonlinear cosine  sqrt( what B explains / what A explains ), each refitted as well as it can: it
+needs no noise to be defined, and a rival that could stand for A after all its parameters have moved is found.
+
+A second effect must survive freedom of shape: the first effect's size per cell times free shapes over the angle is projected out, since a real
+tire does not follow our forms, and what a form that is somewhat wrong leaves repeats perfectly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.discrepancy.assessment import Assessed, assess
+from tirelog.discrepancy.base import Base, refit
+from tirelog.discrepancy.fitting import Problem
+from tirelog.discrepancy.floor import held_out_losses
+from tirelog.discrepancy.selection import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, gain_and_error
+from tirelog.discrepancy.signatures import all_signatures, candidate_effects, with_candidate
+from tirelog.errors import ModelError
+from tirelog.physics.effects import Effect
+
+FloatArray = NDArray[np.float64]
+
+#: candidates whose statistic reaches this share of the largest are refitted, at most so many
+CONTENDER = 0.6
+MOST_CONTENDERS = 5
+#: cosine above which two effects are one to these data; and above which they are if the wrong one leaves less than a third of the floor
+TWINS = 0.95
+LIKE = 0.90
+_THIRD = 1.0 / 9.0
+#: squared floors that a second effect removes beside free shapes of the first
+SECOND_LEAST = 0.5
+#: a rest of the excess that no form of the first effect would leave
+NOT_FORM = 0.12
+
+
+@dataclass(frozen=True)
+class Refitted:
+    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step (1 for the best itself)."""
+
+    assessed: Assessed
+    base: Base
+    likeness: float = 1.0
+
+    @property
+    def id(self) -> str:
+        return self.assessed.id
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: base before, all candidates assessed, why others are not, the contenders refitted (best first), the named one or None."""
+
+    before: Base
+    assessed: tuple[Assessed, ...]
+    reasons: dict[str, str]
+    contenders: tuple[Refitted, ...]
+    named: Refitted | None
+    group: tuple[str, ...]
+
+
+def assess_all(base: Base, extra: Iterable[Effect], more: FloatArray | None = None) -> tuple[list[Assessed], dict[str, str]]:
+    """Signatures of every candidate at the fitted point, assessed."""
+    problem = Problem(base.cells, base.white)
+    found, reasons = all_signatures(problem, base.model, candidate_effects(base.model, extra), base.fit.prediction)
+    assessed, invisible = assess(base, found, more)
+    return assessed, {**reasons, **invisible}
+
+
+def refit_candidate(base: Base, candidate: Assessed) -> Base:
+    """The best refit with the candidate, from its linear strength and from its probe.  ModelError where no start leads below the base."""
+    effect = candidate.signature.effect
+    linear = dict(zip(candidate.signature.strengths, candidate.strengths, strict=True))
+    probes = {p.name: p.probe * (np.sign(linear.get(p.name, 1.0)) or 1.0) for p in effect.parameters if p.name in linear}
+    shape = dict(candidate.signature.shape)
+    best: Base | None = None
+    for strengths in (linear, probes):
+        try:
+            tried = refit(base, with_candidate(base.model, effect, {**shape, **strengths}))
+        except ModelError:
+            continue
+        if best is None or tried.fit.chi2 < best.fit.chi2:
+            best = tried
+    if best is None or best.fit.chi2 > base.fit.chi2:
+        raise ModelError(f"the fit with {effect.id} failed")
+    return best
+
+
+def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
+    """The leading candidates refitted, by rising held-out loss; a failed refit goes to `reasons`."""
+    if not assessed:
+        return []
+    leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][:MOST_CONTENDERS]
+    tried = []
+    for candidate in leading:
+        try:
+            tried.append(Refitted(candidate, refit_candidate(base, candidate)))
+        except ModelError as failed:
+            reasons[candidate.id] = failed.message.split(";")[0]
+    if not tried:
+        return []
+    tried.sort(key=lambda r: float(r.base.held_white.sum()))
+    explained = [max(base.fit.chi2 - r.base.fit.chi2, 1e-12) for r in tried]
+    return [Refitted(r.assessed, r.base, float(np.sqrt(min(e / explained[0], 1.0)))) for r, e in zip(tried, explained, strict=True)]
+
+
+def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
+    """The best and those that these data cannot tell from it; empty where it stands alone."""
+    best = contenders[0]
+    floor = best.base.floor.square
+    like = [
+        r.id
+        for r in contenders[1:]
+        if r.likeness >= TWINS or (r.likeness >= LIKE and r.base.square_held - best.base.square_held < _THIRD * floor)
+    ]
+    return (best.id, *like) if like else ()
+
+
+def worth_it(before: Base, after: Base) -> bool:
+    """Held-out gain of a refit above its error, and a size above the rule's."""
+    gain, error = gain_and_error(before.held_white, after.held_white)
+    return gain > GAIN_SIGMAS * error and before.square_held - after.square_held > LEAST_SHARE_OF_FLOOR * before.floor.square
+
+
+def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
+    """The first effect, if there is one."""
+    assessed, reasons = assess_all(base, extra)
+    alarming = [a for a in assessed if a.alarms(base.floor.square)]
+    if not alarming:
+        return Step(base, tuple(assessed), reasons, (), None, ())
+    contenders = contend(base, assessed, reasons)
+    if not contenders or not worth_it(base, contenders[0].base):
+        return Step(base, tuple(assessed), reasons, tuple(contenders), None, ())
+    return Step(base, tuple(assessed), reasons, tuple(contenders), contenders[0], group_of(contenders))
+
+
+def hats(phi: FloatArray) -> FloatArray:
+    """Free shapes over the angle: triangles on nodes 3 degrees apart within +-60 degrees, 10 beyond; (C, m) to (C, m, k)."""
+    nodes = np.deg2rad(np.r_[np.arange(-180.0, -60.0, 10.0), np.arange(-60.0, 60.0, 3.0), np.arange(60.0, 180.0, 10.0)])
+    ring = np.r_[nodes[-1] - 2 * np.pi, nodes, nodes[0] + 2 * np.pi]
+    x = np.nan_to_num((phi + np.pi) % (2 * np.pi) - np.pi)
+    place = np.clip(np.searchsorted(ring, x, side="right") - 1, 0, ring.size - 2)
+    share = (x - ring[place]) / (ring[place + 1] - ring[place])
+    result = np.zeros((*phi.shape, nodes.size))
+    for index, weight in ((place, 1.0 - share), (place + 1, share)):
+        np.put_along_axis(result, ((index - 1) % nodes.size)[..., None], weight[..., None], axis=-1)
+    return result
+
+
+def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
+    """Columns (C, m, k): an effect's size per cell times free shapes over the angle."""
+    problem = Problem(base.cells, base.white)
+    contribution = np.nan_to_num(base.fit.prediction - problem.predict(base.model.without_effect(effect_id), {}))
+    weight = base.plain.weights
+    size, strength, _ = np.linalg.svd(contribution * weight, full_matrices=False)
+    loading = size[:, 0] * strength[0] / np.maximum(weight.max(axis=1), 1e-300)
+    return loading[:, None, None] * hats(base.cells.phi) / max(float(np.abs(loading).max()), 1e-300)
+
+
+def next_step(base: Base, named: Sequence[str], excess: float, extra: Iterable[Effect] = ()) -> Step:
+    """A further effect beside those `named`; `excess` is the mean square that the first base left above the floor."""
+    assessed, reasons = assess_all(base, extra)
+    floor = base.floor.square
+    if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(floor) for a in assessed):
+        return Step(base, tuple(assessed), reasons, (), None, ())
+    contenders = contend(base, assessed, reasons)
+    if not contenders or not worth_it(base, contenders[0].base):
+        return Step(base, tuple(assessed), reasons, tuple(contenders), None, ())
+    best = contenders[0]
+    taken = base.square_held - best.base.square_held
+    beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
+    accepted = beyond_form or survives(base, named, best)
+    return Step(base, tuple(assessed), reasons, tuple(contenders), best if accepted else None, group_of(contenders) if accepted else ())
+
+
+def survives(base: Base, named: Sequence[str], candidate: Refitted) -> bool:
+    """Does the candidate remove enough beside free shapes of the effects named before?"""
+    free = np.concatenate([freedom_of_shape(base, effect) for effect in named], axis=-1)
+    basis_more = base.white(free)
+    again, _ = assess(base, [candidate.assessed.signature], basis_more)
+    if not again or again[0].p > 0.01:
+        return False
+    _, without_it = held_out_losses(base.cells, base.white, base.plain, base.fit, free)
+    columns = np.concatenate([free, candidate.assessed.signature.columns], axis=-1)
+    _, with_it = held_out_losses(base.cells, base.white, base.plain, base.fit, columns)
+    return float((without_it - with_it).sum()) / base.plain.weight > SECOND_LEAST * base.floor.square
