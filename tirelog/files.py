@@ -46,10 +46,10 @@ def whole_file(path: Path | str) -> Iterator[Path]:
             upload(local, url)
         return
     path = Path(path)
+    if path.is_dir():
+        raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        if path.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         part.touch()
         yield part
         with part.open("rb+") as stream:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.errors import DataLoss, ExitStatus, ReadError
+from tirelog.errors import DataLoss, ExitStatus, ReadError, UsageError
 
 if TYPE_CHECKING:
     from tirelog.recording import Recording
@@ -80,7 +80,7 @@ class Session:
                 recording = self._open(log, resources, blocks)
                 if recording is not None:
                     yield recording
-                    self._closed(recording)
+                    self._say_losses(recording)
 
     def all_recordings(self, logs: list[str]) -> list[Recording]:
         """The logs, open together until the session ends."""
@@ -104,12 +104,15 @@ class Session:
         self.hashes[log] = str(recording.provenance.get("sha256", ""))
         for remark in recording.remarks:
             self.note(f"{log}: {remark}")
+        self._say_losses(recording)
         return recording
 
-    def _closed(self, recording: Recording) -> None:
-        """Say what was lost, only now: a damaged chunk is met while reading."""
+    def _say_losses(self, recording: Recording) -> None:
+        """Say each loss once: when the log is opened, and again at its end, since a damaged chunk is met while reading."""
         for loss in recording.losses:
-            self.lost(f"{recording.log}: {loss}")
+            text = f"{recording.log}: {loss}"
+            if text not in self._lost:
+                self.lost(text)
 
     def lost(self, text: str) -> None:
         """Input was lost: said now, and status 3 in the end."""
@@ -124,10 +127,13 @@ class Session:
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()
+        if isinstance(value, UsageError) and self._lost:  # what was asked for is not there because it was lost
+            say(f"error: {value}")
+            raise typer.Exit(int(DataLoss.exit_status))
         if kind is not None:
             return
         for recording in self._kept:
-            self._closed(recording)
+            self._say_losses(recording)
         if self._unread and not self._read:
             raise typer.Exit(int(ExitStatus.NOTHING_READ))
         if self._unread or self._lost:

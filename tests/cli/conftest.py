@@ -1,0 +1,69 @@
+"""A small log with known pulses, its setup, and the command line in this process."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tirelog.cli import run
+
+SETUP = """[tire]
+name = "test"
+unloaded_radius_m = 0.3126
+rolling_radius_m = 0.305
+[channels.strain_1]
+kind = "fbg_strain"
+source = "CH1"
+unit = "nm"
+reference_wavelength_nm = 1550.0
+temperature_channel = "temp_1"
+[channels.temp_1]
+kind = "fbg_temperature"
+source = "CH2"
+reference_wavelength_nm = 1542.0
+[log]
+time = "time_s"
+"""
+RATE_HZ = 2500.0
+
+
+class Outcome(NamedTuple):
+    status: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Outcome]
+
+
+def pulse_rows(seconds: float = 4.0, speed_m_s: float = 12.0) -> list[str]:
+    """Rows of a log of a wheel at constant speed: time, strain grating with pulses, temperature twin."""
+    t = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
+    x = (np.mod(speed_m_s * t / 0.305, 2 * np.pi) - np.pi) * 0.305
+    strain = 1e-3 * (0.35 * np.exp(-(((np.abs(x) - 0.09) / 0.04) ** 2)) - np.exp(-((x / 0.035) ** 2)))
+    wavelength = 1550 * (1 + strain / 1.27) + 0.0008 * np.random.default_rng(4).standard_normal(t.size)
+    return [f"{a:.4f},{b:.4f},1542.0000" for a, b in zip(t, wavelength, strict=True)]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with log.csv and its setup, made the working folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(pulse_rows()) + "\n")
+    (tmp_path / "log.toml").write_text(SETUP)
+    return tmp_path
+
+
+@pytest.fixture
+def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
+    """Run a command line; status, standard output, standard error."""
+
+    def call(*arguments: object) -> Outcome:
+        capfdbinary.readouterr()
+        status = run([str(a) for a in arguments])
+        out, err = capfdbinary.readouterr()
+        return Outcome(status, out.decode(), err.decode())
+
+    return call

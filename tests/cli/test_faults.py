@@ -1,0 +1,222 @@
+"""Faults: what a broken, truncated or hostile input meets on the command line, and with which status."""
+
+import gzip
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import pytest
+
+from .conftest import SETUP, Command, pulse_rows
+
+HEADER = "time_s,CH1,CH2\n"
+
+
+def message(err: str) -> str:
+    """The one error line, in the contract's form."""
+    lines = [line for line in err.splitlines() if line.startswith("tirelog: error: ")]
+    assert lines, err
+    assert "Traceback" not in err
+    assert err.count("defect of tirelog") == 0, err
+    return lines[0]
+
+
+def with_rows(change: dict[int, str]) -> bytes:
+    rows = pulse_rows()
+    for number, text in change.items():
+        rows[number] = text
+    return (HEADER + "\n".join(rows) + "\n").encode()
+
+
+def scaled(factor: float) -> bytes:
+    """The log with its stamps running at another rate."""
+    rows = [row.split(",") for row in pulse_rows()]
+    return (HEADER + "\n".join(f"{float(a) * factor:.6f},{b},{c}" for a, b, c in rows) + "\n").encode()
+
+
+UNREADABLE = {
+    "empty": b"",
+    "header only": HEADER.encode(),
+    "binary": bytes(range(256)) * 64,
+    "nul bytes": HEADER.encode() + b"\x00" * 4000,
+    "utf-16": (HEADER + "0.0,1550,1542\n" * 100).encode("utf-16"),
+    "gzip without its end, nothing whole": gzip.compress(b"x" * 100_000)[:20],
+    "mcap magic alone": b"\x89MCAP0\r\n",
+    "hdf5 magic alone": b"\x89HDF\r\n\x1a\n" + b"\x00" * 600,
+    "zstd magic alone": b"\x28\xb5\x2f\xfd",
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_nothing_can_be_read(folder: Path, tirelog: Command, name: str) -> None:
+    (folder / "log.csv").write_bytes(UNREADABLE[name])
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 4, outcome.err
+    assert message(outcome.err).startswith("tirelog: error: log.csv")
+    assert outcome.err.count(";") >= 2
+    assert len(outcome.out.splitlines()) <= 1
+
+
+LOST = {
+    "cut in a row": with_rows({})[:-12],
+    "text in a number column": with_rows({500: "0.2000,oops,1542.0"}),
+    "gzip cut off": gzip.compress(with_rows({}))[:-3000],
+}
+
+
+@pytest.mark.parametrize("name", LOST)
+def test_some_of_it_is_lost(folder: Path, tirelog: Command, name: str) -> None:
+    (folder / "log.csv").write_bytes(LOST[name])
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 3, outcome.err
+    assert message(outcome.err).startswith("tirelog: error: log.csv")
+    assert len(outcome.out.splitlines()) > 10
+
+
+def test_a_missing_column_costs_that_channel_only(folder: Path, tirelog: Command) -> None:
+    (folder / "log.toml").write_text(SETUP.replace("[log]", '[channels.other]\nkind = "strain"\nsource = "CH7"\n[log]'))
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 3
+    assert "CH7" in message(outcome.err)
+    assert len(outcome.out.splitlines()) > 10
+
+
+def test_no_column_of_the_setup_is_there(folder: Path, tirelog: Command) -> None:
+    (folder / "log.csv").write_text("time_s,A,B\n" + "\n".join(pulse_rows()) + "\n")
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 4
+    assert re.search("CH1.*A", message(outcome.err))
+
+
+QUIET = {
+    "all lost": (HEADER + "\n".join(f"{i / 2500:.4f},,1542.0" for i in range(5000)) + "\n").encode(),
+    "constant": (HEADER + "\n".join(f"{i / 2500:.4f},1550.0000,1542.0" for i in range(5000)) + "\n").encode(),
+    "one revolution": (HEADER + "\n".join(pulse_rows(0.16)) + "\n").encode(),
+    "two revolutions": (HEADER + "\n".join(pulse_rows(0.32)) + "\n").encode(),
+    "half a revolution": (HEADER + "\n".join(pulse_rows(0.04)) + "\n").encode(),
+}
+
+
+@pytest.mark.parametrize("name", QUIET)
+def test_ordinary_data_with_little_in_it(folder: Path, tirelog: Command, name: str) -> None:
+    (folder / "log.csv").write_bytes(QUIET[name])
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 0, outcome.err
+    rows = outcome.out.splitlines()[1:]
+    assert len(rows) == {"one revolution": 1, "two revolutions": 2}.get(name, 0)
+    assert all(row.split(",")[-1] != "ok" for row in rows)  # no speed without a neighbour on either side
+
+
+REPAIRED = {
+    "time backwards": with_rows({3000: pulse_rows()[2900]}),
+    "two rows with one stamp": with_rows({3000: pulse_rows()[2999]}),
+}
+
+
+@pytest.mark.parametrize("name", REPAIRED)
+def test_a_clock_that_stumbles_is_repaired_and_said(folder: Path, tirelog: Command, name: str) -> None:
+    clean = tirelog("speed", "log.csv").out.splitlines()
+    (folder / "log.csv").write_bytes(REPAIRED[name])
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 0, outcome.err
+    assert len(outcome.out.splitlines()) == len(clean)
+    assert "repaired" in tirelog("info", "log.csv").out
+
+
+def test_a_rate_that_contradicts_the_stamps(folder: Path, tirelog: Command) -> None:
+    (folder / "log.toml").write_text(SETUP + "sampling_rate_Hz = 2500.0\n")
+    (folder / "log.csv").write_bytes(scaled(1.02))
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 0
+    assert "2500" in outcome.err
+    (folder / "log.csv").write_bytes(scaled(2.0))
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 2
+    assert "1250" in message(outcome.err)
+
+
+def test_a_wrong_grating_window(folder: Path, tirelog: Command) -> None:
+    (folder / "log.toml").write_text(SETUP.replace('source = "CH1"', "window_nm = [1500.0, 1502.0]"))
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status in (0, 3, 4)
+    assert "strain_1" in outcome.err
+    assert len(outcome.out.splitlines()) <= 1
+
+
+def test_a_setup_s_source_is_a_name_not_a_path(folder: Path, tirelog: Command) -> None:
+    (folder / "log.toml").write_text(SETUP.replace('"CH1"', '"/etc/passwd"'))
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status in (3, 4)
+    assert "root:" not in outcome.out + outcome.err
+
+
+@pytest.mark.parametrize("target", ["no/run.h5", "."])
+def test_output_that_cannot_be_written(folder: Path, tirelog: Command, target: str) -> None:
+    before = sorted(folder.iterdir())
+    outcome = tirelog("ingest", "log.csv", "-o", target)
+    assert outcome.status == 2
+    assert message(outcome.err).startswith(f"tirelog: error: {target}")
+    assert sorted(folder.iterdir()) == before
+
+
+def test_a_full_disk_leaves_nothing(folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(h5py.File, "create_dataset", full)
+    outcome = tirelog("ingest", "log.csv", "-o", "run.h5")
+    assert outcome.status == 2
+    assert "disk is full" in message(outcome.err)
+    assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "log.toml"]
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_ingest_leaves_no_run(folder: Path, how: signal.Signals) -> None:
+    """Rows that never end come on standard input; the process is stopped while it writes."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tirelog", "ingest", "-", "--setup", "log.toml", "-o", "run.h5"],
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert process.stdin is not None
+    process.stdin.write((HEADER + "\n".join(pulse_rows(60.0)) + "\n").encode())
+    process.stdin.flush()
+    deadline = time.monotonic() + 30
+    while not list(folder.glob(".run.h5.*.part")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert list(folder.glob(".run.h5.*.part"))
+    os.kill(process.pid, how)
+    _, err = process.communicate()
+    assert process.returncode == (130 if how is signal.SIGINT else -signal.SIGKILL)
+    assert b"Traceback" not in err
+    assert not (folder / "run.h5").exists()
+
+
+def test_one_log_that_cannot_be_read_does_not_stop_the_others(folder: Path, tirelog: Command) -> None:
+    (folder / "bad.csv").write_bytes(b"")
+    outcome = tirelog("speed", "bad.csv", "log.csv", "--setup", "log.toml")
+    assert outcome.status == 3
+    assert "bad.csv" in message(outcome.err)
+    assert outcome.out.splitlines()[1].startswith("log.csv,strain_1,0,")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["sped", "log.csv"], "sped"),
+        (["speed"], "Missing argument"),
+        (["speed", "log.csv", "--nonsense"], "nonsense"),
+        (["speed", "log.csv", "--format", "xls"], "csv, ndjson, parquet, json"),
+        (["speed", "log.csv", "-o", "t.xls"], "csv"),
+        (["speed", "log.csv", "--setup", "no.toml"], "no.toml"),
+        (["check", "log.csv", "--against", "log.csv", "--tolerance", "x"], "COLUMN=NUMBER"),
+    ],
+)
+def test_usage(folder: Path, tirelog: Command, arguments: list[str], words: str) -> None:
+    outcome = tirelog(*arguments)
+    assert outcome.status == 2, outcome.err
+    assert words in message(outcome.err)

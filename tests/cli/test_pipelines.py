@@ -1,0 +1,87 @@
+"""Property: a log, its run, standard input and compressed copies give the same rows, and tables flow into other programs."""
+
+import gzip
+import io
+import json
+import lzma
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import zstandard
+
+from .conftest import Command
+
+COMPRESS = {"gz": gzip.compress, "xz": lzma.compress, "zst": lambda data: zstandard.ZstdCompressor().compress(data)}
+
+
+def frame(text: str) -> pd.DataFrame:
+    return pd.read_csv(io.StringIO(text)).drop(columns="log")
+
+
+@pytest.mark.parametrize("suffix", COMPRESS)
+def test_compressed_logs_give_the_same_rows(folder: Path, tirelog: Command, suffix: str) -> None:
+    (folder / f"log.csv.{suffix}").write_bytes(COMPRESS[suffix]((folder / "log.csv").read_bytes()))
+    pd.testing.assert_frame_equal(
+        frame(tirelog("speed", f"log.csv.{suffix}").out), frame(tirelog("speed", "log.csv").out), check_exact=True
+    )
+
+
+def test_a_run_and_standard_input_give_the_same_rows(folder: Path, tirelog: Command) -> None:
+    want = tirelog("speed", "log.csv")
+    assert tirelog("ingest", "log.csv", "-o", "run.h5").status == 0
+    pd.testing.assert_frame_equal(frame(tirelog("speed", "run.h5").out), frame(want.out), check_exact=True)
+    with open("log.csv", "rb") as stream:
+        piped = subprocess.run(
+            [sys.executable, "-m", "tirelog", "speed", "-", "--setup", "log.toml"], stdin=stream, capture_output=True, check=True
+        )
+    pd.testing.assert_frame_equal(frame(piped.stdout.decode()), frame(want.out), check_exact=True)
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.parquet", "t.ndjson", "t.json"])
+def test_every_format_of_one_table_passes_check(folder: Path, tirelog: Command, name: str) -> None:
+    assert tirelog("speed", "log.csv", "-o", name).status == 0
+    assert tirelog("speed", "log.csv", "-o", "want.csv").status == 0
+    assert tirelog("check", name, "--against", "want.csv").status == 0
+
+
+def test_check_says_what_moved_and_bless_takes_it(folder: Path, tirelog: Command) -> None:
+    tirelog("speed", "log.csv", "-o", "a.csv")
+    table = pd.read_csv("a.csv")
+    table.loc[3, "speed_m_s"] += 0.5
+    table.to_csv("b.csv", index=False)
+    outcome = tirelog("check", "b.csv", "--against", "a.csv")
+    assert outcome.status == 1
+    assert outcome.out.splitlines()[1].startswith("log=log.csv channel=strain_1 revolution=3,speed_m_s,12.5")
+    assert tirelog("check", "b.csv", "--against", "a.csv", "--tolerance", "speed_m_s=0.6").status == 0
+    assert tirelog("check", "b.csv", "--against", "a.csv", "--bless").status == 0
+    assert tirelog("check", "b.csv", "--against", "a.csv").status == 0
+
+
+def test_several_logs_make_one_table(folder: Path, tirelog: Command) -> None:
+    (folder / "again.csv").write_bytes((folder / "log.csv").read_bytes())
+    outcome = tirelog("speed", "log.csv", "again.csv", "--setup", "log.toml")
+    table = pd.read_csv(io.StringIO(outcome.out))
+    assert outcome.status == 0
+    assert table["log"].unique().tolist() == ["log.csv", "again.csv"]
+    assert table.groupby("log")["revolution"].max().nunique() == 1
+
+
+def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
+    command = f"{sys.executable} -m tirelog speed log.csv log.csv log.csv | head -1; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "0"
+    assert "Error" not in done.stderr
+
+
+def test_ndjson_is_one_object_a_line(folder: Path, tirelog: Command) -> None:
+    rows = [json.loads(line) for line in tirelog("speed", "log.csv", "--format", "ndjson").out.splitlines()]
+    assert rows[2]["revolution"] == 2
+    assert rows[2]["quality"] == "ok"
+
+
+def test_info_as_a_table(folder: Path, tirelog: Command) -> None:
+    rows = json.loads(tirelog("info", "log.csv", "--format", "json").out)
+    assert [(r["channel"], r["samples"], r["rate_Hz"]) for r in rows] == [("strain_1", 10000, 2500.0), ("temp_1", 10000, 2500.0)]
