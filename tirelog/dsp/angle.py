@@ -77,10 +77,10 @@ def smooth_angle(
     2 REACH + 1 passages.  Left as it is at the ends of a stretch, beside missing passages and where the motion is too uneven for a cubic
     (near standstill).
     """
-    nominal = count * step_rad
+    nominal: FloatArray = count * step_rad
     if time_s.size < 2 * REACH + 1:
         rate = np.gradient(nominal, time_s) if time_s.size > 1 else np.zeros(time_s.size)
-        return AngleFunction(time_s, nominal + pitch_rad, rate, stretch, noise_rad)
+        return AngleFunction(time_s, np.asarray(nominal + pitch_rad), rate, stretch, noise_rad)
     pace = np.gradient(time_s) / np.gradient(nominal + (np.gradient(count) == 0))
     pace[~np.isfinite(pace)] = 0.0
     time = np.maximum.accumulate(time_s - np.where(np.gradient(count) == 0, 0.0, pitch_rad * pace))

@@ -23,7 +23,7 @@ def counter_knots(channel: Channel, size: float, is_angle: bool) -> tuple[FloatA
     wrap, offset, last = (size, 0.0, np.nan) if is_angle else (0.0, 0.0, np.nan)
     every = max(int(channel.axis.rate_Hz / ANGLE_KNOTS_Hz), 1) if is_angle else 1
     for start, block in channel.blocks():
-        index = np.arange(start, start + block.size)
+        index: FloatArray = np.arange(start, start + block.size, dtype=np.float64)
         known = np.isfinite(block)
         x, index = block[known], index[known]
         if x.size == 0:
@@ -37,11 +37,11 @@ def counter_knots(channel: Channel, size: float, is_angle: bool) -> tuple[FloatA
         offset, last = float(unwrapped[-1] - x[-1]), float(x[-1])
         if is_angle:
             pick = np.arange((-start) % every, x.size, every)
-            times.append(channel.axis.at(index[pick].astype(np.float64)))
+            times.append(channel.axis.at(index[pick]))
             counts.append(unwrapped[pick])
         else:
             change = np.flatnonzero(step + turned)
-            times.append(channel.axis.at(index[change] - 0.5))
+            times.append(channel.axis.at(np.asarray(index[change] - 0.5)))
             counts.append(unwrapped[change] - 0.5 * (step + turned)[change] + 0.5)
     if not times:
         return np.zeros(0), np.zeros(0), np.zeros(0, bool)

@@ -53,14 +53,14 @@ def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, s
     still = np.diff(index) > 0.5 * FOLLOW_S * rate_Hz
     hole = np.zeros(n - 1, bool)
     if passages.breaks.size:
-        at = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
-        hole[at[halves[at] != 1]] = True
+        broken = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
+        hole[broken[halves[broken] != 1]] = True
     halves[still] = 1
     lost = still | hole | (halves > 2 * steps)
     sign = np.ones(n - 1, np.int64)
     turned = _turning_points(read, found, index, np.flatnonzero(still))
     direction = 1
-    for number, at in enumerate(turned):
+    for at in turned:
         direction = -direction
         sign[at:] = direction
         halves[at] = 0

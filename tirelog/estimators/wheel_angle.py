@@ -148,7 +148,8 @@ def _remarks(channel: Channel, teeth: Teeth, pitch: PitchTable, stretches: list[
         other, share = steps_that_repeat(stretches, steps)
         if other % steps and steps % other and share > max(pitch.repeats, DOES_NOT_REPEAT) + 0.1:
             said.append(
-                f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it does with {other}; mend steps in the setup"
+                f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it does with {other}; "
+                "mend steps in the setup"
             )
     return said
 
@@ -222,7 +223,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
     channel, wheel = encoder_of(recording)
     radius = rolling_radius(recording, wheel)
     highest, lowest = float(np.max(wheel.angle.angle_rad)), float(wheel.angle.angle_rad[0])
-    middles = lowest + np.pi + 2 * np.pi * np.arange(max(int((highest - lowest) / (2 * np.pi)), 0))
+    middles: FloatArray = lowest + np.pi + 2 * np.pi * np.arange(max(int((highest - lowest) / (2 * np.pi)), 0))
     start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S

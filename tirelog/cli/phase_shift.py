@@ -1,0 +1,96 @@
+"""`tirelog phase-shift LOG...`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile
+
+if TYPE_CHECKING:
+    from tirelog.estimators.calibration import Calibration
+    from tirelog.estimators.phase_shift import Passages
+
+
+def phase_shift(
+    logs: Logs,
+    setup: SetupFile = None,
+    output: Output = None,
+    format: Format = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file to apply.", show_default=False)] = None,
+    calibrate: Annotated[
+        Path | None, typer.Option(help="Calibration file to write, learnt from these logs, and applied.", show_default=False)
+    ] = None,
+    zero: Annotated[str, typer.Option(help="Zero of the phase shift: auto, none, a speed in m/s, or START:STOP in s.")] = "auto",
+    fit_forces: Annotated[bool, typer.Option("--fit-forces", help="With --calibrate: force maps from the force channels.")] = False,
+    plot: Plot = None,
+    quiet: Quiet = False,
+) -> None:
+    """Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4)."""
+    from tirelog.errors import UsageError
+    from tirelog.estimators.calibration import table
+    from tirelog.estimators.calibration_file import read_calibration
+
+    if calibration is not None and calibrate is not None:
+        raise UsageError("--calibration and --calibrate; one reads a calibration, the other learns one; give one of them")
+    if fit_forces and calibrate is None:
+        raise UsageError("--fit-forces without --calibrate; the force maps are part of a calibration; give --calibrate FILE")
+    applied = read_calibration(calibration) if calibration is not None else None
+    with Session(setup, quiet) as session, session.table("phase-shift", output, format, calibration=str(calibration or "")) as writer:
+        kept: list[Passages] = []
+        for passages in _measured(session, logs, zero, fit_forces):
+            if calibrate is None:
+                writer.write(table(passages, applied))
+            if calibrate is not None or plot is not None:
+                kept.append(passages)
+        if calibrate is not None:
+            applied = _learn(session, kept, calibrate, fit_forces)
+            for passages in kept:
+                writer.write(table(passages, applied))
+        elif applied is None:
+            session.note("no calibration: the detrended and corrected columns are empty; learn one with --calibrate FILE")
+        if plot is not None:
+            from tirelog.plots.phase_shift import plot_phase_shift
+
+            plot_phase_shift(kept, applied, plot)
+
+
+def _measured(session: Session, logs: list[str], zero: str, forces: bool):  # type: ignore[no-untyped-def]
+    """The passages of every log; one without teeth or without a patch is lost, and the rest goes on."""
+    from tirelog.errors import DataLoss
+    from tirelog.estimators.phase_shift import measure
+
+    for recording in session.recordings(logs):
+        try:
+            for passages in measure(recording, zero, forces):
+                for remark in passages.remarks:
+                    session.note(f"{recording.log}: {remark}")
+                yield passages
+        except DataLoss as problem:
+            session.lost(str(problem))
+
+
+def _learn(session: Session, kept: list[Passages], path: Path, forces: bool) -> Calibration:
+    """Learn, write and describe a calibration."""
+    import math
+
+    from tirelog.estimators.calibration import calibrate
+    from tirelog.estimators.calibration_file import write_calibration
+
+    learnt = calibrate(kept, forces)
+    write_calibration(path, learnt)
+    if math.isfinite(learnt.delay_s) and abs(learnt.delay_s) > 3 * learnt.delay_se_s:
+        session.note(
+            f"the phase shift holds a part linear in speed, as from an accelerometer {1e3 * learnt.delay_s:.3f} "
+            f"+- {1e3 * learnt.delay_se_s:.3f} ms later than the encoder; the speed map takes it off, it is no force"
+        )
+    if math.isnan(learnt.crosstalk):
+        session.note("no drive phase of an undriven wheel ([conditions] driven = false): no cross-talk, the corrected column is empty")
+    else:
+        session.note(f"cross-talk k = {learnt.crosstalk:.4f} +- {learnt.crosstalk_se:.4f}")
+    for name, force in (("vertical", learnt.vertical), ("longitudinal", learnt.longitudinal)):
+        if force is not None:
+            session.note(f"{name} force: {force.rms_N:.0f} N rms on held-out parts of the logs")
+    return learnt

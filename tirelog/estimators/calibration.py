@@ -1,0 +1,252 @@
+"""What belongs to speed, load and delay rather than to forces, learnt from quasi-static and dynamic logs (P4 section IV C, (1)-(3)).
+
+    Passages of several logs --quasi-static passages, one constant a log--> SpeedMap of the phase shift and of the patch width
+        --drive phases of undriven wheels--> cross-talk k    --force channels--> ForceMap    =: Calibration
+    Passages, Calibration --apply--> detrended and corrected regressors, forces
+
+A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)^2, v0 the speed of the zeros.  The errors are those of
+the least squares, widened by the scatter of the residuals and by their correlation from passage to passage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tirelog.errors import UsageError
+from tirelog.estimators.calibration_force import ForceMap, fit_force, predict_force
+from tirelog.estimators.phase_shift import Passages
+from tirelog.recording import FloatArray
+
+#: slower than this the car's acceleration counts as quasi-static
+QUASI_STATIC_M_S2 = 0.6
+#: driving off: an undriven wheel carries no longitudinal force, and load transfer moves its width
+DRIVE_M_S2 = 0.8
+#: passages and range of speed that a map needs
+LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
+
+
+@dataclass(frozen=True)
+class SpeedMap:
+    """Change with speed against the reference: `linear` [deg/(m/s)], `quadratic` [deg/(m/s)^2], `covariance` (2, 2), valid from
+    `low_m_s` to `high_m_s`; `rms_deg` the residuals' standard deviation, `passages` their number."""
+
+    linear: float
+    quadratic: float
+    covariance: FloatArray
+    low_m_s: float
+    high_m_s: float
+    rms_deg: float
+    passages: int
+
+    def __call__(self, speed_m_s: FloatArray, reference_m_s: float) -> FloatArray:
+        dv = speed_m_s - reference_m_s
+        return self.linear * dv + self.quadratic * dv**2
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibration.  `reference_speed_m_s` is where the phase shift is zero by convention; `patch_width_deg` the mean width there;
+    `crosstalk` k of P4 (3) with `crosstalk_se`; `delay_s` the constant lag of the accelerometer behind the encoder, if the part of the
+    phase shift linear in speed is nothing else; NaN or None where the logs did not show it."""
+
+    reference_speed_m_s: float
+    shift: SpeedMap
+    width: SpeedMap
+    patch_width_deg: float
+    crosstalk: float
+    crosstalk_se: float
+    delay_s: float
+    delay_se_s: float
+    vertical: ForceMap | None = None
+    longitudinal: ForceMap | None = None
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """Regressors of one accelerometer without trend and cross-talk, shape (n,) [deg]; `extrapolated` (n,) speed outside of the maps."""
+
+    width_deg: FloatArray
+    shift_deg: FloatArray
+    corrected_deg: FloatArray
+    extrapolated: np.ndarray
+
+
+def calibrate(logs: Sequence[Passages], forces: bool = False) -> Calibration:
+    """The calibration from all logs.  UsageError: too few quasi-static passages, or too narrow a range of speed."""
+    zeros = [p.zero_speed_m_s for p in logs if np.isfinite(p.zero_speed_m_s)]
+    if not zeros:
+        raise UsageError("no log has a zero stretch; a calibration refers to one; add a log with a low, constant speed, or give --zero")
+    reference = float(np.mean(zeros))
+    shift = _speed_map(logs, "shift", reference)
+    width = _speed_map(logs, "width", reference)
+    levels = [float(np.nanmean((p.width_deg - width(p.speed_m_s, reference))[_quasi_static(p)])) for p in logs if _quasi_static(p).any()]
+    delay, delay_se = _delay(shift, reference, float(np.median([p.radius_m for p in logs])))
+    plain = Calibration(reference, shift, width, float(np.mean(levels)), np.nan, np.nan, delay, delay_se)
+    k, k_se = _crosstalk(logs, plain)
+    whole = Calibration(reference, shift, width, plain.patch_width_deg, k, k_se, delay, delay_se)
+    return _with_forces(logs, whole) if forces else whole
+
+
+def _quasi_static(p: Passages) -> np.ndarray:
+    with np.errstate(invalid="ignore"):
+        return p.good & (np.abs(p.acceleration_m_s2) < QUASI_STATIC_M_S2) & np.isfinite(p.speed_m_s)
+
+
+def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMap:
+    """Weighted least squares of one constant a log, (v - v0), (v - v0)^2 and, where the logs climb and fall, the acceleration.
+
+    The acceleration is a nuisance: what little force a quasi-static drive has would else bend the map.
+    """
+    parts = []
+    for number, p in enumerate(logs):
+        values, se = (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
+        rows = _quasi_static(p) & np.isfinite(values)
+        parts.append(np.stack([values, se, p.speed_m_s, p.acceleration_m_s2, np.full(values.size, float(number))])[:, rows])
+    y, se, v, a, group = np.concatenate(parts, axis=1)
+    if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
+        found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
+        raise UsageError(
+            f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2; a speed map needs {LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; "
+            "add a slow drive-up or coast-down"
+        )
+    dv = v - reference
+    columns = [(group == g).astype(float) for g in np.unique(group)] + [dv, dv**2]
+    two_ways = np.quantile(a, 0.1) < -0.03 and np.quantile(a, 0.9) > 0.03
+    design = np.stack([*columns, *([a] if two_ways else [])], axis=1)
+    at = len(columns) - 2
+    solved, covariance, residual = _least_squares(design, y, se)
+    return SpeedMap(
+        float(solved[at]), float(solved[at + 1]), covariance[at : at + 2, at : at + 2], float(v.min()), float(v.max()),
+        float(np.std(residual)), int(y.size),
+    )  # fmt: skip
+
+
+def _least_squares(design: FloatArray, y: FloatArray, se: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(solution, covariance, residuals): weighted, wild values left out, the covariance widened by scatter and correlation."""
+    keep = np.isfinite(y) & np.isfinite(se) & (se > 0)
+    scale = np.sqrt(np.mean(design**2, axis=0))
+    scale[scale == 0] = 1.0
+    x = design / scale
+    for _ in range(3):
+        weight = np.where(keep, 1 / np.where(se > 0, se, 1.0), 0.0)
+        solved = np.linalg.lstsq(x * weight[:, None], y * weight, rcond=1e-10)[0]
+        residual = y - x @ solved
+        z = residual * weight
+        spread = float(np.median(np.abs(z[keep]))) / 0.6745
+        keep &= np.abs(z) < 5 * max(spread, 1e-12)
+    z = z[keep]
+    chi2 = float(z @ z) / max(z.size - design.shape[1], 1)
+    rho = float(np.clip(np.sum(z[1:] * z[:-1]) / max(float(z @ z), 1e-300), 0.0, 0.95))
+    wide = max(chi2, 1.0) * (1 + rho) / (1 - rho)
+    covariance = np.linalg.pinv((x * weight[:, None]).T @ (x * weight[:, None]), rcond=1e-12) * wide
+    return solved / scale, covariance / np.outer(scale, scale), residual[keep]
+
+
+def _delay(shift: SpeedMap, reference: float, radius: float) -> tuple[float, float]:
+    """(delay, standard error) [s] from the part of the shift that is linear in Omega: forces (drag) follow v^2, a delay Omega."""
+    to_s = np.pi / 180 * radius
+    gradient = np.array([1.0, -2 * reference])
+    linear = shift.linear - 2 * reference * shift.quadratic
+    return linear * to_s, float(np.sqrt(gradient @ shift.covariance @ gradient)) * to_s
+
+
+def clean(p: Passages, calibration: Calibration) -> Cleaned:
+    """The passages' regressors by the calibration: detrended with the maps, corrected by P4 (3)."""
+    c = calibration
+    zero = p.zero_speed_m_s if np.isfinite(p.zero_speed_m_s) else c.reference_speed_m_s
+    shift = p.shift_deg - c.shift(p.speed_m_s, c.reference_speed_m_s) + float(c.shift(np.array(zero), c.reference_speed_m_s))
+    width = p.width_deg - c.width(p.speed_m_s, c.reference_speed_m_s)
+    calm = p.good & (p.steady >= 0)
+    usual = float(np.mean(width[calm])) if calm.any() else c.patch_width_deg
+    low, high = max(c.shift.low_m_s, c.width.low_m_s), min(c.shift.high_m_s, c.width.high_m_s)
+    with np.errstate(invalid="ignore"):
+        outside = (p.speed_m_s < low - 0.5) | (p.speed_m_s > high + 0.5)
+    return Cleaned(width, shift, shift + c.crosstalk * (width - usual), outside)
+
+
+def _crosstalk(logs: Sequence[Passages], calibration: Calibration) -> tuple[float, float]:
+    """(k, standard error) of P4 (3): no phase shift left on undriven wheels while the car drives off.  NaN where no log shows it.
+
+    The width's own noise would pull k towards zero; its known variance is taken off.
+    """
+    shifts, widths, noise = [], [], []
+    for p in logs:
+        if p.driven is not False:
+            continue
+        cleaned = clean(p, calibration)
+        calm = p.good & (p.steady >= 0)
+        with np.errstate(invalid="ignore"):
+            rows = p.good & (p.acceleration_m_s2 > DRIVE_M_S2) & np.isfinite(cleaned.shift_deg)
+        if calm.sum() < 8 or rows.sum() < 8:
+            continue
+        shifts.append(cleaned.shift_deg[rows] - np.mean(cleaned.shift_deg[calm]))
+        widths.append(cleaned.width_deg[rows] - np.mean(cleaned.width_deg[calm]))
+        noise.append(p.width_se_deg[rows] ** 2)
+    if not shifts:
+        return float("nan"), float("nan")
+    s, d = np.concatenate(shifts), np.concatenate(widths)
+    signal = float(d @ d) - float(np.concatenate(noise).sum())
+    if signal <= 0.1 * float(d @ d):
+        return float("nan"), float("nan")
+    k = -float(s @ d) / signal
+    residual = s + k * d
+    return k, float(np.std(residual) * np.sqrt(float(d @ d)) / signal)
+
+
+def _with_forces(logs: Sequence[Passages], c: Calibration) -> Calibration:
+    """The calibration with force maps from the logs' force channels.  UsageError: no log has one."""
+    cleaned = [clean(p, c) for p in logs]
+    known = np.isfinite(c.crosstalk)
+    shifts = [one.corrected_deg if known else one.shift_deg for one in cleaned]
+    vertical = fit_force(logs, [one.width_deg for one in cleaned], "vertical_load")
+    longitudinal = fit_force(logs, shifts, "longitudinal_force")
+    if vertical is None and longitudinal is None:
+        raise UsageError(
+            "--fit-forces, and no log has a vertical_load or longitudinal_force channel with a zero stretch; add one to the setup"
+        )
+    return Calibration(**{**c.__dict__, "vertical": vertical, "longitudinal": longitudinal})
+
+
+def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
+    """The columns of the `phase-shift` table for one accelerometer of one log."""
+    from tirelog.tables import quality_text
+
+    n, words = p.time_s.size, [set(w) for w in p.words]
+    nothing = np.full(n, np.nan)
+    cleaned = clean(p, calibration) if calibration else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
+    for k in np.flatnonzero(cleaned.extrapolated):
+        words[k].add("extrapolated")
+    columns: dict[str, object] = {
+        "log": p.log,
+        "channel": p.channel,
+        "revolution": np.arange(n),
+        "time_s": p.time_s,
+        "speed_m_s": p.speed_m_s,
+        "entry_angle_deg": p.entry_deg,
+        "exit_angle_deg": p.exit_deg,
+        "patch_width_deg": p.width_deg,
+        "patch_width_se_deg": p.width_se_deg,
+        "phase_shift_deg": p.shift_deg,
+        "phase_shift_se_deg": p.shift_se_deg,
+        "patch_width_detrended_deg": cleaned.width_deg,
+        "phase_shift_detrended_deg": cleaned.shift_deg,
+        "phase_shift_corrected_deg": cleaned.corrected_deg,
+    }
+    if calibration and calibration.vertical:
+        force, se, outside = predict_force(calibration.vertical, cleaned.width_deg, p.width_se_deg)
+        columns |= {"vertical_force_N": force, "vertical_force_se_N": se}
+        _mark(words, outside)
+    if calibration and calibration.longitudinal:
+        shift = cleaned.corrected_deg if np.isfinite(calibration.crosstalk) else cleaned.shift_deg
+        force, se, outside = predict_force(calibration.longitudinal, shift, p.shift_se_deg)
+        columns |= {"longitudinal_force_N": force, "longitudinal_force_se_N": se}
+        _mark(words, outside)
+    return {**columns, "quality": [quality_text(sorted(w)) for w in words]}
+
+
+def _mark(words: list[set[str]], outside: np.ndarray) -> None:
+    for k in np.flatnonzero(outside):
+        words[k].add("extrapolated")
