@@ -77,7 +77,7 @@ def smooth_angle(
     2 REACH + 1 passages.  Left as it is at the ends of a stretch, beside missing passages and where the motion is too uneven for a cubic
     (near standstill).
     """
-    nominal: FloatArray = count * step_rad
+    nominal = np.asarray(count * step_rad, dtype=np.float64)
     if time_s.size < 2 * REACH + 1:
         rate = np.gradient(nominal, time_s) if time_s.size > 1 else np.zeros(time_s.size)
         return AngleFunction(time_s, np.asarray(nominal + pitch_rad), rate, stretch, noise_rad)

@@ -53,11 +53,11 @@ def fit_force(logs: Sequence[Passages], regressors: Sequence[FloatArray], kind: 
         errors[degree] = float(np.sqrt(np.mean(held**2)))
     degree = 2 if errors[2] < 0.98 * errors[1] else 1
     design = np.vander(x - centre, degree + 1, increasing=True)
-    solved: FloatArray = np.linalg.lstsq(design, y, rcond=None)[0]
+    solved = np.asarray(np.linalg.lstsq(design, y, rcond=None)[0], dtype=np.float64)
     residual = y - design @ solved
     rho = float(np.clip(np.sum(residual[1:] * residual[:-1]) / max(float(residual @ residual), 1e-300), 0.0, 0.95))
     variance = float(residual @ residual) / max(x.size - degree - 1, 1) * (1 + rho) / (1 - rho)
-    covariance: FloatArray = variance * np.linalg.pinv(design.T @ design)
+    covariance = np.asarray(variance * np.linalg.pinv(design.T @ design), dtype=np.float64)
     return ForceMap(centre, solved, covariance, float(x.min()), float(x.max()), errors[degree])
 
 

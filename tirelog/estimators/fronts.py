@@ -3,10 +3,9 @@
     Dips (coarse) --samples within a few degrees of each front--> cubic through the flank --half of the level--> Fronts
 
 A front is where the signal, divided by Omega^2 and with gravity's part subtracted, crosses half of the level outside, extrapolated
-from beside it.  Inside the patch the tread moves straight and the true acceleration is nothing, so half of the level is a fixed share of the
-step at every speed; a fixed threshold in m/s^2 would let the width shrink with speed (errata).  The cubic follows the flank's own
-shape, so nothing is assumed about it, and its error at the crossing is the bound of a known flank but for a few
-percent.
+from beside it.  Inside the patch the tread moves straight and the true acceleration is nothing, so half of the level is a fixed
+share of the step at every speed; a fixed threshold in m/s^2 would let the width shrink with speed (errata).  The cubic follows the
+flank's own shape, so nothing is assumed about it; its error at the crossing is a tenth above the bound for a known flank.
 
 Angles [rad] are those of `WheelAngle`.  Everything is worked out for all fronts of a piece of the log at once.
 """
@@ -26,7 +25,7 @@ GRAVITY_M_S2 = 9.80665
 #: samples read at once
 PIECE = 1 << 18
 #: half width of the flank's window: this share of the level over the flank's median slope, within bounds [deg], from a first guess
-FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.15, 0.7, 6.0, 2.5
+FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
 #: samples that a flank has at least
 LEAST_SAMPLES = 7
 
@@ -213,7 +212,7 @@ def _crossings(
 
 
 def _form(width: FloatArray, se: FloatArray) -> FloatArray:
-    """How much more the width scatters from passage to passage than its noise says, shape (n,), at least 1, over 61 passages.
+    """How much more the width scatters from passage to passage than its noise says, shape (n,), at least 1, over 101 passages.
 
     The cubic is not the flank's exact form, and samples fall on it differently from passage to passage.
     """
@@ -221,7 +220,7 @@ def _form(width: FloatArray, se: FloatArray) -> FloatArray:
     if scatter.size < 9:
         return np.ones(width.size)
     scatter = np.nan_to_num(scatter, nan=1.0)
-    usual = median_filter(scatter, min(61, scatter.size), mode="nearest")
+    usual = median_filter(scatter, min(101, scatter.size), mode="reflect")
     return np.maximum(np.concatenate([usual[:1], usual, usual[-1:]]), 1.0)
 
 
@@ -244,21 +243,23 @@ def _solve(
     good = np.isfinite(y) & np.isfinite(u)
     lost = np.bincount(owner[~good], minlength=group.size) > 0
     owner, u, y = owner[good], u[good], y[good]
-    powers = np.stack([np.bincount(owner, u**k, group.size) for k in range(7)])
-    right = np.stack([np.bincount(owner, y * u**k, group.size) for k in range(4)], axis=-1)
-    left = np.stack([powers[k : k + 4] for k in range(4)]).transpose(2, 0, 1)
-    enough = powers[0] >= 5
+    weight = np.maximum(1.0 - u * u, 0.0)  # a window without edges: which samples fall into it must not matter
+    powers = np.stack([np.bincount(owner, weight * u**k, group.size) for k in range(7)])
+    squares = np.stack([np.bincount(owner, weight**2 * u**k, group.size) for k in range(7)])
+    right = np.stack([np.bincount(owner, weight * y * u**k, group.size) for k in range(4)], axis=-1)
+    left, between = (np.stack([p[k : k + 4] for k in range(4)]).transpose(2, 0, 1) for p in (powers, squares))
+    enough = np.bincount(owner, minlength=group.size) >= 5
     left[~enough] = np.eye(4)
-    left = left + 1e-9 * powers[0][:, None, None] * np.eye(4)
-    inverse = np.linalg.inv(left)
+    inverse = np.linalg.inv(left + 1e-9 * powers[0][:, None, None] * np.eye(4))
     c = np.einsum("nij,nj->ni", inverse, right)
+    covariance = inverse @ between @ inverse
     root = np.zeros(group.size)
     for _ in range(8):
         value = c[:, 0] + root * (c[:, 1] + root * (c[:, 2] + root * c[:, 3]))
         slope = c[:, 1] + root * (2 * c[:, 2] + root * 3 * c[:, 3])
         root = np.clip(root - value / np.where(slope == 0, np.inf, slope), -1.0, 1.0)
     at = np.stack([np.ones_like(root), root, root**2, root**3], axis=-1)
-    share = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", at, inverse, at), 0.0))
+    share = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", at, covariance, at), 0.0))
     slope = c[:, 1] + root * (2 * c[:, 2] + root * 3 * c[:, 3])
     level = np.abs(flanks.level[group]) * flanks.rate[group] ** 2
     noise = np.hypot(share, 0.5 * flanks.level_share[group]) * flanks.noise[group] / level

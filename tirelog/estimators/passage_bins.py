@@ -89,7 +89,7 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
         late = k >= 0
         k, values, time = k[late], values[late], time[late]
         x = values - offset  # small numbers keep the digits of the squares
-        sums = np.stack([np.bincount(k, w, size) for w in (None, x, x * x, time)])
+        sums = np.stack([np.bincount(k, w, size) for w in (None, x, x * x, time)]).astype(np.float64)
         sums[:, : held.shape[1]] += held
         held = sums
         while held.shape[1] > CORE + 2 * OVERLAP:

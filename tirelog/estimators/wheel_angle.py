@@ -223,7 +223,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
     channel, wheel = encoder_of(recording)
     radius = rolling_radius(recording, wheel)
     highest, lowest = float(np.max(wheel.angle.angle_rad)), float(wheel.angle.angle_rad[0])
-    middles: FloatArray = lowest + np.pi + 2 * np.pi * np.arange(max(int((highest - lowest) / (2 * np.pi)), 0))
+    middles = lowest + np.pi * np.arange(1.0, 2.0 * max(int((highest - lowest) / (2 * np.pi)), 0), 2.0)
     start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
