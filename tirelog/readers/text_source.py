@@ -1,6 +1,6 @@
 """Bytes of a text log, whatever wraps them: plain, gzip, zstd or xz, from a file or from standard input.
 
-    path or stream --magic bytes--> ByteSource --cut at newlines--> (first line's number, bytes) pieces of about 4 MB
+    path or stream --magic bytes--> ByteSource --cut at newlines--> (first line's number, bytes) pieces of about 2 MB
 
 Nothing seeks, so standard input serves as well as a file.  A compressed stream that is cut off or damaged gives what could be
 unpacked; `ByteSource.problem` then says so.
@@ -22,7 +22,7 @@ from tirelog.errors import ReadError
 #: bytes that sniffing may look at
 HEAD_BYTES = 1 << 18
 #: bytes a block that is parsed at once: larger ones are no faster and hold more memory
-BLOCK_BYTES = 4 << 20
+BLOCK_BYTES = 2 << 20
 #: a line longer than this is no text row
 LONGEST_LINE_BYTES = 8 << 20
 #: compressed bytes unpacked at once
@@ -91,7 +91,7 @@ class ByteSource:
             yield from raw()
             return
         try:
-            yield from _unpack(self.kind, raw())
+            yield from filter(None, _unpack(self.kind, raw()))  # a piece may unpack to nothing yet, which is not the end
         except EOFError:
             self.problem = f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
         except Exception as problem:  # zlib.error, lzma.LZMAError, zstandard.ZstdError: each library has its own tree
