@@ -249,11 +249,3 @@ def test_blocks_of_any_size_give_the_same_samples(path, monkeypatch, chunks):
     values, _, _ = read(path, {"a": "/d[0]", "b": "/d[2]"})
     np.testing.assert_array_equal(values["a"], data[:, 0])
     np.testing.assert_array_equal(values["b"], data[:, 2])
-
-
-def test_a_run_is_known(path):
-    with h5py.File(path, "w") as file:
-        file.attrs["tirelog_run"] = 1
-    assert hdf5.is_run(path)
-    assert not hdf5.is_run(PANDAS)
-    assert not hdf5.is_run(path.with_name("missing.h5"))

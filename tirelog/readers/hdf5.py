@@ -29,8 +29,6 @@ from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column
 from tirelog.recording import FloatArray
 from tirelog.setup import ChannelSetup, Setup
 
-#: the attribute of the root group that marks a run of our own
-RUN_MARK = "tirelog_run"
 #: values a block over all channels of a group, and bytes of one dataset read at once
 BLOCK_VALUES = 1 << 20
 SLAB_BYTES = 1 << 24
@@ -58,15 +56,6 @@ class _Clock:
     time: TimeColumn | None
     first: Any = 0
     origin_s: float = 0.0
-
-
-def is_run(path: Path | str) -> bool:
-    """True where the file is a run that `tirelog ingest` wrote, which `tirelog.store` reads."""
-    try:
-        with h5py.File(path, "r") as file:
-            return RUN_MARK in file.attrs
-    except LIBRARY_ERRORS:
-        return False
 
 
 def open_hdf5(path: Path | str, setup: Setup, log_name: str) -> Hdf5Log:

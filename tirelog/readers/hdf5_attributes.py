@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column
+from tirelog.readers.rates import RATES, rate_Hz
 
 #: (name of the factor, name of the offset, True where the offset is added before the factor)
 SCALES = (
@@ -34,27 +35,6 @@ SCALES = (
     ("lsb", "offset", False),
     ("NI_Scale[0]_Linear_Slope", "NI_Scale[0]_Linear_Y_Intercept", False),  # LabVIEW
 )
-#: name -> True where the value is a period in seconds, False where it is a rate in Hz
-RATES = {
-    "sampling_rate_Hz": False,
-    "sample_rate_Hz": False,
-    "sampling_rate": False,
-    "sampling_frequency": False,
-    "sample_rate": False,
-    "SampleRate": False,
-    "samplingrate": False,
-    "sampling_freq": False,
-    "fs": False,
-    "rate": False,
-    "dt": True,
-    "wf_increment": True,
-    "wf_dt": True,
-    "sampling_interval": True,
-    "sample_interval": True,
-    "sampling_period": True,
-    "sampling_period_s": True,
-    "dt_s": True,
-}
 UNIT_NAMES = ("unit", "units", "unit_string", "wf_unit", "unit_y", "yunit", "physical_unit", "EU")
 FILL_NAMES = ("_FillValue", "missing_value")
 #: words before the unit's own spelling in attributes such as "seconds since 2026-01-01"
@@ -173,20 +153,14 @@ def rate_of(column: Column) -> float | None:
     for item in (column.dataset, *above(column)):
         attributes = Attributes(item)
         for name, is_period in RATES.items():
-            if (rate := _rate(attributes.number(name), is_period)) is not None:
+            if (rate := rate_Hz(attributes.number(name), is_period)) is not None:
                 return rate
     for group in above(column):
         stored = {name.lower(): name for name in group}
         for name, is_period in RATES.items():
-            if (rate := _rate(_stored_number(group, stored.get(name.lower())), is_period)) is not None:
+            if (rate := rate_Hz(_stored_number(group, stored.get(name.lower())), is_period)) is not None:
                 return rate
     return None
-
-
-def _rate(value: float | None, is_period: bool) -> float | None:
-    if value is None or not 1e-9 < value < 1e12:
-        return None
-    return 1.0 / value if is_period else value
 
 
 def _stored_number(group: h5py.Group, name: str | None) -> float | None:
