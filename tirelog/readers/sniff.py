@@ -80,6 +80,7 @@ def sniff(head: bytes, name: str) -> Layout:
             "holds no rows of numbers (only a header, or another format); a text log has one row a sample; check the recording", file=name
         )
     rows = [cells[i] for i in full if i >= first]
+    rows = rows if len(rows) <= 2 * _SAMPLE_ROWS else rows[:_SAMPLE_ROWS] + rows[-_SAMPLE_ROWS:]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
     names, unit_row = _header([i for i in full if i < first], cells, width, separator)
     skip = start + len("".join(line + "\n" for line in lines[:first]).encode(encoding))

@@ -53,7 +53,10 @@ class TextReader:
 
     def __init__(self, source: ByteSource, setup: Setup, name: str) -> None:
         self.name, self.setup, self._source = name, setup, source
-        self.layout = sniff(self._source.head(), name)
+        head = source.head()
+        if source.problem and not head.strip():
+            raise ReadError(f"{source.problem}; nothing before that could be unpacked; copy the log again", file=name)
+        self.layout = sniff(head, name)
         self.columns = assign(self.layout, setup, name)
         self._plan = _plan(self.layout, self.columns, setup)
         self.report = ReadReport(format="text" if source.kind == "plain" else f"text, {source.kind}")
@@ -124,8 +127,7 @@ class TextReader:
         for channel, samples in values.items():
             lost = int(np.isnan(samples).sum())
             self._count(f"lost_samples {channel}", lost)
-            if lost < samples.size:
-                self._seen.add(channel)
+            self._seen |= {channel} if lost < samples.size else set()
         if parsed.errors is not None:
             flags += self._errors(parsed)
         self._count("rows", parsed.size)
@@ -173,16 +175,9 @@ class TextReader:
             report.losses.append(f"{self._source.problem}; the rows before it were read")
         if not rows:
             raise ReadError("; ".join(report.losses or ["holds no rows"]) + "; check the recording", file=self.name)
-        for channel in self.groups[0].channels:
-            if channel not in self._seen:
-                self._silent(channel)
-
-    def _silent(self, channel: str) -> None:
-        """A channel without one reading: said once, and a loss where a wrong window is the likely reason."""
-        if self._tracker and channel in self.columns.peaks:
-            self.report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
-        else:
-            self.report.remarks.append(f"channel {channel} holds no reading: every sample is blank, NaN, 0 or -1")
+        for channel in self.columns.peaks:
+            if self._tracker and channel not in self._seen:
+                report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
 
 
 def cut_off(layout: Layout, line: str) -> bool:
