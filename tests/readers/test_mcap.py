@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from tests.readers.mcap_files import (
-    LZ4, MULTI_ARRAY, NONE, STAMPED, START_NS, ZSTD, protobuf_class, read, write_json, write_protobuf, write_ros2,
+    LZ4,
+    MULTI_ARRAY,
+    NONE,
+    STAMPED,
+    START_NS,
+    ZSTD,
+    protobuf_class,
+    read,
+    write_json,
+    write_protobuf,
+    write_ros2,
 )  # fmt: skip
 from tirelog.readers import mcap_decode, mcap_order
 from tirelog.readers.mcap_source import parse_path, split_source

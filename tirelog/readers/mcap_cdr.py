@@ -110,7 +110,8 @@ class CdrTemplate:
 
     def _value(self, kind: str, wants: list[tuple[int, tuple[Token, ...]]], depth: int) -> None:
         if kind == "string":
-            self.at += self._length()
+            length = self._length()
+            self.at += length
         elif kind in PRIMITIVES:
             dtype = PRIMITIVES[kind]
             self._align(int(dtype[1]))
