@@ -30,6 +30,7 @@ from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
 
 FORMAT_VERSION = 1
 CHUNK = 1 << 15
+_CHUNKS_AT_ONCE = 4
 _LOST = np.iinfo(np.int32).min
 
 
@@ -44,25 +45,36 @@ class _Column:
         self.decimals = decimals
         self.dataset: h5py.Dataset | None = None
         self._power = 1.0 if decimals is None else 10.0**decimals
+        self._waiting: list[FloatArray] = []
+        self._size = 0
 
     def append(self, values: FloatArray) -> None:
+        """Take a block; whole chunks go to the file once there are enough of them to be worth a call."""
+        self._waiting.append(values)
+        if sum(part.size for part in self._waiting) >= _CHUNKS_AT_ONCE * CHUNK:
+            joined = np.concatenate(self._waiting)
+            whole = joined.size - joined.size % CHUNK
+            self._write(joined[:whole])
+            self._waiting = [joined[whole:].copy()]
+
+    def _write(self, values: FloatArray) -> None:
         stored = self._encode(values)
         if self.dataset is None:
             self.dataset = self._create(self.name, stored.dtype)
         elif stored.dtype != self.dataset.dtype:
             self._promote()
-        start = self.dataset.shape[0]
-        self.dataset.resize(start + stored.size, axis=0)
-        self.dataset[start:] = stored
+        start, self._size = self._size, self._size + stored.size
+        self.dataset.resize(self._size, axis=0)
+        self.dataset[start : self._size] = stored
 
     def _encode(self, values: FloatArray) -> np.ndarray:
         """`values` as counts, float32 or float64: the smallest that this channel's blocks so far and this one fit exactly."""
         kind = None if self.dataset is None else self.dataset.dtype.kind + str(self.dataset.dtype.itemsize)
-        lost = np.isnan(values)
         if self.decimals is not None and kind in (None, "i4"):
-            known = np.where(lost, 0.0, values)
+            lost = np.isnan(values)
+            known = np.where(lost, 0.0, values) if lost.any() else values
             counts = np.rint(known * self._power)
-            if np.all(np.abs(counts) < -_LOST - 1.0) and np.array_equal(counts / self._power, known):
+            if max(counts.max(initial=0.0), -counts.min(initial=0.0)) < -_LOST - 1.0 and np.array_equal(counts / self._power, known):
                 counts[lost] = _LOST
                 return counts.astype(np.int32)
         self.decimals = None
@@ -93,8 +105,9 @@ class _Column:
         self.dataset = self.file[f"channels/{self.name}"]
 
     def finish(self, group: str, channel: ChannelSetup) -> None:
-        if self.dataset is None:
-            self.dataset = self._create(self.name, np.float64)
+        if self._waiting or self.dataset is None:
+            self._write(np.concatenate([*self._waiting, np.zeros(0)]))
+        assert self.dataset is not None
         factor, offset = to_si(channel)
         counts = self.dataset.dtype.kind == "i"
         power = self._power if counts else 1.0
