@@ -24,6 +24,8 @@ ITERATIONS = 2
 WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
 #: what is further off than this share of the height is not the tire
 FOREIGN_SHARE = 0.35
+#: stuck samples are clipped where they lie this many sigmas off
+CLIPPED_SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,19 @@ class Windows:
     clipped: NDArray[np.bool_]
     outside: NDArray[np.bool_]
 
+    @classmethod
+    def concatenate(cls, parts: list[Windows]) -> Windows:
+        rows = np.cumsum([0] + [part.first.size for part in parts])
+        samples = np.cumsum([0] + [part.row.size for part in parts])
+        return cls(
+            np.concatenate([part.values for part in parts]),
+            np.concatenate([part.time_s for part in parts]),
+            np.concatenate([part.row + start for part, start in zip(parts, rows, strict=False)]),
+            np.concatenate([part.first + start for part, start in zip(parts, samples, strict=False)]),
+            np.concatenate([part.clipped for part in parts]),
+            np.concatenate([part.outside for part in parts]),
+        )
+
 
 def _stuck(values: FloatArray, row: IntArray, extremes: tuple[float, float]) -> NDArray[np.bool_]:
     """Samples that stand on the channel's least or largest value, three or more in a row of one window."""
@@ -104,7 +119,7 @@ def gather(channel: Channel, start: Start, window_rad: float, sign: float, extre
     begin, end = int(first_sample.min()), int(stop_sample.max())
     raw = np.asarray(channel.read(begin, end), dtype=np.float64)
     values = raw[place - begin]
-    time_s = channel.axis.time(begin, end)[place - begin]
+    time_s = channel.axis.at(place.astype(np.float64))
     return Windows(sign * values, time_s, row, first, _stuck(values, row, extremes), outside)
 
 
@@ -152,6 +167,15 @@ def _step(windows: Windows, template: Template, start: Start, height: FloatArray
     return solution, covariance, model
 
 
+def _cut_off(windows: Windows, model: FloatArray, noise: float) -> NDArray[np.bool_]:
+    """Rows whose stuck samples lie off the template that the others fit: clipped, and not just a coarse scale's last step, shape (n,)."""
+    if not windows.clipped.any():
+        return np.zeros(windows.first.size, bool)
+    count = np.add.reduceat(windows.clipped.astype(np.int64), windows.first)
+    off = np.add.reduceat(np.where(windows.clipped, model - windows.values, 0.0), windows.first)
+    return np.abs(off) > CLIPPED_SIGMAS * noise * np.maximum(count, 1)
+
+
 def fit(windows: Windows, template: Template, start: Start, height: FloatArray, noise: float) -> Fit:
     """Each row's centre by the template; `height` (n,) a first guess, `noise` sigma of one sample."""
     lost = ~np.isfinite(windows.values)
@@ -190,6 +214,6 @@ def fit(windows: Windows, template: Template, start: Start, height: FloatArray, 
         used,
         any_of(lost, windows.first),
         any_of(wild, windows.first),
-        any_of(windows.clipped, windows.first),
+        _cut_off(windows, model, noise),
         windows.outside,
     )

@@ -25,6 +25,8 @@ KINK = 0.5
 REACH, DEGREE = 3, 3
 #: standard deviation of the jerk where nothing tells it: the acceleration itself, gained or lost over this many turns
 BLIND_TURNS = 2.0
+#: share of the acceleration that may have changed beyond the last passage without a trace
+UNSEEN = 0.05
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,7 @@ def _one_sided(
     known &= sides[beyond] == 2
     change = np.where(known, np.abs(alpha[beyond] - alpha[near]), np.abs(alpha[near]) / BLIND_TURNS)
     noise = 2.1 * omega[near] * time_se_s[near] / np.abs(elapsed)
-    omega_se[rows] = np.sqrt(noise**2 + (change * elapsed / 3.0) ** 2 + omega_se[near] ** 2)
+    blind = (change / 3.0) ** 2 + (UNSEEN * alpha[near]) ** 2
+    omega_se[rows] = np.sqrt(noise**2 + blind * elapsed**2 + omega_se[near] ** 2)
     alpha[rows] = alpha[near]
     sides[rows] = 1

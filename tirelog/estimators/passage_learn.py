@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.estimators.passage_fit import Start, Windows, fit, gather
 from tirelog.estimators.passage_search import Pulses
@@ -18,6 +19,8 @@ from tirelog.recording import Channel, FloatArray, IntArray
 LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
 #: the window that is learnt, in half widths
 LEARNT_HALF_WIDTHS = 3.0
+#: a passage whose misfit is a larger share of its height is not learnt from
+ALIKE = 0.15
 
 
 def _clusters(good: IntArray) -> list[IntArray]:
@@ -40,32 +43,28 @@ def learn_template(
     if not clusters:
         return None
     window = min(WIDEST_RAD, LEARNT_HALF_WIDTHS * 0.5 * float(np.median(pulses.width[good] / channel.axis.rate_Hz * start.omega[good])))
-    starts = [start.take(cluster) for cluster in clusters]
-    windows = [gather(channel, part, window, sign, extremes) for part in starts]
-    offset = [pulses.base[cluster] for cluster in clusters]
-    height = [pulses.height[cluster] for cluster in clusters]
+    chosen = np.concatenate(clusters)
+    windows = Windows.concatenate([gather(channel, start.take(cluster), window, sign, extremes) for cluster in clusters])
+    at, offset, height = start.take(chosen), pulses.base[chosen], pulses.height[chosen]
+    like = np.ones(chosen.size, bool)
     template: Template | None = None
     for _ in range(ROUNDS):
-        phi, values = _laid_over(windows, starts, offset, height)
-        template = learn(phi, values, window)
+        template = learn(*_laid_over(windows, at, offset, height, like), window)
         if template is None:
             return None
-        fits = [fit(w, template, s, h, noise) for w, s, h in zip(windows, starts, height, strict=True)]
-        offset, height = [f.offset for f in fits], [np.abs(f.height) for f in fits]
-        starts = [replace(s, time_s=f.time_s) for s, f in zip(starts, fits, strict=True)]
+        found = fit(windows, template, at, height, noise)
+        like = (found.height > 0.5 * np.median(height)) & (found.misfit < np.maximum(ALIKE * found.height, 3 * noise))
+        at = replace(at, time_s=np.where(like, found.time_s, at.time_s))
+        offset, height = np.where(like, found.offset, offset), np.where(like, found.height, height)
     return template
 
 
 def _laid_over(
-    windows: list[Windows], starts: list[Start], offset: list[FloatArray], height: list[FloatArray]
+    windows: Windows, start: Start, offset: FloatArray, height: FloatArray, like: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
-    """Angles and scaled values of all windows' good samples."""
-    phis, scaled = [], []
-    for part, start, base, tall in zip(windows, starts, offset, height, strict=True):
-        tau = part.time_s - start.time_s[part.row]
-        phi = (start.omega[part.row] + 0.5 * start.alpha[part.row] * tau) * tau
-        value = (part.values - base[part.row]) / tall[part.row]
-        usable = np.isfinite(value) & ~part.clipped & (np.abs(value) < 2.0)
-        phis.append(phi[usable])
-        scaled.append(value[usable])
-    return np.concatenate(phis), np.concatenate(scaled)
+    """Angles and scaled values of the good samples in the windows of the rows `like`."""
+    tau = windows.time_s - start.time_s[windows.row]
+    phi = (start.omega[windows.row] + 0.5 * start.alpha[windows.row] * tau) * tau
+    value = (windows.values - offset[windows.row]) / height[windows.row]
+    usable = like[windows.row] & np.isfinite(value) & ~windows.clipped & (np.abs(value) < 2.0)
+    return phi[usable], value[usable]

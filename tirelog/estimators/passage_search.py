@@ -46,7 +46,7 @@ class Decimated:
 @dataclass(frozen=True)
 class Pulses:
     """A row a pulse, shape (n,): `middle` of the half-level crossings and `width` between them [samples], `height` [channel's unit],
-    `base` the level of the valleys beside it, patch upward."""
+    `base` the level of the higher valley beside it, patch upward."""
 
     middle: FloatArray
     width: FloatArray
@@ -114,8 +114,9 @@ def decimate(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) 
     medians = np.concatenate(parts) if parts else np.zeros(0, np.float32)
     kept = np.flatnonzero(np.isfinite(medians))
     index = kept.astype(np.float64) * bucket + 0.5 * (bucket - 1)
-    part = np.searchsorted(channel.axis.first, index, side="right") if channel.axis.explicit is None else np.ones(kept.size, np.int64)
-    return Decimated(medians[kept], index, np.asarray(part, np.int64), bucket, (low, high))
+    begins = np.searchsorted(index, channel.axis.first[1:])
+    part = np.cumsum(np.bincount(begins[begins < kept.size], minlength=kept.size)).astype(np.int64)
+    return Decimated(medians[kept], index, part, bucket, (low, high))
 
 
 def turning_points(values: NDArray[np.floating], least: float) -> IntArray:
@@ -128,7 +129,8 @@ def turning_points(values: NDArray[np.floating], least: float) -> IntArray:
     changed = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
     up = np.diff(values[changed]) > 0
     turn = np.flatnonzero(up[1:] != up[:-1]) + 1
-    points = np.unique(np.concatenate([[0], changed[turn], [values.size - 1]]))
+    inner = changed[turn]
+    points = np.concatenate([[0], inner[(inner > 0) & (inner < values.size - 1)], [values.size - 1]])
     while True:
         size = np.abs(np.diff(values[points]))
         if size.size < 3:
@@ -216,8 +218,9 @@ def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray
         empty = np.zeros(0)
         return Pulses(empty, empty, empty, empty)
     values, index = data.values.astype(np.float64), data.index
-    base = 0.5 * (values[left] + values[right])
-    level = np.maximum(0.5 * (values[peak] + base), np.maximum(values[left], values[right]))
+    # the higher of the two valleys: a downward jump of the instrument may stand for the other
+    base = np.maximum(values[left], values[right])
+    level = 0.5 * (values[peak] + base)
     place = np.arange(values.size)
     # the pulse that a bucket belongs to: up to the valley at its right
     owner = np.minimum(np.searchsorted(right, place), peak.size - 1)

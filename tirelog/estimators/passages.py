@@ -23,18 +23,19 @@ from tirelog.estimators import passage_marks as marks
 from tirelog.estimators.passage_fit import Fit, Start, fit, gather
 from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, turns_between
 from tirelog.estimators.passage_learn import learn_template
+from tirelog.estimators.passage_screen import one_turn, screen, width_turns
 from tirelog.estimators.passage_search import Pulses, search
 from tirelog.estimators.passage_template import Template
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
-#: width of a passage (half level) as a share of a turn, where the log is too short to tell
-USUAL_WIDTH_TURNS = 0.06
-#: two passages are one turn apart if the turn that the speeds beside them give lies in this range
-ONE_TURN = (0.7, 1.4)
 #: relative uncertainty of the speed from neighbouring passages, and from a pulse's width
 STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
 #: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in it), or not the tire at all
 STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
+#: a row is doubtful where its misfit is this many times the median's
+DOUBTFUL = 3.0
+#: heights, against the median, outside of which a pulse of unknown speed is no passage of this wheel
+FOREIGN_HEIGHTS = (0.3, 2.5)
 
 
 @dataclass(frozen=True)
@@ -134,12 +135,12 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
         return _none(channel, radius_m, sign, noise)
     template, found, start, pulses = _fitted(channel, pulses, sign, noise, extremes)
     turns = turns_between(found.time_s, start.omega)
-    linked = np.append((turns > ONE_TURN[0]) & (turns < ONE_TURN[1]), False)
+    linked = np.append(one_turn(turns), False)
     known = start.stretch == STRETCH_NEIGHBOURS
     standing = ~known & (found.misfit > np.maximum(STANDING_MISFIT * np.abs(found.height), 3 * noise))
     half_width_s = 0.5 * pulses.width / channel.axis.rate_Hz
     time_s = np.where(standing, start.time_s, found.time_s)
-    time_se_s = np.where(standing, 0.5 * half_width_s, found.time_se_s)
+    time_se_s = np.where(standing, 0.5 * half_width_s, found.time_se_s * _doubt(found, noise))
     window_rad = template.window_rad if template else float(np.median(2 * half_width_s * start.omega))
     lost = marks.lost_between(channel, time_s, start.omega, turns, window_rad) if template else np.zeros(turns.size, np.int64)
     turns_after = np.append(lost, 0) + np.where(linked | (np.append(lost, 0) > 0), 1, 0)
@@ -177,7 +178,8 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
 def _fitted(
     channel: Channel, pulses: Pulses, sign: float, noise: float, extremes: tuple[float, float]
 ) -> tuple[Template | None, Fit, Start, Pulses]:
-    """Template and fit of the pulses, without those that are no passage: a bad fit between two good ones one turn apart."""
+    """Template and fit of the pulses, without those that are no passage."""
+    pulses = screen(pulses)
     start = _start(channel, pulses)
     good = np.flatnonzero(start.stretch == STRETCH_NEIGHBOURS)
     good = good if good.size else np.arange(len(pulses))
@@ -194,42 +196,42 @@ def _fitted(
 
 
 def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
-    """Pulses that fit badly while the passages before and after are one turn apart."""
+    """Pulses that are no passage by their fit: of another height than most, or a bad fit between two that are one turn apart."""
+    usual = float(np.median(np.abs(found.height)))
+    foreign = (found.height < FOREIGN_HEIGHTS[0] * usual) | (found.height > FOREIGN_HEIGHTS[1] * usual)
+    foreign &= start.stretch == STRETCH_WIDTH
     bad = found.misfit > np.maximum(FOREIGN_MISFIT * np.abs(found.height), 3 * noise)
-    foreign = np.zeros(bad.size, bool)
     if bad.size > 2:
         skip = (found.time_s[2:] - found.time_s[:-2]) * 0.5 * (start.omega[2:] + start.omega[:-2]) / TURN_RAD
-        one = (skip > ONE_TURN[0]) & (skip < ONE_TURN[1])
-        foreign[1:-1] = bad[1:-1] & ~bad[:-2] & ~bad[2:] & one
+        foreign[1:-1] |= bad[1:-1] & ~bad[:-2] & ~bad[2:] & one_turn(skip)
     return foreign
 
 
-def _width_turns(time_s: FloatArray, width_s: FloatArray) -> float:
-    """Width of a passage in turns: the median over passages of width over period."""
-    if time_s.size < 2:
-        return USUAL_WIDTH_TURNS
-    if time_s.size == 2:
-        share = float(width_s.mean() / (time_s[1] - time_s[0]))
-    else:
-        share = float(np.median(2 * width_s[1:-1] / (time_s[2:] - time_s[:-2])))
-    return share if 0.01 < share < 0.25 else USUAL_WIDTH_TURNS
+def _doubt(found: Fit, noise: float) -> FloatArray:
+    """Factor on the standard error where a row fits far worse than most: its residual then is no white noise, (n,)."""
+    if not found.misfit.size or not np.isfinite(found.misfit).any() or not noise > 0:
+        return np.ones(found.misfit.size)
+    usual = max(float(np.nanmedian(found.misfit)), noise)
+    return np.where(found.misfit > DOUBTFUL * usual, 2.0 * found.misfit / noise, 1.0)
 
 
 def _start(channel: Channel, pulses: Pulses) -> Start:
     """Rough centres, speeds and accelerations: from the neighbours where these are one turn away, else from the pulse's width."""
     time_s = channel.axis.at(pulses.middle)
     width_s = pulses.width / channel.axis.rate_Hz
-    from_width = TURN_RAD * _width_turns(time_s, width_s) / width_s
+    from_width = TURN_RAD * width_turns(time_s, width_s) / width_s
     turns = turns_between(time_s, from_width)
-    linked = np.append((turns > ONE_TURN[0]) & (turns < ONE_TURN[1]), False)
+    linked = np.append(one_turn(turns), False)
     motion = kinematics(time_s, 0.02 * width_s, linked.astype(float))
     with np.errstate(invalid="ignore"):
-        known = (motion.sides == 2) & (np.abs(motion.omega / from_width - 1) < 0.5)
+        near = np.abs(motion.omega / from_width - 1) < 0.5
+    known = near & (motion.sides == 2)
+    extrapolated = near & (motion.sides == 1)
     return Start(
         time_s,
         pulses.middle,
-        np.where(known, motion.omega, from_width),
-        np.where(known, motion.alpha, 0.0),
+        np.where(known | extrapolated, motion.omega, from_width),
+        np.where(known | extrapolated, motion.alpha, 0.0),
         np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
     )
 
