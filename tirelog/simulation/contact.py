@@ -106,6 +106,11 @@ class FlatRoad:
             # a pressed spring shows its own force, a free one the depth of the road inside the tread
             pressed = np.where(active, force / stiffness, depth)
             again = pressed > 0
+            if again[0] or again[-1] or not again.any():
+                raise UsageError(
+                    f"at {load:.0f} N the contact is as wide as the sector of +-{np.degrees(SECTOR_RAD):.0f} degrees; "
+                    "allowed is a load that the ring can carry; lower it, or give a stiffer ring"
+                )
             if (again == active).all():
                 self._active = active
                 return force, pressed

@@ -30,7 +30,12 @@ def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray
     moments = np.vander(offsets.astype(float), increasing=True).T
     wanted = np.zeros(offsets.size)
     wanted[derivative] = math.factorial(derivative)
-    return np.asarray(np.linalg.solve(moments, wanted), float)
+    weights = np.linalg.solve(moments, wanted)
+    # even or odd to the last bit, and nothing for a constant: what rounding leaves is multiplied by step^-derivative
+    weights = 0.5 * (weights + (-1) ** derivative * weights[::-1])
+    if derivative:
+        weights[half_width] -= weights.sum()
+    return np.asarray(weights, float)
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,10 @@ class Ring:
         half = weights.size // 2
         for offset, weight in zip(range(-half, half + 1), weights, strict=True):
             column[-offset % self.points] += weight
-        return fft.rfft(column)
+        spectrum = fft.rfft(column)
+        if abs(weights.sum()) < 1e-9 * np.abs(weights).sum():
+            spectrum[0] = 0.0
+        return spectrum
 
     def kernel(self, values: FloatArray) -> ComplexArray:
         """Transform of the smoothing by an even `values` sampled at xi_m, made to sum to one."""

@@ -97,7 +97,7 @@ def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArr
     riding = {name: trace for name, trace in moments.items() if trace.sensor.kind in RIDING}
     if not riding:
         return {}
-    step = world.scenario.knot_s
+    step = world.knot_s
     start = min(float(trace.moment_s.min()) for trace in riding.values())
     values = {name: np.zeros(trace.moment_s.size) for name, trace in riding.items()}
     turns = {name: tread_angle(world, t.sensor, t.moment_s) / (2 * np.pi) for name, t in riding.items()}

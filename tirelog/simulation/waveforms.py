@@ -30,6 +30,8 @@ FloatArray = NDArray[np.float64]
 
 #: knots solved at once
 CHUNK = 96
+#: knots of a scenario whose loads follow the acceleration, which changes within tenths of a second [s]
+QUICK_KNOT_S = 0.01
 #: relative step of the load between the three solutions
 LOAD_STEP = 0.03
 #: the reference pressure of the planted effect `inflation` [Pa]
@@ -56,6 +58,12 @@ class World:
         self.curvature = curvature_operator(scenario, self.ring)
         flat = scenario.truth == "ring" and scenario.tire.contact == "flat_road"
         self.road = FlatRoad(scenario, self.ring) if flat else None
+
+    @property
+    def knot_s(self) -> float:
+        """How often the waveform is solved anew [s]."""
+        follows = self.scenario.planted("traction") or self.scenario.planted("load_transfer")
+        return min(self.scenario.knot_s, QUICK_KNOT_S) if follows else self.scenario.knot_s
 
     # ---- conditions -------------------------------------------------------------------------------------------------
 
@@ -214,7 +222,7 @@ def family(sensor: Sensor) -> tuple[object, ...]:
 def chunks(world: World, start_s: float, end_s: float) -> Iterator[tuple[int, int, list[Solution]]]:
     """Knots from start_s to end_s in order, CHUNK at once with the overlap that the interpolation needs: (number of the first knot, knots,
     solutions at the loads 1, 1 + LOAD_STEP, 1 - LOAD_STEP; the first alone on a smooth road).  Knot number k is at k knot_s."""
-    step = world.scenario.knot_s
+    step = world.knot_s
     last = int(np.ceil(end_s / step)) + 2
     factors = (1.0, 1.0 + LOAD_STEP, 1.0 - LOAD_STEP) if world.scenario.road.roughness else (1.0,)
     for first in range(int(np.floor(start_s / step)) - 1, last - 1, CHUNK):

@@ -36,6 +36,11 @@ def suffix_of(path: Path) -> str:
     return suffix
 
 
+def setup_of(path: Path) -> Path:
+    """Where the setup of a log stands: the log's name with the suffix .toml."""
+    return (path.with_suffix("") if path.suffix == ".gz" else path).with_suffix(".toml")
+
+
 def write_log(simulated: Simulated, path: Path | str) -> list[Path]:
     """Write the log, its truth and its setup.  The files written, the log first."""
     path = Path(path)
@@ -46,8 +51,7 @@ def write_log(simulated: Simulated, path: Path | str) -> list[Path]:
     truth = path.with_name(path.name + ".truth.json")
     with whole_file(truth) as part:
         part.write_text(json.dumps(simulated.truth, indent=1), encoding="utf-8")
-    stem = path.with_suffix("") if path.suffix == ".gz" else path
-    beside = stem.with_suffix(".toml")
+    beside = setup_of(path)
     with whole_file(beside) as part:
         part.write_text(setup, encoding="utf-8")
     return [path, truth, beside]

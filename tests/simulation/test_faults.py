@@ -1,0 +1,138 @@
+"""Scenarios that cannot be carried out: refused with what is allowed and what to do, on the command line too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tirelog.cli import run
+from tirelog.errors import OutputError, UsageError
+from tirelog.simulation import load_scenario, scenario_of, simulate, write_log
+
+from .worlds import tables
+
+GOOD = '[[manoeuvres]]\nduration_s = 1.0\nspeed_m_s = 10.0\n\n[channels.s]\nkind = "fbg_strain"\n'
+
+
+def grating(**more: Any) -> dict[str, Any]:
+    return {"channels": {"s": {"kind": "fbg_strain", **more}}}
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"sead": 3}, "nearest: seed"),
+        ({"seed": 1.5}, "seed = 1.5"),
+        ({"truth": "beem"}, "nearest: beam"),
+        ({"grid_points": 1001}, "even"),
+        ({"knot_s": 0.2}, "0.05"),
+        ({"manoeuvres": []}, "no manoeuvres"),
+        ({"manoeuvres": {"duration_s": 1}}, "no manoeuvres"),
+        ({"manoeuvres": [{"duration": 1.0}]}, "nearest: duration_s"),
+        ({"manoeuvres": [{"regime": "crusie"}]}, "nearest: cruise"),
+        ({"manoeuvres": [{"speed_m_s": -3.0}]}, "from 0 to 120"),
+        ({"manoeuvres": [{"speed_m_s": float("nan")}]}, "from 0 to 120"),
+        ({"manoeuvres": [3]}, "not a table"),
+        ({"channels": {}}, "no channels"),
+        (grating(noize=1.0), "nearest: noise"),
+        ({"channels": {"s": {"kind": "fbg_stain"}}}, "nearest: fbg_strain"),
+        ({"channels": {"s": {}}}, "allowed are"),
+        (grating(surface="outside"), "nearest: outer"),
+        (grating(lost_fraction=1.5), "from 0 to 0.9"),
+        (grating(bits=12.5), "bits = 12.5"),
+        (grating(temperature_channel="t"), "fbg_temperature"),
+        (grating(missing_teeth=[-1]), "whole numbers"),
+        ({"tire": {"flexural_stifness_N_m2": 4.0}}, "nearest: flexural_stiffness_N_m2"),
+        ({"tire": {"contact": "flat"}}, "flat_road"),
+        ({"conditions": {"driven": 1}}, "true or false"),
+        ({"conditions": {"load_N": 0.0}}, "from 1 to"),
+        ({"road": 3}, "not a table"),
+        ({"ramp": {"stops": [1.0]}}, "nearest: stops_s"),
+        ({"effects": [{"form": "other"}]}, "without a name"),
+        ({"effects": [{"name": "water_flim"}]}, "nearest: water_film"),
+        ({"effects": [{"name": "ring_curvature"}]}, 'truth = "ring"'),
+        ({"effects": [{"name": "wear", "form": "second"}]}, "exact, other"),
+        ({"effects": [{"name": "wear", "amplitud": 1.0}]}, "nearest: amplitude"),
+        ({"effects": [{"name": "wear", "amplitude": "big"}]}, "finite number"),
+        ({"effects": [{"name": "wear"}, {"name": "wear"}]}, "planted twice"),
+    ],
+)
+def test_refused_with_advice(more: dict[str, Any], said: str) -> None:
+    with pytest.raises(UsageError) as refusal:
+        scenario_of(tables(**more), "case.toml")
+    assert said in str(refusal.value)
+    assert str(refusal.value).startswith("case.toml: ")
+    assert refusal.value.message.count(";") >= 2
+
+
+def test_supercritical_speed_is_refused() -> None:
+    fast = scenario_of(tables(manoeuvres=[{"duration_s": 2.0, "speed_m_s": 40.0}]))
+    with pytest.raises(UsageError, match="critical speed"):
+        simulate(fast)
+
+
+def test_load_that_flattens_the_ring_is_refused() -> None:
+    heavy = scenario_of(tables(truth="ring", conditions={"load_N": 60000.0}))
+    with pytest.raises(UsageError, match="contact"):
+        simulate(heavy)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x00\xff\xfe", b"seed = = 3", b"[manoeuvres"])
+def test_files_that_are_no_scenario(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "s.toml"
+    path.write_bytes(content)
+    with pytest.raises(UsageError):
+        load_scenario(path)
+
+
+def command(tmp_path: Path, text: str, output: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(text, encoding="utf-8")
+    status = run(["simulate", str(scenario), "-o", str(tmp_path / output)])
+    return status, capsys.readouterr().err
+
+
+def test_command_writes_log_truth_and_setup(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, said = command(tmp_path, GOOD, "log.csv", capsys)
+    assert status == 0
+    assert {p.name for p in tmp_path.iterdir()} == {"s.toml", "log.csv", "log.csv.truth.json", "log.toml"}
+    assert "no effect" in said
+
+
+@pytest.mark.parametrize("output", ["log.dat", "log", "log.mcap.gz", "missing/log.csv"])
+def test_command_refuses_where_nothing_can_be_written(tmp_path: Path, output: str, capsys: pytest.CaptureFixture[str]) -> None:
+    status, said = command(tmp_path, GOOD, output, capsys)
+    assert status == 2
+    assert said.startswith("tirelog: error: ")
+    assert [p.name for p in tmp_path.iterdir()] == ["s.toml"]
+
+
+def test_command_refuses_a_scenario_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["simulate", str(tmp_path / "none.toml"), "-o", str(tmp_path / "log.csv")]) == 2
+    assert "cannot be read" in capsys.readouterr().err
+
+
+def test_setup_does_not_overwrite_the_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """s.toml -> s.csv would put its setup on the scenario itself."""
+    status, said = command(tmp_path, GOOD, "s.csv", capsys)
+    assert status == 2
+    assert "scenario" in said
+    assert (tmp_path / "s.toml").read_text(encoding="utf-8") == GOOD
+
+
+def test_text_cannot_hold_two_rates(tmp_path: Path) -> None:
+    channels = {"s": {"kind": "fbg_strain"}, "v": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0}}
+    made = simulate(scenario_of(tables(channels=channels)))
+    with pytest.raises(UsageError, match="one sampling rate"):
+        write_log(made, tmp_path / "log.csv")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_read_only_folder(tmp_path: Path) -> None:
+    made = simulate(scenario_of(tables()))
+    target = tmp_path / "log.csv"
+    target.mkdir()
+    with pytest.raises(OutputError):
+        write_log(made, target)

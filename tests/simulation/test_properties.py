@@ -1,0 +1,191 @@
+"""What must hold for every scenario: nulls repeat, strength zero is off, interpolation leaves no trace, seeds decide everything."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
+from tirelog.simulation.planted import PLANTABLE
+from tirelog.simulation.scenario import Sensor
+from tirelog.simulation.wheel import passages, tread_angle
+
+from .worlds import instants, tables, world
+
+DRIVE = [{"duration_s": 1.5, "speed_m_s": 9.0}, {"duration_s": 3.0, "speed_m_s": 21.0}, {"duration_s": 2.0, "speed_m_s": 14.0}]
+#: parameters whose zero means off, where the first alone does not
+SIZES = {"belt_tension": ("tension_N", "tension_mass_kg_m", "stretch_s2_m2"), "wear": ("amplitude", "lever_loss")}
+SIZES["thermal_drift"] = ("drift", "stiffness")
+STRAIN_EFFECTS = [
+    name
+    for name in PLANTABLE
+    if name not in ("speed_trend", "load_crosstalk", "telemetry_delay", "tooth_pitch", "inflation", "rough_contact", "gauge_length")
+]
+#: effects of the catalogue whose other form is another waveform (not another course in time or speed)
+SHAPED = [n for n in STRAIN_EFFECTS if PLANTABLE[n].in_catalogue and n not in ("load_transfer", "aero_load", "thermal_drift")]
+
+
+def strain(made: Simulated) -> np.ndarray:
+    return 1.27 * (made.channels["s"] / 1550.0 - 1.0)
+
+
+def clean(**more: object) -> Scenario:
+    return scenario_of(tables(manoeuvres=DRIVE, **more))
+
+
+def test_same_seed_same_log_other_seed_other_log() -> None:
+    noisy = {"s": {"kind": "fbg_strain", "noise": 0.0008, "lost_fraction": 0.01}}
+    made = clean(seed=4, channels=noisy, road={"roughness": 0.01, "load_scatter": 0.01})
+    first, again, other = (simulate(s).channels["s"] for s in (made, made, replace(made, seed=5)))
+    assert np.array_equal(first, again, equal_nan=True)
+    assert not np.array_equal(first, other, equal_nan=True)
+    assert 0.003 < np.isnan(first).mean() < 0.03
+
+
+def test_planting_changes_neither_road_nor_noise() -> None:
+    noisy = {"s": {"kind": "fbg_strain", "noise": 0.0008}}
+    road = {"roughness": 0.01}
+    bare = simulate(clean(seed=4, channels=noisy, road=road))
+    planted = simulate(clean(seed=4, channels=noisy, road=road, effects=[{"name": "splice", "amplitude": 1e-9}]))
+    assert np.abs(strain(bare) - strain(planted)).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", STRAIN_EFFECTS)
+@pytest.mark.parametrize("form", ["exact", "other"])
+def test_strength_zero_is_the_base(name: str, form: str) -> None:
+    sizes = SIZES.get(name, (next(iter(PLANTABLE[name].parameters)),))
+    conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0}
+    base = world(conditions=conditions)
+    off = world(conditions=conditions, effects=[{"name": name, "form": form, **dict.fromkeys(sizes, 0.0)}])
+    on = world(conditions=conditions, effects=[{"name": name, "form": form}])
+    sensor, time = Sensor("fbg_strain"), np.array([3.0])
+    at = replace(instants(), distance_km=20000.0, water_depth_mm=1.0)
+    waves = []
+    for w in (base, off, on):
+        own = replace(at, slip=w.slip(time) - (0.05 if w is on and name == "traction" else 0.0))
+        if name in ("load_transfer", "aero_load") and w is on:
+            factor = 1.0 + w.scenario.effects[0]["coefficient"] * 0.2
+            own = replace(own, load=own.load * factor)
+        waves.append(w.waveform(w.solve(replace(own, warmed=np.array([0.3]))), sensor)[0] + w.baseline(time, sensor))
+    peak = np.abs(waves[0]).max()
+    assert np.abs(waves[1] - waves[0]).max() < 1e-12 * peak + 1e-18
+    assert np.abs(waves[2] - waves[0]).max() > 1e-3 * peak
+
+
+@pytest.mark.parametrize("name", SHAPED)
+def test_other_form_is_another_shape_of_like_size(name: str) -> None:
+    conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0}
+    at = replace(instants(slip=0.06), distance_km=20000.0, water_depth_mm=1.0)
+    base, exact, other = (
+        w.waveform(w.solve(at), Sensor("fbg_strain"))[0]
+        for w in (world(conditions=conditions, effects=e) for e in ([], [{"name": name}], [{"name": name, "form": "other"}]))
+    )
+    size, change = np.std(exact - base), np.std(other - exact)
+    assert 0.6 < np.std(other - base) / size < 1.6
+    assert change < 0.5 * size
+    assert change > (0.02 if name == "sensor_lag" else 0.15) * size
+
+
+def test_null_repeats_from_revolution_to_revolution() -> None:
+    """At constant speed, on a smooth road and without noise, every revolution reads the same at the same angle."""
+    made = simulate(scenario_of(tables()))
+    time = made.stamp_s["s"]
+    angle = tread_angle(made.world, made.scenario.channels["s"], time)
+    wave = made.world.waveform(made.world.solve(instants()), Sensor("fbg_strain"))[0]
+    # the angle grows by the same number everywhere on the grid, so one spline serves as the reference for all turns
+    turn = np.append(made.world.ring.xi_m, -made.world.ring.xi_m[0]) / made.world.drive.radius_m
+    reference = CubicSpline(turn, np.append(wave, wave[0]), bc_type="periodic")
+    residual = strain(made) - reference(angle)
+    assert np.abs(residual).max() < 1e-6 * np.abs(wave).max()
+
+
+@pytest.mark.parametrize(
+    ("more", "limit"),
+    [
+        ({}, 2e-5),
+        ({"truth": "ring"}, 2e-5),
+        ({"effects": [{"name": "traction"}]}, 1.2e-4),
+        ({"effects": [{"name": "load_transfer"}]}, 2e-5),
+    ],
+    ids=["beam", "ring", "traction", "load_transfer"],
+)
+def test_knots_leave_no_trace(more: dict[str, object], limit: float) -> None:
+    """Solving every 0.05 s (0.01 s where the load follows the acceleration) against every 5 ms, over the peak."""
+    coarse, fine = clean(**more), clean(knot_s=0.005, **more)
+    a, b = strain(simulate(coarse)), strain(simulate(fine))
+    assert np.abs(a - b).max() < limit * np.abs(b).max()
+
+
+def test_load_within_the_revolution_is_exact() -> None:
+    """The parabola in the load's fluctuation against solutions at the very load of each sample."""
+    made = simulate(clean(seed=9, road={"roughness": 0.015}))
+    w, sensor = made.world, made.scenario.channels["s"]
+    time = made.stamp_s["s"]
+    angle = np.angle(np.exp(1j * tread_angle(w, sensor, time)))
+    some = np.flatnonzero(np.abs(angle) < 0.4)[::41]
+    waves = w.waveform(w.solve(w.instants(time[some], 1.0 + w.fluctuation(time[some]))), sensor)
+    exact = [CubicSpline(w.ring.xi_m, wave)(a * w.drive.radius_m) for wave, a in zip(waves, angle[some], strict=True)]
+    assert np.abs(strain(made)[some] - exact).max() < 2e-5 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("truth", ["beam", "ring"])
+def test_grid_converges(truth: str) -> None:
+    peaks = {}
+    for points in (512, 1024, 2048, 4096):
+        w = world(truth=truth, grid_points=points)
+        wave = w.waveform(w.solve(instants()), Sensor("fbg_strain"))[0]
+        peaks[points] = CubicSpline(w.ring.xi_m, wave)(np.linspace(-0.2, 0.2, 301))
+    errors = [np.abs(peaks[n] - peaks[4096]).max() / np.abs(peaks[4096]).max() for n in (512, 1024, 2048)]
+    assert errors[2] < 1e-4
+    assert errors[0] > 3 * errors[2]
+
+
+def test_roughness_has_its_size_and_reach() -> None:
+    made = scenario_of(tables(manoeuvres=[{"duration_s": 400.0, "speed_m_s": 20.0}], road={"roughness": 0.02}, seed=3))
+    from tirelog.simulation.drive import roughness_of
+
+    rough = roughness_of(made, 8000.0, np.random.default_rng(3))
+    assert rough.values.std() == pytest.approx(0.02, rel=0.06)
+    distance = np.arange(0.0, 7990.0, 0.25)
+    values = rough.at(distance)
+    correlation = [np.corrcoef(values[:-lag], values[lag:])[0, 1] for lag in (4, 40)]  # 1 m, 10 m
+    assert 0.6 < correlation[0] < 0.95
+    assert abs(correlation[1]) < 0.15
+
+
+def test_passages_are_where_the_tread_angle_says() -> None:
+    made = simulate(clean(road={"roughness": 0.01}))
+    sensor = made.scenario.channels["s"]
+    time = passages(made.world, sensor, made.scenario.duration_s)
+    turns = tread_angle(made.world, sensor, time) / (2 * np.pi)
+    assert np.abs(turns - np.round(turns)).max() < 1e-9
+    assert np.array_equal(np.diff(np.round(turns)), np.ones(time.size - 1))
+    # the minimum of an undamped outer grating is at the passage
+    stamps, values = made.stamp_s["s"], strain(made)
+    for t in time[2:-2:5]:
+        near = np.abs(stamps - t) < 0.004
+        assert abs(stamps[near][np.argmin(values[near])] - t) < 0.001
+
+
+def test_speed_is_the_derivative_of_distance() -> None:
+    w = world(manoeuvres=DRIVE)
+    time = np.linspace(0.1, 6.3, 40)
+    step = 1e-4
+    speed = (w.drive.angle_at(time + step) - w.drive.angle_at(time - step)) * w.drive.radius_m / (2 * step)
+    assert np.abs(speed - w.drive.speed_at(time)).max() < 1e-6
+    acceleration = (w.drive.speed_at(time + step) - w.drive.speed_at(time - step)) / (2 * step)
+    assert np.abs(acceleration - w.drive.acceleration_at(time)).max() < 1e-4
+
+
+def test_dissipation_factor_is_the_time_integral() -> None:
+    """int eps'^2 ds = (1/c) int (d eps/dt)^2 dt over a revolution of the clean signal (errata), at constant speed."""
+    made = simulate(scenario_of(tables(channels={"s": {"kind": "fbg_strain", "sampling_rate_Hz": 25000.0}})))
+    times = np.array(made.truth["channels"]["s"]["passages"]["time_s"])
+    stamps, rate = made.stamp_s["s"], np.gradient(strain(made), 1 / 25000.0)
+    middle = 0.5 * (times[:-1] + times[1:])
+    inside = (stamps >= middle[3]) & (stamps < middle[4])
+    integral = (rate[inside] ** 2).sum() / 25000.0 / 18.0
+    assert made.truth["channels"]["s"]["passages"]["dissipation_factor_1_m"][4] == pytest.approx(integral, rel=2e-3)
