@@ -10,7 +10,8 @@ _BLOCKS = 4
 
 def info(logs: Logs, setup: SetupFile = None, output: Output = None, format: Format = None, quiet: Quiet = False) -> None:
     """Show what is in logs or runs: channels, rates, durations, gaps, lost samples, repairs, setup."""
-    from tirelog.cli.summary import channel_rows, print_summary
+    from tirelog.cli.summary import print_summary
+    from tirelog.overview import channel_rows
 
     with Session(setup, quiet) as session:
         if format is None and output is None:
