@@ -42,14 +42,15 @@ _ALL = [
     Column("acceleration_m_s2", "m/s^2", "float", "longitudinal acceleration at the passage", 1e-3, 1e-4),
     # footprint
     Column("length_m", "m", "float", "contact length, best estimate", 2e-6, 1e-4),
-    Column("length_se_m", "m", "float", "standard error of the contact length, noise and form together", 2e-6, 1e-2),
+    Column("length_se_m", "m", "float", "standard error of the contact length from noise and timing", 2e-6, 1e-2),
+    Column("length_form_se_m", "m", "float", "the error's share for the form: the carcass is not known; one sign in all rows", 2e-6, 1e-1),
     Column("length_d2_m", "m", "float", "contact length by the extrema of the second derivative (P2)", 2e-6, 1e-4),
     Column("length_d2_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
     Column("length_d1_m", "m", "float", "contact length by the extrema of the first derivative (Morinaga)", 2e-6, 1e-4),
     Column("length_d1_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
     Column("entry_time_s", "s", "float", "time at which the sensor enters the patch", 1e-6),
     Column("exit_time_s", "s", "float", "time at which the sensor leaves the patch", 1e-6),
-    Column("edge_asymmetry", "", "float", "strain step at the exit edge against the entry edge, signed", 1e-4, 1e-4),
+    Column("edge_asymmetry", "", "float", "(exit - entry) / (exit + entry) of the second derivative's extrema: positive where the exit edge is the sharper", 1e-4, 1e-4),
     Column("slip_onset_m", "m", "float", "abscissa where adhesion turns to slip, entry -L to exit +L", 1e-5, 1e-3),
     Column("slip_onset_se_m", "m", "float", "its standard error", 1e-5, 1e-2),
     _text("slip_onset_reason", "why there is no slip onset; empty where there is one"),
@@ -63,6 +64,17 @@ _ALL = [
     Column("power_W", "W", "float", "dissipated power with the setup's viscosity", 0.0, 1e-4),
     Column("rolling_resistance_N", "N", "float", "rolling resistance force, power over speed", 0.0, 1e-4),
     Column("rolling_resistance_coefficient", "", "float", "rolling resistance force over load", 0.0, 1e-4),
+    # dissipation --fit
+    _text("quantity", "the column that is fitted as intercept + slope x speed"),
+    Column("intercept", "of the quantity", "float", "value at speed 0", 0.0, 1e-3),
+    Column("intercept_se", "of the quantity", "float", "its standard error, revolutions of one stretch taken as correlated", 0.0, 1e-2),
+    Column("slope", "of the quantity per m/s", "float", "change with speed", 0.0, 1e-3),
+    Column("slope_se", "of the quantity per m/s", "float", "its standard error", 0.0, 1e-2),
+    Column("scatter", "of the quantity", "float", "standard deviation of the revolutions about the line", 0.0, 1e-2),
+    _integer("rows", "revolutions at constant speed"),
+    _integer("stretches", "stretches of constant speed"),
+    Column("slowest_m_s", "m/s", "float", "range of the speeds: least", 1e-5),
+    Column("fastest_m_s", "m/s", "float", "range of the speeds: largest", 1e-5),
     # phase shift
     Column("entry_angle_deg", "deg", "float", "wheel angle of the entry front", 1e-4),
     Column("exit_angle_deg", "deg", "float", "wheel angle of the exit front", 1e-4),
@@ -104,12 +116,16 @@ def _revolutions(*own: str) -> tuple[str, ...]:
 TABLES: dict[str, tuple[str, ...]] = {
     "speed": _revolutions("period_s", "speed_se_m_s", "acceleration_m_s2"),
     "footprint": _revolutions(
-        "length_m", "length_se_m", "length_d2_m", "length_d2_se_m", "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s",
+        "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m", "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s",
         "edge_asymmetry", "slip_onset_m", "slip_onset_se_m", "slip_onset_reason",
     ),
     "dissipation": _revolutions(
         "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2", "steady", "dissipation_factor_mean_1_m",
         "specific_power_mean_m3_s2", "power_W", "rolling_resistance_N", "rolling_resistance_coefficient",
+    ),
+    "dissipation-fit": (
+        "log", "channel", "quantity", "intercept", "intercept_se", "slope", "slope_se", "scatter", "rows", "stretches", "slowest_m_s",
+        "fastest_m_s",
     ),
     "phase-shift": _revolutions(
         "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg", "phase_shift_deg", "phase_shift_se_deg",

@@ -72,7 +72,7 @@ def footprint(channel: Channel, passages: Passages, cutoff: Cutoff | None = None
     """The footprint at each of `passages` of the strain `channel`; `cutoff` of the low-pass (auto)."""
     cutoff = cutoff or Cutoff()
     n = len(passages)
-    speed, acceleration = passages.speed_m_s, passages.radius_m * passages.alpha_rad_s2
+    speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
     learnt = learn_reference(channel, passages, block_samples)
     work = _Work.empty(n)
     nyquist = 0.5 * channel.axis.rate_Hz
@@ -124,7 +124,7 @@ def _measure_alike(
 ) -> None:
     """Plain edges and fits of rows that share form and averaging."""
     row = windows.row
-    speed, acceleration = passages.speed_m_s[row], passages.radius_m * passages.alpha_rad_s2[row]
+    speed, acceleration = passages.speed_m_s[row], np.nan_to_num(passages.acceleration_m_s2[row])
     fits = fit_passages(windows.reduced(int(key[0])), table, learnt.half_window_m, speed, acceleration, passages.noise)
     step_m = speed / windows.rate_Hz
     work.fits.put(row, fits)
@@ -163,7 +163,7 @@ def _assembled(
     if learnt is not None and n:
         scatter = learnt.scatter(fits.chi2)
         reference_se, form_se = learnt.length_errors(speed)
-    noise_se = np.sqrt((fits.length_se_m * scatter) ** 2 + reference_se**2 + (fits.length_m * _relative_speed_error(passages)) ** 2)
+    noise_se = np.sqrt((fits.length_se_m * scatter) ** 2 + reference_se**2 + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2)
     half = 0.5 * fits.length_m
     with np.errstate(invalid="ignore"):
         entry = passages.time_s + _time_at(fits.shift_m - half, speed, acceleration)
@@ -186,15 +186,6 @@ def _assembled(
         learnt,
         tuple(_words(passages, work, asked_Hz, nyquist, row) for row in range(n)),
     )
-
-
-def _relative_speed_error(passages: Passages) -> FloatArray:
-    """Standard error of the speed over the speed: from the timing of the neighbours, or as the passage itself tells it."""
-    period = np.where(passages.turn_after, passages.period_after_s, passages.period_before_s)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        own = passages.omega_se_rad_s / passages.omega_rad_s
-        timing = np.sqrt(2.0) * passages.time_se_s / period / np.where(passages.turn_after & passages.turn_before, 2.0, 1.0)
-    return np.nan_to_num(np.where(np.isfinite(own), own, timing))
 
 
 def _words(passages: Passages, work: _Work, asked_Hz: FloatArray, nyquist: float, row: int) -> frozenset[str]:

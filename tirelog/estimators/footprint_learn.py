@@ -127,7 +127,7 @@ def _samples(
     channel: Channel, passages: Passages, rows: IntArray, classes: IntArray, half_window_m: float, block_samples: int
 ) -> list[_Sample]:
     """Windows of each class of speed out of the passages `rows`, offset and height as the passages' template has them."""
-    speed, acceleration = passages.speed_m_s, passages.radius_m * passages.alpha_rad_s2
+    speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
     out = []
     for number in np.unique(classes):
         chosen = _chosen(rows[classes == number])
@@ -161,7 +161,7 @@ def learn_reference(channel: Channel, passages: Passages, block_samples: int = B
     if passages.template is None or not len(passages):
         return None
     rows = _usable(passages)
-    steady = rows[np.abs(passages.radius_m * passages.alpha_rad_s2[rows]) < FREE_ROLLING_M_S2]
+    steady = rows[np.abs(np.nan_to_num(passages.acceleration_m_s2[rows])) < FREE_ROLLING_M_S2]
     free = steady.size >= min(24, rows.size)
     rows = steady if free else rows
     if not rows.size:

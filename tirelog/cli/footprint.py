@@ -1,0 +1,40 @@
+"""`tirelog footprint LOG...`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile
+
+
+def footprint(
+    logs: Logs,
+    setup: SetupFile = None,
+    output: Output = None,
+    format: Format = None,
+    quiet: Quiet = False,
+    cutoff: Annotated[
+        str, typer.Option("--cutoff", help="Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel frequency (40x).")
+    ] = "auto",
+    plot: Plot = None,
+) -> None:
+    """Tell contact length, edges and slip onset at each passage of the patch."""
+    from tirelog.dsp.lowpass import Cutoff
+    from tirelog.estimators.footprint_table import footprint_of
+
+    setting = Cutoff.parse(cutoff)
+    kept = []
+    with Session(setup, quiet) as session, session.table("footprint", output, format) as table:
+        for recording in session.recordings(logs):
+            for found in footprint_of(recording, setting):
+                table.write(found.columns)
+                for remark in found.remarks:
+                    session.note(f"{recording.log}: {remark}")
+                if plot is not None:
+                    kept.append((recording, found))
+        if plot is not None and kept:
+            from tirelog.plots.footprint import footprint_picture
+
+            footprint_picture(kept, plot)

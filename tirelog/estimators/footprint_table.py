@@ -1,0 +1,106 @@
+"""The table `footprint` of a recording: passages and footprint of each strain channel, as columns, with remarks on the whole log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tirelog.dsp.lowpass import Cutoff
+from tirelog.errors import UsageError
+from tirelog.estimators.footprint import Footprint, footprint
+from tirelog.estimators.passages import Passages, find_passages
+from tirelog.estimators.speed import STRAIN_KINDS, speed_columns, speed_words
+from tirelog.recording import BLOCK_SAMPLES, Channel, Recording
+from tirelog.tables import quality_text
+
+
+@dataclass(frozen=True)
+class FootprintOfChannel:
+    """One channel: what was found, the table's columns, sentences on the whole channel."""
+
+    channel: Channel
+    passages: Passages
+    footprint: Footprint
+    columns: dict[str, Any]
+    remarks: tuple[str, ...]
+
+
+def strain_channels(recording: Recording) -> list[Channel]:
+    """The strain channels.  UsageError where there is none."""
+    channels = recording.of_kind(*STRAIN_KINDS)
+    if not channels:
+        have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
+        raise UsageError(
+            f"no strain channel; allowed are channels of kind {' and '.join(STRAIN_KINDS)}, the log has {have}; name one in the setup",
+            file=recording.log,
+        )
+    return channels
+
+
+def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
+    """The strain channels with their passages.  UsageError where none of them passes the patch."""
+    turned = False
+    for channel in strain_channels(recording):
+        passages = find_passages(channel, recording.setup.tire.radius_m)
+        turned |= len(passages) > 0
+        yield channel, passages
+    if not turned:
+        raise UsageError(
+            "the wheel does not turn in this log: no grating passes the patch; allowed are logs with at least one passage; "
+            "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
+            file=recording.log,
+        )
+
+
+def begin(log: str, passages: Passages) -> dict[str, Any]:
+    """The columns that every table with a row a revolution begins with."""
+    return {
+        name: column
+        for name, column in speed_columns(log, passages).items()
+        if name in ("log", "channel", "revolution", "time_s", "speed_m_s")
+    }
+
+
+def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOCK_SAMPLES) -> Iterator[FootprintOfChannel]:
+    """The footprint of each strain channel of `recording`."""
+    for channel, passages in rotating(recording):
+        found = footprint(channel, passages, cutoff, block_samples)
+        words = [own | extra for own, extra in zip(found.quality, speed_words(passages), strict=True)]
+        columns = begin(recording.log, passages) | {
+            "length_m": found.length_m,
+            "length_se_m": found.length_se_m,
+            "length_form_se_m": found.form_se_m,
+            "length_d2_m": found.length_d2_m,
+            "length_d2_se_m": found.length_d2_se_m,
+            "length_d1_m": found.length_d1_m,
+            "length_d1_se_m": found.length_d1_se_m,
+            "entry_time_s": found.entry_time_s,
+            "exit_time_s": found.exit_time_s,
+            "edge_asymmetry": found.edge_asymmetry,
+            "slip_onset_m": np.full(len(passages), np.nan),
+            "slip_onset_se_m": np.full(len(passages), np.nan),
+            "slip_onset_reason": np.full(len(passages), "", object),
+            "quality": np.array([quality_text(sorted(w)) for w in words], object),
+        }
+        yield FootprintOfChannel(channel, passages, found, columns, _remarks(recording, channel, found, cutoff))
+
+
+def _remarks(recording: Recording, channel: Channel, found: Footprint, cutoff: Cutoff) -> tuple[str, ...]:
+    """What the summary says of a channel: lengths, form, cut-off, the static footprint beside the dynamic one."""
+    if found.learnt is None or not np.isfinite(found.length_m).any():
+        return (f"{channel.name}: too few passages to learn the form of; no lengths",)
+    length, form = float(np.nanmedian(found.length_m)), float(np.nanmedian(found.form_se_m))
+    known = np.isfinite(found.cutoff_Hz)
+    low, high = float(found.cutoff_Hz[known].min()), float(found.cutoff_Hz[known].max())
+    range_ = f"{low:.0f} Hz" if high - low < 1.0 else f"{low:.0f} to {high:.0f} Hz"
+    text = f"{channel.name}: contact length {1e3 * length:.2f} mm (median; form known to {1e3 * form:.2f} mm), low-pass {cutoff} = {range_}"
+    static = recording.setup.tire.static_footprint_length_m
+    if static is not None:
+        text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
+    remarks = [text]
+    if not found.learnt.free_rolling:
+        remarks.append(f"{channel.name}: no stretch of steady speed; the form was learnt from driven or braked passages")
+    return tuple(remarks)
