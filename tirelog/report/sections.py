@@ -122,10 +122,9 @@ def footprint(table: pd.DataFrame) -> Section:
         figures.append(Figure(id, f"Contact length against {label.split(' [')[0]}", alt, traces, layout(label, "contact length [mm]")))
     onset = good[good["slip_onset_m"].notna()] if "slip_onset_m" in good else good.iloc[:0]
     if len(onset):
-        figures.append(
-            Figure("slip-onset", "Slip onset", f"{len(onset)} slip onsets.", [dots(onset["time_s"], onset["slip_onset_m"] * 1e3, "slip onset")],
-                   layout("time [s]", "abscissa of the slip onset [mm]"))
-        )  # fmt: skip
+        traces = [dots(onset["time_s"], onset["slip_onset_m"] * 1e3, "slip onset")]
+        shape = layout("time [s]", "abscissa of the slip onset [mm]")
+        figures.append(Figure("slip-onset", "Slip onset", f"{len(onset)} slip onsets.", traces, shape))
     words = [f"Contact length, best estimate: {_spread(good['length_m'] * 1e3, 'mm')} over {len(good)} passages without a mark."]
     return Section("footprint", "Footprint", "tirelog footprint LOG", words, figures, [_quality(table, "footprint")])
 
