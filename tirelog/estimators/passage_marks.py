@@ -5,6 +5,8 @@ A word stands in a row only where the trouble lies inside the row's own window (
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,10 +20,12 @@ MOST_LOST = 4
 LOST_SHARE = 0.3
 
 
-def window_words(channel: Channel, found: Fit, standing: NDArray[np.bool_], index: FloatArray, reach: FloatArray) -> list[set[str]]:
-    """Words for each row; `index` and `reach` [samples] say where its window lies."""
+def window_words(
+    channel: Channel, found: Fit, others: Mapping[str, NDArray[np.bool_]], index: FloatArray, reach: FloatArray
+) -> list[set[str]]:
+    """Words for each row; `others`: words that are known already, and where; `index` and `reach` [samples] say where its window lies."""
     words: list[set[str]] = [set() for _ in range(index.size)]
-    marks = {"lost_peak": found.lost, "spike": found.spike, "clipped": found.clipped, "edge_of_log": found.outside, "standstill": standing}
+    marks = {"lost_peak": found.lost, "spike": found.spike, "clipped": found.clipped, "edge_of_log": found.outside, **others}
     for word, where in marks.items():
         for row in np.flatnonzero(where):
             words[row].add(word)

@@ -1,7 +1,7 @@
 """Passages of a grating (or accelerometer) through the contact patch: the clock of every other estimator.
 
     Channel --passage_search--> rough middles and widths
-            --passage_learn: a template from some; passage_fit: all by it--> times
+            --passage_match: a template learnt from some, all fitted by it--> times
             --passage_kinematics--> speeds --passage_marks--> words --> Passages, a row a passage
 
 One row is one passage, in the order of the log: its ordinal is the `revolution` of every table.  The *patch centre* is the zero of the
@@ -12,7 +12,6 @@ are fitted, a block at a time at places fixed by the passages, so the rows do no
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,22 +19,12 @@ from numpy.typing import NDArray
 
 from tirelog.dsp.noise import sample_noise
 from tirelog.estimators import passage_marks as marks
-from tirelog.estimators.passage_fit import Fit, Start, fit, gather
-from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, turns_between
-from tirelog.estimators.passage_learn import learn_template
-from tirelog.estimators.passage_screen import one_turn, screen, width_turns
-from tirelog.estimators.passage_search import Pulses, search
+from tirelog.estimators.passage_kinematics import kinematics, turns_between
+from tirelog.estimators.passage_match import backwards, match
+from tirelog.estimators.passage_screen import one_turn
+from tirelog.estimators.passage_search import search
 from tirelog.estimators.passage_template import Template
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
-
-#: relative uncertainty of the speed from neighbouring passages, and from a pulse's width
-STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
-#: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in it), or not the tire at all
-STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
-#: a row is doubtful where its misfit is this many times the median's
-DOUBTFUL = 3.0
-#: heights, against the median, outside of which a pulse of unknown speed is no passage of this wheel
-FOREIGN_HEIGHTS = (0.3, 2.5)
 
 
 @dataclass(frozen=True)
@@ -133,22 +122,21 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
     pulses, extremes = search(channel, sign, noise, block_samples) if np.isfinite(noise) else (None, (0.0, 0.0))
     if not pulses:
         return _none(channel, radius_m, sign, noise)
-    template, found, start, pulses = _fitted(channel, pulses, sign, noise, extremes)
-    turns = turns_between(found.time_s, start.omega)
+    matched = match(channel, pulses, sign, noise, extremes)
+    template, found, omega = matched.template, matched.fit, matched.start.omega
+    time_s = matched.time_s
+    turns = turns_between(time_s, omega)
     linked = np.append(one_turn(turns), False)
-    known = start.stretch == STRETCH_NEIGHBOURS
-    standing = ~known & (found.misfit > np.maximum(STANDING_MISFIT * np.abs(found.height), 3 * noise))
-    half_width_s = 0.5 * pulses.width / channel.axis.rate_Hz
-    time_s = np.where(standing, start.time_s, found.time_s)
-    time_se_s = np.where(standing, 0.5 * half_width_s, found.time_se_s * _doubt(found, noise))
-    window_rad = template.window_rad if template else float(np.median(2 * half_width_s * start.omega))
-    lost = marks.lost_between(channel, time_s, start.omega, turns, window_rad) if template else np.zeros(turns.size, np.int64)
-    turns_after = np.append(lost, 0) + np.where(linked | (np.append(lost, 0) > 0), 1, 0)
-    motion = kinematics(time_s, time_se_s, turns_after.astype(float))
+    window_rad = template.window_rad if template else float(np.median(matched.width_s * omega))
+    lost = marks.lost_between(channel, time_s, omega, turns, window_rad) if template else np.zeros(turns.size, np.int64)
+    turns_after = np.where(np.append(lost, 0) > 0, np.append(lost, 0) + 1, linked)
+    motion = kinematics(time_s, matched.time_se_s, turns_after.astype(float))
     alone = motion.sides == 0
-    index = pulses.middle + (time_s - start.time_s) * channel.axis.rate_Hz
-    omega = np.where(alone, np.where(standing, np.nan, found.omega), motion.omega)
-    words = marks.window_words(channel, found, standing, index, window_rad / start.omega * channel.axis.rate_Hz)
+    blind = matched.standing | (time_s.size < 3)
+    index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
+    reach = window_rad / omega * channel.axis.rate_Hz
+    back = backwards(channel, matched, turns_after > 0, sign, noise, extremes)
+    words = marks.window_words(channel, found, {"standstill": matched.standing, "reversing": back}, index, reach)
     measured = Passages(
         channel=channel.name,
         radius_m=radius_m,
@@ -158,12 +146,12 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
         template=template,
         index=index,
         time_s=time_s,
-        time_se_s=time_se_s,
+        time_se_s=matched.time_se_s,
         turn_before=np.concatenate([[False], linked[:-1]]),
         turn_after=linked,
         break_after=marks.breaks(channel, index, turns, turns_after > 0),
-        omega_rad_s=omega,
-        omega_se_rad_s=np.where(alone, found.omega_se, motion.omega_se),
+        omega_rad_s=np.where(alone, np.where(blind, np.nan, found.omega), motion.omega),
+        omega_se_rad_s=np.where(alone, np.where(blind, np.nan, found.omega_se), motion.omega_se),
         alpha_rad_s2=motion.alpha,
         sides=motion.sides,
         height=found.height,
@@ -173,89 +161,6 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
         quality=tuple(frozenset(w) for w in words),
     )
     return _with_lost(measured, lost, channel) if lost.any() else measured
-
-
-def _fitted(
-    channel: Channel, pulses: Pulses, sign: float, noise: float, extremes: tuple[float, float]
-) -> tuple[Template | None, Fit, Start, Pulses]:
-    """Template and fit of the pulses, without those that are no passage."""
-    pulses = screen(pulses)
-    start = _start(channel, pulses)
-    good = np.flatnonzero(start.stretch == STRETCH_NEIGHBOURS)
-    good = good if good.size else np.arange(len(pulses))
-    template = learn_template(channel, start, good, pulses, sign, noise, extremes) if len(pulses) > 1 else None
-    if template is None:
-        return None, _rough(channel, start, pulses), start, pulses
-    found = _fit_all(channel, start, pulses.height, template, sign, noise, extremes)
-    kept = ~_foreign(found, start, noise)
-    if not kept.all():
-        pulses = pulses.take(kept)
-        start = _start(channel, pulses)
-        found = _fit_all(channel, start, pulses.height, template, sign, noise, extremes)
-    return template, found, start, pulses
-
-
-def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
-    """Pulses that are no passage by their fit: of another height than most, or a bad fit between two that are one turn apart."""
-    usual = float(np.median(np.abs(found.height)))
-    foreign = (found.height < FOREIGN_HEIGHTS[0] * usual) | (found.height > FOREIGN_HEIGHTS[1] * usual)
-    foreign &= start.stretch == STRETCH_WIDTH
-    bad = found.misfit > np.maximum(FOREIGN_MISFIT * np.abs(found.height), 3 * noise)
-    if bad.size > 2:
-        skip = (found.time_s[2:] - found.time_s[:-2]) * 0.5 * (start.omega[2:] + start.omega[:-2]) / TURN_RAD
-        foreign[1:-1] |= bad[1:-1] & ~bad[:-2] & ~bad[2:] & one_turn(skip)
-    return foreign
-
-
-def _doubt(found: Fit, noise: float) -> FloatArray:
-    """Factor on the standard error where a row fits far worse than most: its residual then is no white noise, (n,)."""
-    if not found.misfit.size or not np.isfinite(found.misfit).any() or not noise > 0:
-        return np.ones(found.misfit.size)
-    usual = max(float(np.nanmedian(found.misfit)), noise)
-    return np.where(found.misfit > DOUBTFUL * usual, 2.0 * found.misfit / noise, 1.0)
-
-
-def _start(channel: Channel, pulses: Pulses) -> Start:
-    """Rough centres, speeds and accelerations: from the neighbours where these are one turn away, else from the pulse's width."""
-    time_s = channel.axis.at(pulses.middle)
-    width_s = pulses.width / channel.axis.rate_Hz
-    from_width = TURN_RAD * width_turns(time_s, width_s) / width_s
-    turns = turns_between(time_s, from_width)
-    linked = np.append(one_turn(turns), False)
-    motion = kinematics(time_s, 0.02 * width_s, linked.astype(float))
-    with np.errstate(invalid="ignore"):
-        near = np.abs(motion.omega / from_width - 1) < 0.5
-    known = near & (motion.sides == 2)
-    extrapolated = near & (motion.sides == 1)
-    return Start(
-        time_s,
-        pulses.middle,
-        np.where(known | extrapolated, motion.omega, from_width),
-        np.where(known | extrapolated, motion.alpha, 0.0),
-        np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
-    )
-
-
-def _fit_all(
-    channel: Channel, start: Start, height: FloatArray, template: Template, sign: float, noise: float, extremes: tuple[float, float]
-) -> Fit:
-    """All rows, a block of the log at a time."""
-    block = np.floor(start.index / BLOCK_SAMPLES)
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]])
-    parts = []
-    for low, high in pairwise(edges):
-        some = start.take(slice(low, high))
-        windows = gather(channel, some, template.window_rad, sign, extremes)
-        parts.append(fit(windows, template, some, height[low:high], noise))
-    return Fit.concatenate(parts)
-
-
-def _rough(channel: Channel, start: Start, pulses: Pulses) -> Fit:
-    """Rows without a template: the middle of the half-level crossings, with an error of a tenth of the width."""
-    n = len(pulses)
-    no, nan = np.zeros(n, bool), np.full(n, np.nan)
-    width_s = pulses.width / channel.axis.rate_Hz
-    return Fit(start.time_s, 0.1 * width_s, nan, nan, pulses.height, pulses.base, nan, np.zeros(n, np.int64), no, no, no, no)
 
 
 def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) -> Passages:

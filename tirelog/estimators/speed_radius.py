@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.errors import UsageError
-from tirelog.estimators.passages import TURN_RAD, Passages
+from tirelog.estimators.passage_kinematics import TURN_RAD
+from tirelog.estimators.passages import Passages
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
 #: turns are used up to this acceleration [m/s^2], where there are enough of them: the tire slips under torque

@@ -1,0 +1,168 @@
+"""Pulses to fitted passages: what each fit starts from, the template, and which pulses are no passage after all.
+
+Pulses --screen, rough speeds--> Start --passage_learn--> Template --passage_fit--> Fit, a row a passage
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.estimators.passage_fit import Fit, Start, fit, gather
+from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, turns_between
+from tirelog.estimators.passage_learn import learn_template
+from tirelog.estimators.passage_screen import one_turn, screen, width_turns
+from tirelog.estimators.passage_search import Pulses
+from tirelog.estimators.passage_template import Template
+from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
+
+#: relative uncertainty of the speed from neighbouring passages, and from a pulse's width
+STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
+#: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in it), or not the tire at all
+STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
+#: a row is doubtful where its misfit is this many times the median's
+DOUBTFUL = 3.0
+#: heights, against the median, outside of which a pulse of unknown speed is no passage of this wheel
+FOREIGN_HEIGHTS = (0.3, 2.5)
+
+
+#: passages of a stretch that are tried the other way round, and the log likelihood ratio from which they ran backwards
+TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
+
+
+@dataclass(frozen=True)
+class Matched:
+    """The fitted passages: `start` the fits began with, `fit`, `width_s` of the pulses (n,), `index` of the start [samples]; and which are
+    `standing` (the wheel stood in the passage) (n,)."""
+
+    template: Template | None
+    start: Start
+    fit: Fit
+    width_s: FloatArray
+    time_se_s: FloatArray
+    standing: NDArray[np.bool_]
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Times of the patch centres; of a passage in which the wheel stood the middle of its pulse."""
+        return np.where(self.standing, self.start.time_s, self.fit.time_s)
+
+
+def match(channel: Channel, pulses: Pulses, sign: float, noise: float, extremes: tuple[float, float]) -> Matched:
+    """Template and fit of the pulses, without those that are no passage; `extremes`: least and largest sample of the channel."""
+    pulses = screen(pulses)
+    start = _start(channel, pulses)
+    good = np.flatnonzero(start.stretch == STRETCH_NEIGHBOURS)
+    good = good if good.size else np.arange(len(pulses))
+    template = learn_template(channel, start, good, pulses, sign, noise, extremes) if len(pulses) > 1 else None
+    if template is None:
+        return _matched(channel, None, start, _rough(channel, start, pulses), pulses, noise)
+    found = fit_all(channel, start, pulses.height, template, sign, noise, extremes)
+    kept = ~_foreign(found, start, noise)
+    if not kept.all():
+        pulses = pulses.take(kept)
+        start = _start(channel, pulses)
+        found = fit_all(channel, start, pulses.height, template, sign, noise, extremes)
+    return _matched(channel, template, start, found, pulses, noise)
+
+
+def _matched(channel: Channel, template: Template | None, start: Start, found: Fit, pulses: Pulses, noise: float) -> Matched:
+    """The fits with what they say about themselves."""
+    width_s = pulses.width / channel.axis.rate_Hz
+    bad = found.misfit > np.maximum(STANDING_MISFIT * np.abs(found.height), 3 * noise)
+    standing = bad & (start.stretch == STRETCH_WIDTH) & ~found.spike
+    return Matched(template, start, found, width_s, np.where(standing, 0.25 * width_s, found.time_se_s * _doubt(found, noise)), standing)
+
+
+def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
+    """Pulses that are no passage by their fit: of another height than most, or a bad fit between two that are one turn apart."""
+    usual = float(np.median(np.abs(found.height)))
+    foreign = (found.height < FOREIGN_HEIGHTS[0] * usual) | (found.height > FOREIGN_HEIGHTS[1] * usual)
+    foreign &= start.stretch == STRETCH_WIDTH
+    bad = found.misfit > np.maximum(FOREIGN_MISFIT * np.abs(found.height), 3 * noise)
+    if bad.size > 2:
+        skip = (found.time_s[2:] - found.time_s[:-2]) * 0.5 * (start.omega[2:] + start.omega[:-2]) / TURN_RAD
+        foreign[1:-1] |= bad[1:-1] & ~bad[:-2] & ~bad[2:] & one_turn(skip)
+    return foreign
+
+
+def _doubt(found: Fit, noise: float) -> FloatArray:
+    """Factor on the standard error where a row fits far worse than most: its residual then is no white noise, (n,)."""
+    if not found.misfit.size or not np.isfinite(found.misfit).any() or not noise > 0:
+        return np.ones(found.misfit.size)
+    usual = max(float(np.nanmedian(found.misfit)), noise)
+    return np.where(found.misfit > DOUBTFUL * usual, 2.0 * found.misfit / noise, 1.0)
+
+
+def _start(channel: Channel, pulses: Pulses) -> Start:
+    """Rough centres, speeds and accelerations: from the neighbours where these are one turn away, else from the pulse's width."""
+    time_s = channel.axis.at(pulses.middle)
+    width_s = pulses.width / channel.axis.rate_Hz
+    from_width = TURN_RAD * width_turns(time_s, width_s) / width_s
+    turns = turns_between(time_s, from_width)
+    linked = np.append(one_turn(turns), False)
+    motion = kinematics(time_s, 0.02 * width_s, linked.astype(float))
+    with np.errstate(invalid="ignore"):
+        near = np.abs(motion.omega / from_width - 1) < 0.5
+    known = near & (motion.sides == 2)
+    extrapolated = near & (motion.sides == 1)
+    return Start(
+        time_s,
+        pulses.middle,
+        np.where(known | extrapolated, motion.omega, from_width),
+        np.where(known | extrapolated, motion.alpha, 0.0),
+        np.where(known, STRETCH_NEIGHBOURS, STRETCH_WIDTH),
+    )
+
+
+def fit_all(
+    channel: Channel, start: Start, height: FloatArray, template: Template, sign: float, noise: float, extremes: tuple[float, float]
+) -> Fit:
+    """All rows, a block of the log at a time."""
+    block = np.floor(start.index / BLOCK_SAMPLES)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]])
+    parts = []
+    for low, high in pairwise(edges):
+        some = start.take(slice(low, high))
+        windows = gather(channel, some, template.window_rad, sign, extremes)
+        parts.append(fit(windows, template, some, height[low:high], noise))
+    return Fit.concatenate(parts)
+
+
+def _rough(channel: Channel, start: Start, pulses: Pulses) -> Fit:
+    """Rows without a template: the middle of the half-level crossings, with an error of a tenth of the width."""
+    n = len(pulses)
+    no, nan = np.zeros(n, bool), np.full(n, np.nan)
+    width_s = pulses.width / channel.axis.rate_Hz
+    return Fit(start.time_s, 0.1 * width_s, nan, nan, pulses.height, pulses.base, nan, np.zeros(n, np.int64), no, no, no, no)
+
+
+def backwards(
+    channel: Channel, matched: Matched, linked: NDArray[np.bool_], sign: float, noise: float, extremes: tuple[float, float]
+) -> NDArray[np.bool_]:
+    """Passages of a wheel that rolled backwards, shape (n,): stretches whose waveform fits better the other way round.
+
+    `linked` (n,): the next passage is one turn away.  Only a log whose passages break into several stretches is looked at, and a
+    waveform that is the same both ways tells nothing.
+    """
+    n = linked.size
+    back = np.zeros(n, bool)
+    ends = np.flatnonzero(~linked) + 1
+    template = matched.template
+    if ends.size < 2 or template is None:
+        return back
+    mirrored = replace(template, values=template.values[::-1].copy(), slope=-template.slope[::-1])
+    for first, stop in pairwise(np.concatenate([[0], ends])):
+        rows = np.flatnonzero(~matched.standing[first:stop])[:TRIED_BACKWARDS] + first
+        if not rows.size:
+            continue
+        start = replace(matched.start, time_s=matched.time_s, omega=matched.fit.omega).take(rows)
+        windows = gather(channel, start, template.window_rad, sign, extremes)
+        forth, other = (fit(windows, shape, start, np.abs(matched.fit.height[rows]), noise) for shape in (template, mirrored))
+        floor = noise**2
+        evidence = 0.5 * float(np.sum(forth.used * np.log((forth.misfit**2 + floor) / (other.misfit**2 + floor))))
+        back[first:stop] = evidence > BACKWARDS_EVIDENCE
+    return back
