@@ -145,9 +145,8 @@ def dissipation(table: pd.DataFrame) -> Section:
         figures.append(
             Figure(id, f"Dissipation against {label.split(' [')[0]}", f"Factor and specific power, {len(rows)} passages.", traces, shape)
         )
-    words = [
-        f"Dissipation factor: {_spread(good['dissipation_factor_1_m'], '1/m')} over {len(good)} passages, {len(steady)} of them at constant speed."
-    ]
+    spread = _spread(good["dissipation_factor_1_m"], "1/m")
+    words = [f"Dissipation factor: {spread} over {len(good)} passages, {len(steady)} of them at constant speed."]
     return Section("dissipation", "Dissipation", "tirelog dissipation LOG", words, figures, [_quality(table, "dissipation")])
 
 
@@ -165,9 +164,8 @@ def phase_shift(table: pd.DataFrame) -> Section:
             title = f"{label.split(' [')[0].capitalize()} against {axis_label.split(' [')[0]}"
             alt = f"{title}: {_spread(good[f'{quantity}_deg'], 'degrees')}."
             figures.append(Figure(f"{quantity}-{x}", title, alt, traces, layout(axis_label, label)))
-    words = [
-        f"Patch width {_spread(good['patch_width_deg'], 'degrees')}, phase shift {_spread(good['phase_shift_deg'], 'degrees')}; negative in braking."
-    ]
+    width, shift = _spread(good["patch_width_deg"], "degrees"), _spread(good["phase_shift_deg"], "degrees")
+    words = [f"Patch width {width}, phase shift {shift}; negative in braking."]
     return Section("phase-shift", "Phase shift", "tirelog phase-shift LOG", words, figures, [_quality(table, "phase shift")])
 
 
