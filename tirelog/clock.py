@@ -112,10 +112,14 @@ class ClockFit:
             return self._by_rate(declared)
         (first, start), (last, end) = ends
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
-        period, tolerance = (end - start) / ticks, max(0.51 * self.resolution_s, 1e-9)
-        if period > tolerance and stamps.strays(period, first, start) <= tolerance:
-            period = self._settled(period, tolerance / ticks)
-            return self._pieces(period, [Piece(0, 1, float(stamps.clock_index(first)), start)])
+        period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
+        # the line runs through two stamps, each off by up to half a digit, and every other stamp is off by as much again
+        if period > 3.0 * digit and stamps.strays(period, first, start) <= 1.02 * digit:
+            settled = self._settled(period, 1.02 * digit / ticks)
+            low, high = stamps.range(settled)
+            level = start - settled * float(stamps.clock_index(first))
+            level = level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
+            return self._pieces(settled, [Piece(0, 1, 0.0, level)])
         return self._fitted(stamps, declared)
 
     def _by_rate(self, declared: float | None) -> TimeAxis:
@@ -132,7 +136,7 @@ class ClockFit:
         if rough <= 0.0:
             self.remarks.append("the stamps do not rise; the declared rate was used for the time axis")
             return self._by_rate(declared)
-        noise = stamps.noise(rough)
+        noise = max(stamps.noise(rough), 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps, passing = stamps.jumps(rough, noise)
         period, error, spread, pieces = stamps.fit(rough, jumps, passing)
         coarse = stamps.bunched or self.counted
@@ -140,15 +144,16 @@ class ClockFit:
         if wanders and not coarse and (not declared or noise < _JITTER * period):
             return self._explicit(stamps, period)
         ticks = max(int(stamps.clock_index(self.size - 1)), 1)
-        tolerance = max(4.0 * error, (period if coarse else 0.51 * self.resolution_s) / ticks)
+        tolerance = max(4.0 * error, min(0.51 * self.resolution_s, period) / ticks)
         period = self._settled(period, tolerance)
         self._count("stamps_repaired", sum(stop - start for start, stop in passing))
+        if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):
+            shift = pieces[0].level(period)  # a stamp of one second's resolution does not say where in the second
+            pieces = [replace(piece, mean_stamp_s=piece.mean_stamp_s - shift) for piece in pieces]
+        axis = self._pieces(period, self._continued(pieces, period))
         if coarse:
             self._count_against_stamps(stamps, period)
-            if abs(pieces[0].level(period)) <= max(self.resolution_s, period):
-                shift = pieces[0].level(period)  # a stamp of one second's resolution does not say where in the second
-                pieces = [replace(piece, mean_stamp_s=piece.mean_stamp_s - shift) for piece in pieces]
-        return self._pieces(period, self._continued(pieces, period))
+        return axis
 
     def _settled(self, period: float, tolerance: float) -> float:
         """The period: of a declared or a round rate where the stamps agree within `tolerance` [s], else that of the stamps."""
@@ -228,7 +233,8 @@ class ClockFit:
         whole = self.resolution_s / period
         if per_tick < 4 or abs(per_tick - whole) > 1.5 or min(first, self.size - last) < per_tick - 1.5:
             return  # the log begins or ends inside of a tick, so that its length does not say how many samples it should have
-        self._count("lost_samples", max(round(ticks * whole) - int(stamps.clock_index(self.size - 1)) - 1, 0))
+        lost = round(ticks * whole) - int(stamps.clock_index(self.size - 1)) - 1 - self.repairs.get("lost_samples", 0)
+        self._count("lost_samples", max(lost, 0))
 
     def _explicit(self, stamps: Stamps, period: float) -> TimeAxis:
         """The stamps themselves; those that are unknown or fall lie between their neighbours."""

@@ -23,7 +23,7 @@ from tirelog.recording import FloatArray, IntArray
 _IN_MEMORY = 1 << 21
 _CHUNK = 1 << 18
 #: a step below this share of the mean one belongs to the bunch before it; with that many of them the stamps come in bunches
-_SAME, _BUNCHED = 0.3, 0.25
+_SAME, _BUNCHED = 0.3, 0.45
 #: points on each side of a jump that say whether it lasts: for stamps much finer than a period, and for others
 _FEW, _MANY = 5, 60
 
@@ -128,6 +128,14 @@ class Stamps:
             worst = max(worst, float(np.abs(stamps - stamp - period * (self.clock_index(at) - origin)).max()))
         return worst
 
+    def range(self, period: float) -> tuple[float, float]:
+        """(least, largest) residual of the stamps against a clock of this period."""
+        low, high = np.inf, -np.inf
+        for index, stamps in self.known():
+            residual = stamps - period * self.clock_index(index)
+            low, high = min(low, float(residual.min())), max(high, float(residual.max()))
+        return low, high
+
     def rough_period(self) -> float:
         """T from differences over long stretches, by their median; 0 where stamps do not rise.  Sets `bunched`."""
         size = self.spool.size
@@ -147,7 +155,16 @@ class Stamps:
             steps += step.size
             small += int((np.abs(step) < _SAME * period).sum())
         self.bunched = small > _BUNCHED * max(steps, 1)
-        return period
+        return self._between_bunches(period) if self.bunched and period > 0.0 else period
+
+    def _between_bunches(self, period: float) -> float:
+        """T from the first stamps of bunches far apart, which lie on the clock more closely than stamps in general."""
+        slopes = []
+        for _, k, stamps in self.points(period):
+            lag = min(k.size // 4, 1024)
+            if lag:
+                slopes.append((stamps[lag:] - stamps[:-lag]) / (k[lag:] - k[:-lag]))
+        return float(np.median(np.concatenate(slopes))) if slopes else period
 
     def _at(self, index: IntArray) -> FloatArray:
         """Stamps at ascending indices."""

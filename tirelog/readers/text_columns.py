@@ -16,7 +16,7 @@ from itertools import pairwise
 from tirelog import units
 from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.sniff import Layout
-from tirelog.readers.text_time import MISSING, has_clock, one_ns
+from tirelog.readers.text_time import MISSING, fraction_digits, has_clock, one_ns
 from tirelog.setup import ChannelSetup, Setup
 
 _TIME_NAMES = re.compile(r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time|t|sec|seconds|zeit|tempo)", re.I)
@@ -206,8 +206,7 @@ def resolution_s(layout: Layout, columns: Columns) -> float:
     texts = [row[shown] for row in layout.rows if len(row) > shown]
     if columns.form == "number":
         return columns.time_factor * 10.0 ** -most_decimals(texts, layout.decimal)
-    fractions = [re.search(r"\d[.,](\d+)\D*$", text) for text in texts]
-    return 10.0 ** -max((len(match[1]) for match in fractions if match), default=0)
+    return 10.0 ** -max(map(fraction_digits, texts), default=0)
 
 
 def most_decimals(cells: Sequence[str], decimal: str) -> int:

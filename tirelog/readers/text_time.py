@@ -41,6 +41,13 @@ def has_clock(cell: str) -> bool:
     return bool(match and match["h"])
 
 
+def fraction_digits(cell: str) -> int:
+    """Decimals of a time's seconds."""
+    form = form_of(cell)
+    match = form and _FORMS[form].fullmatch(cell.strip().strip('"'))
+    return len(match["frac"] or "") if match else 0
+
+
 def month_first(cells: list[str]) -> bool:
     """True where dates like 04/14/2022 prove that the month stands first."""
     pairs = [m for cell in cells if (m := _FORMS["dmy"].fullmatch(cell.strip().strip('"')))]
