@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,10 +12,12 @@ from tirelog.simulation.contact import FlatRoad
 from tirelog.simulation.loads import friction, parabola
 from tirelog.simulation.operators import Ring, central_weights
 from tirelog.simulation.planted import Planted
+from tirelog.simulation.scenario import Sensor
 
 from .worlds import instants, scenario, world
 
 EJ, K, MU, R = 4.0, 2.0e6, 4.5, 0.305
+TRACTION = Planted("traction", "exact", {"slip_per_g": 0.0, "lever_m": 0.018})
 
 
 @pytest.fixture(scope="module")
@@ -126,26 +130,17 @@ def test_slip_onset_of_the_literature() -> None:
     """P2 (15): x_s = 35.0 mm at sigma = 0.15, L = 50 mm; the friction's radial load has no resultant (errata)."""
     ring = Ring(8192, 2 * np.pi * R)
     at = instants(11.11, 400 * 9.81, 0.05, 0.15)
-    rubbed = friction(
-        ring, Planted("traction", "exact", {"slip_per_g": 0.0, "lever_m": 0.018}), parabola(ring, at.half_length, at.load), at
-    )
+    rubbed = friction(ring, TRACTION, parabola(ring, at.half_length, at.load), at)
     assert rubbed.onset_m[0] == pytest.approx(0.035, abs=2e-5)
     assert abs(rubbed.radial.sum() * ring.step_m) < 1e-9
-    assert rubbed.tangential.max() > 0 and rubbed.tangential.min() >= 0  # braking: towards the exit
-    away = at.take(slice(None))
-    driving = friction(
-        ring,
-        Planted("traction", "exact", {"slip_per_g": 0.0, "lever_m": 0.018}),
-        parabola(ring, at.half_length, at.load),
-        type(at)(**{**vars(away), "slip": -at.slip}),
-    )
+    assert rubbed.tangential.max() > 0  # braking: towards the exit
+    assert rubbed.tangential.min() >= 0
+    driving = friction(ring, TRACTION, parabola(ring, at.half_length, at.load), replace(at, slip=-at.slip))
     assert np.array_equal(driving.tangential, -rubbed.tangential)
 
 
 def test_strain_signs_and_surfaces() -> None:
     """Groove (outer) a minimum in the patch, liner (inner) a maximum, of equal size."""
-    from tirelog.simulation.scenario import Sensor
-
     for truth in ("beam", "ring"):
         solved = world(truth=truth)
         solution = solved.solve(instants())
@@ -159,8 +154,6 @@ def test_strain_signs_and_surfaces() -> None:
 
 def test_radial_acceleration_of_a_rigid_circle_and_of_the_patch(ring: Ring) -> None:
     """-Omega^2 R far from the patch; inside a long patch the belt runs straight, so that the acceleration almost vanishes."""
-    from tirelog.simulation.scenario import Sensor
-
     solved = world(truth="ring")
     solution = solved.solve(instants(20.0))
     a = solved.waveform(solution, Sensor("radial_acceleration"))[0]

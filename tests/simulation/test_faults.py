@@ -50,6 +50,8 @@ def grating(**more: Any) -> dict[str, Any]:
         ({"conditions": {"load_N": 0.0}}, "from 1 to"),
         ({"road": 3}, "not a table"),
         ({"ramp": {"stops": [1.0]}}, "nearest: stops_s"),
+        ({"ramp": {"stops_s": [5.0, 5.5]}}, "overlap"),
+        ({"ramp": {"begin_s": 3.0, "end_s": 2.0}}, "overlap"),
         ({"effects": [{"form": "other"}]}, "without a name"),
         ({"effects": [{"name": "water_flim"}]}, "nearest: water_film"),
         ({"effects": [{"name": "ring_curvature"}]}, 'truth = "ring"'),

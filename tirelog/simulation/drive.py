@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 
 #: step of the drive's own grid [s]
 STEP_S = 0.002
-GRAVITY_M_S2 = 9.81
+GRAVITY_M_S2 = 9.80665
 #: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second (downwards) it is braking
 CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
 #: time constant of the body's pitch in the other form of the load transfer [s], and of a load that steps between manoeuvres

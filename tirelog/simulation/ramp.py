@@ -12,23 +12,18 @@ from tirelog.simulation.scenario import Ramp
 
 FloatArray = NDArray[np.float64]
 
-#: step of the pressure's course [s]
-_STEP_S = 0.005
-
 
 def pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
     """Inflation pressure [Pa] at `time_s`: constant, a steady rise with stops in it, constant.  Each stop loses `leak_Pa`."""
-    grid = np.arange(0.0, ramp.end_s + _STEP_S, _STEP_S)
-    rising = (grid >= ramp.begin_s).astype(float)
-    leaking = np.zeros_like(grid)
-    for stop in ramp.stops_s:
-        held = (grid >= stop) & (grid < stop + ramp.stop_length_s)
-        rising[held] = 0.0
-        leaking += held * ramp.leak_Pa / ramp.stop_length_s
-    climbed = np.cumsum(rising) * _STEP_S
-    lost = np.cumsum(leaking) * _STEP_S
-    rate = (ramp.end_Pa - ramp.start_Pa + lost[-1]) / max(climbed[-1], _STEP_S)
-    return np.asarray(np.interp(time_s, grid, ramp.start_Pa + rate * climbed - lost), float)
+    corners, values = [ramp.begin_s], [ramp.start_Pa]
+    stops = sorted(ramp.stops_s)
+    rising = ramp.end_s - ramp.begin_s - len(stops) * ramp.stop_length_s
+    rate = (ramp.end_Pa - ramp.start_Pa + len(stops) * ramp.leak_Pa) / rising
+    for stop in stops:
+        held = values[-1] + rate * (stop - corners[-1])
+        corners += [stop, stop + ramp.stop_length_s]
+        values += [held, held - ramp.leak_Pa]
+    return np.asarray(np.interp(time_s, [*corners, ramp.end_s], [*values, ramp.end_Pa]), float)
 
 
 def strain(ramp: Ramp, time_s: FloatArray) -> FloatArray:

@@ -140,6 +140,14 @@ def _check(scenario: Scenario, file: str | None) -> None:
     for name in names:
         if names.count(name) > 1:
             raise UsageError(f"effect {name!r} is planted twice; allowed is once; remove one", file=file)
+    ramp = scenario.ramp
+    if ramp is not None:
+        stops = sorted(ramp.stops_s)
+        ends = [ramp.begin_s, *(s + ramp.stop_length_s for s in stops)]
+        if any(a >= b for a, b in zip(ends, [*stops, ramp.end_s], strict=True)):
+            raise UsageError(
+                "stops of the [ramp] overlap or lie outside; allowed are stops between begin_s and end_s; mend them", file=file
+            )
     for name, sensor in scenario.channels.items():
         if sensor.kind not in SOURCE_UNITS:
             known = ", ".join(SOURCE_UNITS)

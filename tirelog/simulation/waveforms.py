@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tirelog.simulation import ramp
 from tirelog.simulation.carcass import carcass, curvature_operator
 from tirelog.simulation.contact import FlatRoad
-from tirelog.simulation.drive import GRAVITY_M_S2, Drive, Roughness
+from tirelog.simulation.drive import Drive, Roughness
 from tirelog.simulation.loads import Friction, Instants, friction, parabola, pressure
 from tirelog.simulation.operators import ComplexArray, Ring
 from tirelog.simulation.planted import Planted
@@ -34,6 +34,8 @@ CHUNK = 96
 QUICK_KNOT_S = 0.01
 #: relative step of the load between the three solutions
 LOAD_STEP = 0.03
+#: the gravity in the catalogue's forms of load transfer and slip
+CATALOGUE_GRAVITY_M_S2 = 9.81
 #: the reference pressure of the planted effect `inflation` [Pa]
 REFERENCE_PRESSURE_PA = 2.2e5
 
@@ -76,7 +78,7 @@ class World:
             pitch = drive.acceleration_at(time_s)
             if transfer.other:
                 pitch = np.interp(time_s, drive.time_s, drive.pitch_acceleration)
-            load = load * (1.0 + transfer["coefficient"] * pitch / GRAVITY_M_S2)
+            load = load * (1.0 + transfer["coefficient"] * pitch / CATALOGUE_GRAVITY_M_S2)
         if air is not None:
             speed = drive.speed_at(time_s) / 30.0
             load = load * (1.0 + air["coefficient"] * (0.8 * speed**1.6 if air.other else speed**2))
@@ -93,7 +95,7 @@ class World:
         effect = self.scenario.planted("traction")
         if effect is None:
             return np.zeros_like(time_s)
-        return np.clip(-effect["slip_per_g"] * self.drive.acceleration_at(time_s) / GRAVITY_M_S2, -0.95, 0.95)
+        return np.clip(-effect["slip_per_g"] * self.drive.acceleration_at(time_s) / CATALOGUE_GRAVITY_M_S2, -0.95, 0.95)
 
     def warmed(self, time_s: FloatArray) -> FloatArray:
         """The planted drift's course: share of the final warming (0 to 1), or the warming in K where the temperature varies."""

@@ -1,0 +1,135 @@
+"""A simulated log written, read back by the package's own readers, and compared with the one in memory."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tirelog.ingest import open_recording
+from tirelog.simulation import Simulated, scenario_of, setup_text, simulate, to_recording, write_log
+
+from .worlds import tables
+
+GRATINGS = {
+    "outer": {
+        "kind": "fbg_strain",
+        "source": "CH1_FBG1",
+        "noise": 0.0008,
+        "quantisation": 1e-4,
+        "lost_fraction": 0.004,
+        "thermal_expansion_1_K": 2e-5,
+        "temperature_channel": "twin",
+        "baseline": 3e-4,
+    },
+    "inner": {"kind": "fbg_strain", "surface": "inner", "angle_deg": 200.0, "reference_wavelength_nm": 1555.0},
+    "twin": {"kind": "fbg_temperature", "reference_wavelength_nm": 1542.0, "noise": 0.0002},
+}
+
+
+def gratings() -> Simulated:
+    warm = {"warm_up_K": 15.0, "warm_up_time_s": 3.0}
+    return simulate(scenario_of(tables(channels=GRATINGS, conditions=warm, seed=7)))
+
+
+def wheel() -> Simulated:
+    channels = {
+        "acceleration": {"kind": "radial_acceleration", "sampling_rate_Hz": 10000.0, "noise": 1.2, "range": 500.0, "bits": 16},
+        "encoder": {"kind": "wheel_encoder", "source": "/hub/encoder", "sampling_rate_Hz": 10000.0, "noise": 0.02},
+        "vehicle": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0},
+        "load": {"kind": "vertical_load", "sampling_rate_Hz": 100.0},
+    }
+    return simulate(scenario_of(tables(channels=channels, road={"roughness": 0.01})))
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.txt", "log.csv.gz", "log.mcap", "log.h5"])
+def test_gratings_come_back(tmp_path: Path, name: str) -> None:
+    made = gratings()
+    assert [p.exists() for p in write_log(made, tmp_path / name)] == [True] * 3
+    expected = to_recording(made)
+    with open_recording(str(tmp_path / name)) as read:
+        assert list(read.channels) == list(expected.channels)
+        for channel in expected.channels.values():
+            back, want = read.channels[channel.name].read(), channel.read()
+            assert back.size == want.size
+            assert np.array_equal(np.isnan(back), np.isnan(want))
+            # the file holds 0.01 pm, 1e-5 nm; a degree is 0.01 nm
+            assert np.nanmax(np.abs(back - want)) < (2e-3 if channel.kind == "fbg_temperature" else 5e-8)
+            assert read.channels[channel.name].surface == channel.surface
+            assert read.channels[channel.name].axis.rate_Hz == pytest.approx(2500.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["log.h5", "log.mcap"])
+def test_several_rates_come_back(tmp_path: Path, name: str) -> None:
+    made = wheel()
+    write_log(made, tmp_path / name)
+    expected = to_recording(made)
+    with open_recording(str(tmp_path / name)) as read:
+        for channel in expected.channels.values():
+            back = read.channels[channel.name]
+            assert back.unit == channel.unit
+            assert back.axis.rate_Hz == pytest.approx(channel.axis.rate_Hz, rel=1e-6)
+            assert np.abs(back.read() - channel.read()).max() < 1e-4 * np.abs(channel.read()).max()
+
+
+def test_strain_comes_back_through_wavelength_and_twin() -> None:
+    """P1 (1): the strain in the Recording is the tire's, the twin's temperature taken out, to noise."""
+    made = gratings()
+    recording = to_recording(made)
+    outer, inner = (recording.channels[n].read() for n in ("outer", "inner"))
+    assert np.nanmin(outer) < -1e-3
+    assert np.nanmax(inner) > 1e-3
+    far = np.nanmedian(outer[-800:])
+    assert far == pytest.approx(3e-4, abs=3e-5)
+    twin = recording.channels["twin"].read()
+    assert twin[-1] == pytest.approx(15.0 * (1 - np.exp(-4 / 3.0)), abs=0.1)
+
+
+def test_truth_is_json_with_one_value_a_passage(tmp_path: Path) -> None:
+    made = gratings()
+    _, path, _ = write_log(made, tmp_path / "log.csv")
+    truth = json.loads(path.read_text(encoding="utf-8"))
+    assert truth == made.truth
+    for channel in ("outer", "inner"):
+        passages = truth["channels"][channel]["passages"]
+        assert {len(v) for v in passages.values()} == {len(passages["time_s"])}
+        assert all(length == pytest.approx(0.116, rel=1e-6) for length in passages["contact_length_m"])
+        assert np.allclose(np.diff(passages["wheel_angle_rad"]), 2 * np.pi)
+    assert truth["channels"]["outer"]["passages"]["slip_onset_m"][0] is None
+    assert truth["effects"] == []
+
+
+def test_setup_knows_what_an_engineer_knows_and_no_more() -> None:
+    made = scenario_of(tables(effects=[{"name": "wear"}]))
+    text = setup_text(made, {"s": "COLUMN"})
+    setup = tomllib.loads(text)
+    assert setup["channels"]["s"]["source"] == "COLUMN"
+    assert setup["conditions"]["load_N"] == 3434.0
+    for secret in ("stiffness", "wear", "seed", "lever", "patch"):
+        assert secret not in text
+
+
+def test_files_are_equal_to_the_byte(tmp_path: Path) -> None:
+    for name in ("a.csv.gz", "a.mcap"):
+        first, second = tmp_path / name, tmp_path / f"b{name}"
+        write_log(gratings(), first)
+        write_log(gratings(), second)
+        assert first.read_bytes() == second.read_bytes()
+
+
+def test_inflation_ramp(tmp_path: Path) -> None:
+    """P2 Fig. 15: the strain grows with the pressure; each stop loses a little air."""
+    ramp = {"start_Pa": 1.7e5, "end_Pa": 2.3e5, "begin_s": 1.0, "end_s": 9.0, "stops_s": [4.0, 6.0], "leak_Pa": 2000.0}
+    channels = {"s": {"kind": "fbg_strain", "angle_deg": 120.0}, "p": {"kind": "inflation_pressure"}}
+    still = [{"duration_s": 10.0, "speed_m_s": 0.0, "regime": "standstill"}]
+    recording = to_recording(simulate(scenario_of(tables(ramp=ramp, channels=channels, manoeuvres=still))))
+    strain, pressure = recording.channels["s"].read(), recording.channels["p"].read()
+    assert pressure[0] == pytest.approx(1.7e5)
+    assert pressure[-1] == pytest.approx(2.3e5, rel=1e-6)
+    assert pressure[10000] - pressure[12500] == pytest.approx(2000.0, rel=0.02)
+    slope = np.polyfit(pressure, strain, 1)
+    assert slope[0] == pytest.approx(1e-8, rel=1e-6)
+    assert np.abs(strain - np.polyval(slope, pressure)).max() < 1e-9
