@@ -1,0 +1,117 @@
+"""Two solutions that share no line of code: the truth (differences on a grid) and the models (modes), 1e-4 of the peak or better.
+
+Only the exact forms can agree; the other forms are there to differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tirelog.physics.model import Model
+from tirelog.recording import Conditions
+from tirelog.simulation.loads import Instants
+from tirelog.simulation.planted import PLANTABLE
+from tirelog.simulation.scenario import Sensor
+from tirelog.simulation.waveforms import World
+
+from .worlds import world
+
+R, SPEED, ACCELERATION, TIME = 0.305, 17.0, 1.7, 2.0
+DISTANCE_KM, WATER_MM = 22000.0, 0.8
+BEAM = {
+    "flexural_stiffness_N_m2": 4.0,
+    "foundation_stiffness_N_m2": 2.0e6,
+    "line_mass_kg_m": 4.5,
+    "patch_half_length_m": 0.058,
+    "reference_load_N": 3434.0,
+    "patch_load_exponent": 0.5,
+    "lever_arm_m": 3.0e-4,
+    "radius_m": R,
+}
+RING = {
+    "flexural_stiffness_N_m2": 2.0,
+    "radial_stiffness_N_m2": 6.3e5,
+    "tangential_stiffness_N_m2": 6.3e5,
+    "width_m": 0.14,
+    "tread_stiffness_N_m2": 8.75e7,
+    "inflation_pressure_Pa": 2.2e5,
+    "lever_arm_m": 3.0e-4,
+    "radius_m": R,
+}
+STRAIN_EFFECTS = [
+    name
+    for name, known in PLANTABLE.items()
+    if known.in_catalogue and name not in ("speed_trend", "load_crosstalk", "telemetry_delay", "tooth_pitch", "inflation")
+]
+
+
+def moment(w: World) -> Instants:
+    """The world's instant at TIME, with SPEED and ACCELERATION in place of its drive's."""
+    at = replace(w.instants(np.array([TIME])), speed=np.array([SPEED]), acceleration=np.array([ACCELERATION]))
+    for effect in w.scenario.effects:
+        if effect.name == "load_transfer":
+            load = at.load * (1.0 + effect["coefficient"] * ACCELERATION / 9.81)
+            at = replace(at, load=load, half_length=w.half_length(load))
+        if effect.name == "aero_load":
+            load = w.scenario.conditions.load_N * (1.0 + effect["coefficient"] * (SPEED / 30.0) ** 2) * np.ones(1)
+            at = replace(at, load=load, half_length=w.half_length(load))
+        if effect.name == "traction":
+            at = replace(at, slip=np.array([-effect["slip_per_g"] * ACCELERATION / 9.81]))
+    return at
+
+
+def conditions() -> Conditions:
+    return Conditions.of(
+        1,
+        speed_m_s=SPEED,
+        acceleration_m_s2=ACCELERATION,
+        time_s=TIME,
+        load_N=3434.0,
+        inflation_pressure_Pa=2.2e5,
+        distance_km=DISTANCE_KM,
+        water_depth_mm=WATER_MM,
+        temperature_K=0.0,
+    )
+
+
+def predicted(model: Model, w: World, surface: str = "outer") -> np.ndarray:
+    return model.predict(conditions(), w.ring.xi_m / R, surface=surface)[0]
+
+
+def own(values: dict[str, float], model: Model) -> dict[str, float]:
+    return {name: value for name, value in values.items() if name in model.values}
+
+
+@pytest.mark.parametrize("name", [None, *STRAIN_EFFECTS])
+@pytest.mark.parametrize("surface", ["outer", "inner"])
+def test_strain_of_the_beam(name: str | None, surface: str) -> None:
+    planted = [] if name is None else [{"name": name}]
+    cruise = [{"duration_s": 4.0, "speed_m_s": SPEED}]
+    w = world(effects=planted, grid_points=4096, manoeuvres=cruise, conditions={"distance_km": DISTANCE_KM, "water_depth_mm": WATER_MM})
+    sensor = Sensor("fbg_strain", surface=surface)
+    truth = w.waveform(w.solve(moment(w)), sensor)[0] + w.baseline(np.array([TIME]), sensor)
+    model = Model.new("beam", **own(BEAM, Model.new("beam")))
+    if name is not None:
+        model = model.with_effect(name, **w.scenario.effects[0].parameters)
+    assert np.abs(truth - predicted(model, w, surface)).max() < 1e-4 * np.abs(truth).max()
+
+
+def test_radial_acceleration_of_the_beam() -> None:
+    w = world(grid_points=4096)
+    truth = w.waveform(w.solve(moment(w)), Sensor("radial_acceleration"))[0]
+    blank = Model.new("beam", observable="radial_acceleration")
+    model = Model.new("beam", observable="radial_acceleration", **own(BEAM, blank))
+    assert np.abs(truth - predicted(model, w)).max() < 1e-4 * np.abs(truth).max()
+
+
+def test_strain_and_patch_of_the_ring_on_a_flat_road() -> None:
+    w = world(truth="ring", grid_points=4096)
+    solution = w.solve(moment(w))
+    truth = w.waveform(solution, Sensor("fbg_strain"))[0]
+    blank = Model.new("ring", contact="flat_road")
+    model = Model.new("ring", contact="flat_road", **own(RING, blank))
+    assert np.abs(truth - predicted(model, w)).max() < 2e-3 * np.abs(truth).max()
+    assert 0.5 * (solution.exit_m - solution.entry_m) == pytest.approx(model.half_length_m(conditions()), rel=1e-3)

@@ -1,0 +1,102 @@
+"""Cases by a few arguments: reproducible, null when nothing is planted, dialled by strength."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tirelog.errors import UsageError
+from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenarios import IN_CATALOGUE, ORDINARY, OUTSIDE, PAIRS, PLANS, Case, case, planted
+
+QUICK = Case(plan="short", logs=2)
+
+
+def test_same_arguments_same_case() -> None:
+    assert case(("wear",), seed=1, how=QUICK) == case(("wear",), seed=1, how=QUICK)
+    assert case(("wear",), seed=1, how=QUICK) != case(("wear",), seed=2, how=QUICK)
+
+
+def test_planting_changes_nothing_else() -> None:
+    null, full = case((), seed=5, how=QUICK), case(("wear", "traction"), seed=5, how=QUICK)
+    assert [replace(s, effects=()) for s in full] == null
+    assert all(not s.effects for s in null)
+
+
+def test_null_repeats_between_manoeuvres() -> None:
+    """A null on a smooth road: the same cruise speed in two logs gives the same waveform, whatever the manoeuvre."""
+    how = replace(QUICK, roughness=0.0, noise_nm=0.0)
+    made = [simulate(replace(s, conditions=case((), seed=5, how=how)[0].conditions)) for s in case((), seed=5, how=how)]
+    sensors = [next(iter(m.scenario.channels.values())) for m in made]
+    at = made[0].world.instants(np.array([2.0]))
+    waves = [m.world.waveform(m.world.solve(at), s)[0] for m, s in zip(made, sensors, strict=True)]
+    assert np.array_equal(waves[0], waves[1])
+
+
+def test_strength_is_a_factor_on_the_size_alone() -> None:
+    once, faint = planted(("edge_impact",))[0], planted(("edge_impact",), strength=0.1)[0]
+    assert faint["amplitude"] == pytest.approx(0.1 * once["amplitude"])
+    assert faint["width"] == once["width"]
+    own = planted({"edge_impact": {"amplitude": 0.2, "width": 0.1}})[0]
+    assert (own["amplitude"], own["width"]) == (0.2, 0.1)
+
+
+def test_logs_differ_in_what_effects_need() -> None:
+    scenarios = case((), seed=5)
+    for key in ("load_N", "distance_km", "water_depth_mm"):
+        assert len({getattr(s.conditions, key) for s in scenarios}) == len(scenarios)
+
+
+def test_mixed_plan_has_its_manoeuvres() -> None:
+    truth = simulate(replace(case((), seed=5, how=Case(logs=1))[0], channels=case((), seed=5)[0].channels)).truth
+    regimes = [m["regime"] for m in truth["manoeuvres"]]
+    assert len(regimes) >= 8
+    assert set(regimes) == {"cruise", "drive", "coast", "brake"}
+    assert 50 < truth["manoeuvres"][-1]["end_s"] < 75
+    assert max(truth["motion"]["speed_m_s"]) < 26
+
+
+@pytest.mark.parametrize("plan", list(PLANS))
+def test_every_plan_can_be_driven(plan: str) -> None:
+    how = Case(plan=plan, logs=1, duration=0.2 if plan != "short" else 0.5)
+    recording = to_recording(simulate(case((), seed=3, how=how)[0]))
+    values = recording.channels["strain_1"].read()
+    assert np.isfinite(values).all()
+    assert values.min() < -5e-4
+
+
+@pytest.mark.parametrize("name", [*IN_CATALOGUE, *OUTSIDE])
+def test_every_effect_shows_and_is_told(name: str) -> None:
+    """Each planted effect moves the strain by more than its noise somewhere, in both forms, and the truth names it."""
+    for form in ("exact", "other"):
+        how = Case(plan="short", logs=2, form=form, noise_nm=0.0, roughness=0.0, duration=0.35)
+        with_effect, without = (simulate(case(e, seed=8, how=how)[1]) for e in ((name,), ()))
+        change = 1.27 / 1550.0 * (with_effect.channels["strain_1"] - without.channels["strain_1"])
+        assert 4e-6 < change.std() < 2e-4
+        told = with_effect.truth["effects"]
+        assert [(e["name"], e["form"], e["in_catalogue"]) for e in told] == [(name, form, name in IN_CATALOGUE)]
+        assert told[0]["strength"] == with_effect.scenario.effects[0][next(iter(with_effect.scenario.effects[0].parameters))]
+        if name in OUTSIDE:
+            assert told[0]["where"] in ("entry", "patch", "exit", "away")
+            assert told[0]["parity"] in ("even", "odd", "mixed")
+
+
+def test_ring_curvature_is_a_ring_with_the_beam_s_patch() -> None:
+    made = case(("ring_curvature",), seed=8, how=QUICK)[0]
+    assert (made.truth, made.tire.contact) == ("ring", "parabola")
+    assert [e["name"] for e in simulate(made).truth["effects"]] == ["ring_curvature"]
+
+
+def test_pairs_are_of_the_catalogue() -> None:
+    assert all(name in ORDINARY for pair in PAIRS for name in pair)
+
+
+@pytest.mark.parametrize(
+    ("effects", "how", "said"),
+    [(("watr_film",), QUICK, "water_film"), (("wear",), Case(form="another"), "other"), ((), Case(plan="mixt"), "mixed")],
+)
+def test_unknown_words_are_refused(effects: tuple[str, ...], how: Case, said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        case(effects, seed=1, how=how)
