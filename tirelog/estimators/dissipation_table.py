@@ -1,7 +1,7 @@
 """The tables of the command `dissipation`: a row a revolution, its moving averages sorted by speed, and the regressions on speed.
 
-    Recording --passages, dissipation--> columns --power, force, coefficient where the setup gives what they need--> table
-    rows of constant speed --straight lines in the speed, errors by stretch--> Regression
+Recording --passages, dissipation--> columns --power, force, coefficient where the setup gives what they need--> table
+rows of constant speed --straight lines in the speed, errors by stretch--> Regression
 """
 
 from __future__ import annotations
@@ -81,7 +81,9 @@ def _remarks(recording: Recording) -> tuple[str, ...]:
     tire = recording.setup.tire
     remarks = []
     if tire.area_m2 is None:
-        remarks.append("no section area in the setup: no specific power; give section_area_m2, or section_height_m and width_m, under [tire]")
+        remarks.append(
+            "no section area in the setup: no specific power; give section_area_m2, or section_height_m and width_m, under [tire]"
+        )
     elif tire.section_area_m2 is None:
         remarks.append(f"section area taken as section height x width = {tire.area_m2:.4g} m^2; section_area_m2 under [tire] overrides it")
     if tire.viscosity_Pa_s is not None and tire.area_m2 is not None:
@@ -151,7 +153,10 @@ def clean(found: DissipationOfChannel) -> IntArray:
 def regression_columns(log: str, found: DissipationOfChannel) -> dict[str, Any] | None:
     """The regressions of factor and specific power on speed as rows of a table; None where there are too few revolutions."""
     stretch = clean(found)
-    lines = [regression(name, found.passages.speed_m_s, found.columns[name], stretch) for name in ("dissipation_factor_1_m", "specific_power_m3_s2")]
+    lines = [
+        regression(name, found.passages.speed_m_s, found.columns[name], stretch)
+        for name in ("dissipation_factor_1_m", "specific_power_m3_s2")
+    ]
     kept = [line for line in lines if line is not None]
     if not kept:
         return None

@@ -121,6 +121,16 @@ class EdgeFamily:
         wave = np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m))
         return wave * (1j * self.kappa_1_m) ** derivative if derivative else wave
 
+    def on_grid(self, spectra: NDArray[np.complex128], points: int, half_window_m: float) -> tuple[FloatArray, FloatArray]:
+        """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as +-`half_window_m`: abscissae (g,) and values (g, c)."""
+        padded = np.zeros((points // 2 + 1, spectra.shape[1]), complex)
+        kept = min(self.kappa_1_m.size, points // 2)
+        padded[1 : kept + 1] = spectra[:kept] * (0.5 * points)
+        step = 2.0 * np.pi * self.radius_m / points
+        reach = min(int(np.ceil(half_window_m / step)), points // 2 - 1)
+        values = np.fft.irfft(padded, points, axis=0)
+        return np.arange(-reach, reach + 1) * step, np.concatenate([values[-reach:], values[: reach + 1]])
+
     def jacobian(self, shape: EdgeShape) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Spectrum (n,), and its derivatives by the six parameters in the order of the fields, shape (n, 6)."""
         L, ell, ratio = shape.half_length_m, shape.bending_length_m, np.expm1(shape.tread)
@@ -133,7 +143,9 @@ class EdgeFamily:
         odd_slope = kappa * (s.wave.real @ (terms[-1] * nodes))
         by_ell = 4.0 * ell**3 * self._square**2 + 2.0 * shape.tension * ell * self._square
         by_tension = ell**2 * self._square
-        bend = s.test.T @ np.column_stack([loaded / L + s.weight * even_slope, loaded * by_ell / s.stiffness, loaded * by_tension / s.stiffness, loaded])
+        bend = s.test.T @ np.column_stack(
+            [loaded / L + s.weight * even_slope, loaded * by_ell / s.stiffness, loaded * by_tension / s.stiffness, loaded]
+        )
         bend[:, 0] += test_slope.T @ loaded
         pressure_slope = s.inverse @ (bend * np.array([-ratio, ratio, ratio, -(1.0 + ratio)]))
         even_by = s.phi @ pressure_slope

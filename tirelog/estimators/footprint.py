@@ -154,16 +154,24 @@ def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatAr
 
 
 def _assembled(
-    passages: Passages, learnt: Learnt | None, work: _Work, asked_Hz: FloatArray, nyquist: float, speed: FloatArray, acceleration: FloatArray
+    passages: Passages,
+    learnt: Learnt | None,
+    work: _Work,
+    asked_Hz: FloatArray,
+    nyquist: float,
+    speed: FloatArray,
+    acceleration: FloatArray,
 ) -> Footprint:
     """Rows of the table out of what was measured."""
     fits, edges = work.fits, work.edges
     n = len(passages)
-    scatter, reference_se, form_se = np.ones(n), np.zeros(n), np.zeros(n)
+    scatter, reference_se, form_se = 1.0, np.zeros(n), np.zeros(n)
     if learnt is not None and n:
         scatter = learnt.scatter(fits.chi2)
         reference_se, form_se = learnt.length_errors(speed)
-    noise_se = np.sqrt((fits.length_se_m * scatter) ** 2 + reference_se**2 + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2)
+    noise_se = np.sqrt(
+        (fits.length_se_m * scatter) ** 2 + reference_se**2 + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
+    )
     half = 0.5 * fits.length_m
     with np.errstate(invalid="ignore"):
         entry = passages.time_s + _time_at(fits.shift_m - half, speed, acceleration)

@@ -19,8 +19,8 @@ from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
 from tirelog.recording import FloatArray
 
-#: step of the form's table along xi, as a share of the half length
-TABLE_STEP = 1.0 / 300.0
+#: points of the form's table over a revolution: 0.12 mm, so that a straight line between them is enough
+TABLE_POINTS = 16384
 #: columns: height, offset, -shift, length, damping, tilt | second by length, second by shift
 LINEAR, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: weak knowledge of a passage's own oddness beside the log's: standard deviations of damping and tilt
@@ -32,30 +32,40 @@ _ROWS = 2048
 
 @dataclass(frozen=True)
 class FormTable:
-    """The form at one speed, on an even grid: `columns` (g, 8) in the order above without the offset's ones, and, last, by the squared speed;
-    `height`, `shift_m`: of the average that it was learnt from (a fit's height over this is in the scale of the average's height)."""
+    """The form at one speed, on an even grid: `columns` (g, c), which of them `form_table` and `shape_table` say."""
 
     speed_m_s: float
     half_length_m: float
     first_m: float
     step_m: float
-    height: float
-    shift_m: float
     columns: FloatArray
 
     def at(self, xi_m: FloatArray) -> FloatArray:
-        """Columns at `xi_m` (any shape), linear between the grid's points; shape (..., 8)."""
+        """Columns at `xi_m` (any shape), linear between the grid's points; shape (..., c)."""
         place = np.clip((xi_m - self.first_m) / self.step_m, 0.0, self.columns.shape[0] - 1.001)
         low = place.astype(np.int64)
         share = (place - low)[..., None]
         return self.columns[low] * (1.0 - share) + self.columns[low + 1] * share
 
 
-def form_table(reference: Reference, number: int, half_window_m: float, *, with_residual: bool = True) -> FormTable:
-    """The table at speed `number` of `reference`; `with_residual` adds what the form left of the average where it is above the noise."""
+def _table(reference: Reference, number: int, half_window_m: float, spectra: FloatArray) -> FormTable:
+    """A table of `spectra` (n, c)."""
+    xi, columns = reference.family.on_grid(spectra, TABLE_POINTS, 1.02 * half_window_m)
+    shape = reference.shapes[number]
+    return FormTable(reference.speed_m_s[number], shape.half_length_m, float(xi[0]), float(xi[1] - xi[0]), columns)
+
+
+def shape_table(reference: Reference, number: int, half_window_m: float) -> FormTable:
+    """Height, -shift, length, damping, tilt | bending length, tension, tread: what learning the form needs at speed `number`."""
+    base, slopes = reference.family.jacobian(reference.shapes[number])
+    slope = -1j * reference.family.kappa_1_m * base
+    return _table(reference, number, half_window_m, np.column_stack([base, slope, slopes[:, [0, 4, 5, 1, 2, 3]]]))
+
+
+def form_table(reference: Reference, number: int, half_window_m: float) -> FormTable:
+    """Height, -shift, length, damping, tilt | second by length, second by shift, by the squared speed, at speed `number`; the wave holds
+    what the form left of the learnt passages."""
     family, shape = reference.family, reference.shapes[number]
-    step = TABLE_STEP * shape.half_length_m
-    xi = np.arange(-np.ceil(half_window_m / step), np.ceil(half_window_m / step) + 1) * step
     base, slopes = family.jacobian(shape)
     nudge = 1e-3 * shape.half_length_m
     longer = EdgeShape.of(shape.array() + nudge * np.eye(6)[0])
@@ -64,21 +74,17 @@ def form_table(reference: Reference, number: int, half_window_m: float, *, with_
         [
             base,
             -wave_number * base,
-            slopes[:, 0],
-            slopes[:, 4],
-            slopes[:, 5],
+            slopes[:, [0, 4, 5]],
             (family.jacobian(longer)[1][:, 0] - slopes[:, 0]) / nudge,
             wave_number**2 * base,
             -reference.inertia * slopes[:, 2],
         ]
     )
-    columns = (family.basis(xi) @ spectra).real
-    if with_residual and reference.chi2[number] > 1.5:
-        one = reference.averages[number]
-        known = one.weight > 0
-        left = np.convolve(reference.residuals[number][known], (0.25, 0.5, 0.25), "same") / reference.heights[number]
-        columns[:, 0] += np.interp(xi, one.xi_m[known] - reference.shifts_m[number], left, 0.0, 0.0)
-    return FormTable(reference.speed_m_s[number], shape.half_length_m, float(xi[0]), step, abs(reference.heights[number]), 0.0, columns)
+    table = _table(reference, number, half_window_m, spectra)
+    if reference.residuals is not None:
+        xi = table.first_m + table.step_m * np.arange(table.columns.shape[0])
+        table.columns[:, 0] += np.interp(xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0)
+    return table
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
-"""The form of this log's passages: averaged over many of them at several speeds, then fitted with the physical family at once.
+"""The form of this log's passages, first from averages at several speeds, fitted with the physical family at once.
 
     some passages of each speed, scaled by the template's height --cells along xi--> Average, one a speed
-    Averages --damped Gauss-Newton, what is the tire's own shared, length and height free at each speed--> Reference
+    Averages --damped Gauss-Newton, what is the tire's own shared, length and height free at each speed--> Reference, a start
+    (`footprint_refine` then goes back to the samples)
 
-Shared: bending length, tread, tilt, and tension and damping as they follow the speed (tension - inertia v^2: P1 (3); damping d0 + d1 v).  A few
-hundred passages leave an error far below that of a single one; what the form itself may be wrong by is kept as a share of its own.
+Shared: bending length, tread, tilt, and tension and damping as they follow the speed (tension - inertia v^2: P1 (3); damping d0 + d1 v).
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.estimators.edge_shapes import HIGHEST, LOWEST, EdgeFamily, EdgeShape
 from tirelog.recording import FloatArray
@@ -20,6 +19,8 @@ from tirelog.recording import FloatArray
 #: cells along xi over the window
 CELLS = 120
 ITERATIONS = 25
+#: highest wave number times half length that the family keeps
+HIGHEST_WAVE = 42.0
 #: parameters that all speeds share: bending length, tension at rest, inertia (tension per squared scaled speed), tread, tilt, d0, d1
 SHARED = 7
 #: weak knowledge of them: mean and standard deviation of a normal prior (bending length over the starting length)
@@ -41,31 +42,27 @@ class Average:
 
 @dataclass(frozen=True)
 class Reference:
-    """The fitted forms.  `speed_m_s` (k,) ascending; `shapes`, `heights`, `shifts_m`, `offsets` at each; `inertia`: fall of the tension
-    with the squared speed [s^2/m^2]; `length_se_m` (k,): error of the full length from the noise of the averages;
-    `parameters`: as fitted; `chi2`: squared misfit per degree of freedom of each average; `residuals`: what the form leaves of each Average."""
+    """The log's form at some speeds.
+
+    `speed_m_s` (k,) ascending, `shapes` at each; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights` (k,) of the
+    averages that it started from.  After `footprint_refine`: `length_se_m` (k,), the error of a full length from not knowing the form's
+    parameters better; `misfit`, squared residual per degree of `freedom`; `residuals` (k, cells) at `residual_xi_m`, what the form leaves
+    of the passages in units of their height (None where that is noise).
+    """
 
     family: EdgeFamily
     speed_m_s: FloatArray
     shapes: tuple[EdgeShape, ...]
-    heights: FloatArray
-    shifts_m: FloatArray
     inertia: float
+    heights: FloatArray
     length_se_m: FloatArray
-    chi2: FloatArray
-    averages: tuple[Average, ...]
-    residuals: tuple[FloatArray, ...]
-    parameters: FloatArray
-
-    @property
-    def misfit(self) -> float:
-        """Weighted mean of chi2 over the averages."""
-        return float(np.mean(self.chi2))
+    misfit: float = float("nan")
+    freedom: float = 0.0
+    residual_xi_m: FloatArray | None = None
+    residuals: FloatArray | None = None
 
 
-def average(
-    xi_m: FloatArray, values: FloatArray, noise: FloatArray, speed_m_s: float, half_window_m: float, cells: int = CELLS
-) -> Average:
+def average(xi_m: FloatArray, values: FloatArray, noise: FloatArray, speed_m_s: float, half_window_m: float, cells: int = CELLS) -> Average:
     """Mean of samples `values` (any shape, height about one) at `xi_m` with standard deviations `noise`, in cells of equal width."""
     good = np.isfinite(values) & (np.abs(xi_m) < half_window_m)
     xi, value, weight = xi_m[good], values[good], noise[good] ** -2.0
@@ -96,9 +93,7 @@ class _Problem:
         """The form at the speed of average `number`."""
         relative = self.averages[number].speed_m_s / self.top_speed
         ell, tension, inertia, tread, tilt, d0, d1 = theta[:SHARED]
-        values = np.array(
-            [theta[SHARED + 4 * number], ell * self.scale, tension - inertia * relative**2, tread, d0 + d1 * relative, tilt]
-        )
+        values = np.array([theta[SHARED + 4 * number], ell * self.scale, tension - inertia * relative**2, tread, d0 + d1 * relative, tilt])
         return EdgeShape.of(np.clip(values, LOWEST, HIGHEST))
 
     def evaluate(self, theta: FloatArray, number: int) -> FloatArray:
@@ -118,9 +113,7 @@ class _Problem:
         return theta
 
     def residuals(self, theta: FloatArray) -> FloatArray:
-        parts = [
-            root * (a.values - self.evaluate(theta, i)) for i, (a, root) in enumerate(zip(self.averages, self.roots, strict=True))
-        ]
+        parts = [root * (a.values - self.evaluate(theta, i)) for i, (a, root) in enumerate(zip(self.averages, self.roots, strict=True))]
         return np.concatenate([*parts, (_PRIOR_MEAN - theta[:SHARED]) / _PRIOR_SD])
 
     def jacobian(self, theta: FloatArray) -> FloatArray:
@@ -157,8 +150,8 @@ def _bounded(theta: FloatArray, scale: float) -> FloatArray:
     return theta
 
 
-def _descend(problem: _Problem, theta: FloatArray) -> tuple[FloatArray, float, FloatArray]:
-    """Levenberg-Marquardt from `theta`: the best parameters, their cost, and the Jacobian there."""
+def _descend(problem: _Problem, theta: FloatArray) -> tuple[FloatArray, float]:
+    """Levenberg-Marquardt from `theta`: the best parameters and their cost."""
     damping, residual = 1e-3, problem.residuals(theta)
     cost = float(residual @ residual)
     jacobian = problem.jacobian(theta)
@@ -178,7 +171,7 @@ def _descend(problem: _Problem, theta: FloatArray) -> tuple[FloatArray, float, F
             damping *= 6.0
             if damping > 1e6:
                 break
-    return theta, cost, jacobian
+    return theta, cost
 
 
 def _start(averages: list[Average], length_m: float, tread: float) -> FloatArray:
@@ -190,7 +183,7 @@ def _start(averages: list[Average], length_m: float, tread: float) -> FloatArray
     return np.array(theta)
 
 
-def _best(family: EdgeFamily, averages: list[Average], length_m: float) -> tuple[_Problem, FloatArray, float, FloatArray]:
+def _best(family: EdgeFamily, averages: list[Average], length_m: float) -> tuple[_Problem, FloatArray]:
     """The best of several starts on the average with the most samples, then all averages from there."""
     richest = int(np.argmax([a.weight.sum() for a in averages]))
     single = _Problem(family, [averages[richest]], length_m)
@@ -198,48 +191,21 @@ def _best(family: EdgeFamily, averages: list[Average], length_m: float) -> tuple
     for tread, factor in ((0.1, 1.0), (2.5, 0.85)):
         theta = _start([averages[richest]], length_m * factor, tread)
         found.append(_descend(single, single.settled(theta)))
-    theta_one, cost, jacobian = min(found, key=lambda result: result[1])
+    theta_one, _ = min(found, key=lambda result: result[1])
     if len(averages) == 1:
-        return single, theta_one, cost, jacobian
+        return single, theta_one
     problem = _Problem(family, averages, length_m)
     theta = np.concatenate([theta_one[:SHARED], np.tile(theta_one[SHARED:], len(averages))])
     # the single fit's inertia and damping hold at its own speed: spread them over the common scale
     theta[1], theta[2] = theta_one[1] - theta_one[2], 0.0
     theta[5], theta[6] = theta_one[5] + theta_one[6], 0.0
-    return problem, *_descend(problem, theta)
+    return problem, _descend(problem, theta)[0]
 
 
-def fit_reference(
-    averages: list[Average], radius_m: float, start_length_m: float, *, closed: bool = False, start: Reference | None = None
-) -> Reference:
-    """The family fitted to `averages`; `start_length_m` is a rough half length, `start` an earlier fit at the same speeds."""
-    family = EdgeFamily(radius_m, 42.0 / (0.8 * start_length_m), closed=closed)
-    averages = sorted(averages, key=lambda a: a.speed_m_s)
-    if start is None:
-        problem, theta, _, jacobian = _best(family, averages, start_length_m)
-    else:
-        problem = _Problem(family, averages, start_length_m)
-        theta, _, jacobian = _descend(problem, problem.settled(start.parameters))
-    covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
-    per = theta[SHARED:].reshape(-1, 4)
-    chi2, residuals = [], []
-    for number, one in enumerate(averages):
-        residual = np.where(one.weight > 0, one.values - problem.evaluate(theta, number), 0.0)
-        residuals.append(residual)
-        chi2.append(float((one.weight * residual**2).sum()) / max(int((one.weight > 0).sum()) - 6, 1))
-    errors = np.sqrt(np.maximum(np.diag(covariance)[SHARED::4], 0.0) * np.maximum(1.0, chi2))
-    return Reference(
-        family,
-        np.array([a.speed_m_s for a in averages]),
-        tuple(problem.shape(theta, i) for i in range(len(averages))),
-        per[:, 1],
-        per[:, 3],
-        float(theta[2]) / problem.top_speed**2,
-        2.0 * errors,
-        np.array(chi2),
-        tuple(averages),
-        tuple(residuals),
-        theta,
-    )
-
-
+def fit_averages(averages: list[Average], radius_m: float, start_length_m: float, *, closed: bool = False) -> Reference:
+    """The family fitted to `averages` of ascending speed; `start_length_m` is a rough half length."""
+    family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m), closed=closed)
+    problem, theta = _best(family, averages, start_length_m)
+    shapes = tuple(problem.shape(theta, i) for i in range(len(averages)))
+    speed = np.array([a.speed_m_s for a in averages])
+    return Reference(family, speed, shapes, float(theta[2]) / problem.top_speed**2, theta[SHARED + 1 :: 4], np.zeros(speed.size))

@@ -1,0 +1,195 @@
+"""The log's form from the samples themselves: what all passages share, with each one's own numbers taken out exactly.
+
+    Reference (a start) + windows of some passages of each speed
+        --normal equations a passage, its height, offset, shift, length, damping, tilt eliminated (Schur)--> steps of the shared parameters
+        --until they stop--> Reference with errors; what is left, averaged along xi
+
+Averages lump passages whose shifts and heights are known only so well; here nothing is lumped, and the misfit is a true chi-square.
+Shared: bending length, tension, inertia (fall of the tension with the squared speed), tread.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tirelog.estimators.edge_shapes import HIGHEST, LOWEST, EdgeShape
+from tirelog.estimators.footprint_fit import shape_table
+from tirelog.estimators.footprint_reference import Reference
+from tirelog.estimators.footprint_windows import PatchWindows
+from tirelog.recording import FloatArray
+
+ROUNDS = 6
+#: a passage's own columns (height, offset, -shift, length, damping, tilt), and the shared ones
+OWN, SHARED = 6, 3
+#: weak knowledge of the shared parameters about their start: bending length (relative), tension, inertia x squared top speed, tread
+PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
+#: weak knowledge of a passage's own damping and tilt
+ODD_SD = 0.5
+#: cells of what is left, and the misfit above which it is more than noise
+CELLS, REMARKABLE = 120, 1.3
+#: passages with more than this times the usual misfit do not belong
+FOREIGN = 9.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Windows of passages of about one speed, with what is known of each: `speed_m_s`, `acceleration_m_s2`, `shift_m`, shape (n,)."""
+
+    windows: PatchWindows
+    speed_m_s: FloatArray
+    acceleration_m_s2: FloatArray
+    shift_m: FloatArray
+
+    def take(self, which: FloatArray) -> Sample:
+        """The rows `which` (mask)."""
+        w = self.windows
+        windows = replace(w, row=w.row[which], values=w.values[which], centre=w.centre[which])
+        return Sample(windows, self.speed_m_s[which], self.acceleration_m_s2[which], self.shift_m[which])
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What one class of speed says: normal matrix and right side of the shared columns (3, 3), (3,), the mean fall of a passage's length
+    with them (3,), the passages' own solutions (n, 6), chi2 and degrees of freedom of each (n,), and what is left, by cell."""
+
+    normal: FloatArray
+    right: FloatArray
+    length_by: FloatArray
+    own: FloatArray
+    chi2: FloatArray
+    free: FloatArray
+    left: FloatArray
+
+
+def _class_step(reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float) -> _Step:
+    """The normal equations of one class at the current form, its passages' own numbers eliminated."""
+    table = shape_table(reference, number, half_window_m)
+    windows = sample.windows
+    xi = windows.distance_m(sample.speed_m_s, sample.acceleration_m_s2) - sample.shift_m[:, None]
+    good = (np.abs(xi) < half_window_m) & np.isfinite(windows.values)
+    looked = table.at(xi)
+    columns = np.empty((*xi.shape, OWN + SHARED))
+    columns[..., 0], columns[..., 1], columns[..., 2:] = looked[..., 0], 1.0, looked[..., 1:]
+    # the class' form holds at its own speed: the tension of each passage follows its squared speed
+    columns[..., 0] -= reference.inertia * (sample.speed_m_s**2 - table.speed_m_s**2)[:, None] * looked[..., 6]
+    columns *= good[..., None]
+    middle = np.nanmedian(np.where(good, windows.values, np.nan), axis=1, keepdims=True)
+    values = np.where(good, windows.values - middle, 0.0)
+    turned = np.swapaxes(columns, 1, 2)
+    gram, right = turned @ columns, (turned @ values[..., None])[..., 0]
+    sigma = noise / np.sqrt(windows.averaged)
+    rough = np.maximum(np.abs(right[:, 0]) / np.maximum(gram[:, 0, 0], 1e-300), 1e-300)
+    own = gram[:, :OWN, :OWN].copy()
+    own[:, [4, 5], [4, 5]] += ((sigma / ODD_SD / rough) ** 2)[:, None]
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("nii->ni", own), 1e-300))
+    inverse = np.linalg.inv(own * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(OWN)) * scale[:, :, None] * scale[:, None, :]
+    solution = np.einsum("nij,nj->ni", inverse, right[:, :OWN])
+    cross = inverse @ gram[:, :OWN, OWN:]
+    height = solution[:, 0]
+    inner = gram[:, OWN:, OWN:] - np.swapaxes(gram[:, :OWN, OWN:], 1, 2) @ cross
+    outer = right[:, OWN:] - np.einsum("nio,ni->no", gram[:, :OWN, OWN:], solution)
+    residual = values - np.einsum("nmi,ni->nm", columns[..., :OWN], solution)
+    chi2 = (residual**2).sum(axis=1) / sigma**2
+    cell = ((xi + half_window_m) * (CELLS / (2.0 * half_window_m))).astype(np.int64).clip(0, CELLS - 1)
+    relative = residual / height[:, None]
+    count = np.bincount(cell[good], minlength=CELLS)
+    left = np.bincount(cell[good], relative[good], CELLS) / np.maximum(count, 1)
+    return _Step(
+        np.einsum("n,nij->ij", height**2, inner) / sigma**2,
+        np.einsum("n,ni->i", height, outer) / sigma**2,
+        -cross[:, 3].mean(axis=0),
+        solution,
+        chi2,
+        np.maximum(good.sum(axis=1) - OWN, 1).astype(float),
+        left,
+    )
+
+
+def _tire_columns(reference: Reference, number: int) -> FloatArray:
+    """How bending length, tension and tread of a class follow (relative bending length, tension, inertia x top speed^2, tread), (3, 4)."""
+    relative = (reference.speed_m_s[number] / reference.speed_m_s[-1]) ** 2
+    ell = reference.shapes[number].bending_length_m
+    return np.array([[ell, 0.0, 0.0, 0.0], [0.0, 1.0, -relative, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def _moved(reference: Reference, step: FloatArray, own: list[FloatArray] | None) -> Reference:
+    """The reference after a step of the shared parameters, each class' length, damping and tilt at the mean of its passages."""
+    shapes = []
+    for number, shape in enumerate(reference.shapes):
+        values = shape.array()
+        values[[1, 2, 3]] += _tire_columns(reference, number) @ step
+        if own is not None:
+            relative = own[number][:, 3:] / own[number][:, [0]]
+            values[[0, 4, 5]] += np.clip(np.median(relative, axis=0), [-0.2 * values[0], -0.2, -0.2], [0.2 * values[0], 0.2, 0.2])
+        shapes.append(EdgeShape.of(np.clip(values, LOWEST, HIGHEST)))
+    return replace(reference, shapes=tuple(shapes), inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2)
+
+
+def refine(reference: Reference, samples: list[Sample], noise: float, half_window_m: float, rounds: int = ROUNDS) -> Reference:
+    """`reference` (one shape a sample, ascending speed) fitted to the samples; `noise`: standard deviation of one sample of the log."""
+    factor = 1.0
+    best: tuple[float, Reference, list[_Step], FloatArray] | None = None
+    trial, samples = reference, list(samples)
+    for number in range(rounds):
+        steps = [_class_step(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+        if number == 0:
+            samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
+        misfit = float(sum(s.chi2.sum() for s in steps) / sum(s.free.sum() for s in steps))
+        if best is None or misfit < best[0]:
+            done = best is not None and best[0] - misfit < 2e-4 * misfit
+            normal = np.diag(PRIOR_SD**-2.0)
+            right = np.zeros(4)
+            for k, step in enumerate(steps):
+                columns = _tire_columns(trial, k)
+                normal += columns.T @ step.normal @ columns
+                right += columns.T @ step.right
+            best, factor = (misfit, trial, steps, normal), 1.0
+            shift = np.linalg.solve(normal, right)
+            if done:
+                break
+        else:
+            factor *= 0.3
+        _, base, base_steps, _ = best
+        limit = np.array([0.3, 2.0, 2.0, 1.5])
+        trial = _moved(base, np.clip(factor * shift, -limit, limit), [s.own for s in base_steps])
+    assert best is not None
+    misfit, found, steps, normal = best
+    return _finished(found, steps, normal, misfit, half_window_m)
+
+
+def _without_foreign(
+    samples: list[Sample], steps: list[_Step], reference: Reference, noise: float, half_window_m: float
+) -> tuple[list[Sample], list[_Step]]:
+    """Samples without the passages that fit the start much worse than their neighbours do."""
+    kept, again = [], []
+    for number, (sample, step) in enumerate(zip(samples, steps, strict=True)):
+        share = step.chi2 / step.free
+        good = (share < FOREIGN * max(float(np.median(share)), 1.0)) & (step.own[:, 0] > 0)
+        if good.all() or not good.any():
+            kept.append(sample)
+            again.append(step)
+        else:
+            kept.append(sample.take(good))
+            again.append(_class_step(reference, number, kept[-1], noise, half_window_m))
+    return kept, again
+
+
+def _finished(reference: Reference, steps: list[_Step], normal: FloatArray, misfit: float, half_window_m: float) -> Reference:
+    """The reference with its errors, its misfit and what it leaves."""
+    covariance = np.linalg.inv(normal) * max(misfit, 1.0)
+    errors = []
+    for number, step in enumerate(steps):
+        by = step.length_by @ _tire_columns(reference, number)
+        errors.append(2.0 * float(np.sqrt(max(by @ covariance @ by, 0.0))))
+    centres = (np.arange(CELLS) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
+    left = np.array([np.convolve(step.left, (0.25, 0.5, 0.25), "same") for step in steps])
+    return replace(
+        reference,
+        length_se_m=np.array(errors),
+        misfit=misfit,
+        freedom=float(sum(step.free.sum() for step in steps)),
+        residual_xi_m=centres if misfit > REMARKABLE else None,
+        residuals=left if misfit > REMARKABLE else None,
+    )
