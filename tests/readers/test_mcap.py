@@ -34,7 +34,7 @@ def path(tmp_path):
 def slow(monkeypatch):
     """The library alone decodes."""
     monkeypatch.setattr(mcap_decode, "MOST_FAILURES", 0)
-    monkeypatch.setattr("tirelog.readers.mcap_json.read_arrow", lambda messages, wants: None)
+    monkeypatch.setattr("tirelog.readers.mcap_json.JsonReader.read", lambda self, messages, wants: None)
 
 
 def times(n=N, step=STEP_NS):

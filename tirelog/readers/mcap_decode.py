@@ -11,7 +11,7 @@ import itertools
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from tirelog.readers.mcap_layout import FrozenPlan, NoPlanError, Plan
 from tirelog.readers.mcap_source import FieldError, Want, extract
 from tirelog.readers.mcap_walk import Table
 from tirelog.recording import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from tirelog.readers.mcap_json import JsonReader
 
 #: layouts of one channel that are remembered, and templates that may fail before the library does the rest
 MOST_PLANS = 64
@@ -72,11 +75,11 @@ class ChannelDecoder:
         self.decode: Callable[[bytes], Any] = decode
         self.plans: list[FrozenPlan] = []
         self.failures = 0
-        self.arrow: Callable[..., list[Column] | None] | None = None
+        self.json: JsonReader | None = None
         if encoding == "json":
-            from tirelog.readers.mcap_json import read_arrow
+            from tirelog.readers.mcap_json import JsonReader
 
-            self.arrow = read_arrow
+            self.json = JsonReader()
 
     def message(self, data: bytes) -> Any:
         """One decoded message.  FieldError where it does not decode."""
@@ -93,8 +96,8 @@ class ChannelDecoder:
         return [self.read_piece(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)]
 
     def read_piece(self, table: Table, wants: list[Want]) -> list[Column]:
-        if self.arrow is not None:
-            columns = self.arrow(table.messages(), wants)
+        if self.json is not None:
+            columns = self.json.read(table.messages(), wants)
             return columns if columns is not None else self.read_slowly(table, wants)
         if self.plan_of is None:
             return self.read_slowly(table, wants)

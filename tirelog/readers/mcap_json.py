@@ -1,6 +1,7 @@
 """JSON messages to numbers through pyarrow, a whole piece of a chunk at once.
 
-    messages, wants --a schema of the wanted fields only--> arrow table --> Column per want
+    messages, wants --all of one shape--> rows of a table (mcap_json_table) --> Column per want
+                    --else, a schema of the wanted fields only--> arrow's JSON reader --> Column per want
 
 None where arrow cannot tell (text or true among the numbers, an element that a list does not have): then each message is decoded alone.
 """
@@ -11,22 +12,40 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.readers.mcap_json_table import Shape, read_table, shape_of
 from tirelog.readers.mcap_source import Want
 
 if TYPE_CHECKING:
     from tirelog.readers.mcap_decode import Column
 
 
-def read_arrow(messages: list[bytes], wants: list[Want]) -> list[Column] | None:
-    """The columns of JSON `messages`, one object each, or None."""
+class JsonReader:
+    """Reads the messages of one channel, and remembers the shape that they had last."""
+
+    def __init__(self) -> None:
+        self.shape: Shape | None = None
+
+    def read(self, messages: list[bytes], wants: list[Want]) -> list[Column] | None:
+        """The columns of JSON `messages`, one object each, or None."""
+        if not messages:
+            return None
+        text = b"\n".join(messages)
+        if text.count(b"\n") != len(messages) - 1 or b"\r" in text:
+            return None
+        columns = read_table(text, len(messages), self.shape) if self.shape is not None else None
+        if columns is None:
+            self.shape = shape_of(messages[0], wants)
+            columns = read_table(text, len(messages), self.shape) if self.shape is not None else None
+        return columns if columns is not None else read_arrow(text, len(messages), wants)
+
+
+def read_arrow(text: bytes, n: int, wants: list[Want]) -> list[Column] | None:
+    """The columns of `n` JSON objects, one a line of `text`, or None."""
     import pyarrow as pa
     import pyarrow.json
 
     tree: dict[str, Any] = {}
-    if not messages or not all(_plant(tree, want) for want in wants):
-        return None
-    text = b"\n".join(messages)
-    if text.count(b"\n") != len(messages) - 1:
+    if not all(_plant(tree, want) for want in wants):
         return None
     try:
         table = pyarrow.json.read_json(
@@ -36,7 +55,7 @@ def read_arrow(messages: list[bytes], wants: list[Want]) -> list[Column] | None:
         )
     except pa.ArrowException:
         return None
-    if table.num_rows != len(messages):
+    if table.num_rows != n:
         return None
     columns = [_column(table, want) for want in wants]
     return None if any(column is None for column in columns) else [column for column in columns if column is not None]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from tirelog.recording import IntArray
 
 HEAD = struct.Struct("<BQ")
+LENGTH = struct.Struct("<Q")
 #: opcode, length; channel, sequence, log time, publish time
 MESSAGE_HEAD_BYTES = 9 + 22
 MESSAGE = 5
@@ -57,20 +58,20 @@ def record_starts(data: bytes) -> tuple[IntArray, int]:
         parts.append(run)
         if run.size:
             at = int(run[-1]) + 9 + HEAD.unpack_from(data, int(run[-1]))[1]
-        steps = 16 if run.size > steps else min(2 * steps, 4096)
+        steps = 16 if run.size > 256 else min(2 * steps, 4096)
 
 
 def _step(data: bytes, at: int, steps: int) -> tuple[list[int], int, bool]:
     """Up to `steps` records from `at`: (their starts, the end, whether there may be more)."""
     walked: list[int] = []
-    end, unpack = len(data) - 9, HEAD.unpack_from
+    append, unpack, whole = walked.append, LENGTH.unpack_from, len(data)
     for _ in range(steps):
-        if at > end:
+        if at > whole - 9:
             return walked, at, False
-        after = at + 9 + unpack(data, at)[1]
-        if after > len(data):
+        after = at + 9 + unpack(data, at + 1)[0]
+        if after > whole:
             return walked, at, False
-        walked.append(at)
+        append(at)
         at = after
     return walked, at, True
 
@@ -107,7 +108,10 @@ def rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
     steps = np.diff(starts)
     if steps.size and (steps == steps[0]).all():
         return np.ascontiguousarray(np.ndarray((starts.size, size), np.uint8, data, int(starts[0]), (int(steps[0]), 1)))
-    return np.frombuffer(data, np.uint8)[starts[:, None] + np.arange(size)]
+    if starts.size == 0 or size == 0:
+        return np.zeros((starts.size, size), np.uint8)
+    anywhere = np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))  # every offset as the start of a row
+    return anywhere[starts].view(np.uint8).reshape(starts.size, size)
 
 
 def split(data: bytes) -> tuple[dict[int, Table], list[tuple[int, bytes]], int]:
