@@ -21,6 +21,8 @@ from tirelog.recording import FloatArray, IntArray
 LEAST_TURNS = 4
 #: a stretch of this many turns at most goes into the deviations at once (bounded memory)
 TURNS_AT_ONCE = 2000
+#: tables that explain more of their deviations than this can be laid on one another
+CLEAR = 0.5
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,31 @@ def _turn_mean(x: FloatArray, turn: int) -> FloatArray:
     return 0.5 * (wide + np.concatenate([wide[1:], wide[-1:]]))
 
 
+def aligned(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> list[int]:
+    """Half teeth (even numbers) to add to each stretch's counts so that its pitch errors fall on those of the longest one.
+
+    After a standstill or a hole the count may have lost teeth; the tone wheel's own pattern gives them back.  Zero where a stretch is
+    too short or the pattern too faint to tell.
+    """
+    tables = [learn([stretch], steps) for stretch in stretches]
+    best = max(range(len(tables)), key=lambda k: tables[k].turns, default=0)
+    shifts = []
+    for table in tables:
+        shift = 0
+        if table.turns and table.repeats > CLEAR and tables[best].repeats > CLEAR:
+            match = sum(_match(tables[best].error_rad[k::2], table.error_rad[k::2]) for k in (0, 1))
+            first = int(np.argmax(match))
+            if match[first] > 1.2 * np.max(np.delete(match, first)):
+                shift = 2 * first - (2 * steps if 2 * first > steps else 0)
+        shifts.append(shift)
+    return shifts
+
+
+def _match(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Correlation of `a` with `b` moved by 0, 1, ... places, each without its mean (a level offset shifts all rising passages alike)."""
+    return np.fft.irfft(np.fft.rfft(a - a.mean()) * np.conj(np.fft.rfft(b - b.mean())), a.size)
+
+
 def learn(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> PitchTable:
     """The table from (times, counts) of all stretches."""
     size = 2 * steps
@@ -85,12 +112,12 @@ def learn(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> PitchTabl
             number += np.bincount(at, minlength=size)
             squares += float(deviation @ deviation)
     turns = float(np.median(number))
-    if turns < LEAST_TURNS or number.min() < 2:
+    if turns < LEAST_TURNS:
         return PitchTable.zero(steps)
-    table = total / number
+    table = total / np.maximum(number, 1.0)
     explained = float(number @ table**2)
     left = max(squares - explained, 0.0) / max(number.sum() - size, 1.0)
-    table -= table.mean()
+    table = np.where(number > 0, table - table[number > 0].mean(), 0.0)
     chance = left * size
     share = max(explained - chance, 0.0) / max(squares, np.finfo(float).tiny)
     return PitchTable(table, float(np.sqrt(left / turns)), int(turns), float(np.sqrt(left)), share)

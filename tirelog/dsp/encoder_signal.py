@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
+from scipy.ndimage import maximum_filter1d
 
 from tirelog.recording import FloatArray, IntArray
 
@@ -120,13 +120,19 @@ def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
     return np.interp(np.arange(x.size), known, x[known]), starts[stops - starts > 8]
 
 
+def _without_spikes(high: FloatArray) -> FloatArray:
+    """Maxima of chunks, none above all of the chunks two and three places away: a glitch lies in one chunk or two, not so a tooth."""
+    far = np.pad(high, 3, mode="edge")
+    return np.minimum(high, np.maximum(np.maximum(far[:-6], far[1:-5]), np.maximum(far[5:-1], far[6:])))
+
+
 def _levels(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray, FloatArray, FloatArray]:
     """`x` as chunks (c, CHUNK), its middle level (c,) and its half hysteresis (c,), infinite where the signal does not move."""
     pad = -x.size % CHUNK
     chunks = (np.concatenate([x, np.full(pad, x[-1])]) if pad else x).reshape(-1, CHUNK)
     span = 2 * int(np.ceil(0.5 * FOLLOW_S * rate_Hz / CHUNK)) + 1
-    high = maximum_filter1d(np.minimum(chunks.max(axis=1), 1e300), span, mode="nearest")
-    low = minimum_filter1d(chunks.min(axis=1), span, mode="nearest")
+    high = maximum_filter1d(_without_spikes(chunks.max(axis=1)), span, mode="nearest")
+    low = -maximum_filter1d(_without_spikes(-chunks.min(axis=1)), span, mode="nearest")
     half = (high - low) / 2
     moving = half > max(STILL_SIGMA * found.noise, 0.01 * found.amplitude)
     return chunks, (high + low) / 2, np.where(moving, HYSTERESIS * half, np.inf)

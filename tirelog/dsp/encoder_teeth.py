@@ -1,11 +1,11 @@
 """From tooth passages to counted teeth: what is missing, what is too many, where the count was lost.
 
-    indices (n,) --without_extra--> indices without pairs that no smooth motion explains
-                 --counted--------> Teeth: indices (n,), counts (n,) in half teeth, stretches between losses of the count
+    indices (n,) --intervals that no smooth motion explains are joined--> indices, half teeth of each interval
+                 --standstills, holes, turning points--> Teeth: counts (n,) in half teeth, stretches between losses of the count
 
 A passage through the middle level is half a tooth; a rising one has an even count.  Rising and falling passages take turns, so an
-interval is an odd number of half teeth.  A one-track encoder does not show direction: a turning point is inferred where the
-signal comes back from less than its peak, and the stretch after it is counted downwards.
+interval between neighbours is an odd number of half teeth.  A one-track encoder does not show direction: a turning point is
+inferred where the signal comes back from less than its peak, and the stretch after it is counted downwards.
 """
 
 from __future__ import annotations
@@ -13,15 +13,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 
 from tirelog.dsp.encoder_signal import FOLLOW_S, Crossings, Probe, Read
 from tirelog.recording import FloatArray, IntArray
 
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth flank
-TURNING_PEAK = 0.8
-#: passages on each side that predict an interval
+TURNING_PEAK, PASSED_PEAK = 0.8, 0.93
+#: half teeth that take longer than this are looked at for a turning point
+SLOW_S = 0.06
+#: intervals on each side that say how long one should be
 NEIGHBOURS = 3
+#: an interval outside of these shares of its neighbours' median is not a single half tooth (pitch errors of 0.5 degree stay inside)
+SHORT, LONG = 0.65, 1.5
 
 
 @dataclass(frozen=True)
@@ -45,20 +49,18 @@ class Teeth:
 
 def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, steps: int) -> Teeth:
     """Teeth from the `passages` of an encoder of `steps` teeth a turn; `read` gives the signal again, around standstills only."""
-    index, rising, extra = _without_extra(passages.index, passages.rising)
+    index, rising, halves, missing, extra = _regular(passages.index, passages.rising, 0.5 * FOLLOW_S * rate_Hz)
     n = index.size
     if n < 2:
-        return Teeth(index, np.zeros(n, np.int64), np.zeros(n, np.int64), np.ones(n, bool), 0, extra)
-    halves = _half_teeth(np.diff(index), 2 * steps)
+        return Teeth(index, np.zeros(n, np.int64), np.zeros(n, np.int64), np.ones(n, bool), missing, extra)
     still = np.diff(index) > 0.5 * FOLLOW_S * rate_Hz
     hole = np.zeros(n - 1, bool)
     if passages.breaks.size:
         broken = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
         hole[broken[halves[broken] != 1]] = True
-    halves[still] = 1
     lost = still | hole | (halves > 2 * steps)
     sign = np.ones(n - 1, np.int64)
-    turned = _turning_points(read, found, index, np.flatnonzero(still))
+    turned = _turning_points(read, found, index, np.flatnonzero(np.diff(index) > SLOW_S * rate_Hz))
     direction = 1
     for at in turned:
         direction = -direction
@@ -67,65 +69,63 @@ def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, s
     count = np.concatenate([[0], np.cumsum(halves * sign)]) + (0 if rising[0] else 1)
     stretch = np.concatenate([[0], np.cumsum(lost)])
     forward = np.concatenate([[True], sign > 0])
-    return Teeth(index, count, stretch, forward, int(np.sum((halves[~lost] - 1) // 2)), extra)
+    return Teeth(index, count, stretch, forward, missing, extra)
 
 
-def _without_extra(index: FloatArray, rising: np.ndarray) -> tuple[FloatArray, np.ndarray, int]:
-    """Passages without the pairs that a glitch adds: a short interval whose removal leaves a regular one."""
-    removed = 0
-    for _ in range(4):
-        steps = np.diff(index)
-        if steps.size < 12:
-            break
-        local = median_filter(steps, 9, mode="nearest")
-        joined = np.full(steps.size, np.inf)
-        joined[1:-1] = np.abs((steps[:-2] + steps[1:-1] + steps[2:]) / local[1:-1] - 1.0)
-        cost = np.where((steps < 0.6 * local) & (joined < 0.35), joined, np.inf)
-        best = np.isfinite(cost)
-        for shift in (1, 2):
-            best[shift:] &= cost[shift:] <= cost[:-shift]
-            best[:-shift] &= cost[:-shift] < cost[shift:]
-        pairs = np.flatnonzero(best)
-        if pairs.size == 0:
-            break
-        keep = np.ones(index.size, bool)
-        keep[pairs] = keep[pairs + 1] = False
-        index, rising, removed = index[keep], rising[keep], removed + 2 * pairs.size
-    return index, rising, removed
+def _regular(index: FloatArray, rising: np.ndarray, slowest: float) -> tuple[FloatArray, np.ndarray, IntArray, int, int]:
+    """(indices, rising, half teeth of each interval, missing teeth, extra teeth).
 
-
-def _half_teeth(steps: FloatArray, turn: int) -> IntArray:
-    """Half teeth in each interval: 1, or an odd number more where the intervals on both sides agree that it is too long."""
+    A run of intervals that are too long or too short for the motion around it becomes one interval: of as many half teeth as its
+    length says, odd or even as the passages in it were.  Where the intervals before and after a run disagree (near standstill), it stays.
+    """
+    steps = np.diff(index)
     halves = np.ones(steps.size, np.int64)
-    if steps.size < 2 * NEIGHBOURS + 1:
-        return halves
-    middle = median_filter(steps, NEIGHBOURS, mode="nearest")
-    left = np.concatenate([np.full(2, np.inf), middle[:-2]])
-    right = np.concatenate([middle[2:], np.full(2, np.inf)])
-    left[:NEIGHBOURS], right[-NEIGHBOURS:] = np.inf, np.inf
-    agreed = np.maximum(left, right) < 1.6 * np.minimum(left, right)
-    long = agreed & (steps > 2.0 * np.maximum(left, right))
-    halves[long] = 2 * np.rint((steps[long] / (0.5 * (left + right))[long] - 1) / 2).astype(np.int64) + 1
-    return np.minimum(halves, 2 * turn + 1)
+    if steps.size < 4 * NEIGHBOURS:
+        return index, rising, halves, 0, 0
+    ratio = steps / median_filter(steps, 9, mode="nearest")
+    odd = ratio < SHORT
+    odd[1:] |= ratio[:-1] < SHORT  # the tooth beside a glitch lost what the glitch took
+    odd[:-1] |= ratio[1:] < SHORT
+    odd |= ratio > LONG
+    odd &= steps < slowest
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], odd.view(np.int8), [0]])))
+    keep, missing, extra = np.ones(index.size, bool), 0, 0
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        before, after = steps[max(start - NEIGHBOURS, 0) : start], steps[stop : stop + NEIGHBOURS]
+        if before.size == 0 or after.size == 0 or index[stop] - index[start] > 2 * slowest:
+            continue
+        left, right = float(np.median(before)), float(np.median(after))
+        if max(left, right) > 1.6 * min(left, right):
+            continue
+        n, length = stop - start, float(index[stop] - index[start]) / (0.5 * (left + right))
+        whole = max(n + 2 * round((length - n) / 2), 2 - n % 2)
+        keep[start + 1 : stop] = False
+        halves[start] = whole
+        missing += max(whole - n, 0) // 2
+        extra += max(n - whole, 0) // 2
+    return index[keep], rising[keep], halves[keep[:-1]], missing, extra
 
 
-def _turning_points(read: Read, found: Probe, index: FloatArray, still: IntArray) -> list[int]:
-    """The intervals of `still` in which the signal came back without having passed its peak.
+def _turning_points(read: Read, found: Probe, index: FloatArray, slow: IntArray) -> list[int]:
+    """The intervals of `slow` in which the signal came back before its peak, or passed it, came back and passed it again.
 
-    Nothing is inferred where the amplitude falls with speed (an inductive sensor): there the peak says nothing.
+    A turn within a sixth of a half tooth of the peak is not seen.  Nothing is inferred where the amplitude falls with speed (an inductive
+    sensor): there the peak says nothing.
     """
     turned = []
-    for at in still:
+    for at in slow:
         before, after = int(index[max(at - 1, 0)]), int(index[min(at + 2, index.size - 1)]) + 1
-        stop = min(after, before + (1 << 20))
-        x = read(before, stop)
+        x = read(before, min(after, before + (1 << 20)))
         edges = (np.array([index[at], index[at + 1]]) - before).astype(np.int64)
-        if edges[1] >= x.size or edges[0] < 2 or edges[1] + 3 > x.size:
+        if edges[1] + 3 > x.size or edges[0] < 2 or np.isnan(x).any():
             continue
-        inner, left, right = x[edges[0] : edges[1]], x[: edges[0]], x[edges[1] :]
-        around = np.concatenate([left, right])
-        middle = 0.5 * float(np.nanmax(x) + np.nanmin(x))
-        peak = float(np.nanmax(np.abs(around - middle)))
-        if peak > 0.7 * found.amplitude and np.nanmax(np.abs(inner - middle)) < TURNING_PEAK * peak:
+        size = max(int(edges[1] - edges[0]) // 20, 1)
+        away = np.abs(uniform_filter1d(x, size) - 0.5 * float(x.max() + x.min()))
+        inner, around = away[edges[0] : edges[1]], np.concatenate([away[: edges[0]], away[edges[1] :]])
+        peak = float(around.max())
+        if peak < 0.7 * found.amplitude:
+            continue
+        passed = np.flatnonzero(inner > PASSED_PEAK * peak)
+        if inner.max() < TURNING_PEAK * peak or (passed.size and inner[passed[0] : passed[-1] + 1].min() < TURNING_PEAK * peak):
             turned.append(int(at))
     return turned

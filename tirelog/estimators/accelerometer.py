@@ -20,18 +20,20 @@ EQUAL_SHARE = 0.02
 PILED_UP = 6
 
 
-def without_held(channel: Channel) -> Channel:
-    """The channel with runs of HELD or more equal samples lost; as it is where the channel has too little noise to tell."""
+def without_held(channel: Channel, low: float, high: float) -> Channel:
+    """The channel with runs of HELD or more equal samples lost, but for those at its limits `low` and `high`; as it is where the channel
+    has too little noise to tell."""
     starts = np.unique(np.linspace(0, max(channel.size - 4096, 0), 32).astype(np.int64))
     pieces = [channel.read(int(s), int(s) + 4096) for s in starts]
+    pieces = [p[(p > low) & (p < high)] for p in pieces]
     shares = [float(np.mean(np.diff(p) == 0)) for p in pieces if p.size > 1]
     if not shares or np.median(shares) > EQUAL_SHARE:
         return channel
 
     def read(start: int, stop: int) -> FloatArray:
-        low = max(start - HELD, 0)
-        values = channel.read(low, stop + HELD)
-        equal = np.diff(values) == 0
+        first = max(start - HELD, 0)
+        values = channel.read(first, stop + HELD)
+        equal = (np.diff(values) == 0) & (values[1:] > low) & (values[1:] < high)
         if equal.any():
             edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.view(np.int8), [0]])))
             runs = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= HELD - 1]
@@ -39,7 +41,7 @@ def without_held(channel: Channel) -> Channel:
                 values = values.copy()
             for a, b in runs:
                 values[a : b + 1] = np.nan
-        return values[start - low : stop - low]
+        return values[start - first : stop - first]
 
     return replace(channel, samples=read)
 

@@ -66,7 +66,7 @@ def gravity_in(dips: Dips, sign: int) -> bool:
     scale = np.sqrt(np.maximum(np.diag(left), 1e-300))
     unit = left / np.outer(scale, scale)
     columns = [0, 1, 2] if np.linalg.cond(unit) < 3e3 else [0, 2]
-    solved = np.linalg.solve(unit[np.ix_(columns, columns)], (right / scale)[columns]) / scale[columns]
+    solved = np.linalg.lstsq(unit[np.ix_(columns, columns)], (right / scale)[columns], rcond=1e-12)[0] / scale[columns]
     return bool(sign * solved[-1] > 0.3 * GRAVITY_M_S2)
 
 
@@ -78,6 +78,8 @@ def find_fronts(channel: Channel, wheel: WheelAngle, radius_m: float, limits: tu
     sign = int(np.sign(np.median(dips.level)))
     width, turn = np.median(dips.exit_rad - dips.entry_rad), _turn(dips)
     dips = dips.take((dips.exit_rad - dips.entry_rad < 1.7 * width) & (dips.exit_rad - dips.entry_rad > 0.55 * width))
+    if not _recurs(dips, turn):
+        return None
     dips, expected, row = _expected(dips.take(np.sign(dips.level) == sign), wheel, turn)
     gravity = gravity_in(dips, sign)
     flanks = _flanks(dips, wheel, channel, radius_m, sign * GRAVITY_M_S2 if gravity else 0.0)
@@ -92,8 +94,9 @@ def find_fronts(channel: Channel, wheel: WheelAngle, radius_m: float, limits: tu
     full = np.full((4, expected.size), np.nan)
     full[:, row] = place[:n], place[n:], se[:n] * form, se[n:] * form
     marks: list[set[str]] = [{"lost_peak"} for _ in expected]
+    saturated = np.abs(flanks.level[:n]) * flanks.rate[:n] ** 2 > 0.95 * min(-limits[0], limits[1])
     for k, at in enumerate(row):
-        marks[at] = words[k] | words[n + k]
+        marks[at] = words[k] | words[n + k] | ({"clipped"} if saturated[k] else set())
     level = abs(float(np.median(dips.level)))
     return Fronts(expected, full[0], full[1], full[2], full[3], marks, sign, level, gravity, turn)
 
@@ -102,6 +105,12 @@ def _turn(dips: Dips) -> float:
     """Wheel angle from passage to passage [rad]: 2 pi, if the encoder has as many steps as the setup says."""
     middle = 0.5 * (dips.entry_rad + dips.exit_rad)
     return float(np.median(np.diff(middle)))
+
+
+def _recurs(dips: Dips, turn: float) -> bool:
+    """Whether most dips come after a whole number of like turns; noise does not."""
+    steps = np.diff(0.5 * (dips.entry_rad + dips.exit_rad)) / turn
+    return dips.entry_rad.size >= 3 and turn > 0.3 * np.pi and float(np.mean(np.abs(steps - np.rint(steps)) < 0.03)) > 0.6
 
 
 def _expected(dips: Dips, wheel: WheelAngle, turn: float) -> tuple[Dips, FloatArray, IntArray]:
@@ -248,7 +257,7 @@ def _solve(
     squares = np.stack([np.bincount(owner, weight**2 * u**k, group.size) for k in range(7)])
     right = np.stack([np.bincount(owner, weight * y * u**k, group.size) for k in range(4)], axis=-1)
     left, between = (np.stack([p[k : k + 4] for k in range(4)]).transpose(2, 0, 1) for p in (powers, squares))
-    enough = np.bincount(owner, minlength=group.size) >= 5
+    enough = (np.bincount(owner, minlength=group.size) >= 5) & (powers[0] > 1.0)
     left[~enough] = np.eye(4)
     inverse = np.linalg.inv(left + 1e-9 * powers[0][:, None, None] * np.eye(4))
     c = np.einsum("nij,nj->ni", inverse, right)

@@ -28,6 +28,8 @@ LOW_SPEED_M_S = 13.0
 STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
 #: level outside over Omega^2 R: beyond these the time axis or a unit is wrong
 LEVEL_RATIO = (0.7, 1.4)
+#: forces do not move the patch's usual place by more than this after a standstill
+ELSEWHERE_DEG = 2.0
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> I
     said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
     for channel in accelerometers:
         low, high, share = limits(channel)
-        fronts = find_fronts(without_held(channel), wheel, radius.radius_m, (low, high))
+        fronts = find_fronts(without_held(channel, low, high), wheel, radius.radius_m, (low, high))
         if fronts is None:
             raise DataLoss(_no_patch(recording, channel, encoder))
         said += _doubts(channel, wheel, fronts, radius, share)
@@ -149,7 +151,9 @@ def _passages(
     for k in np.flatnonzero(~found):
         words[k].add("lost_peak")
     reading = np.where(found, middle, np.nan)
-    turn, moved = _one_turn(reading, wheel, time)
+    turn, moved, strange = _one_turn(reading, wheel, time)
+    for k in np.flatnonzero(strange):
+        words[k].add("reversing")
     good = found & np.array([not w for w in words])
     steady = steady_passages(speed, good)
     offset, zero_speed = _zero(turn, speed, time, steady, good, zero)
@@ -174,20 +178,20 @@ def _acceleration(before: FloatArray, time: FloatArray, after: FloatArray, radiu
         return radius * 2 * np.pi * (1 / (after - time) - 1 / (time - before)) / (after - before)
 
 
-def _one_turn(middle: FloatArray, wheel: WheelAngle, time: FloatArray) -> tuple[FloatArray, int]:
-    """(middles within one turn [deg], how often whole teeth were given back).
+def _one_turn(middle: FloatArray, wheel: WheelAngle, time: FloatArray) -> tuple[FloatArray, int, np.ndarray]:
+    """(middles within one turn [deg], how often whole teeth were given back, passages of stretches in which the patch is elsewhere).
 
     After a standstill or a hole the count may have lost whole teeth.  The patch cannot have moved by half a tooth, so its place against
-    the first stretch gives them back.
+    the first stretch gives them back.  Where it lies between two teeth the wheel must have rolled the other way.
     """
     tooth = 360.0 / wheel.steps
     known = np.isfinite(middle)
     if not known.any():
-        return middle, 0
+        return middle, 0, np.zeros(middle.size, bool)
     usual = float(np.angle(np.exp(1j * middle[known]).sum()))
     turn = np.angle(np.exp(1j * (middle - usual))) * DEG
     stretch = wheel.angle.stretch[np.clip(np.searchsorted(wheel.angle.time_s, np.nan_to_num(time)) - 1, 0, None)]
-    moved, first = 0, np.nan
+    moved, first, strange = 0, np.nan, np.zeros(middle.size, bool)
     for number in np.unique(stretch[known]):
         rows = known & (stretch == number)
         place = float(np.median(turn[rows]))
@@ -195,8 +199,9 @@ def _one_turn(middle: FloatArray, wheel: WheelAngle, time: FloatArray) -> tuple[
         lost = round((place - first) / tooth) * tooth
         turn[rows] -= lost
         moved += lost != 0
+        strange |= rows & (abs(place - lost - first) > ELSEWHERE_DEG)
     centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(np.median(turn[known]))
-    return turn + centre, moved
+    return turn + centre, moved, strange
 
 
 def steady_passages(speed: FloatArray, good: np.ndarray) -> IntArray:

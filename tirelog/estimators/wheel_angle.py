@@ -19,11 +19,11 @@ import numpy as np
 from tirelog import units
 from tirelog.dsp.angle import AngleFunction, smooth_angle
 from tirelog.dsp.encoder_counter import counter_knots
-from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchTable, learn, steps_that_repeat
+from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchTable, aligned, learn, steps_that_repeat
 from tirelog.dsp.encoder_signal import Probe, crossings, probe
 from tirelog.dsp.encoder_teeth import Teeth, count_teeth
 from tirelog.errors import SetupError
-from tirelog.recording import Channel, FloatArray, Recording
+from tirelog.recording import Channel, FloatArray, IntArray, Recording
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
 SPEED_WINDOW_S = 0.443 / 20.0
@@ -51,7 +51,7 @@ class WheelAngle:
         return self.angle.mean_rate(time_s, SPEED_WINDOW_S)
 
     def words(self, start_s: FloatArray, stop_s: FloatArray) -> list[set[str]]:
-        """What is wrong with the angle within [start, stop], each shape (n,): standstill, reversing."""
+        """What is wrong with the angle within [start, stop], each shape (n,): standstill, reversing, gap."""
         knots = self.angle.time_s
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
         last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
@@ -59,8 +59,10 @@ class WheelAngle:
         back = np.concatenate([[0], np.cumsum(self.backward)])
         words: list[set[str]] = [set() for _ in first]
         for row, (a, b) in enumerate(zip(first, last, strict=True)):
-            if slow[b] > slow[a] or self.angle.stretch[b] != self.angle.stretch[a]:
+            if slow[b] > slow[a]:
                 words[row].add("standstill")
+            elif self.angle.stretch[b] != self.angle.stretch[a]:
+                words[row].add("gap")
             if back[b + 1] > back[a]:
                 words[row].add("reversing")
         return words
@@ -80,17 +82,37 @@ def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
         return _counted(channel, quantity == "angle", steps)
     teeth = _teeth(channel, found, steps)
     time = channel.axis.at(teeth.index)
-    pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
-    forward = np.where(teeth.forward, 1, -1)
-    stretches = [
-        (t, c) for t, c in zip(np.split(time, pieces), np.split(teeth.count, pieces), strict=True) if c.size > 1 and (np.diff(c) > 0).all()
-    ]
+    count = _realigned(time, teeth, steps)
+    stretches = _stretches(time, count, teeth)
     pitch = learn(stretches, steps)
-    error = pitch.error_rad[np.mod(teeth.count, 2 * steps)]
+    error = pitch.error_rad[np.mod(count, 2 * steps)]
     noise = pitch.scatter_rad if pitch.turns else _noise(found, steps)
-    function = smooth_angle(time, teeth.count, error, np.pi / steps, teeth.stretch, noise)
+    function = smooth_angle(time, count, error, np.pi / steps, teeth.stretch, noise)
     remarks = _remarks(channel, teeth, pitch, stretches, steps)
-    return WheelAngle(channel.name, steps, found.form, function, pitch, forward < 0, tuple(remarks))
+    return WheelAngle(channel.name, steps, found.form, function, pitch, ~teeth.forward, tuple(remarks))
+
+
+def _stretches(time: FloatArray, count: IntArray, teeth: Teeth) -> list[tuple[FloatArray, IntArray]]:
+    """(times, counts) of the stretches in which the wheel rolls forward."""
+    pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
+    parts = zip(np.split(time, pieces), np.split(count, pieces), strict=True)
+    return [(t, c) for t, c in parts if c.size > 1 and (np.diff(c) > 0).all()]
+
+
+def _realigned(time: FloatArray, teeth: Teeth, steps: int) -> IntArray:
+    """The counts, with whole teeth that were lost between stretches given back where the pitch errors tell."""
+    pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
+    if pieces.size == 0 or not teeth.forward.all():
+        return teeth.count
+    parts = list(zip(np.split(time, pieces), np.split(teeth.count, pieces), strict=True))
+    shifts, moved, last = aligned(parts, steps), [], -1
+    for (_, count), shift in zip(parts, shifts, strict=True):
+        shifted = count + shift
+        while shifted[0] <= last:  # the wheel did not roll back
+            shifted = shifted + 2 * steps
+        moved.append(shifted)
+        last = int(shifted[-1])
+    return np.concatenate(moved)
 
 
 def _noise(found: Probe, steps: int) -> float:
@@ -142,6 +164,10 @@ def _remarks(channel: Channel, teeth: Teeth, pitch: PitchTable, stretches: list[
     said = []
     if teeth.missing or teeth.extra:
         said.append(f"channel {channel.name}: {teeth.missing} missing and {teeth.extra} extra teeth were repaired")
+    if not teeth.forward.all():
+        said.append(
+            f"channel {channel.name}: the wheel rolled backwards for {np.sum(~teeth.forward)} half teeth; passages there are left out"
+        )
     if pitch.turns == 0:
         return [*said, f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's pitch errors are not learnt"]
     if pitch.repeats < REPEATS:
