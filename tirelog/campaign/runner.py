@@ -58,7 +58,7 @@ def _done(task: Task, entry: Entry | None, retry_failed: bool) -> bool:
         return False
     if entry.error:
         return not retry_failed
-    return all(part_path(task.output, table, task.name).is_file() for table in task.tables)
+    return all(part_path(task.output, table, task.name).is_file() for table in entry.rows)
 
 
 def run(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import resource
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,11 @@ import numpy as np
 from tirelog import __version__
 from tirelog.campaign.ledger import Entry
 from tirelog.errors import ExitStatus, TirelogError, UsageError
+from tirelog.estimators.makers import MAKERS
 from tirelog.ingest import open_recording
 from tirelog.recording import Recording
 from tirelog.setup import parse_setup
 from tirelog.tables import TableWriter
-
-Columns = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -50,9 +49,14 @@ def make_tables(task: Task) -> Entry:
             raise UsageError(task.problem, file=task.log)
         tempfile.tempdir = task.temporary if Path(task.temporary).is_dir() else None
         with open_recording(task.log, parse_setup(task.setup_text, task.setup_file)) as recording:
-            for name, options in task.tables.items():
+            entry.remarks += recording.remarks
+            suited = {name: options for name, options in task.tables.items() if MAKERS[name].suits(recording)}
+            if task.tables and not suited:
+                raise UsageError(f"has no channel for {', '.join(task.tables)}; see tirelog info; narrow the glob", file=task.log)
+            entry.remarks += [f"no channel for {name}" for name in task.tables if name not in suited]
+            for name, options in suited.items():
                 _make(name, options, recording, task, entry)
-            entry.remarks, entry.losses = list(recording.remarks), list(recording.losses)
+            entry.losses = list(recording.losses)
         entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
     except TirelogError as problem:
         entry.error, entry.exit_status = str(problem), int(problem.exit_status)
@@ -77,20 +81,10 @@ def _make(name: str, options: Mapping[str, Any], recording: Recording, task: Tas
     path.parent.mkdir(parents=True, exist_ok=True)
     words: dict[str, int] = {}
     with TableWriter(name, path, "parquet", metadata={"key": task.key, "log": task.log, "version": __version__}) as writer:
-        for columns in MAKERS[name].rows(recording, options):
+        for columns, remarks in MAKERS[name].rows(recording, options):
+            entry.remarks += [remark for remark in remarks if remark not in entry.remarks]
             for word, n in zip(*np.unique(np.asarray(columns["quality"], dtype=str), return_counts=True), strict=True):
                 words[str(word)] = words.get(str(word), 0) + int(n)
             writer.write({key: value for key, value in columns.items() if key != "log"})
         entry.rows[name] = writer.rows
     entry.quality[name] = words
-
-
-@dataclass(frozen=True)
-class Maker:
-    """How a table is made, and the options that a manifest may give for it."""
-
-    rows: Callable[[Recording, Mapping[str, Any]], Iterator[Columns]]
-    options: tuple[str, ...] = ()
-
-
-MAKERS: dict[str, Maker] = {}

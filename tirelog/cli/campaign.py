@@ -25,7 +25,7 @@ Only = Annotated[str | None, typer.Option("--only", help="Only logs whose path o
 def _load(manifest: Path) -> tuple[Campaign, Ledger]:
     from tirelog.campaign.ledger import Ledger
     from tirelog.campaign.manifest import load_manifest
-    from tirelog.campaign.work import MAKERS
+    from tirelog.estimators.makers import MAKERS
 
     campaign = load_manifest(manifest, {name: maker.options for name, maker in MAKERS.items()})
     return campaign, Ledger(campaign.output)
