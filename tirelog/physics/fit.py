@@ -156,7 +156,8 @@ def fit(
 ) -> FitResult:
     """The model's free parameters fitted to the stacks (strain, radial acceleration or a number per revolution; several logs and channels).
 
-    nuisances   'offset', 'amplitude', 'shift' of every revolution that are taken out; without 'offset' one offset per log is
+    nuisances   'offset', 'amplitude', 'shift' of every revolution that are taken out; without 'offset' one offset per log is; with
+                'amplitude' the lever arm is held
     starts      how many starts are compared on a few revolutions before all are used
     ModelError  no data, nothing free, another observable, a condition that an effect needs is not known, or no convergence: never a number.
     """
@@ -197,7 +198,8 @@ def _refuse(model: Model, stacks: Sequence[Stack]) -> None:
 def _problem(model: Model, stacks: Sequence[Stack], nuisances: Sequence[str]) -> _Problem:
     strain = any(stack.observable == STRAIN for stack in stacks)
     lever = model.parameters.get(LEVER)
-    lever_free = bool(strain and lever is not None and lever.free)
+    # with a free amplitude in every revolution nothing is left that could show the lever arm
+    lever_free = bool(strain and lever is not None and lever.free and "amplitude" not in nuisances)
     if lever_free and lever is not None and lever.value <= 0.0:
         model = model.with_values({LEVER: min(lever.probe, lever.max)})
     nonlinear = tuple(name for name in model.free if name != LEVER)

@@ -102,11 +102,11 @@ def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, 
     return contact
 
 
-def _word(table: Mapping[str, Any], key: str, allowed: tuple[str, ...], default: str | None, source: _Text) -> str:
+def _word(table: Mapping[str, Any], key: str, allowed: tuple[str, ...], default: str | None, source: _Text, after: int = 0) -> str:
     value = table.get(key, default)
     if value not in allowed:
         near = nearest(value, allowed) if isinstance(value, str) else ""
-        raise source.error(f"{key} = {value!r}{near}; allowed are {', '.join(allowed)}; choose one", key)
+        raise source.error(f"{key} = {value!r}{near}; allowed are {', '.join(allowed)}; choose one", key, after)
     return value  # type: ignore[return-value]
 
 
@@ -170,7 +170,7 @@ def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _
         given = {k: v for k, v in table.items() if k != "name" and k not in effect.options}
     _only(given, (p.name for p in effect.parameters), source, f"effect {name!r}", after - 1)
     parameters = tuple(_number(given[p.name], p, source, p.name, after - 1) if p.name in given else p for p in effect.parameters)
-    options = {key: _word(table, key, words, words[0], source) for key, words in effect.options.items()}
+    options = {key: _word(table, key, words, words[0], source, after - 1) for key, words in effect.options.items()}
     return ModelEffect(effect, parameters, options, own)
 
 
@@ -181,10 +181,9 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
         raise source.error("expression is a text and parameters a table; no other form is allowed; correct it", "expression", after - 1)
     parameters = tuple(_number(value, _unknown(key, value), source, key, after - 1) for key, value in given.items())
     parameters = tuple(replace(p, probe=p.value or 0.01 * max(abs(p.min), abs(p.max))) for p in parameters)
+    place = _word(table, "acts_on", EXPRESSION_ACTS_ON, "contact_pressure", source, after - 1)
     try:
-        return effect_by_expression(
-            table["name"], _word(table, "acts_on", EXPRESSION_ACTS_ON, "contact_pressure", source), table["expression"], parameters
-        )
+        return effect_by_expression(table["name"], place, table["expression"], parameters)
     except ModelError as problem:
         raise source.error(problem.message, table["name"], after - 1) from None
 

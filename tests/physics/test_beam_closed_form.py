@@ -1,0 +1,110 @@
+"""The beam against its exact roots and against collocation, 1e-6 relative; refusal at the critical speed."""
+
+import numpy as np
+import pytest
+
+from tests.physics.collocation import solve_closed_line
+from tirelog.errors import ModelError
+from tirelog.physics import Model
+from tirelog.physics.beam import critical_speed, exact_displacement
+from tirelog.recording import Conditions
+
+EJ, K, MU, L, Y, F, R = 4.0, 2.0e6, 4.5, 0.055, 3e-4, 3600.0, 0.3126
+BEAM = Model.new("beam", radius_m=R)
+PHI = np.linspace(-np.pi, np.pi, 2503)[:-1]
+
+
+def strain(speed, damping, surface="inner"):
+    model = BEAM.with_effect("viscous_damping", damping_rate_1_s=damping)
+    return model.predict(Conditions.of(1, speed_m_s=speed), PHI, surface=surface)[0]
+
+
+def exact(speed, damping, derivative, x=R * PHI):
+    return exact_displacement(
+        x, load_N=F, half_length_m=L, circumference_m=2 * np.pi * R, flexural_stiffness_N_m2=EJ, foundation_stiffness_N_m2=K,
+        line_mass_kg_m=MU, speed_m_s=speed, damping_rate_1_s=damping, derivative=derivative,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("damping", [0.0, 5.0, 400.0])
+@pytest.mark.parametrize("share", [0.01, 0.3, 0.8, 0.95])
+def test_strain_and_displacement_follow_the_exact_roots(share, damping):
+    speed = share * critical_speed(EJ, K, MU)
+    wanted = -Y * exact(speed, damping, 2)
+    assert np.abs(strain(speed, damping) - wanted).max() < 1e-6 * np.abs(wanted).max()
+    model = BEAM.with_effect("viscous_damping", damping_rate_1_s=damping)
+    w = model.predict(Conditions.of(1, speed_m_s=speed), PHI, observable="displacement")[0]
+    wanted = exact(speed, damping, 0)
+    assert np.abs(w - wanted).max() < 1e-7 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize(("speed", "damping"), [(1.0, 0.0), (20.0, 60.0), (30.0, 400.0)])
+def test_exact_roots_agree_with_collocation(speed, damping):
+    gamma = 0.75 * F / L**3
+    x, u = solve_closed_line(
+        [K, 2 * MU * damping * speed, MU * speed**2, 0.0, EJ],
+        [-np.pi * R, -0.3, -L, L, 0.3, np.pi * R],
+        lambda at, piece: gamma * (L**2 - at**2) if piece == 2 else 0.0,
+        scale=(K / (4 * EJ)) ** 0.25,
+    )
+    for derivative in range(4):
+        wanted = u[derivative].ravel()
+        got = exact(speed, damping, derivative, x.ravel())
+        assert np.abs(got - wanted).max() < 1e-7 * np.abs(wanted).max()
+
+
+def test_surfaces_have_opposite_signs_and_the_groove_a_minimum():
+    outer, inner = strain(10.0, 0.0, "outer"), strain(10.0, 0.0, "inner")
+    assert np.array_equal(outer, -inner)
+    assert abs(R * PHI[np.argmin(outer)]) < L
+    assert abs(R * PHI[np.argmax(inner)]) < L
+
+
+def test_damping_lags_behind_in_the_direction_of_passing():
+    w = BEAM.with_effect("viscous_damping", damping_rate_1_s=60.0).predict(Conditions.of(1, speed_m_s=20.0), PHI, observable="displacement")
+    assert R * PHI[np.argmax(w[0])] > 1e-3
+
+
+def test_bins_with_a_variance_read_the_mean_over_their_samples():
+    phi, spread = np.array([-0.21, 0.02, 0.15]), 0.01
+    samples = np.linspace(-1.0, 1.0, 2001) * spread
+    conditions = Conditions.of(1, speed_m_s=12.0)
+    mean = np.array([BEAM.predict(conditions, p + samples)[0].mean() for p in phi])
+    got = BEAM.predict(conditions, phi, phi_variance=np.full(3, samples.var()))[0]
+    plain = BEAM.predict(conditions, phi)[0]
+    assert np.abs(got - mean).max() < 0.02 * np.abs(plain - mean).max()
+
+
+def test_radial_acceleration_is_that_of_a_point_on_the_deformed_tread():
+    """A point of the inextensible belt in the plane, at (R + w) e_r + v e_t with v' = -w, differenced twice in time, projected outward."""
+    speed, step = 12.0, 2e-3
+    omega = speed / R
+    model = Model.new("beam", "radial_acceleration", radius_m=R, load_N=20.0)
+    conditions = Conditions.of(1, speed_m_s=speed)
+    phi = np.arange(-np.pi, np.pi, step)
+    w = -model.predict(conditions, phi, observable="displacement")[0]
+    v = -np.cumsum(w - w.mean()) * step + 0.5 * step * (w - w.mean())
+    turning = np.exp(1j * phi)
+    place = (R + w + 1j * v) * turning
+    second = (place[:-2] - 2 * place[1:-1] + place[2:]) / step**2 * omega**2
+    outward = (second * np.conj(turning[1:-1])).real
+    middle = slice(1000, -1000)
+    level = 2 * omega**2 * w.mean()  # the mean of w that an inextensible belt would not have
+    got = model.predict(conditions, phi)[0][1:-1]
+    assert np.abs(got - outward - level)[middle].max() < 2e-3 * np.ptp(outward[middle])
+
+
+def test_above_the_critical_speed_the_beam_refuses():
+    limit = critical_speed(EJ, K, MU)
+    strain(0.999 * limit, 0.0)
+    with pytest.raises(ModelError, match=r"critical speed 35\.46 m/s"):
+        strain(1.001 * limit, 0.0)
+    tension = BEAM.with_effect("belt_tension", tension_N=500.0)
+    tension.predict(Conditions.of(1, speed_m_s=1.001 * limit), PHI)
+
+
+def test_belt_tension_adds_to_the_hoop_term():
+    """T - mu c^2 is one term: tension mu (c1^2 - c2^2) at c1 is the beam at c2 (without the baseline)."""
+    tension = MU * (20.0**2 - 7.0**2)
+    with_tension = BEAM.with_effect("belt_tension", tension_N=tension).predict(Conditions.of(1, speed_m_s=20.0), PHI)
+    assert np.allclose(with_tension, BEAM.predict(Conditions.of(1, speed_m_s=7.0), PHI), rtol=1e-10, atol=1e-15)

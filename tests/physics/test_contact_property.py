@@ -1,0 +1,78 @@
+"""One-sided contact with a flat road: carries the load, never pulls, and what it presses follows its own law."""
+
+import numpy as np
+import pytest
+
+from tirelog.errors import ModelError
+from tirelog.physics import Model
+from tirelog.physics.contact import solve_contact
+from tirelog.physics.ring import RingCarcass
+from tirelog.recording import Conditions
+
+R, STEP = 0.3, 2 * np.pi / 3072
+CARCASS = RingCarcass(EI=2.0, k_w=6.3e5, k_v=6.3e5, c_w=0.0, c_v=0.0, pb=1.2e5 * 0.14, R=R, k_t=8.75e7)
+
+
+@pytest.mark.parametrize("load", [20.0, 250.0, 1000.0, 3500.0, 9000.0])
+def test_carries_the_load_and_never_pulls(load):
+    contact = solve_contact(CARCASS, load)
+    assert contact.pressure_N_m.sum() * R * STEP == pytest.approx(load, rel=1e-6)
+    assert contact.pressure_N_m.min() >= 0.0
+    assert np.allclose(contact.pressure_N_m, contact.pressure_N_m[::-1], rtol=1e-6)
+    assert contact.centre_m == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_loaded_ring_touches_the_road_and_nowhere_passes_it():
+    """Geometry alone: predicted displacement of the ring and the road's height."""
+    load = 2500.0
+    contact = solve_contact(CARCASS, load)
+    model = Model.new(
+        "ring", flexural_stiffness_N_m2=2.0, radial_stiffness_N_m2=6.3e5, tangential_stiffness_N_m2=6.3e5, inflation_pressure_Pa=1.2e5,
+        width_m=0.14, radius_m=R, load_N=load,
+    )  # fmt: skip
+    phi = np.arange(-400, 401) * STEP
+    w = -model.predict(Conditions.of(1, speed_m_s=1.0), phi, observable="displacement")[0]
+    whole = np.arange(-1536, 1536) * STEP
+    w_all = -model.predict(Conditions.of(1, speed_m_s=1.0), whole, observable="displacement")[0]
+    v_all = -np.cumsum(w_all) * STEP + 0.5 * STEP * w_all
+    v = np.interp(phi, whole, v_all - v_all[1536])
+    below = (R + w) * np.cos(phi) - v * np.sin(phi) - (R - contact.drop_m)
+    inside = np.abs(R * phi) < 0.95 * contact.half_length_m
+    outside = np.abs(R * phi) > 1.02 * contact.half_length_m
+    assert below[outside].max() < 1e-5
+    pressure = np.interp(phi, contact.phi_rad, contact.pressure_N_m)
+    assert np.allclose(below[inside] * 8.75e7, pressure[inside], rtol=0.02)
+
+
+def test_half_length_is_as_in_the_errata():
+    """4.6 deg at 1000 N and 11.3 deg at 3500 N in space; the edge's material angle is smaller by the belt's own shift v / R."""
+    for load, wanted in ((1000.0, 4.6), (3500.0, 11.3)):
+        angle = np.degrees(solve_contact(CARCASS, load).half_length_m / R)
+        assert angle == pytest.approx(wanted, rel=0.05)
+
+
+def test_loads_in_between_are_interpolated_to_a_part_in_a_thousand():
+    model = Model.new("ring", radius_m=R)
+    loads = np.linspace(2500.0, 4000.0, 40)
+    conditions = Conditions.of(40, speed_m_s=10.0, load_N=loads)
+    phi = np.linspace(-0.5, 0.5, 101)
+    table = model.predict(conditions, phi)
+    alone = np.stack([model.predict(conditions.take(slice(i, i + 1)), phi)[0] for i in (3, 17, 38)])
+    assert np.abs(table[[3, 17, 38]] - alone).max() < 1e-3 * np.abs(alone).max()
+    lengths = model.half_length_m(conditions)
+    assert np.all(np.diff(lengths) > 0)
+
+
+def test_pressure_of_the_model_carries_the_load():
+    model = Model.new("ring", radius_m=R).with_effect("wear", amplitude=0.4).with_effect("pressure_offset", offset=0.2)
+    conditions = Conditions.of(2, speed_m_s=10.0, load_N=[1000.0, 4000.0], distance_km=20000.0)
+    phi = np.arange(3072) * STEP - np.pi
+    carried = model.predict(conditions, phi, observable="contact_pressure").sum(axis=1) * R * STEP
+    assert carried == pytest.approx([1000.0, 4000.0], rel=1e-6)
+
+
+def test_no_load_and_too_much_load_are_refused():
+    with pytest.raises(ModelError, match="above zero"):
+        solve_contact(CARCASS, 0.0)
+    with pytest.raises(ModelError, match="patch grows"):
+        solve_contact(CARCASS, 1e6)

@@ -1,0 +1,322 @@
+"""One shared test for every effect of the catalogue: off is the base, slopes, bounds, units, conditions, order, load carried."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tirelog.errors import ModelError
+from tirelog.physics import CATALOGUE, Model
+from tirelog.physics.effects.base import ACTS_ON
+from tirelog.physics.user_effects import effect_by_expression
+from tirelog.recording import Conditions
+
+PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
+N = 7
+DRIVE = Conditions.of(
+    N, speed_m_s=np.linspace(6.0, 24.0, N), acceleration_m_s2=np.linspace(-4.0, 3.0, N), time_s=np.linspace(0.0, 60.0, N),
+    temperature_K=np.linspace(0.0, 12.0, N), inflation_pressure_Pa=2.2e5, distance_km=np.linspace(1e3, 3e4, N), water_depth_mm=1.5,
+    load_N=np.linspace(3000.0, 4000.0, N),
+)  # fmt: skip
+WAVES = [e for e in CATALOGUE if "strain" in e.observables]
+REGRESSORS = [e for e in CATALOGUE if "regressors" in e.acts_on]
+
+
+def base_for(effect, carcass="beam"):
+    observable = "strain" if "strain" in effect.observables else effect.observables[0]
+    contact = "prescribed" if carcass == "ring" else None
+    model = Model.new(carcass, observable, contact)
+    return model.with_effect("load_transfer") if observable == "phase_shift" and effect.id != "load_transfer" else model
+
+
+def probed(model, effect):
+    return model.with_values({f"{effect.id}.{p.name}": p.probe for p in effect.parameters})
+
+
+def by_id(effects):
+    return pytest.mark.parametrize("effect", effects, ids=lambda e: e.id)
+
+
+@by_id(CATALOGUE)
+def test_off_is_the_base_model_to_the_last_bit(effect):
+    base = base_for(effect)
+    on = probed(base.with_effect(effect), effect)
+    off = on.with_values({f"{effect.id}.{name}": 0.0 for name in effect.strength})
+    assert np.array_equal(off.predict(DRIVE, PHI), base.predict(DRIVE, PHI))
+    assert not np.array_equal(on.predict(DRIVE, PHI), base.predict(DRIVE, PHI))
+
+
+@by_id(CATALOGUE)
+def test_slopes_agree_with_differences_of_the_prediction(effect):
+    """Richardson's extrapolation of the whole prediction, at the probe and (where it may be zero) at zero strength."""
+    names = [f"{effect.id}.{p.name}" for p in effect.parameters if p.free]
+    on = probed(base_for(effect).with_effect(effect), effect)
+    names += [n for n in on.free if "." not in n]
+    slopes = on.jacobian(DRIVE, PHI, names)
+    for name, slope in zip(names, slopes, strict=True):
+        p = on.parameters[name]
+        step = 1e-3 * max(abs(p.value), 1e-3 * abs(p.probe))
+
+        def central(h, name=name, value=p.value):
+            up, down = (on.predict(DRIVE, PHI, values={name: value + sign * h}) for sign in (1, -1))
+            return (up - down) / (2 * h)
+
+        wanted = (4 * central(step / 2) - central(step)) / 3
+        assert np.abs(slope - wanted).max() <= 1e-5 * np.abs(wanted).max() + 1e-12 * np.abs(slope).max(), name
+
+
+@by_id(CATALOGUE)
+def test_slope_at_zero_strength_is_the_one_from_above(effect):
+    on = probed(base_for(effect).with_effect(effect), effect)
+    name = f"{effect.id}.{effect.strength[0]}"
+    step = 1e-4 * abs(on.parameters[name].probe)
+    zero = on.with_values({f"{effect.id}.{s}": 0.0 for s in effect.strength})
+    slope = zero.jacobian(DRIVE, PHI, [name])[0]
+    wanted = (zero.predict(DRIVE, PHI, values={name: step}) - zero.predict(DRIVE, PHI)) / step
+    size = np.ptp(zero.predict(DRIVE, PHI)) / abs(on.parameters[name].probe)  # what is even in its strength has no slope at zero
+    assert np.abs(slope - wanted).max() <= 2e-3 * np.abs(wanted).max() + 2e-4 * size
+
+
+@by_id(CATALOGUE)
+def test_its_data_are_complete(effect):
+    assert effect.checked() is effect
+    assert effect.strength
+    assert set(effect.acts_on) <= set(ACTS_ON)
+    for text in (effect.mechanism, effect.follows, effect.source, effect.valid, effect.signature):
+        assert text
+    for p in effect.parameters:
+        assert p.unit
+        assert p.description
+        assert p.min <= p.probe <= p.max
+        assert p.probe != 0.0
+        assert p.min <= p.value <= p.max
+
+
+@by_id(CATALOGUE)
+def test_bounds_are_kept(effect):
+    model = base_for(effect).with_effect(effect)
+    p = effect.parameters[0]
+    with pytest.raises(ModelError, match="outside its bounds"):
+        model.with_values({f"{effect.id}.{p.name}": p.max + 1.0 + abs(p.max)})
+
+
+@by_id([e for e in CATALOGUE if e.needs])
+def test_conditions_that_it_lacks_are_named(effect):
+    model = probed(base_for(effect).with_effect(effect), effect)
+    for field in effect.needs:
+        lacking = replace(DRIVE, **{field: np.full(N, np.nan)})
+        if field in effect.instead:
+            assert model.missing_conditions(lacking).get(effect.id) is None or np.isnan(getattr(lacking, effect.instead[field])).all()
+            lacking = replace(lacking, **{effect.instead[field]: np.full(N, np.nan)})
+        assert model.missing_conditions(lacking)[effect.id] == [field]
+        with pytest.raises(ModelError, match=field):
+            model.predict(lacking, PHI)
+
+
+@by_id([e for e in WAVES if "contact_pressure" in e.acts_on])
+def test_pressure_still_carries_the_load(effect):
+    model = probed(base_for(effect).with_effect(effect), effect)
+    fine = (np.arange(4096) + 0.5) * (2 * np.pi / 4096) - np.pi
+    R = model.parameters["radius_m"].value
+    carried = model.predict(DRIVE, fine, observable="contact_pressure").mean(axis=1) * 2 * np.pi * R
+    assert np.allclose(carried, DRIVE.load_N, rtol=1e-6)
+
+
+@by_id([e for e in WAVES if e.id != "ring_curvature"])
+def test_it_works_on_a_ring_and_for_radial_acceleration(effect):
+    base = base_for(effect, "ring")
+    on = probed(base.with_effect(effect), effect)
+    off = on.with_values({f"{effect.id}.{name}": 0.0 for name in effect.strength})
+    assert np.array_equal(off.predict(DRIVE, PHI), base.predict(DRIVE, PHI))
+    assert not np.array_equal(on.predict(DRIVE, PHI), base.predict(DRIVE, PHI))
+    acceleration = on.predict(DRIVE, PHI, observable="radial_acceleration")
+    assert np.isfinite(acceleration).all()
+
+
+def test_effects_compose_in_any_order_to_the_last_bit():
+    ids = [e.id for e in WAVES]
+    rng = np.random.default_rng(5)
+    predictions = []
+    for order in (ids, ids[::-1], list(rng.permutation(ids))):
+        model = Model.new("beam")
+        for name in order:
+            model = model.with_effect(name)
+            model = model.with_values({f"{name}.{p.name}": p.probe for p in model.effects[-1].parameters})
+        predictions.append(model.predict(DRIVE, PHI))
+    assert np.array_equal(predictions[0], predictions[1])
+    assert np.array_equal(predictions[0], predictions[2])
+
+
+def test_a_subset_of_revolutions_reads_the_same_once_the_model_is_resolved():
+    model = Model.new("beam")
+    for e in WAVES:
+        model = probed(model.with_effect(e), e)
+    model = model.resolved(DRIVE)
+    whole = model.predict(DRIVE, PHI)
+    one = np.concatenate([model.predict(DRIVE.take(slice(i, i + 1)), PHI) for i in range(N)])
+    assert np.allclose(whole, one, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
+
+
+def test_angles_of_their_own_give_the_same_as_common_angles():
+    model = Model.new("beam").with_effect("viscous_damping", damping_rate_1_s=50.0)
+    common = model.predict(DRIVE, PHI)
+    own = model.predict(DRIVE, np.tile(PHI, (N, 1)))
+    assert np.array_equal(common, own)
+    gap = np.tile(PHI, (N, 1))
+    gap[2, 5] = np.nan
+    assert np.isnan(model.predict(DRIVE, gap)[2, 5])
+    assert np.isfinite(model.predict(DRIVE, gap)).sum() == gap.size - 1
+
+
+# ---- the contract's forms, by quadrature on the tread ----------------------------------------------------------------------------------
+
+FORMS = {
+    "pressure_offset": lambda p, xi, F, L, v, c: p * (1 - 0.1 * xi / L),
+    "edge_impact": lambda p, xi, F, L, v, c: p + 0.5 * F / (2 * L) * (v / 20) * np.exp(-(((xi + L) / (0.05 * L)) ** 2) / 2),
+    "water_film": lambda p, xi, F, L, v, c: (
+        p + 0.1 * F / (2 * L) * (v / 20) ** 2 * 1.5 * np.where(xi < -L, (-L - xi) / (0.4 * L) * np.exp(1 - (-L - xi) / (0.4 * L)), 0.0)
+    ),
+    "wear": lambda p, xi, F, L, v, c: p + 0.3 * c.distance_km[0] / 40000 * F / (2 * L) * np.exp(-(((xi - 0.85 * L) / (0.18 * L)) ** 2) / 2),
+}
+
+
+@pytest.mark.parametrize("name", list(FORMS))
+def test_contact_pressure_has_the_contracts_form(name):
+    effect = next(e for e in CATALOGUE if e.id == name)
+    model = probed(Model.new("beam").with_effect(effect), effect)
+    one = DRIVE.take(slice(4, 5))
+    F, v, R = one.load_N[0], one.speed_m_s[0], model.parameters["radius_m"].value
+    L = 0.055 * (F / 3600.0) ** 0.5
+    xi = np.linspace(-np.pi * R, np.pi * R, 400001)
+    wanted = FORMS[name](np.where(np.abs(xi) < L, 0.75 * F / L**3 * (L**2 - xi**2), 0.0), xi, F, L, v, one)
+    wanted *= F / np.trapezoid(wanted, xi)
+    for n in (0, 1, 5, 40, 300):
+        mode = np.trapezoid(wanted * np.exp(-1j * n * xi / R), xi)
+        phi = (np.arange(4096) + 0.5) * (2 * np.pi / 4096) - np.pi
+        got = (model.predict(one, phi, observable="contact_pressure")[0] * np.exp(-1j * n * phi)).mean() * 2 * np.pi * R
+        assert abs(got - mode) < 2e-4 * F
+
+
+def test_rough_contact_is_the_convolution_and_gauge_length_the_mean():
+    R, one = 0.3126, DRIVE.take(slice(0, 1))
+    phi = np.arange(-2048, 2048) * (2 * np.pi / 4096)
+    base, step = Model.new("beam"), R * 2 * np.pi / 4096
+    L = 0.055 * (one.load_N[0] / 3600.0) ** 0.5
+    for effect, kernel, observable in (
+        ("rough_contact", np.exp(-np.abs(phi * R) / (0.1 * L)), "contact_pressure"),
+        ("gauge_length", np.clip(0.5 + (0.01 / 2 - np.abs(phi * R)) / step, 0.0, 1.0), "strain"),
+    ):
+        plain = base.predict(one, phi, observable=observable)[0]
+        around = np.convolve(np.tile(plain, 3), kernel / kernel.sum(), mode="same")[4096 + 1 : 2 * 4096 + 1]
+        got = base.with_effect(effect).predict(one, phi, observable=observable)[0]
+        assert np.abs(got - around).max() < 2e-3 * np.abs(plain).max()
+        assert np.abs(got - plain).max() > 2e-3 * np.abs(plain).max()
+
+
+def test_sensor_lag_is_the_first_order_filter_in_time():
+    """Explicit time stepping of tau dy/dt + y = x over two revolutions."""
+    one = DRIVE.take(slice(3, 4))
+    model = Model.new("beam")
+    tau, speed, R = 2e-4, one.speed_m_s[0], 0.3126
+    phi = np.arange(0, 2 * np.pi, 2e-4)
+    x = model.predict(one, phi)[0]
+    dt = 2e-4 * R / speed
+    y, state = np.empty_like(x), x[-1]
+    decay = np.exp(-dt / tau)
+    for _ in range(2):
+        for i in range(x.size):
+            state = decay * state + (1 - decay) * 0.5 * (x[i] + x[i - 1])
+            y[i] = state
+    got = model.with_effect("sensor_lag", lag_s=tau).predict(one, phi)[0]
+    assert np.abs(got - y).max() < 1e-4 * np.abs(x).max()
+
+
+def test_stiffening_balances_the_hardened_foundation():
+    """p - EJ w'''' - mu c^2 w'' - k (1 + k3 w^2) w = 0 by differences of the predicted displacement."""
+    k3, k, EJ, mu = 3e3, 2e6, 4.0, 4.5
+    one = Conditions.of(1, speed_m_s=15.0)
+    model = Model.new("beam").with_effect("stiffening", cubic_1_m2=k3)
+    step = 0.02
+    phi = np.array([-0.6, -0.08, 0.0, 0.1, 0.5])
+    w = np.stack([model.predict(one, phi + j * step, observable="displacement")[0] for j in range(-3, 4)])
+    h = step * 0.3126
+    fourth = np.tensordot([-1, 12, -39, 56, -39, 12, -1], w, 1) / (6 * h**4)
+    second = np.tensordot([2, -27, 270, -490, 270, -27, 2], w, 1) / (180 * h**2)
+    xi, L = phi * 0.3126, 0.055
+    p = np.where(np.abs(xi) < L, 0.75 * 3600 / L**3 * (L**2 - xi**2), 0.0)
+    rest = EJ * fourth + mu * 15.0**2 * second + k * (1 + k3 * w[3] ** 2) * w[3] - p
+    assert np.abs(rest).max() < 2e-3 * p.max()
+    assert k3 * w[3].max() ** 2 > 0.2
+
+
+def test_thermal_drift_follows_temperature_where_it_varies_and_time_where_not():
+    base = Model.new("beam")
+    model = base.with_effect("thermal_drift", drift=2e-6)
+    steady = replace(DRIVE, temperature_K=np.full(N, 3.0))
+    by_temperature = (model.predict(DRIVE, PHI) - base.predict(DRIVE, PHI)).mean(axis=1)
+    by_time = (model.predict(steady, PHI) - base.predict(steady, PHI)).mean(axis=1)
+    assert np.allclose(by_temperature, 2e-6 * DRIVE.temperature_K, atol=1e-15)
+    assert np.allclose(by_time, 2e-6 * (1 - np.exp(-DRIVE.time_s / 30.0)), atol=1e-15)
+
+
+def test_load_effects_move_load_and_patch_length():
+    model = Model.new("beam").with_effect("load_transfer", coefficient=0.2).with_effect("aero_load", coefficient=0.1)
+    load = DRIVE.load_N * (1 + 0.2 * DRIVE.acceleration_m_s2 / 9.81) * (1 + 0.1 * (DRIVE.speed_m_s / 30) ** 2)
+    assert np.allclose(model.half_length_m(DRIVE), 0.055 * np.sqrt(load / 3600.0), rtol=1e-12)
+
+
+def test_dissipation_factor_is_the_integral_of_the_squared_gradient():
+    model = Model.new("beam", "dissipation_factor")
+    R = 0.3126
+    phi = np.linspace(-np.pi, np.pi, 20001)
+    strain = model.predict(DRIVE, phi, observable="strain")
+    slope = np.gradient(strain, R * phi, axis=1)
+    wanted = np.trapezoid(slope**2, R * phi, axis=1)
+    assert np.allclose(model.predict(DRIVE)[:, 0], wanted, rtol=1e-4)
+
+
+def test_users_effects_are_off_at_zero_and_do_what_they_say():
+    from tirelog.physics.parameters import Parameter
+
+    q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
+    base, xi = Model.new("beam"), 0.3126 * PHI
+    wanted = {
+        "baseline": ("q * speed", 1e-6, lambda p: 1e-6 * DRIVE.speed_m_s[:, None] * np.ones_like(p)),
+        "strain": ("q * exp(-(xi / 0.1)**2)", 1e-6, lambda p: 1e-6 * np.exp(-((xi / 0.1) ** 2)) * np.ones_like(p)),
+        "sensor": ("q * acceleration", 0.01, lambda p: 0.01 * DRIVE.acceleration_m_s2[:, None] * p),
+    }
+    for place, (text, value, change) in wanted.items():
+        effect = effect_by_expression("mine", place, text, (q,))
+        model = base.with_effect(effect)
+        plain = base.predict(DRIVE, PHI)
+        assert np.array_equal(model.predict(DRIVE, PHI), plain)
+        got = model.with_values({"mine.q": value}).predict(DRIVE, PHI)
+        assert np.allclose(got - plain, change(plain), atol=1e-12)
+    load = base.with_effect(effect_by_expression("mine", "load", "q * time", (q,)))
+    assert np.allclose(load.with_values({"mine.q": 10.0}).half_length_m(DRIVE), 0.055 * np.sqrt((DRIVE.load_N + 10 * DRIVE.time_s) / 3600))
+    softer = base.with_effect(effect_by_expression("mine", "foundation_stiffness", "q", (q,))).with_values({"mine.q": 5e5})
+    stiff = base.with_values({"foundation_stiffness_N_m2": 2.5e6})
+    assert np.allclose(softer.predict(DRIVE, PHI), stiff.predict(DRIVE, PHI), rtol=1e-12)
+
+
+def test_a_users_wedge_is_the_catalogues_wedge():
+    from tirelog.physics.parameters import Parameter
+
+    parameters = tuple(Parameter(n, "", "own", 0.1, -10.0, 10.0, probe=0.1) for n in ("a",))
+    text = "a * load / (2 * L) * (speed / 20)**2 * water * (-L - xi) / (0.4 * L) * exp(1 - (-L - xi) / (0.4 * L)) * (xi < -L)"
+    mine = Model.new("beam").with_effect(effect_by_expression("mine", "contact_pressure", text, parameters))
+    catalogue = Model.new("beam").with_effect("water_film", amplitude=0.1)
+    a, b = mine.predict(DRIVE, PHI), catalogue.predict(DRIVE, PHI)
+    assert np.abs(a - b).max() < 1e-4 * np.abs(b - Model.new("beam").predict(DRIVE, PHI)).max()
+
+
+def test_regressors_add_their_terms():
+    model = Model.new("beam", "phase_shift").with_values({"offset_rad": 0.01, "per_acceleration_rad_s2_m": 0.003})
+    model = model.with_effect("speed_trend", linear_rad=0.02, quadratic_rad=-0.005).with_effect("telemetry_delay", delay_s=1e-3)
+    v, a = DRIVE.speed_m_s, DRIVE.acceleration_m_s2
+    wanted = 0.01 + 0.003 * a + 0.02 * v / 20 - 0.005 * (v / 20) ** 2 + 1e-3 * v / 0.3126
+    assert np.allclose(model.predict(DRIVE)[:, 0], wanted, rtol=1e-12)
+    width = Model.new("beam", "patch_width")
+    assert np.allclose(width.predict(DRIVE)[:, 0], 2 * width.half_length_m(DRIVE) / 0.3126, rtol=1e-12)
+    length = Model.new("beam", "patch_length")
+    assert np.allclose(length.predict(DRIVE)[:, 0], 2 * length.half_length_m(DRIVE), rtol=1e-12)

@@ -1,0 +1,200 @@
+"""Hostile and mistaken models: refused with what is wrong, what is allowed, what to do."""
+
+import numpy as np
+import pytest
+
+from tests.physics.test_model_file_property import CONTRACT
+from tirelog.errors import ModelError
+from tirelog.physics import Model
+from tirelog.physics.expression import LONGEST, parse as parse_expression
+from tirelog.physics.model_file import parse
+from tirelog.physics.user_effects import effects_of_file
+from tirelog.recording import Conditions
+
+PHI = np.linspace(-1.0, 1.0, 9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says", "line"),
+    [
+        ("lever_arm_m =", "lever_arm =", "nearest: lever_arm_m", 12),
+        ('"viscous_damping"', '"viscous_dampin"', "nearest: viscous_damping", 17),
+        ("damping_rate_1_s =", "damping_rate =", "nearest: damping_rate_1_s", 18),
+        ("value = 4.0", "value = 400.0", "outside its bounds", 8),
+        ("value = 4.0, min = 0.1", "value = 4.0, minimum = 0.1", "nearest: min", 8),
+        ("value = 4.0", 'value = "4"', "finite number", 8),
+        ("value = 4.0", "value = nan", "finite number", 8),
+        ("value = 4.0, min = 0.1", "value = 4.0, min = 200.0", "min < max", 8),
+        ('"strain"', '"strian"', "nearest: strain", 4),
+        ('"beam"', '"boat"', "allowed are beam, ring", 5),
+        ("line_mass_kg_m = 4.5", "line_mass_kg_m = true", "finite number", 10),
+        ('"my_wedge"', '"viscous_damping"', "taken", 21),
+        ("speed / 20", "spead / 20", "nearest: speed", 21),
+        ('"contact_pressure"', '"contact_presure"', "nearest: contact_pressure", 22),
+        ("[model]", "[modell]", "nearest: model", 3),
+    ],
+)
+def test_mistakes_in_a_model_file_are_named_with_their_line(old, new, says, line, tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text(CONTRACT.replace(old, new, 1))
+    with pytest.raises(ModelError) as caught:
+        Model.load(path)
+    assert says in str(caught.value)
+    assert caught.value.line == line
+    assert str(path) in str(caught.value)
+
+
+def test_two_effects_of_one_name():
+    with pytest.raises(ModelError, match="already"):
+        parse(CONTRACT + '\n[[effects]]\nname = "viscous_damping"\n')
+    with pytest.raises(ModelError, match="already"):
+        Model.new("beam").with_effect("wear").with_effect("wear")
+
+
+def test_unknown_effects_and_parameters_name_the_nearest():
+    with pytest.raises(ModelError, match="nearest: hysteresis"):
+        Model.new("beam").with_effect("histeresis")
+    with pytest.raises(ModelError, match="nearest: load_N"):
+        Model.new("beam").with_values({"load": 3.0})
+    with pytest.raises(ModelError, match="has no effect"):
+        Model.new("beam").without_effect("wear")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["not toml [", "[model]\nobservable = 3", "", "[[effects]]\n", "effects = 3\n[model]\n", "\x00", "[parameters]\nload_N = {}\n"],
+)
+def test_files_that_are_no_model(text, tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text(text)
+    with pytest.raises(ModelError):
+        Model.load(path)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(ModelError, match="cannot be read"):
+        Model.load(tmp_path / "none.toml")
+    with pytest.raises(ModelError, match="cannot be read"):
+        Model.load(tmp_path)
+    (tmp_path / "latin.toml").write_bytes(b'name = "\xff\xfe"')
+    with pytest.raises(ModelError, match="UTF-8"):
+        Model.load(tmp_path / "latin.toml")
+    (tmp_path / "big.toml").write_text("#" * (2 << 20))
+    with pytest.raises(ModelError, match="larger"):
+        Model.load(tmp_path / "big.toml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')", "(lambda: 1)()", "[x for x in (1, 2)]", "speed.real", "speed[0]", "open('x')", "exec('1')",
+        "'text'", "True", "1j", "speed if", "speed := 3", "exp(*speed)", "exp(x=speed)", "f'{speed}'", "q; q", "while True: pass",
+        "for x in speed: x", "import os", "sin", "().__class__", "1e999", "sin()", "exp(1, 2, 3, 4)", "a", "speed @ speed", "speed << 2",
+        "10 ** 10 ** 10 ** 10 + 'x'", "(" * 5000 + "1" + ")" * 5000, "+".join(["speed"] * 400), "-" * 200 + "1",
+    ],
+)  # fmt: skip
+def test_forbidden_expressions(text):
+    with pytest.raises(ModelError):
+        parse_expression(text, {"speed", "q"})({"speed": np.array([1.0]), "q": 1.0})
+
+
+def test_huge_powers_stay_floating_point_and_are_refused_as_not_finite():
+    with pytest.raises(ModelError, match="not finite"):
+        parse_expression("9 ** 9 ** 9 ** 9", set())({})
+    with pytest.raises(ModelError, match="not finite"):
+        parse_expression("1 / (speed - 1)", {"speed"})({"speed": np.array([1.0, 2.0])})
+
+
+def test_long_expressions_are_refused():
+    with pytest.raises(ModelError, match="characters"):
+        parse_expression("1+" * LONGEST + "1", set())
+
+
+def test_expressions_compute_what_numpy_computes():
+    xi, v = np.linspace(-2.0, 2.0, 9), 3.0
+    cases = {
+        "xi ** 2 + v * sin(xi)": xi**2 + v * np.sin(xi),
+        "(xi < 0) * v": (xi < 0) * v,
+        "where(xi > 1, xi, -xi)": np.where(xi > 1, xi, -xi),
+        "xi if -1 < xi <= 1 else 0": np.where((xi > -1) & (xi <= 1), xi, 0),
+        "not (xi < 0 or xi > 1)": (~((xi < 0) | (xi > 1))).astype(float),
+        "~(xi < 0) & (xi < 1)": ((xi >= 0) & (xi < 1)).astype(float),
+        "2 ** -1 + pi % 3": np.full(9, 0.5 + np.pi % 3),
+    }
+    for text, wanted in cases.items():
+        got = np.broadcast_to(parse_expression(text, {"xi", "v"})({"xi": xi, "v": v}), xi.shape)
+        assert np.allclose(got, wanted, atol=1e-15), text
+
+
+def test_impossible_conditions():
+    model = Model.new("beam")
+    with pytest.raises(ModelError, match="critical speed"):
+        model.predict(Conditions.of(1, speed_m_s=80.0), PHI)
+    for load in (0.0, -10.0):
+        with pytest.raises(ModelError, match="above zero"):
+            model.predict(Conditions.of(1, speed_m_s=8.0, load_N=load), PHI)
+    with pytest.raises(ModelError, match="longer than the circumference"):
+        model.with_values({"radius_m": 0.06, "patch_half_length_m": 0.2}).predict(Conditions.of(1, speed_m_s=8.0), PHI)
+    with pytest.raises(ModelError, match="no speed"):
+        model.predict(Conditions.of(1), PHI)
+    with pytest.raises(ModelError, match="surface"):
+        model.predict(Conditions.of(1, speed_m_s=8.0), PHI, surface="side")
+    with pytest.raises(ModelError, match="needs angles"):
+        model.predict(Conditions.of(1, speed_m_s=8.0))
+    lifted = model.with_effect("load_transfer", coefficient=2.0)
+    with pytest.raises(ModelError, match="above zero"):
+        lifted.predict(Conditions.of(1, speed_m_s=8.0, acceleration_m_s2=-8.0), PHI)
+
+
+def test_models_that_contradict_themselves():
+    with pytest.raises(ModelError, match="flat_road"):
+        Model.new("beam", contact="flat_road")
+    with pytest.raises(ModelError, match="ring already"):
+        Model.new("ring").with_effect("ring_curvature")
+    with pytest.raises(ModelError, match="does nothing to strain"):
+        Model.new("beam").with_effect("speed_trend")
+    with pytest.raises(ModelError, match="nothing to phase_shift"):
+        Model.new("beam", "phase_shift").with_effect("viscous_damping")
+    with pytest.raises(ModelError, match="carcass"):
+        Model.new("wheel")
+    with pytest.raises(ModelError, match="hub"):
+        Model.new("beam").hub_forces(Conditions.of(1, speed_m_s=8.0))
+
+
+OWN = """
+from tirelog.physics import Effect, Parameter
+import numpy as np
+
+def baseline(v, drive):
+    return v["a"] * drive.speed_m_s
+
+EFFECT = Effect(
+    id="mine", mechanism="m", follows="speed", acts_on=("baseline",), parameters=(Parameter("a", "s/m", "a", 0.0, -1.0, 1.0, probe=1e-6),),
+    strength=("a",), source="s", valid="v", signature="s", baseline=baseline,
+)
+"""
+
+
+def test_a_users_python_file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN)
+    effect = effects_of_file(path)["mine"]
+    model = Model.new("beam").with_effect(effect, a=2e-6)
+    conditions = Conditions.of(1, speed_m_s=10.0)
+    assert np.allclose(model.predict(conditions, PHI) - Model.new("beam").predict(conditions, PHI), 2e-5)
+    model.save(tmp_path / "m.toml")
+    with pytest.raises(ModelError, match="unknown effect 'mine'"):
+        Model.load(tmp_path / "m.toml")
+    assert Model.load(tmp_path / "m.toml", catalogue={"mine": effect}).values["mine.a"] == 2e-6
+
+
+@pytest.mark.parametrize(
+    "text", ["1 / 0", "def", "x = 3", OWN.replace('"mine"', '"wear"'), OWN.replace('strength=("a",)', 'strength=("b",)')]
+)
+def test_python_files_that_give_no_effect(text, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    with pytest.raises(ModelError):
+        effects_of_file(path)
+    with pytest.raises(ModelError, match="cannot be read"):
+        effects_of_file(tmp_path / "none.py")

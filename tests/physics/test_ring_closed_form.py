@@ -1,0 +1,143 @@
+"""The ring (P3 with the errata): what holds exactly, and against collocation of its equation."""
+
+import numpy as np
+import pytest
+
+from tests.physics.collocation import solve_closed_line
+from tirelog.physics import Model
+from tirelog.physics.ring import RingCarcass, modal_impedance
+from tirelog.recording import Conditions
+
+EI, KW, KV, P0, B, R, RHO_A, L, F, Y = 2.0, 6.3e5, 5.1e5, 1.2e5, 0.14, 0.3, 3.15, 0.04, 1000.0, 3e-4
+PHI = np.linspace(-np.pi, np.pi, 1501)[:-1]
+
+
+def ring(**more):
+    values = dict(
+        flexural_stiffness_N_m2=EI, radial_stiffness_N_m2=KW, tangential_stiffness_N_m2=KV, inflation_pressure_Pa=P0, width_m=B,
+        radius_m=R, line_mass_kg_m=RHO_A, patch_half_length_m=L, load_N=F, reference_load_N=F, lever_arm_m=Y,
+    )  # fmt: skip
+    return Model.new("ring", contact="prescribed", **{**values, **more})
+
+
+def drive(speed=10.0, **more):
+    return Conditions.of(1, speed_m_s=speed, **more)
+
+
+def test_rigid_modes_feel_the_foundation_alone_at_every_speed():
+    carcass = RingCarcass(EI, KW, KV, 0.0, 0.0, P0 * B, R)
+    for omega in (0.0, 30.0, 150.0):
+        z = modal_impedance(np.array([0.0, 1.0]), carcass, omega)
+        assert z == pytest.approx([KV, KV + KW], rel=1e-15)
+
+
+def test_rotation_cancels_mode_by_mode():
+    """P3's k_n (units as in the errata) with pre-tension, inertia and Coriolis terms, against the form without rotation."""
+    carcass = RingCarcass(EI, KW, KV, 0.0, 0.0, P0 * B, R)
+    n = np.arange(1.0, 60.0)
+    for omega in (10.0, 150.0):
+        sigma_a = P0 * B * R + RHO_A * R**2 * omega**2
+        k_n = (EI / R**4 * n**2 + sigma_a / R**2) * (1 - n**2) ** 2 - P0 * B / R * (1 - n**2) + KV + KW * n**2
+        k_n -= RHO_A * (1 + n**2) * omega**2
+        z = k_n - (n * omega) ** 2 * RHO_A * (1 + n**2) + 4 * RHO_A * n**2 * omega**2
+        assert np.allclose(z, modal_impedance(n, carcass, omega).real, rtol=1e-9)
+
+
+def test_no_speed_trend_without_damping():
+    slow, fast = (ring().predict(drive(v), PHI) for v in (1.0, 90.0))
+    assert np.array_equal(slow, fast)
+    damped = ring(radial_damping_N_s_m2=50.0)
+    assert not np.allclose(damped.predict(drive(1.0), PHI), damped.predict(drive(90.0), PHI))
+
+
+@pytest.mark.parametrize("speed", [0.0, 10.0, 60.0])
+def test_a_road_load_reaches_the_hub(speed):
+    for model in (ring(), ring(radial_damping_N_s_m2=80.0, tangential_damping_N_s_m2=30.0)):
+        f_x, f_z = model.hub_forces(drive(speed, load_N=1000.0))
+        assert f_z[0] == pytest.approx(1000.0, rel=1e-9)
+        assert f_x[0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_braking_pulls_the_hub_back_and_winds_the_ring_up():
+    braking = ring().with_effect("traction", lever_m=0.001)
+    slip = 0.1
+    f_x, f_z = braking.hub_forces(drive(slip=slip))
+    x_s, gamma = L * (1 - 2 * slip), 0.75 * F / L**3
+    stick = slip * 2 * gamma * L * 0.8 * (x_s + L) ** 2 / 2
+    slide = 0.6 * gamma * (L**2 * (L - x_s) - (L**3 - x_s**3) / 3)
+    assert f_x[0] == pytest.approx(stick + slide, rel=1e-9)
+    assert f_z[0] == pytest.approx(F, rel=1e-9)
+
+
+def collocated(load, extra_damping=0.0, omega=0.0):
+    """Z(d/dphi) v = q_v + q_w' with n^2 -> -d^2, i n -> d; w_out = -v'."""
+    e, t = EI / R**4, P0 * B / R
+    coefficients = [KV, omega * 0.0, -KW - e, -extra_damping * omega, t - 2 * e, 0.0, -e]
+    coefficients[2] += t
+    edge = L / R
+    phi, v = solve_closed_line(coefficients, [-np.pi, -0.9, -edge, edge, 0.9, np.pi], load, scale=12.0, n=56)
+    return phi.ravel(), [u.ravel() for u in v]
+
+
+@pytest.mark.parametrize(("damping", "speed"), [(0.0, 10.0), (300.0, 20.0)])
+def test_ring_against_collocation(damping, speed):
+    gamma = 0.75 * F / L**3
+
+    def load(phi, piece):
+        """q_v + q_w' for q_w = -p cos phi, q_v = p sin phi."""
+        if piece != 2:
+            return 0.0
+        p, slope = gamma * (L**2 - (R * phi) ** 2), -2 * gamma * R**2 * phi
+        return p * np.sin(phi) - (slope * np.cos(phi) - p * np.sin(phi))
+
+    phi, v = collocated(load, damping, speed / R)
+    model = ring(radial_damping_N_s_m2=damping)
+    w = model.predict(drive(speed), phi, observable="displacement")[0]
+    assert np.abs(w - v[1]).max() < 1e-5 * np.abs(v[1]).max()
+    # strain -(y_out / R^2)(w_out + w_out''), with w_out = -v'; the groove lies outward
+    strain = (Y / R**2) * (v[1] + v[3])
+    assert np.abs(model.predict(drive(speed), phi)[0] - strain).max() < 1e-4 * np.abs(strain).max()
+
+
+def test_ring_against_finite_differences():
+    """Dense matrices of eighth-order differences on a closed grid, static, 1e-4 (pressure averaged over its cells)."""
+    n = 720
+    h = 2 * np.pi / n
+    phi = np.arange(n) * h - np.pi
+    first = [1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]
+    second = [-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560]
+    D, D2 = (sum(c * np.roll(np.eye(n), k, axis=1) for k, c in zip(range(-4, 5), s, strict=True)) for s in (first, second))
+    D, D2 = D / h, D2 / h**2
+    fine = (np.arange(64) + 0.5) / 64 - 0.5
+    around = phi[:, None] + h * fine
+    gamma = 0.75 * F / L**3
+    p = np.where(np.abs(R * around) < L, gamma * (L**2 - (R * around) ** 2), 0.0)
+    q_w, q_v = -(p * np.cos(around)).mean(axis=1), (p * np.sin(around)).mean(axis=1)
+    eye = np.eye(n)
+    Z = -EI / R**4 * D2 @ (eye + D2) @ (eye + D2) + P0 * B / R * (D2 @ D2 + D2) + KV * eye - KW * D2
+    v = np.linalg.solve(Z, q_v + D @ q_w)
+    w_out = -D @ v
+    got = -ring().predict(drive(0.0), phi, observable="displacement")[0]
+    assert np.abs(got - w_out).max() < 1e-4 * np.abs(w_out).max()
+
+
+def test_ring_is_the_beam_where_it_is_stiffly_bedded_and_large():
+    """The same waveform near the patch once bending is short against the radius: the beam that has no speed term."""
+    big = dict(radius_m=3.0, load_N=F, patch_half_length_m=L, reference_load_N=F, flexural_stiffness_N_m2=EI, lever_arm_m=Y)
+    beam = Model.new("beam", foundation_stiffness_N_m2=5e6, **big)
+    closed = Model.new(
+        "ring", contact="prescribed", radial_stiffness_N_m2=5e6, tangential_stiffness_N_m2=1e3, inflation_pressure_Pa=0.0, **big
+    )
+    phi = np.linspace(-0.1, 0.1, 201)
+    a, b = beam.predict(drive(0.0), phi), closed.predict(drive(0.0), phi)
+    assert np.abs(a - b).max() < 0.01 * np.abs(a).max()
+
+
+def test_ring_curvature_turns_the_beam_into_the_ring():
+    values = dict(radius_m=R, load_N=F, patch_half_length_m=L, reference_load_N=F, flexural_stiffness_N_m2=EI, lever_arm_m=Y)
+    beam = Model.new("beam", foundation_stiffness_N_m2=KW, line_mass_kg_m=RHO_A, **values)
+    bent = beam.with_effect("ring_curvature", fraction=1.0, tangential_stiffness_N_m2=KV).predict(drive(20.0), PHI)
+    closed = ring(inflation_pressure_Pa=0.0).predict(drive(20.0), PHI)
+    # the ring's road load has a tangential part, of order phi at the edges
+    assert np.abs(bent - closed).max() < 0.03 * np.abs(closed).max()
+    assert np.abs(beam.predict(drive(20.0), PHI) - closed).max() > 0.2 * np.abs(closed).max()
