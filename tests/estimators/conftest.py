@@ -21,7 +21,7 @@ STEP_S = 1e-4
 
 
 def beam_pulse(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
-    """A beam's strain: a flat-topped pulse of height 1 between uneven shoulders of the other sign, and an odd part that grows with speed."""
+    """A beam's strain: a flat-topped pulse of height 1, uneven shoulders of the other sign, an odd part that grows with speed."""
     flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.023) - np.tanh((xi_m - 0.055) / 0.023))
     shoulders = 0.30 * np.exp(-(((xi_m + 0.105) / 0.035) ** 2)) + 0.22 * np.exp(-(((xi_m - 0.11) / 0.04) ** 2))
     return flat - shoulders + 0.03 * speed_m_s / 20.0 * xi_m / 0.05 * np.exp(-((xi_m / 0.06) ** 2))

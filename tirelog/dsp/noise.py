@@ -2,8 +2,8 @@
 
     a channel's samples --sixth differences of pieces spread over the log--> sigma [unit of the channel]
 
-Sixth differences remove what the tire does, even a patch of ten samples; the median of their size ignores the patch, spikes and steps.  The pieces lie
-at fixed places of the log, so the answer does not depend on how the log is read.
+Sixth differences remove what the tire does, even a patch of ten samples; the median of their size ignores
+spikes and steps.  The pieces lie at fixed places of the log, so the answer does not depend on how the log is read.
 """
 
 from __future__ import annotations

@@ -29,6 +29,17 @@ CLIPPED_SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
+class Signal:
+    """A channel as the fits see it: `sign` turns the patch upward, `noise` is one sample's sigma, `extremes` are the channel's least and
+    largest sample."""
+
+    channel: Channel
+    sign: float
+    noise: float
+    extremes: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Start:
     """Where a row's fit starts, shape (n,): `time_s`, `index` [samples], `omega` [rad/s], `alpha` [rad/s^2], `stretch`: how far the
     speed may be off (standard deviation, relative)."""
@@ -60,6 +71,11 @@ class Fit:
     spike: NDArray[np.bool_]
     clipped: NDArray[np.bool_]
     outside: NDArray[np.bool_]
+
+    @classmethod
+    def choose(cls, which: NDArray[np.bool_], there: Fit, elsewhere: Fit) -> Fit:
+        """Rows of `there` where `which`, of `elsewhere` otherwise."""
+        return cls(**{f.name: np.where(which, getattr(there, f.name), getattr(elsewhere, f.name)) for f in fields(cls)})
 
     @classmethod
     def concatenate(cls, parts: list[Fit]) -> Fit:
@@ -104,8 +120,9 @@ def _stuck(values: FloatArray, row: IntArray, extremes: tuple[float, float]) -> 
     return run
 
 
-def gather(channel: Channel, start: Start, window_rad: float, sign: float, extremes: tuple[float, float]) -> Windows:
+def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
     """The windows of all rows of `start`, which must lie within one block's reach of one another."""
+    channel = signal.channel
     reach = window_rad / start.omega * channel.axis.rate_Hz
     low, high = np.ceil(start.index - reach), np.floor(start.index + reach) + 1
     outside = (low < 0) | (high > channel.size)
@@ -120,7 +137,7 @@ def gather(channel: Channel, start: Start, window_rad: float, sign: float, extre
     raw = np.asarray(channel.read(begin, end), dtype=np.float64)
     values = raw[place - begin]
     time_s = channel.axis.at(place.astype(np.float64))
-    return Windows(sign * values, time_s, row, first, _stuck(values, row, extremes), outside)
+    return Windows(signal.sign * values, time_s, row, first, _stuck(values, row, signal.extremes), outside)
 
 
 def _wild(residual: FloatArray, row: IntArray, limit: FloatArray) -> NDArray[np.bool_]:
@@ -172,8 +189,8 @@ def _cut_off(windows: Windows, model: FloatArray, noise: float) -> NDArray[np.bo
     if not windows.clipped.any():
         return np.zeros(windows.first.size, bool)
     count = np.add.reduceat(windows.clipped.astype(np.int64), windows.first)
-    off = np.add.reduceat(np.where(windows.clipped, model - windows.values, 0.0), windows.first)
-    return np.abs(off) > CLIPPED_SIGMAS * noise * np.maximum(count, 1)
+    off = np.add.reduceat(np.where(windows.clipped, np.abs(model - windows.values), 0.0), windows.first)
+    return off > CLIPPED_SIGMAS * noise * np.maximum(count, 1)
 
 
 def fit(windows: Windows, template: Template, start: Start, height: FloatArray, noise: float) -> Fit:

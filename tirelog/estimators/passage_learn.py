@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.estimators.passage_fit import Start, Windows, fit, gather
+from tirelog.estimators.passage_fit import Signal, Start, Windows, fit, gather
 from tirelog.estimators.passage_search import Pulses
 from tirelog.estimators.passage_template import WIDEST_RAD, Template, learn
-from tirelog.recording import Channel, FloatArray, IntArray
+from tirelog.recording import FloatArray, IntArray
 
 #: passages that the template is learnt from, in clusters of neighbours, and rounds
 LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
@@ -32,19 +32,18 @@ def _clusters(good: IntArray) -> list[IntArray]:
     return [good[k : k + size] for k in firsts]
 
 
-def learn_template(
-    channel: Channel, start: Start, good: IntArray, pulses: Pulses, sign: float, noise: float, extremes: tuple[float, float]
-) -> Template | None:
+def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses) -> Template | None:
     """The template, from the passages `good` (indices); each round fits them with the template of the round before.
 
     None where there is no such passage, or no curve with two half-level crossings comes of them.
     """
+    rate_Hz, noise = signal.channel.axis.rate_Hz, signal.noise
     clusters = _clusters(good)
     if not clusters:
         return None
-    window = min(WIDEST_RAD, LEARNT_HALF_WIDTHS * 0.5 * float(np.median(pulses.width[good] / channel.axis.rate_Hz * start.omega[good])))
+    window = min(WIDEST_RAD, LEARNT_HALF_WIDTHS * 0.5 * float(np.median(pulses.width[good] / rate_Hz * start.omega[good])))
     chosen = np.concatenate(clusters)
-    windows = Windows.concatenate([gather(channel, start.take(cluster), window, sign, extremes) for cluster in clusters])
+    windows = Windows.concatenate([gather(signal, start.take(cluster), window) for cluster in clusters])
     at, offset, height = start.take(chosen), pulses.base[chosen], pulses.height[chosen]
     like = np.ones(chosen.size, bool)
     template: Template | None = None

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.estimators.passage_fit import Fit, Start, fit, gather
+from tirelog.estimators.passage_fit import Fit, Signal, Start, fit, gather
 from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, turns_between
 from tirelog.estimators.passage_learn import learn_template
 from tirelog.estimators.passage_screen import one_turn, screen, width_turns
@@ -27,23 +27,22 @@ STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
 DOUBTFUL = 3.0
 #: heights, against the median, outside of which a pulse of unknown speed is no passage of this wheel
 FOREIGN_HEIGHTS = (0.3, 2.5)
-
-
 #: passages of a stretch that are tried the other way round, and the log likelihood ratio from which they ran backwards
 TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
 
 
 @dataclass(frozen=True)
 class Matched:
-    """The fitted passages: `start` the fits began with, `fit`, `width_s` of the pulses (n,), `index` of the start [samples]; and which are
-    `standing` (the wheel stood in the passage) (n,)."""
+    """The fitted passages: the `pulses` that are left, the `start` of their fits, the `fit`, standard errors of its times (n,);
+    `standing`: the wheel stood in the passage (n,), `backwards`: it rolled backwards (n,)."""
 
     template: Template | None
+    pulses: Pulses
     start: Start
     fit: Fit
-    width_s: FloatArray
     time_se_s: FloatArray
     standing: NDArray[np.bool_]
+    backwards: NDArray[np.bool_]
 
     @property
     def time_s(self) -> FloatArray:
@@ -51,30 +50,42 @@ class Matched:
         return np.where(self.standing, self.start.time_s, self.fit.time_s)
 
 
-def match(channel: Channel, pulses: Pulses, sign: float, noise: float, extremes: tuple[float, float]) -> Matched:
-    """Template and fit of the pulses, without those that are no passage; `extremes`: least and largest sample of the channel."""
-    pulses = screen(pulses)
-    start = _start(channel, pulses)
-    good = np.flatnonzero(start.stretch == STRETCH_NEIGHBOURS)
-    good = good if good.size else np.arange(len(pulses))
-    template = learn_template(channel, start, good, pulses, sign, noise, extremes) if len(pulses) > 1 else None
+def match(signal: Signal, pulses: Pulses) -> Matched:
+    """Template and fit of the pulses, without those that are no passage."""
+    pulses = screen(signal.channel, pulses)
+    start = _start(signal.channel, pulses)
+    everything = np.ones(len(pulses), bool)
+    template = _learn(signal, start, pulses, everything) if len(pulses) > 1 else None
     if template is None:
-        return _matched(channel, None, start, _rough(channel, start, pulses), pulses, noise)
-    found = fit_all(channel, start, pulses.height, template, sign, noise, extremes)
-    kept = ~_foreign(found, start, noise)
+        return _matched(signal, None, pulses, start, _rough(signal, start, pulses), ~everything)
+    found = _fit_all(signal, start, pulses.height, template)
+    kept = ~_foreign(found, start, signal.noise)
     if not kept.all():
         pulses = pulses.take(kept)
-        start = _start(channel, pulses)
-        found = fit_all(channel, start, pulses.height, template, sign, noise, extremes)
-    return _matched(channel, template, start, found, pulses, noise)
+        start = _start(signal.channel, pulses)
+        found = _fit_all(signal, start, pulses.height, template)
+    back = _backwards(signal, template, start, found)
+    if back.any():
+        template = _learn(signal, start, pulses, ~back) or template
+        found = _fit_all(signal, start, pulses.height, template)
+        found = Fit.choose(back, _fit_all(signal, start, pulses.height, template.mirrored()), found)
+    return _matched(signal, template, pulses, start, found, back)
 
 
-def _matched(channel: Channel, template: Template | None, start: Start, found: Fit, pulses: Pulses, noise: float) -> Matched:
+def _learn(signal: Signal, start: Start, pulses: Pulses, usable: NDArray[np.bool_]) -> Template | None:
+    """The template from the passages of known speed among the `usable`, or from all of these where there are none."""
+    known = np.flatnonzero(usable & (start.stretch == STRETCH_NEIGHBOURS))
+    return learn_template(signal, start, known if known.size else np.flatnonzero(usable), pulses)
+
+
+def _matched(signal: Signal, template: Template | None, pulses: Pulses, start: Start, found: Fit, back: NDArray[np.bool_]) -> Matched:
     """The fits with what they say about themselves."""
-    width_s = pulses.width / channel.axis.rate_Hz
-    bad = found.misfit > np.maximum(STANDING_MISFIT * np.abs(found.height), 3 * noise)
+    bad = found.misfit > np.maximum(STANDING_MISFIT * np.abs(found.height), 3 * signal.noise)
     standing = bad & (start.stretch == STRETCH_WIDTH) & ~found.spike
-    return Matched(template, start, found, width_s, np.where(standing, 0.25 * width_s, found.time_se_s * _doubt(found, noise)), standing)
+    quarter_s = 0.25 * pulses.width / signal.channel.axis.rate_Hz
+    return Matched(
+        template, pulses, start, found, np.where(standing, quarter_s, found.time_se_s * _doubt(found, signal.noise)), standing, back
+    )
 
 
 def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
@@ -118,51 +129,44 @@ def _start(channel: Channel, pulses: Pulses) -> Start:
     )
 
 
-def fit_all(
-    channel: Channel, start: Start, height: FloatArray, template: Template, sign: float, noise: float, extremes: tuple[float, float]
-) -> Fit:
+def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Template) -> Fit:
     """All rows, a block of the log at a time."""
     block = np.floor(start.index / BLOCK_SAMPLES)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]])
     parts = []
     for low, high in pairwise(edges):
         some = start.take(slice(low, high))
-        windows = gather(channel, some, template.window_rad, sign, extremes)
-        parts.append(fit(windows, template, some, height[low:high], noise))
+        windows = gather(signal, some, template.window_rad)
+        parts.append(fit(windows, template, some, height[low:high], signal.noise))
     return Fit.concatenate(parts)
 
 
-def _rough(channel: Channel, start: Start, pulses: Pulses) -> Fit:
+def _rough(signal: Signal, start: Start, pulses: Pulses) -> Fit:
     """Rows without a template: the middle of the half-level crossings, with an error of a tenth of the width."""
     n = len(pulses)
     no, nan = np.zeros(n, bool), np.full(n, np.nan)
-    width_s = pulses.width / channel.axis.rate_Hz
+    width_s = pulses.width / signal.channel.axis.rate_Hz
     return Fit(start.time_s, 0.1 * width_s, nan, nan, pulses.height, pulses.base, nan, np.zeros(n, np.int64), no, no, no, no)
 
 
-def backwards(
-    channel: Channel, matched: Matched, linked: NDArray[np.bool_], sign: float, noise: float, extremes: tuple[float, float]
-) -> NDArray[np.bool_]:
+def _backwards(signal: Signal, template: Template, start: Start, found: Fit) -> NDArray[np.bool_]:
     """Passages of a wheel that rolled backwards, shape (n,): stretches whose waveform fits better the other way round.
 
-    `linked` (n,): the next passage is one turn away.  Only a log whose passages break into several stretches is looked at, and a
-    waveform that is the same both ways tells nothing.
+    Only a log whose passages break into several stretches is looked at; most of its passages are taken as forwards, and a waveform that
+    is the same both ways tells nothing.
     """
-    n = linked.size
+    n = found.time_s.size
     back = np.zeros(n, bool)
-    ends = np.flatnonzero(~linked) + 1
-    template = matched.template
-    if ends.size < 2 or template is None:
+    ends = np.flatnonzero(~one_turn(turns_between(found.time_s, start.omega))) + 1
+    if not ends.size:
         return back
-    mirrored = replace(template, values=template.values[::-1].copy(), slope=-template.slope[::-1])
-    for first, stop in pairwise(np.concatenate([[0], ends])):
-        rows = np.flatnonzero(~matched.standing[first:stop])[:TRIED_BACKWARDS] + first
-        if not rows.size:
-            continue
-        start = replace(matched.start, time_s=matched.time_s, omega=matched.fit.omega).take(rows)
-        windows = gather(channel, start, template.window_rad, sign, extremes)
-        forth, other = (fit(windows, shape, start, np.abs(matched.fit.height[rows]), noise) for shape in (template, mirrored))
-        floor = noise**2
-        evidence = 0.5 * float(np.sum(forth.used * np.log((forth.misfit**2 + floor) / (other.misfit**2 + floor))))
-        back[first:stop] = evidence > BACKWARDS_EVIDENCE
-    return back
+    for first, stop in pairwise(np.concatenate([[0], ends, [n]])):
+        rows = np.arange(first, min(stop, first + TRIED_BACKWARDS))
+        some = replace(start, time_s=found.time_s, omega=found.omega).take(rows)
+        windows = gather(signal, some, template.window_rad)
+        height = np.abs(found.height[rows])
+        forth, other = (fit(windows, shape, some, height, signal.noise) for shape in (template, template.mirrored()))
+        floor = signal.noise**2
+        ratio = (forth.misfit**2 + floor) / (other.misfit**2 + floor)
+        back[first:stop] = 0.5 * float(np.sum(forth.used * np.log(ratio))) > BACKWARDS_EVIDENCE
+    return back if 2 * back.sum() <= n else ~back

@@ -9,11 +9,13 @@ the pulses around, so a few strangers do not matter.  Rows are only dropped, nev
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.estimators.passage_search import Pulses
-from tirelog.recording import FloatArray
+from tirelog.recording import Channel, FloatArray
 
 #: width of a passage (half level) as a share of a turn, where the log is too short to tell
 USUAL_WIDTH_TURNS = 0.06
@@ -49,8 +51,18 @@ def _usual_width(width: FloatArray) -> FloatArray:
     return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * REACH + 1), axis=1)
 
 
-def screen(pulses: Pulses) -> Pulses:
-    """The pulses that may be passages."""
+def screen(channel: Channel, pulses: Pulses) -> Pulses:
+    """The pulses of `channel` that may be passages."""
+    if not len(pulses):
+        return pulses
+    # places as if no sample were missing, so that a gap counts
+    place = channel.axis.at(pulses.middle) * channel.axis.rate_Hz
+    kept = _screened(replace(pulses, middle=place))
+    return replace(kept, middle=np.interp(kept.middle, place, pulses.middle))
+
+
+def _screened(pulses: Pulses) -> Pulses:
+    """`pulses`, their places on a gapless axis, without halves and strangers."""
     pulses = _joined(pulses)
     for _ in range(ROUNDS):
         strange = _strangers(pulses)

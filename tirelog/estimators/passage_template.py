@@ -8,7 +8,7 @@ crosses half of its height: the *patch centre* of every command.  An odd part of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,10 @@ class Template:
     slope: FloatArray
     window_rad: float
     half_width_rad: float
+
+    def mirrored(self) -> Template:
+        """The waveform of a wheel that rolls backwards."""
+        return replace(self, values=self.values[::-1].copy(), slope=-self.slope[::-1])
 
     def __call__(self, phi_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Value and slope at `phi_rad`, linear between the table's points, constant outside."""

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from tirelog.dsp.noise import sample_noise
 from tirelog.estimators import passage_marks as marks
+from tirelog.estimators.passage_fit import Signal
 from tirelog.estimators.passage_kinematics import kinematics, turns_between
-from tirelog.estimators.passage_match import backwards, match
+from tirelog.estimators.passage_match import match
 from tirelog.estimators.passage_screen import one_turn
 from tirelog.estimators.passage_search import search
 from tirelog.estimators.passage_template import Template
@@ -122,21 +123,19 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
     pulses, extremes = search(channel, sign, noise, block_samples) if np.isfinite(noise) else (None, (0.0, 0.0))
     if not pulses:
         return _none(channel, radius_m, sign, noise)
-    matched = match(channel, pulses, sign, noise, extremes)
-    template, found, omega = matched.template, matched.fit, matched.start.omega
-    time_s = matched.time_s
+    matched = match(Signal(channel, sign, noise, extremes), pulses)
+    template, found, omega, time_s = matched.template, matched.fit, matched.start.omega, matched.time_s
     turns = turns_between(time_s, omega)
     linked = np.append(one_turn(turns), False)
-    window_rad = template.window_rad if template else float(np.median(matched.width_s * omega))
+    window_rad = template.window_rad if template else float(np.median(matched.pulses.width * omega) / channel.axis.rate_Hz)
     lost = marks.lost_between(channel, time_s, omega, turns, window_rad) if template else np.zeros(turns.size, np.int64)
     turns_after = np.where(np.append(lost, 0) > 0, np.append(lost, 0) + 1, linked)
     motion = kinematics(time_s, matched.time_se_s, turns_after.astype(float))
     alone = motion.sides == 0
     blind = matched.standing | (time_s.size < 3)
     index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
-    reach = window_rad / omega * channel.axis.rate_Hz
-    back = backwards(channel, matched, turns_after > 0, sign, noise, extremes)
-    words = marks.window_words(channel, found, {"standstill": matched.standing, "reversing": back}, index, reach)
+    others = {"standstill": matched.standing, "reversing": matched.backwards}
+    words = marks.window_words(channel, found, others, index, window_rad / omega * channel.axis.rate_Hz)
     measured = Passages(
         channel=channel.name,
         radius_m=radius_m,
