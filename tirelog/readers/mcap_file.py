@@ -79,13 +79,13 @@ class McapLog:
         size = 0
         while size < READ_AHEAD_BYTES and not all(topic.started for topic in self.topics.values()):
             chunk = next(self.source, None)
-            if chunk is None:
+            if chunk is None:  # the end of the file has repeated definitions that damage took away
+                for earlier in self.ahead if self.unknown else ():
+                    self._start_topics(earlier)
                 break
             self.ahead.append(chunk)
             size += len(chunk.data)
-            for topic, decoder, table in self._messages(chunk, count=False):
-                if not topic.started:
-                    self._start(topic, decoder, table)
+            self._start_topics(chunk)
         if size >= READ_AHEAD_BYTES:
             for topic in self.topics.values():
                 if not topic.started:
@@ -93,6 +93,11 @@ class McapLog:
         if not any(topic.groups for topic in self.topics.values()):
             self._missing()
             raise ReadError("; ".join(self.report.losses), file=self.log_name)
+
+    def _start_topics(self, chunk: Chunk) -> None:
+        for topic, decoder, table in self._messages(chunk, count=False):
+            if not topic.started:
+                self._start(topic, decoder, table)
 
     def _group_count(self) -> int:
         return sum(len(topic.groups) for topic in self.topics.values())
@@ -193,8 +198,7 @@ class McapLog:
         for decoder in filter(None, self.decoders.values()):
             for what, count in decoder.faults.count.items():
                 self.report.losses.append(f"{count} messages of {decoder.topic}: {what}")
-        if self.unknown:
-            total = sum(self.unknown.values())
+        if total := sum(self.unknown.values()):
             self.report.losses.append(f"{total} messages belong to channels whose definition is lost; copy the log again")
         self._missing()
         if not self.samples:
@@ -208,5 +212,5 @@ class McapLog:
                 continue
             names = ", ".join(topic.wants)
             has = f"; the log has {', '.join(known[:20])}" if known else ""
-            state = "has no message" if topic.name in known else "is not in the log"
-            self.report.losses.append(f"channel {names}: topic {topic.name!r} {state}{nearest(topic.name, known)}{has}; mend source")
+            state = "has no message that decodes" if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
+            self.report.losses.append(f"channel {names}: topic {topic.name!r} {state}{has}; mend source")

@@ -1,0 +1,282 @@
+"""Damaged and foreign MCAP files: good chunks are kept, what is lost is named, and nothing but our own errors comes out."""
+
+import io
+import resource
+import struct
+
+import numpy as np
+import pytest
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from tests.readers.mcap_files import (
+    LZ4,
+    NONE,
+    STAMPED,
+    START_NS,
+    ZSTD,
+    protobuf_class,
+    read,
+    write_json,
+    write_protobuf,
+    write_ros2,
+)
+from tirelog.errors import ReadError, TirelogError
+
+N = 3000
+SOURCES = {"x": "/t:x", "y": "/t:y[1]"}
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "log.mcap"
+
+
+def messages(n=N):
+    noise = np.random.default_rng(1).normal(size=n).tolist()
+    return [("/t", START_NS + 400_000 * i, {"x": i, "y": [noise[i], -noise[i]]}) for i in range(n)]
+
+
+def chunks(path):
+    with path.open("rb") as stream:
+        return sorted(make_reader(stream).get_summary().chunk_indexes, key=lambda c: c.chunk_start_offset)
+
+
+def flip(path, at, bit=3):
+    content = bytearray(path.read_bytes())
+    content[at] ^= 1 << bit
+    path.write_bytes(content)
+
+
+def is_gapless(x):
+    return np.array_equal(x, np.arange(x[0], x[0] + x.size))
+
+
+@pytest.mark.parametrize("compression", [NONE, LZ4, ZSTD])
+@pytest.mark.parametrize("which", [0, 4, -1])
+def test_a_flipped_bit_loses_its_chunk_by_name_and_no_other(path, compression, which):
+    write_json(path, messages(), compression=compression)
+    good = read(path, SOURCES)[0]
+    chunk = chunks(path)[which]
+    flip(path, chunk.chunk_start_offset + chunk.chunk_length // 2)
+    values, stamps, reader = read(path, SOURCES)
+    assert len(reader.report.losses) == 1
+    assert f"the chunk at byte {chunk.chunk_start_offset} is lost" in reader.report.losses[0]
+    kept = np.isin(good["x"], values["x"])
+    first, last = np.flatnonzero(~kept)[[0, -1]]
+    assert not kept[first : last + 1].any()  # one stretch
+    assert 0.02 < np.mean(~kept) < 0.3
+    np.testing.assert_array_equal(values["y"], good["y"][kept])
+    assert stamps["clock_1"].size == kept.sum()
+
+
+@pytest.mark.parametrize(("ahead", "as_stream"), [(1 << 25, True), (1000, False)])
+def test_definitions_lost_with_the_first_chunk_come_from_the_end_of_the_file(path, monkeypatch, ahead, as_stream):
+    monkeypatch.setattr("tirelog.readers.mcap_file.READ_AHEAD_BYTES", ahead)
+    write_json(path, messages())
+    flip(path, chunks(path)[0].chunk_start_offset + 200)
+    values, _, reader = read(io.BytesIO(path.read_bytes()) if as_stream else path, SOURCES)
+    assert is_gapless(values["x"])
+    assert values["x"][-1] == N - 1
+    assert len(reader.report.losses) == 1
+
+
+def test_a_stream_too_long_to_hold_says_that_its_definitions_are_lost(path, monkeypatch):
+    monkeypatch.setattr("tirelog.readers.mcap_file.READ_AHEAD_BYTES", 1000)
+    write_json(path, messages())
+    flip(path, chunks(path)[0].chunk_start_offset + 200)
+    with pytest.raises(ReadError, match=r"messages belong to channels whose definition is lost"):
+        read(io.BytesIO(path.read_bytes()), SOURCES)
+
+
+def test_a_damaged_length_is_passed_over_to_the_next_chunk(path):
+    write_json(path, messages())
+    third = chunks(path)[2].chunk_start_offset
+    flip(path, third + 3, 7)  # in the length of the record
+    values, _, reader = read(path, SOURCES)
+    assert any("are damaged; the log goes on" in loss for loss in reader.report.losses)
+    assert values["x"][-1] == N - 1
+    assert 0.8 < values["x"].size / N < 1.0
+
+
+def test_a_flip_between_the_chunks_is_seen_by_the_checksum_of_the_whole(path):
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=5000, enable_data_crcs=True)
+        writer.start()
+        channel = writer.register_channel("/t", "json", writer.register_schema("a", "jsonschema", b"{}"))
+        writer.add_attachment(START_NS, START_NS, "note", "text/plain", b"a" * 3000)
+        for i in range(100):
+            writer.add_message(channel, START_NS + i, b'{"x": 1}', START_NS + i)
+        writer.finish()
+    flip(path, path.read_bytes().find(b"aaaaaa") + 1000)
+    values, _, reader = read(path, {"x": "/t:x"})
+    assert values["x"].size == 100
+    assert "checksum of the whole data fails" in reader.report.losses[0]
+
+
+@pytest.mark.parametrize("compression", [NONE, ZSTD])
+def test_a_cut_off_file_gives_its_whole_chunks(path, compression):
+    """Twenty places."""
+    write_json(path, messages(), compression=compression)
+    content, index = path.read_bytes(), chunks(path)
+    ends = [c.chunk_start_offset + c.chunk_length for c in index]
+    for cut in np.random.default_rng(2).integers(9, ends[-1], 20).tolist():
+        whole = sum(end <= cut for end in ends)
+        if whole == 0:
+            with pytest.raises(ReadError, match="cut off at byte"):
+                read(io.BytesIO(content[:cut]), SOURCES)
+            continue
+        values, _, reader = read(io.BytesIO(content[:cut]), SOURCES)
+        assert is_gapless(values["x"])
+        last_ns = START_NS + 400_000 * int(values["x"][-1])
+        assert last_ns == index[whole - 1].message_end_time
+        assert ["cut off at byte" in loss for loss in reader.report.losses] == [True]
+
+
+def test_a_file_without_its_end_record(path):
+    write_json(path, messages())
+    for size in (8, 9, 20):
+        cut = path.read_bytes()[:-size]
+        values, _, reader = read(io.BytesIO(cut), SOURCES)
+        assert values["x"].size == N
+        assert "cut off" in reader.report.losses[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "says"), [(b"", "is empty"), (b"time,x\n1,2\n" * 9, "does not begin as an MCAP"), (b"\x89MCAP0\r\n", "cut off")]
+)
+def test_what_is_no_mcap_file(content, says):
+    with pytest.raises(ReadError, match=says):
+        read(io.BytesIO(content), SOURCES)
+
+
+def test_a_missing_file(path):
+    with pytest.raises(ReadError, match="No such file"):
+        read(path, SOURCES)
+
+
+def test_a_wrong_topic_or_field_names_the_nearest_and_leaves_the_others(path):
+    write_json(path, [("/front_left/strain", t, m) for _, t, m in messages(50)])
+    with pytest.raises(ReadError, match=r"'/front_left/strains' is not in the log \(nearest: /front_left/strain\)"):
+        read(path, {"x": "/front_left/strains:x"})
+    values, _, reader = read(path, {"a": "/front_left/strain:x", "b": "/front_left/strain:yy", "c": "/rear:x", "d": "nonsense"})
+    assert set(values) == {"a"}
+    assert [next(c for c in "bcd" if f"channel {c}" in loss) for loss in reader.report.losses] == ["d", "b", "c"]
+    assert "has no field 'yy' (nearest: y); it has x, y" in reader.report.losses[1]
+
+
+@pytest.mark.parametrize("source", ["/t", "/t:", "/t:a..b", "/t:a[", "/t:a[-1]", "/t:a[1 2]", "/t:[", ":x", "/t:a[::0]"])
+def test_sources_that_do_not_parse(path, source):
+    write_json(path, messages(5))
+    with pytest.raises(ReadError, match="allowed"):
+        read(path, {"x": source})
+
+
+def test_text_where_a_number_is_expected(path):
+    write_json(path, [("/t", t, {"x": "high" if i == 7 else i}) for i, (_, t, _) in enumerate(messages(50))])
+    values, _, reader = read(path, {"x": "/t:x"})
+    assert np.flatnonzero(np.isnan(values["x"])).tolist() == [7]
+    assert ["1 messages of /t: x holds text where a number is expected" in loss for loss in reader.report.losses] == [True]
+
+
+@pytest.mark.parametrize("bad", [b"{", b"", b"[1]", b"\xff\xfe", b'{"x": {"deep": 1}}', b'{"x": 1}\n{"x": 2}', b'{"x":' + b"[" * 5000])
+def test_a_message_that_does_not_decode_is_one_lost_sample(path, bad):
+    rows = [("/t", t, bad if i == 20 else {"x": i}) for i, (_, t, _) in enumerate(messages(50))]
+    values, _, reader = read(write_json(path, rows), {"x": "/t:x"})
+    assert np.flatnonzero(np.isnan(values["x"])).tolist() == [20]
+    assert len(reader.report.losses) == 1
+
+
+def test_foreign_channels_and_broken_schemas_stop_nothing(path):
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        broken = writer.register_schema("pkg/srv/Thing_Event", "ros2msg", b"\xff\xfe not a definition ===")
+        foreign = writer.register_channel("/thing/_service_event", "cdr", broken)
+        odd = writer.register_channel("/odd", "morse", 0)
+        good = writer.register_channel("/t", "json", 0)
+        for i in range(20):
+            for channel, data in ((foreign, b"\x00"), (odd, b"..."), (good, b'{"x": %d}' % i)):
+                writer.add_message(channel, START_NS + i, data, START_NS + i)
+        writer.finish()
+    values, _, reader = read(path, {"x": "/t:x"})
+    np.testing.assert_array_equal(values["x"], np.arange(20))
+    assert reader.report.losses == []
+    _, _, reader = read(path, {"x": "/t:x", "y": "/odd:z", "z": "/thing/_service_event:a"})
+    assert len(reader.report.losses) == 2
+
+
+def test_an_absurd_chunk_is_refused_before_it_is_decompressed(path):
+    write_json(path, messages())
+    content = bytearray(path.read_bytes())
+    at = chunks(path)[1].chunk_start_offset
+    struct.pack_into("<Q", content, at + 9 + 16, 1 << 50)
+    values, _, reader = read(io.BytesIO(content), SOURCES)
+    assert "declares 1125899906842624 bytes" in reader.report.losses[0]
+    assert values["x"].size > 0.7 * N
+
+
+def test_an_absurd_record_length_is_not_allocated():
+    content = b"\x89MCAP0\r\n" + struct.pack("<BQ", Opcode.SCHEMA, 1 << 60) + b"x" * 100
+    with pytest.raises(ReadError, match="cut off at byte 8"):
+        read(io.BytesIO(content), SOURCES)
+
+
+def all_kinds(tmp_path):
+    """A file an encoding, and sources in it."""
+    rng = np.random.default_rng(3)
+    times = [START_NS + 400_000 * i for i in range(300)]
+    joints = [
+        {
+            "header": {"stamp": {"sec": 5, "nanosec": i}, "frame_id": "t"},
+            "names": ["a"],
+            "position": [1.0, 2.0],
+            "counts": [1, 2, 3],
+            "subs": [{}],
+        }
+        for i in range(300)
+    ]
+    yield write_json(tmp_path / "j", messages(300), chunk_size=3000), SOURCES
+    yield write_json(tmp_path / "n", messages(300), chunk_size=3000, compression=NONE), SOURCES
+    yield write_json(tmp_path / "u", messages(300), use_chunking=False), SOURCES
+    ros = [("/j", t, "my_msgs/msg/Joint", STAMPED, m) for t, m in zip(times, joints, strict=True)]
+    yield write_ros2(tmp_path / "r", ros, compression=NONE, chunk_size=3000), {"a": "/j:position[1]", "b": "/j:counts", "c": "/j:last"}
+    proto = [protobuf_class()[0](strain=rng.normal(), steps=i, batch=[1.0, i]) for i in range(300)]
+    tire = [("/p", t, m) for t, m in zip(times, proto, strict=True)]
+    yield write_protobuf(tmp_path / "p", tire, compression=LZ4, chunk_size=3000), {"a": "/p:strain", "b": "/p:batch", "c": "/p:steps"}
+
+
+def test_flips_and_cuts_end_in_a_sentence_or_in_data(tmp_path):
+    """Any damage, 60 times an encoding: an error of ours or samples, never another exception, and bounded memory."""
+    rng = np.random.default_rng(12)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    outcomes = {"refused": 0, "whole": 0, "loss": 0}
+    for path, sources in all_kinds(tmp_path):
+        content = path.read_bytes()
+        for trial in range(60):
+            damaged = bytearray(content)
+            if trial % 4 == 0:
+                del damaged[rng.integers(len(damaged)) :]
+            else:
+                for at in rng.integers((400, len(damaged))[trial % 2], size=1 + trial % 3):
+                    damaged[at] ^= 1 << rng.integers(8)
+            path.write_bytes(damaged)
+            try:
+                reader = read(path, sources)[2]
+                outcomes["loss" if reader.report.losses else "whole"] += 1
+            except TirelogError:
+                outcomes["refused"] += 1
+    assert min(outcomes.values()) > 5
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # kB
+
+
+def test_one_flip_in_a_chunk_is_never_silent(path):
+    """Two hundred places within chunks whose bytes are covered by a checksum."""
+    write_json(path, messages(), compression=NONE)
+    content, rng = path.read_bytes(), np.random.default_rng(4)
+    for chunk in rng.choice(chunks(path), 200).tolist():
+        at = chunk.chunk_start_offset + 9 + 40 + int(rng.integers(chunk.chunk_length - 49))
+        damaged = bytearray(content)
+        damaged[at] ^= 1 << rng.integers(8)
+        assert read(io.BytesIO(damaged), SOURCES)[2].report.losses
