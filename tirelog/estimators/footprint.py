@@ -91,13 +91,16 @@ def _measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: Fl
     rate = channel.axis.rate_Hz
     speed = passages.speed_m_s
     rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
-    number = np.argmin(np.abs(speed[:, None] ** 2 - learnt.reference.speed_m_s**2), axis=1)
-    half_length = np.array([shape.half_length_m for shape in learnt.reference.shapes])[number]
+    if not rows.size:
+        return
+    reference = learnt.reference.at_speeds(learnt.reference.knots(float(speed[rows].min()), float(speed[rows].max())))
+    number = np.argmin(np.abs(np.nan_to_num(speed[:, None]) ** 2 - reference.speed_m_s**2), axis=1)
+    half_length = np.array([shape.half_length_m for shape in reference.shapes])[number]
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = np.maximum(1.02 * learnt.half_window_m, SEARCH * half_length + 2.5 * speed / cutoff_Hz) / speed * rate + 2.0
         for_fit = _power_of_two(FIT_STEP * half_length * rate / speed)
         for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))
-    tables = [form_table(learnt.reference, k, learnt.half_window_m) for k in range(len(learnt.reference.shapes))]
+    tables = [form_table(reference, k, learnt.half_window_m) for k in range(len(reference.shapes))]
     fine = rate / for_plain < 8.0 * cutoff_Hz
     for windows in gather_windows(channel, passages.sign, passages.index, reach, rows, block_samples):
         keys = np.column_stack([for_fit, for_plain, number, fine])[windows.row].astype(np.int64)

@@ -19,8 +19,8 @@ from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
 from tirelog.recording import FloatArray
 
-#: points of the form's table over a revolution: 0.12 mm, so that a straight line between them is enough
-TABLE_POINTS = 16384
+#: points of the form's table over a revolution: 0.24 mm, so that a straight line between them is enough
+TABLE_POINTS = 8192
 #: columns: height, offset, -shift, length, damping, tilt | second by length, second by shift
 LINEAR, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: weak knowledge of a passage's own oddness beside the log's: standard deviations of damping and tilt

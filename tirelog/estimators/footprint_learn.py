@@ -22,11 +22,11 @@ LENGTH_TO_WIDTH = 1.25
 #: window of averages and fits in half lengths
 WINDOW = 2.7
 #: classes of speed: at most, each no narrower than this ratio; passages of all and at least of each, in clusters of neighbours
-CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 8, 1.12, 600, 60, 8
+CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 10, 1.12, 600, 60, 6
 #: samples are averaged while they lie closer than this share of the half length
 STEP = 1.0 / 36.0
 #: free rolling, as far as the acceleration tells [m/s^2]
-FREE_ROLLING_M_S2 = 0.6
+FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
 #: the noise of a sample may be overestimated by this much (variance)
 LEAST_SCATTER = 0.6
 #: the form's own error is this many times the difference between the family's two members
@@ -90,6 +90,15 @@ def _classes(speed_m_s: FloatArray) -> IntArray:
     )
 
 
+def _steady_first(passages: Passages, rows: IntArray) -> tuple[IntArray, IntArray, bool]:
+    """Rows to learn from, their classes of speed, and whether most roll freely: in each class the steady ones where there are enough."""
+    classes = _classes(passages.speed_m_s[rows])
+    steady = np.abs(np.nan_to_num(passages.acceleration_m_s2[rows])) < FREE_ROLLING_M_S2
+    enough = np.bincount(classes, steady)[classes] >= np.minimum(ENOUGH_STEADY, np.bincount(classes)[classes])
+    kept = steady | ~enough
+    return rows[kept], classes[kept], bool(steady[kept].mean() > 0.5)
+
+
 def _chosen(rows: IntArray, most: int) -> IntArray:
     """At most `most` of `rows`, as clusters of neighbours spread over them."""
     if rows.size <= most:
@@ -147,14 +156,12 @@ def learn_reference(channel: Channel, passages: Passages, block_samples: int = B
     if passages.template is None or not len(passages):
         return None
     rows = _usable(passages)
-    steady = rows[np.abs(np.nan_to_num(passages.acceleration_m_s2[rows])) < FREE_ROLLING_M_S2]
-    free = steady.size >= min(24, rows.size)
-    rows = steady if free else rows
     if not rows.size:
         return None
+    rows, classes, free = _steady_first(passages, rows)
     rough = LENGTH_TO_WIDTH * passages.template.half_width_rad * passages.radius_m
     window = min(WINDOW * rough, 2.9 * passages.radius_m)
-    samples = _samples(channel, passages, rows, _classes(passages.speed_m_s[rows]), window, block_samples)
+    samples = _samples(channel, passages, rows, classes, window, block_samples)
     averages = [_average(sample, passages, window) for sample in samples]
     starts = [fit_averages(averages, passages.radius_m, rough, closed=closed) for closed in (False, True)]
     both = sorted((refine(start, samples, passages.noise, window) for start in starts), key=lambda r: r.misfit)

@@ -9,7 +9,7 @@ Shared: bending length, tread, tilt, and tension and damping as they follow the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ CELLS = 120
 ITERATIONS = 25
 #: highest wave number times half length that the family keeps
 HIGHEST_WAVE = 42.0
+#: forms are tabled at speeds between which tension and length change by no more than this
+TENSION_STEP, LENGTH_STEP, MOST_KNOTS = 0.08, 0.02, 16
 #: parameters that all speeds share: bending length, tension at rest, inertia (tension per squared scaled speed), tread, tilt, d0, d1
 SHARED = 7
 #: weak knowledge of them: mean and standard deviation of a normal prior (bending length over the starting length)
@@ -60,6 +62,27 @@ class Reference:
     freedom: float = 0.0
     residual_xi_m: FloatArray | None = None
     residuals: FloatArray | None = None
+
+    def at_speeds(self, speed_m_s: FloatArray) -> Reference:
+        """The same reference at other speeds (ascending): tension by the inertia, the rest linear between its own speeds."""
+        own, values = self.speed_m_s, np.array([shape.array() for shape in self.shapes])
+        at_rest = values[:, 2] + self.inertia * own**2
+        columns = [np.interp(speed_m_s, own, column) for column in (values[:, 0], values[:, 1], at_rest, *values[:, 3:].T)]
+        columns[2] = columns[2] - self.inertia * speed_m_s**2
+        shapes = tuple(EdgeShape.of(np.clip(row, LOWEST, HIGHEST)) for row in np.column_stack(columns))
+        left = self.residuals
+        if left is not None:
+            left = np.column_stack([np.interp(speed_m_s, own, column) for column in left.T])
+        more = {"heights": np.interp(speed_m_s, own, self.heights), "length_se_m": np.interp(speed_m_s, own, self.length_se_m)}
+        return replace(self, speed_m_s=speed_m_s, shapes=shapes, residuals=left, **more)
+
+    def knots(self, slowest_m_s: float, fastest_m_s: float) -> FloatArray:
+        """Speeds from slowest to fastest, so close that form and tension are straight in the squared speed between them."""
+        fall = abs(self.inertia) * (fastest_m_s**2 - slowest_m_s**2)
+        lengths = np.array([shape.half_length_m for shape in self.at_speeds(np.array([slowest_m_s, fastest_m_s])).shapes])
+        count = int(np.clip(np.ceil(max(fall / TENSION_STEP, np.abs(np.log(lengths[1] / lengths[0])) / LENGTH_STEP)), 1, MOST_KNOTS))
+        squares = slowest_m_s**2 + (np.arange(count) + 0.5) / count * (fastest_m_s**2 - slowest_m_s**2)
+        return np.sqrt(squares)
 
 
 def average(xi_m: FloatArray, values: FloatArray, noise: FloatArray, speed_m_s: float, half_window_m: float, cells: int = CELLS) -> Average:
