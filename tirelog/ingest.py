@@ -116,7 +116,8 @@ def _reader(stream: _HashedStream, head: bytes, path: Path | None, setup: Setup,
     if head.startswith(MCAP_MAGIC):
         from tirelog.readers.mcap_file import open_mcap
 
-        return open_mcap(buffered, setup, log)
+        plain = log != "-" and address(log) is None
+        return open_mcap(buffered, setup, log, Path(log) if plain else None)
     from tirelog.readers.text import open_text
 
     return open_text(buffered, setup, log)
