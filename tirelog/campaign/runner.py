@@ -87,8 +87,10 @@ def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
     waiting = {task.name: task for task in tasks}
     tried: dict[str, int] = dict.fromkeys(waiting, 0)
     context = multiprocessing.get_context("spawn")
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # inherited: a worker's share is one core, and its libraries start their threads on import
     while waiting:
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
+        with ProcessPoolExecutor(workers, mp_context=context) as pool:
             queue = list(waiting.values())
             running: dict[Future[Entry], Task] = {}
             try:
@@ -112,12 +114,6 @@ def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
 def _died(task: Task) -> Entry:
     error = f"{task.log}: its worker died {_ATTEMPTS} times (out of memory, or killed); free memory or use fewer workers"
     return Entry(task.log, task.name, task.key, error=error, exit_status=int(ExitStatus.DEFECT))
-
-
-def _one_thread() -> None:
-    """A worker's share is one core; its libraries must not each start as many threads as there are cores."""
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ[name] = "1"
 
 
 def write_summary(campaign: Campaign, ledger: Ledger) -> Path:

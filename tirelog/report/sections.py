@@ -134,17 +134,18 @@ def dissipation(table: pd.DataFrame) -> Section:
     good = table[table["quality"] == "ok"]
     steady = good[good["steady"].astype(bool)]
     figures = []
-    for id, x, label, rows, factor, power in (
-        ("dissipation-time", "time_s", "time [s]", good, "dissipation_factor_1_m", "specific_power_m3_s2"),
-        ("dissipation-speed", "speed_m_s", "speed [m/s]", steady, "dissipation_factor_mean_1_m", "specific_power_mean_m3_s2"),
+    for id, x, label, rows, mean in (
+        ("time", "time_s", "time [s]", good, ""),
+        ("speed", "speed_m_s", "speed [m/s], moving averages at constant speed", steady, "_mean"),
     ):
-        traces = [dots(rows[x], rows[factor], "dissipation factor", 0), dots(rows[x], rows[power], "specific power", 1, yaxis="y2")]
-        shape = layout(
-            label, "dissipation factor [1/m]", yaxis2={"title": {"text": "specific power [m³/s²]"}, "overlaying": "y", "side": "right"}
-        )
-        figures.append(
-            Figure(id, f"Dissipation against {label.split(' [')[0]}", f"Factor and specific power, {len(rows)} passages.", traces, shape)
-        )
+        for quantity, column, unit in (
+            ("Dissipation factor", f"dissipation_factor{mean}_1_m", "1/m"),
+            ("Specific power", f"specific_power{mean}_m3_s2", "m³/s²"),
+        ):
+            title = f"{quantity} against {id}"
+            alt = f"{title}: {_spread(rows[column], unit)}, {len(rows)} passages."
+            traces = [dots(rows[x], rows[column], quantity.lower())]
+            figures.append(Figure(f"{column}-{id}", title, alt, traces, layout(label, f"{quantity.lower()} [{unit}]")))
     spread = _spread(good["dissipation_factor_1_m"], "1/m")
     words = [f"Dissipation factor: {spread} over {len(good)} passages, {len(steady)} of them at constant speed."]
     return Section("dissipation", "Dissipation", "tirelog dissipation LOG", words, figures, [_quality(table, "dissipation")])
