@@ -11,12 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.cells import Cells
-from tirelog.discrepancy.fitting import Fit, fit_model, free_names
-from tirelog.discrepancy.floor import Floor, Plain, held_out_losses, measure_floor, scatter_between, scatter_columns
+from tirelog.discrepancy.fitting import Fit, fit_model, take_cells
+from tirelog.discrepancy.floor import Floor, Plain, at_mean_speed, held_out_losses, measure_floor, scatter_between, scatter_columns
 from tirelog.discrepancy.whitening import Whitener, whitener
 from tirelog.physics.model import Model
 
 FloatArray = NDArray[np.float64]
+
+#: before anything is fitted the model may miss this share of the waveform's rms; and a discrepancy below this share of the floor is none
+_FIRST_DISCREPANCY = 0.03
+_LEAST_DISCREPANCY = 0.02
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,15 @@ class Base:
     fit: Fit
     held_white: FloatArray
     held_plain: FloatArray
+    discrepancy: float = 0.0
+
+    @property
+    def reduced_chi2(self) -> float:
+        """Of the fitted point, against noise and random effects alone."""
+        scatter = np.array([self.floor.load_sd, self.floor.baseline_sd])
+        noise = whitener(self.cells).with_manoeuvres(self.cells.manoeuvre, scatter_columns(self.cells, self.fit), scatter)
+        residual = noise(self.cells.values - self.fit.prediction - self.offset_of_cell[:, None])
+        return float((residual**2).sum()) / self.fit.freedom
 
     @property
     def model(self) -> Model:
@@ -62,16 +75,36 @@ class Base:
 def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     """The base model fitted, with its floor.  ModelError where it cannot be computed at these speeds."""
     model = model.resolved(cells.conditions)
-    own = whitener(cells)
-    fit = fit_model(cells, own, model, several=several)
-    columns = scatter_columns(cells, fit)
-    load_sd, baseline_sd = scatter_between(cells, own, fit, columns)
-    white = own.with_manoeuvres(cells.manoeuvre, columns, np.array([load_sd, baseline_sd]))
-    fit = fit_model(cells, white, fit.model, several=False)
-    plain = Plain.of(cells)
-    floor = measure_floor(cells, plain, columns, load_sd, baseline_sd)
+    rough = (_FIRST_DISCREPANCY**2) * float(np.nanmean(cells.values**2))
+    fit = fit_model(cells, whitener(cells, rough), model, several=several)
+    cells = at_mean_speed(cells, fit)
+    return _with_scatter(cells, Plain.of(cells), fit, rough)
+
+
+def _with_scatter(cells: Cells, plain: Plain, fit: Fit, discrepancy: float) -> Base:
+    """Metric and floor with the scatter between manoeuvres and the discrepancy that this fit leaves, and the model fitted in them; twice."""
+    for _ in range(2):
+        own = whitener(cells, discrepancy)
+        columns = scatter_columns(cells, fit)
+        load_sd, baseline_sd = scatter_between(cells, own, fit, columns)
+        floor = measure_floor(cells, plain, columns, load_sd, baseline_sd)
+        discrepancy = _discrepancy(cells, plain, fit, floor)
+        white = whitener(cells, discrepancy).with_manoeuvres(cells.manoeuvre, columns, np.array([load_sd, baseline_sd]))
+        fit = fit_model(cells, white, fit.model, several=False)
     held_white, held_plain = held_out_losses(cells, white, plain, fit)
-    return Base(cells, white, plain, floor, fit, held_white, held_plain)
+    return Base(cells, white, plain, floor, fit, held_white, held_plain, discrepancy)
+
+
+def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
+    """Mean square [unit^2] that the fit leaves above the floor; nothing where it is too small to matter."""
+    offsets = fit.offsets[np.searchsorted(np.unique(cells.log), cells.log)] if fit.offsets.size else np.zeros(len(cells))
+    left = plain.mean_square((plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None])) ** 2).sum()) - floor.between
+    return left if left > _LEAST_DISCREPANCY * floor.square else 0.0
+
+
+def settled(base: Base) -> Base:
+    """The same model with the scatter between manoeuvres measured anew: once an effect is in, less is taken for scatter."""
+    return _with_scatter(base.cells, base.plain, base.fit, base.discrepancy)
 
 
 def refit(base: Base, model: Model) -> Base:
@@ -81,4 +114,14 @@ def refit(base: Base, model: Model) -> Base:
     return replace(base, fit=fit, held_white=held_white, held_plain=held_plain)
 
 
-__all__ = ["Base", "free_names", "prepare", "refit"]
+def thinned(base: Base, most: int) -> Base:
+    """The same fit on at most `most` cells that span logs, manoeuvres and speeds, for trying things."""
+    if len(base.cells) <= most:
+        return base
+    rows = np.unique(np.linspace(0, len(base.cells) - 1, most).round().astype(int))
+    cells = take_cells(base.cells, rows)
+    cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
+    fit = replace(base.fit, prediction=base.fit.prediction[rows], jacobian=base.fit.jacobian[rows], residual=base.fit.residual[rows])
+    scatter = np.array([base.floor.load_sd, base.floor.baseline_sd])
+    white = whitener(cells, base.discrepancy).with_manoeuvres(cells.manoeuvre, scatter_columns(cells, fit), scatter)
+    return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)

@@ -40,6 +40,7 @@ class Cells:
     shift          (C, m)  P', the free nuisance (zero with one angle)
     revolutions    (C,)  in the cell;  conditions: means;  log, manoeuvre (C,) integers, manoeuvre 0 ... M-1;  regime (C,)
     within         (C, m) mean square of single revolutions about their cell, shift taken out, noise and random effects in it
+    speed_mean, speed_square (C, m)  mean and mean square of a bin's samples' speed about the cell's mean speed [m/s], [m^2/s^2]
     cell           (n,) the cell of each revolution of the stack
     """
 
@@ -59,6 +60,8 @@ class Cells:
     manoeuvre: IntArray
     regime: NDArray[np.str_]
     within: FloatArray
+    speed_mean: FloatArray
+    speed_square: FloatArray
     cell: IntArray
     logs: tuple[str, ...]
 
@@ -129,6 +132,8 @@ def make_cells(stack: Stack) -> Cells:
         manoeuvre=np.unique(stack.manoeuvre[where], return_inverse=True)[1],
         regime=stack.regime[where],
         within=(noise[None, :] / per_revolution + spread) if m > 1 else (sd**2 * number[:, None]),
+        speed_mean=np.stack([part.speed_mean for part in parts]),
+        speed_square=np.stack([part.speed_square for part in parts]),
         cell=cell,
         logs=stack.logs,
     )
@@ -149,6 +154,8 @@ class _Part:
     residual_ss: FloatArray
     freedom: FloatArray
     scatter: FloatArray
+    speed_mean: FloatArray
+    speed_square: FloatArray
 
 
 def _curve(phi: FloatArray, values: FloatArray) -> CubicSpline:
@@ -191,8 +198,23 @@ def _one_waveform(stack: Stack, rows: IntArray) -> _Part:
     residual = np.where(count > 0, excess - taken, 0.0)
     residual_ss, freedom = _scatter(residual, count, stack.conditions.speed_m_s[rows])
     own = _columns(curve, np.where(total > 0, angle, 0.0))
+    speed = stack.conditions.speed_m_s[rows]
+    about = (speed - speed.mean())[:, None]
+    share = count / np.maximum(total, 1e-12)
     return _Part(
-        rows, mean, angle, spread, total, own[:, [0, 1, 3]], own[:, 2], coefficients[:, [0, 1, 3]], residual_ss, freedom, np.zeros(0)
+        rows,
+        mean,
+        angle,
+        spread,
+        total,
+        own[:, [0, 1, 3]],
+        own[:, 2],
+        coefficients[:, [0, 1, 3]],
+        residual_ss,
+        freedom,
+        np.zeros(0),
+        (share * about).sum(axis=0),
+        (share * about**2).sum(axis=0),
     )
 
 

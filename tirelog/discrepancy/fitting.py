@@ -24,7 +24,7 @@ from tirelog.physics.parameters import Parameter
 
 FloatArray = NDArray[np.float64]
 
-MOST_STEPS = 40
+MOST_STEPS = 25
 _SETTLED = 1e-4
 #: starts: factors on the start values of some parameters
 STARTS: tuple[Mapping[str, float], ...] = (
@@ -219,6 +219,7 @@ def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     """Some of the cells."""
     names = (
         "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions", "log", "manoeuvre", "regime", "within",
+        "speed_mean", "speed_square",
     )  # fmt: skip
     return replace(cells, conditions=cells.conditions.take(rows), **{name: getattr(cells, name)[rows] for name in names})
 

@@ -12,7 +12,7 @@ so more revolutions sharpen the excess and do not move the floor.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,8 +83,6 @@ class Floor:
 
 def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
     """Change of the prediction per relative change of the load, (C, m); where the model does not know what a load does, its amplitude."""
-    from dataclasses import replace
-
     conditions = cells.conditions
     load = np.where(np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan))
     angles = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance} if cells.phi.shape[1] > 1 else {"phi_rad": None}
@@ -98,22 +96,58 @@ def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
     return slope if np.isfinite(slope).all() or cells.phi.shape[1] > 1 else fit.prediction
 
 
+def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
+    """The cells with their values moved to the cell's mean speed by the fitted model: a bin's samples have a mean speed of their own, and a
+    waveform that bends with speed does not average to that at the mean.  What amplitude, width, shift and baseline of single revolutions
+    took along with the speed is gone from the values already.  And a wheel that speeds up is slower at the entry edge than at the exit edge.
+    Only for waveforms."""
+    if cells.phi.shape[1] == 1:
+        return cells
+    step = np.clip(np.sqrt(cells.speed_square.mean(axis=1)), 0.05, 1.0)
+    speed = cells.conditions.speed_m_s
+    angles = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance}
+    try:
+        up, down = (
+            fit.model.predict(replace(cells.conditions, speed_m_s=speed + s * step), surface=cells.surface, **angles) for s in (1.0, -1.0)
+        )
+    except ModelError:
+        return cells
+    slope = (up - down) / (2.0 * step[:, None])
+    taken = np.concatenate([cells.random, cells.shift[..., None]], axis=-1)
+    weight = np.isfinite(cells.values)[..., None]
+    columns, slope_left = np.where(weight, taken, 0.0), np.where(weight[..., 0], slope, 0.0)
+    gram = np.swapaxes(columns, 1, 2) @ columns
+    slope_left = slope_left - (columns @ solve_scaled(gram, np.einsum("cmk,cm->ck", columns, slope_left))[..., None])[..., 0]
+    travelled = np.nan_to_num(cells.phi) * fit.model.values["radius_m"]
+    faster = (cells.conditions.acceleration_m_s2 / speed)[:, None] * travelled
+    bend = (up + down - 2.0 * fit.prediction) / step[:, None] ** 2
+    return replace(cells, values=cells.values - slope_left * cells.speed_mean - slope * faster - 0.5 * bend * cells.speed_square)
+
+
 def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
     """Columns of the random effects of manoeuvres: relative load, baseline; (C, m, 2)."""
     return np.stack([load_derivative(cells, fit), np.ones_like(cells.phi)], axis=-1)
 
 
 def trend_columns(cells: Cells) -> FloatArray:
-    """What physics may follow, one row a manoeuvre (M, k): 1, v, v^2, a, t, each centred, fewer where there are few manoeuvres."""
+    """What physics may follow, one row a manoeuvre (M, k): each log's level, acceleration, time, and v, v^2 log by log (what follows speed may
+    follow a log's load, pressure, water or age besides); the last of them only where enough manoeuvres are left to show scatter."""
     M = cells.manoeuvres
     number = np.bincount(cells.manoeuvre, cells.revolutions, M)
-    mean = lambda x: np.bincount(cells.manoeuvre, cells.revolutions * x, M) / number  # noqa: E731
+    log = np.zeros(M, np.int64)
+    log[cells.manoeuvre] = cells.log
+    per_log = (log[:, None] == np.unique(cells.log)).astype(float)
+
+    def mean(x: FloatArray) -> FloatArray:
+        level = np.bincount(cells.manoeuvre, cells.revolutions * x, M) / number
+        return (level - level.mean()) / (level.std() + 1e-12)
+
     c = cells.conditions
-    first = [np.unique(cells.log[cells.manoeuvre == m])[0] for m in range(M)]
-    per_log = (np.array(first)[:, None] == np.unique(cells.log)).astype(float)
-    followed = [mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.speed_m_s**2), mean(c.time_s)]
-    keep = int(np.clip((M - per_log.shape[1]) // 3, 0, len(followed)))
-    columns = [per_log] + [((x - x.mean()) / (x.std() + 1e-12))[:, None] for x in followed[:keep]]
+    v, a, t = mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.time_s)
+    columns = [per_log]
+    for more in (v[:, None], a[:, None], np.stack([v**2, t], axis=1), per_log * v[:, None], per_log * (v**2)[:, None]):
+        if sum(x.shape[1] for x in columns) + more.shape[1] <= 0.6 * M:
+            columns.append(more)
     return np.hstack(columns)
 
 
@@ -125,7 +159,7 @@ def scatter_between(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray
     coefficients = solve_scaled(normal.gram, normal.right)
     trend = trend_columns(cells)
     hat = trend @ np.linalg.pinv(trend)
-    freedom = trend.shape[0] - np.trace(hat)
+    freedom = float(trend.shape[0] - np.trace(hat))
     if freedom < 2.0:
         return 0.0, 0.0
     inverse = np.stack([solve_scaled(normal.gram, np.broadcast_to(e, normal.right.shape)) for e in np.eye(2)], axis=-1)

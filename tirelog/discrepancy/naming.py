@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.assessment import Assessed, assess
-from tirelog.discrepancy.base import Base, refit
-from tirelog.discrepancy.fitting import Problem
+from tirelog.discrepancy.base import Base, refit, thinned
+from tirelog.discrepancy.fitting import Problem, descend, free_names
 from tirelog.discrepancy.floor import held_out_losses
 from tirelog.discrepancy.selection import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, gain_and_error
 from tirelog.discrepancy.signatures import all_signatures, candidate_effects, with_candidate
@@ -31,6 +31,9 @@ FloatArray = NDArray[np.float64]
 #: candidates whose statistic reaches this share of the largest are refitted, at most so many
 CONTENDER = 0.6
 MOST_CONTENDERS = 5
+#: starts of a candidate are tried on so many cells, so many steps
+_TRIAL_CELLS = 24
+_TRIAL_STEPS = 12
 #: cosine above which two effects are one to these data; and above which they are if the wrong one leaves less than a third of the floor
 TWINS = 0.95
 LIKE = 0.90
@@ -74,22 +77,27 @@ def assess_all(base: Base, extra: Iterable[Effect], more: FloatArray | None = No
     return assessed, {**reasons, **invisible}
 
 
-def refit_candidate(base: Base, candidate: Assessed) -> Base:
-    """The best refit with the candidate, from its linear strength and from its probe.  ModelError where no start leads below the base."""
+def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
+    """The best refit with the candidate, from its linear strength and from its probe, tried on `few` cells and finished on all.
+
+    ModelError where no start leads below the base: a worse refit is a failed refit.
+    """
     effect = candidate.signature.effect
     linear = dict(zip(candidate.signature.strengths, candidate.strengths, strict=True))
     probes = {p.name: p.probe * (np.sign(linear.get(p.name, 1.0)) or 1.0) for p in effect.parameters if p.name in linear}
     shape = dict(candidate.signature.shape)
-    best: Base | None = None
+    problem, found = Problem(few.cells, few.white), []
     for strengths in (linear, probes):
         try:
-            tried = refit(base, with_candidate(base.model, effect, {**shape, **strengths}))
+            start = with_candidate(base.model, effect, {**shape, **strengths}).resolved(base.cells.conditions)
+            found.append(descend(problem, start, free_names(start, few.cells), steps=_TRIAL_STEPS))
         except ModelError:
             continue
-        if best is None or tried.fit.chi2 < best.fit.chi2:
-            best = tried
-    if best is None or best.fit.chi2 > base.fit.chi2:
+    if not found:
         raise ModelError(f"the fit with {effect.id} failed")
+    best = refit(base, min(found, key=lambda result: result[1])[0])
+    if best.fit.chi2 > base.fit.chi2:
+        raise ModelError(f"the fit with {effect.id} ended above the fit without it")
     return best
 
 
@@ -98,10 +106,10 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
     if not assessed:
         return []
     leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][:MOST_CONTENDERS]
-    tried = []
+    tried, few = [], thinned(base, _TRIAL_CELLS)
     for candidate in leading:
         try:
-            tried.append(Refitted(candidate, refit_candidate(base, candidate)))
+            tried.append(Refitted(candidate, refit_candidate(base, few, candidate)))
         except ModelError as failed:
             reasons[candidate.id] = failed.message.split(";")[0]
     if not tried:

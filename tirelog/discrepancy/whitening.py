@@ -67,10 +67,13 @@ class Whitener:
         return Whitener(self.inverse_sd, self.basis, self.shrink, tuple(groups), tuple(bases), tuple(shrinks))
 
 
-def whitener(cells: Cells) -> Whitener:
-    """The operator of single cells: noise, shift and the random effects of revolutions."""
-    with np.errstate(divide="ignore"):
-        inverse = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), 1.0 / cells.sd, 0.0)
+def whitener(cells: Cells, discrepancy: float = 0.0) -> Whitener:
+    """The operator of single cells: noise, shift and the random effects of revolutions.
+
+    `discrepancy` [unit^2] is the mean square that the model at hand misses: added to the noise, so that a model that is wrong in shape does not
+    buy shape with amplitude only because amplitude scatters from revolution to revolution.
+    """
+    inverse = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), 1.0 / np.sqrt(cells.sd**2 + discrepancy), 0.0)
     C, m = inverse.shape
     if m == 1:
         return Whitener(inverse, np.zeros((C, 1, 0)), np.zeros((C, 0)))
