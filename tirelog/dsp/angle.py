@@ -81,9 +81,9 @@ def smooth_angle(
     if time_s.size < 2 * REACH + 1:
         rate = np.gradient(nominal, time_s) if time_s.size > 1 else np.zeros(time_s.size)
         return AngleFunction(time_s, np.asarray(nominal + pitch_rad), rate, stretch, noise_rad)
-    pace = np.gradient(time_s) / np.gradient(nominal + (np.gradient(count) == 0))
-    pace[~np.isfinite(pace)] = 0.0
-    time = np.maximum.accumulate(time_s - np.where(np.gradient(count) == 0, 0.0, pitch_rad * pace))
+    rise = np.gradient(nominal)
+    pace = np.where(rise == 0, 0.0, np.gradient(time_s) / np.where(rise == 0, 1.0, rise))
+    time = np.maximum.accumulate(time_s - pitch_rad * pace)
     n, width = time.size, 2 * REACH + 1
     inner = np.arange(REACH, n - REACH)
     longest, shortest = np.zeros(inner.size), np.full(inner.size, np.inf)

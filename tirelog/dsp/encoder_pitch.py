@@ -48,7 +48,7 @@ def deviations(time_s: FloatArray, count: IntArray, steps: int) -> tuple[IntArra
     `time_s`, `count` shape (n,).  Passages that are missing are bridged for the smoothing and left out of the result.
     """
     turn = 2 * steps
-    if count.size < 3 * turn or count[-1] - count[0] < 4 * turn:
+    if count.size < 3 * turn or count[-1] - count[0] < 4 * turn or not (np.diff(count) > 0).all():
         return np.zeros(0, np.int64), np.zeros(0)
     whole = np.arange(count[0], count[-1] + 1)
     time = time_s if whole.size == count.size else np.interp(whole, count, time_s)

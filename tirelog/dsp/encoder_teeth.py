@@ -22,6 +22,8 @@ from tirelog.recording import FloatArray, IntArray
 TURNING_PEAK, PASSED_PEAK = 0.8, 0.93
 #: half teeth that take longer than this are looked at for a turning point
 SLOW_S = 0.06
+#: slow intervals within so many of each other are one place; a car does not roll backwards faster than so many turns a second
+SAME_PLACE, FASTEST_BACK_Hz = 12, 4.0
 #: intervals on each side that say how long one should be
 NEIGHBOURS = 3
 #: an interval outside of these shares of its neighbours' median is not a single half tooth (pitch errors of 0.5 degree stay inside)
@@ -49,7 +51,7 @@ class Teeth:
 
 def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, steps: int) -> Teeth:
     """Teeth from the `passages` of an encoder of `steps` teeth a turn; `read` gives the signal again, around standstills only."""
-    index, rising, halves, missing, extra = _regular(passages.index, passages.rising, 0.5 * FOLLOW_S * rate_Hz)
+    index, rising, halves, missing, extra = _regular(passages.index, passages.rising, SLOW_S * rate_Hz)
     n = index.size
     if n < 2:
         return Teeth(index, np.zeros(n, np.int64), np.zeros(n, np.int64), np.ones(n, bool), missing, extra)
@@ -58,18 +60,39 @@ def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, s
     if passages.breaks.size:
         broken = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
         hole[broken[halves[broken] != 1]] = True
+    slow = np.flatnonzero(np.diff(index) > SLOW_S * rate_Hz)
+    sign, turned = _directions(index, slow, _turning_points(read, found, index, slow), FASTEST_BACK_Hz / rate_Hz * 2 * steps)
     lost = still | hole | (halves > 2 * steps)
-    sign = np.ones(n - 1, np.int64)
-    turned = _turning_points(read, found, index, np.flatnonzero(np.diff(index) > SLOW_S * rate_Hz))
-    direction = 1
-    for at in turned:
-        direction = -direction
-        sign[at:] = direction
-        halves[at] = 0
-    count = np.concatenate([[0], np.cumsum(halves * sign)]) + (0 if rising[0] else 1)
+    lost[turned] = True
     stretch = np.concatenate([[0], np.cumsum(lost)])
-    forward = np.concatenate([[True], sign > 0])
+    forward = np.concatenate([sign > 0, [True]])
+    count = np.concatenate([[0], np.cumsum(halves * sign)])
+    # rolling forwards a rising passage is even, backwards a falling one
+    heads = np.concatenate([[0], np.flatnonzero(lost) + 1])
+    wrong = np.mod(count[heads], 2) != (rising[heads] != forward[heads])
+    count += np.concatenate([[int(wrong[0])], np.diff(wrong.astype(np.int64))]).cumsum()[stretch]
     return Teeth(index, count, stretch, forward, missing, extra)
+
+
+def _directions(index: FloatArray, slow: IntArray, turned: list[int], fastest: float) -> tuple[IntArray, IntArray]:
+    """(sign of each interval, intervals at which the direction changes).
+
+    A turning point starts a stretch backwards, and the next slow place ends it, seen as a turning point or not: a missed one must not turn
+    the rest of the log around.  A stretch that is faster than `fastest` half teeth a sample, or lasts to the end, was none.
+    """
+    sign, changes, done = np.ones(index.size - 1, np.int64), [], -1
+    for at in turned:
+        later = slow[slow > at + SAME_PLACE]
+        if at <= done or later.size == 0:
+            continue
+        inside = [t for t in turned if at + SAME_PLACE < t <= later[0] + 2 * SAME_PLACE]
+        end = inside[0] if inside else int(later[0])
+        done = end + SAME_PLACE
+        if np.diff(index[at + 1 : end + 1]).min(initial=np.inf) < 1 / fastest:
+            continue
+        sign[at + 1 : end + 1] = -1
+        changes += [at, end]
+    return sign, np.array(changes, np.int64)
 
 
 def _regular(index: FloatArray, rising: np.ndarray, slowest: float) -> tuple[FloatArray, np.ndarray, IntArray, int, int]:
@@ -114,7 +137,7 @@ def _turning_points(read: Read, found: Probe, index: FloatArray, slow: IntArray)
     """
     turned = []
     for at in slow:
-        before, after = int(index[max(at - 1, 0)]), int(index[min(at + 2, index.size - 1)]) + 1
+        before, after = int(index[max(at - 2, 0)]), int(index[min(at + 3, index.size - 1)]) + 1
         x = read(before, min(after, before + (1 << 20)))
         edges = (np.array([index[at], index[at + 1]]) - before).astype(np.int64)
         if edges[1] + 3 > x.size or edges[0] < 2 or np.isnan(x).any():

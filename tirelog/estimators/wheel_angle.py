@@ -102,16 +102,16 @@ def _stretches(time: FloatArray, count: IntArray, teeth: Teeth) -> list[tuple[Fl
 def _realigned(time: FloatArray, teeth: Teeth, steps: int) -> IntArray:
     """The counts, with whole teeth that were lost between stretches given back where the pitch errors tell."""
     pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
-    if pieces.size == 0 or not teeth.forward.all():
+    if pieces.size == 0:
         return teeth.count
     parts = list(zip(np.split(time, pieces), np.split(teeth.count, pieces), strict=True))
-    shifts, moved, last = aligned(parts, steps), [], -1
-    for (_, count), shift in zip(parts, shifts, strict=True):
+    backward = [not part.all() for part in np.split(teeth.forward, pieces)]
+    moved: list[IntArray] = []
+    for (_, count), shift, back in zip(parts, aligned(parts, steps), backward, strict=True):
         shifted = count + shift
-        while shifted[0] <= last:  # the wheel did not roll back
+        while moved and not any(backward) and shifted[0] <= moved[-1][-1]:  # the wheel did not roll back
             shifted = shifted + 2 * steps
-        moved.append(shifted)
-        last = int(shifted[-1])
+        moved.append(count if back else shifted)
     return np.concatenate(moved)
 
 
