@@ -20,7 +20,7 @@ TURN_RAD = 2 * np.pi
 #: a change of acceleration counts beyond this many times its noise variance
 SIGNIFICANT = 4.0
 #: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink at random places between passages
-KINK = 0.5
+KINK = 0.8
 #: passages on either side whose accelerations tell how it changes, and the degree of their curve
 REACH, DEGREE = 3, 3
 #: standard deviation of the jerk where nothing tells it: the acceleration itself, gained or lost over this many turns

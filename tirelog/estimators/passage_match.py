@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tirelog.estimators.passage_fit import Fit, Signal, Start, fit, gather
 from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, turns_between
 from tirelog.estimators.passage_learn import learn_template
-from tirelog.estimators.passage_screen import one_turn, screen, width_turns
+from tirelog.estimators.passage_screen import one_turn, screen, usual, width_turns
 from tirelog.estimators.passage_search import Pulses
 from tirelog.estimators.passage_template import Template
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
@@ -25,7 +25,7 @@ STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
 STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
 #: a row is doubtful where its misfit is this many times the median's
 DOUBTFUL = 3.0
-#: heights, against the median, outside of which a pulse of unknown speed is no passage of this wheel
+#: heights, against the median around, outside of which a pulse of unknown speed is no passage of this wheel
 FOREIGN_HEIGHTS = (0.3, 2.5)
 #: passages of a stretch that are tried the other way round, and the log likelihood ratio from which they ran backwards
 TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
@@ -89,9 +89,9 @@ def _matched(signal: Signal, template: Template | None, pulses: Pulses, start: S
 
 
 def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
-    """Pulses that are no passage by their fit: of another height than most, or a bad fit between two that are one turn apart."""
-    usual = float(np.median(np.abs(found.height)))
-    foreign = (found.height < FOREIGN_HEIGHTS[0] * usual) | (found.height > FOREIGN_HEIGHTS[1] * usual)
+    """Pulses that are no passage by their fit: of another height than those around, or a bad fit between two that are one turn apart."""
+    around = usual(np.abs(found.height))
+    foreign = (found.height < FOREIGN_HEIGHTS[0] * around) | (found.height > FOREIGN_HEIGHTS[1] * around)
     foreign &= start.stretch == STRETCH_WIDTH
     bad = found.misfit > np.maximum(FOREIGN_MISFIT * np.abs(found.height), 3 * noise)
     if bad.size > 2:
@@ -104,8 +104,9 @@ def _doubt(found: Fit, noise: float) -> FloatArray:
     """Factor on the standard error where a row fits far worse than most: its residual then is no white noise, (n,)."""
     if not found.misfit.size or not np.isfinite(found.misfit).any() or not noise > 0:
         return np.ones(found.misfit.size)
-    usual = max(float(np.nanmedian(found.misfit)), noise)
-    return np.where(found.misfit > DOUBTFUL * usual, 2.0 * found.misfit / noise, 1.0)
+    share = found.misfit / np.abs(found.height)
+    expected = np.maximum(float(np.nanmedian(share)) * np.abs(found.height), noise)
+    return np.where(found.misfit > DOUBTFUL * expected, 2.0 * found.misfit / noise, 1.0)
 
 
 def _start(channel: Channel, pulses: Pulses) -> Start:

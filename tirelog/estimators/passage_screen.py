@@ -45,9 +45,9 @@ def one_turn(turns: FloatArray) -> NDArray[np.bool_]:
     return (turns > ONE_TURN[0]) & (turns < ONE_TURN[1])
 
 
-def _usual_width(width: FloatArray) -> FloatArray:
-    """Median of the widths within REACH pulses, shape (n,)."""
-    padded = np.pad(width, REACH, constant_values=np.nan)
+def usual(values: FloatArray) -> FloatArray:
+    """Median of the values within REACH pulses, shape (n,)."""
+    padded = np.pad(values, REACH, constant_values=np.nan)
     return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * REACH + 1), axis=1)
 
 
@@ -76,8 +76,8 @@ def _joined(pulses: Pulses) -> Pulses:
     """Pairs that are too close become one: their hull where that has the usual width, else the one whose width is more usual."""
     if len(pulses) < 3:
         return pulses
-    usual = _usual_width(pulses.width)
-    period = usual / width_turns(pulses.middle, pulses.width)
+    width_around = usual(pulses.width)
+    period = width_around / width_turns(pulses.middle, pulses.width)
     close = np.flatnonzero(np.diff(pulses.middle) < TOO_CLOSE_TURNS * np.minimum(period[1:], period[:-1]))
     middle, width, kept = pulses.middle.copy(), pulses.width.copy(), np.ones(len(pulses), bool)
     for first in close:
@@ -85,11 +85,11 @@ def _joined(pulses: Pulses) -> Pulses:
         if not kept[first]:
             continue
         entry, leave = middle[first] - 0.5 * width[first], middle[second] + 0.5 * width[second]
-        if JOINED_WIDTH[0] < (leave - entry) / usual[first] < JOINED_WIDTH[1]:
+        if JOINED_WIDTH[0] < (leave - entry) / width_around[first] < JOINED_WIDTH[1]:
             middle[first], width[first] = 0.5 * (entry + leave), leave - entry
             kept[second] = False
         else:
-            unusual = np.abs(np.log(width[[first, second]] / usual[first]))
+            unusual = np.abs(np.log(width[[first, second]] / width_around[first]))
             kept[second if unusual[0] <= unusual[1] else first] = False
     return Pulses(middle, width, pulses.height, pulses.base).take(kept)
 
@@ -99,7 +99,7 @@ def _strangers(pulses: Pulses) -> NDArray[np.bool_]:
     strange = np.zeros(len(pulses), bool)
     if len(pulses) < 4:
         return strange
-    rate = width_turns(pulses.middle, pulses.width) / _usual_width(pulses.width)
+    rate = width_turns(pulses.middle, pulses.width) / usual(pulses.width)
     step = np.diff(pulses.middle) * 0.5 * (rate[1:] + rate[:-1])
     over = (pulses.middle[2:] - pulses.middle[:-2]) * 0.5 * (rate[2:] + rate[:-2])
     strange[1:-1] = one_turn(over) & (np.maximum(step[1:], step[:-1]) < 0.9 * over)

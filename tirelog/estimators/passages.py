@@ -27,6 +27,9 @@ from tirelog.estimators.passage_search import search
 from tirelog.estimators.passage_template import Template
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
+#: fewer samples in a window are too few for a waveform
+FEWEST = 6
+
 
 @dataclass(frozen=True)
 class Passages:
@@ -134,7 +137,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
     alone = motion.sides == 0
     blind = matched.standing | (time_s.size < 3)
     index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
-    others = {"standstill": matched.standing, "reversing": matched.backwards}
+    others = {"standstill": matched.standing, "reversing": matched.backwards, "few_samples": (found.used < FEWEST) & (template is not None)}
     words = marks.window_words(channel, found, others, index, window_rad / omega * channel.axis.rate_Hz)
     measured = Passages(
         channel=channel.name,

@@ -68,9 +68,15 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[list[Ma
     Strain channels tell it; without them the encoder; without that the radial acceleration.  `calibrate` takes the rolling radius from
     the log's `vehicle_speed`.  UsageError: no channel tells the speed, or nothing to calibrate against.
     """
+    references = recording.of_kind("vehicle_speed")
+    if calibrate and not references:
+        raise UsageError(
+            "--calibrate-radius: the log has no vehicle speed; allowed is a channel of kind vehicle_speed; add it to the setup",
+            file=recording.log,
+        )
     channels = recording.of_kind(*STRAIN_KINDS)
     if not channels and recording.of_kind("wheel_encoder"):
-        columns, remarks = encoder_speed(recording)
+        columns, remarks = encoder_speed(_without_rolling_radius(recording) if calibrate else recording)
         return [columns], remarks
     channels = channels or recording.of_kind("radial_acceleration")
     if not channels:
@@ -83,15 +89,15 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[list[Ma
     found = [find_passages(channel, recording.setup.tire.radius_m) for channel in channels]
     if not calibrate:
         return [speed_columns(recording.log, passages) for passages in found], _radius_remarks(recording)
-    references = recording.of_kind("vehicle_speed")
-    if not references:
-        raise UsageError(
-            "--calibrate-radius: the log has no vehicle speed; allowed is a channel of kind vehicle_speed; add it to the setup",
-            file=recording.log,
-        )
     radius = calibrate_radius(references[0], found)
     found = [replace(passages, radius_m=radius.radius_m) for passages in found]
     return [speed_columns(recording.log, passages, radius.radius_se_m) for passages in found], [str(radius)]
+
+
+def _without_rolling_radius(recording: Recording) -> Recording:
+    """The recording as if its setup had no rolling radius, so that it is calibrated."""
+    setup = recording.setup
+    return replace(recording, setup=replace(setup, tire=replace(setup.tire, rolling_radius_m=None)))
 
 
 def _radius_remarks(recording: Recording) -> list[str]:

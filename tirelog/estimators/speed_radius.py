@@ -37,8 +37,10 @@ class Calibration:
 
 
 def travelled(speed: Channel, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(distance [m], number of holes before) at ascending times, shape (n,) each: the speed integrated over time, straight lines between
-    samples.  NaN outside of the channel.  Between two times with another number of holes samples are missing: their distance is not known.
+    """(distance [m], number of holes before) at ascending times, shape (n,) each: the speed integrated, straight lines between samples.
+
+    NaN outside of the channel and in its holes.  Between two times with another number of holes samples are missing, and their
+    distance is not known.
     """
     distance = np.full(time_s.size, np.nan)
     hole = np.zeros(time_s.size)
@@ -60,7 +62,7 @@ def travelled(speed: Channel, time_s: FloatArray) -> tuple[FloatArray, FloatArra
         low = np.clip(np.searchsorted(times, at, side="right") - 1, 0, times.size - 2)
         rise = at - times[low]
         slope = (values[low + 1] - values[low]) / step[low]
-        distance[inside] = run[low] + values[low] * rise + 0.5 * slope * rise**2
+        distance[inside] = np.where(step[low] > longest, np.nan, run[low] + values[low] * rise + 0.5 * slope * rise**2)
         hole[inside] = broken[low]
         total, holes = float(run[-1]), int(broken[-1])
     return distance, hole
