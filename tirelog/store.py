@@ -31,6 +31,7 @@ from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
 FORMAT_VERSION = 1
 CHUNK = 1 << 15
 _CHUNKS_AT_ONCE = 4
+_CACHE_BYTES = 1 << 20  # of each dataset; the default of HDF5 2 is 8 MB, which many channels multiply
 _LOST = np.iinfo(np.int32).min
 
 
@@ -124,7 +125,7 @@ class RunWriter:
 
     def __init__(self, path: Path, setup: Setup, groups: tuple[Group, ...], *, compress: bool) -> None:
         self.setup, self.groups = setup, groups
-        self.file = h5py.File(path, "w", libver=("v110", "v110"))
+        self.file = h5py.File(path, "w", libver=("v110", "v110"), rdcc_nbytes=_CACHE_BYTES)
         self.file.attrs["tirelog_run"] = FORMAT_VERSION
         self._columns = {name: _Column(self.file, name, group.decimals.get(name), compress) for group in groups for name in group.channels}
         self._rows = {group.name: 0 for group in groups}
@@ -194,7 +195,7 @@ def open_run(path: Path | str, log: str, setup: Setup | None = None) -> Iterator
     ReadError: not a run, or its inside is damaged.
     """
     try:
-        file = h5py.File(path, "r")
+        file = h5py.File(path, "r", rdcc_nbytes=_CACHE_BYTES)
     except OSError as problem:
         raise ReadError(
             f"cannot be opened as a run ({_short(problem)}); a run is what `tirelog ingest` writes; ingest it again", file=log

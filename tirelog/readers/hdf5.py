@@ -32,6 +32,8 @@ from tirelog.setup import ChannelSetup, Setup
 #: values a block over all channels of a group, and bytes of one dataset read at once
 BLOCK_VALUES = 1 << 20
 SLAB_BYTES = 1 << 24
+#: chunk cache of each dataset; a chunk that is larger is read past it
+CACHE_BYTES = 1 << 20
 #: a first stamp above this (1990) counts from 1970
 EARLIEST_DATE_S = 631152000.0
 #: a wavelength of 0 or below is a lost peak
@@ -88,13 +90,13 @@ class Hdf5Log:
         if size == 0:
             raise self._error("is empty; allowed is an HDF5 file; record it again")
         try:
-            return h5py.File(path, "r")
+            return h5py.File(path, "r", rdcc_nbytes=CACHE_BYTES)
         except LIBRARY_ERRORS as problem:
             declared = declared_size(problem)
             if declared is None or declared <= size:
                 raise self._error(f"is no readable HDF5 file ({problem}); allowed is HDF5; repair it or record it again") from None
         try:
-            file = h5py.File(Padded(path, declared), "r")
+            file = h5py.File(Padded(path, declared), "r", rdcc_nbytes=CACHE_BYTES)
         except LIBRARY_ERRORS:
             raise self._error(f"is cut off at {size} of {declared} bytes, before its index; copy it again") from None
         self.end = size

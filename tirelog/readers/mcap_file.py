@@ -3,7 +3,7 @@
     stream --mcap_records--> chunks --mcap_walk--> messages by channel --mcap_decode--> numbers --mcap_topic, mcap_order--> RawBlock
 
 Groups have to be known before the first block: chunks are read ahead until every topic of the setup has shown its first message, or
-READ_AHEAD_BYTES have been read.  Channels of one topic with batches of one length form a group.  Topics that the setup does not name are
+READ_AHEAD_BYTES = 1 << 23
 never decoded, so nothing foreign can stop the reading.
 """
 
@@ -27,7 +27,7 @@ from tirelog.readers.mcap_topic import Topic
 from tirelog.readers.mcap_walk import Table, split
 from tirelog.setup import Setup
 
-READ_AHEAD_BYTES = 1 << 25
+READ_AHEAD_BYTES = 1 << 23
 EARLIEST_DATE_NS = 631_152_000_000_000_000  # 1990
 
 
