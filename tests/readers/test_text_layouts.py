@@ -141,7 +141,7 @@ def test_names_are_forgiven_but_not_guessed() -> None:
     reader, block = read(text, setup_of({"a": {"source": "WL 1"}, "b": {"source": "WL 9"}}))
     assert list(block.values) == ["a"]
     assert "no column 'WL 9' (nearest: WL" in reader.report.losses[0]
-    with pytest.raises(ReadError, match="no column 'foo'.*the log's columns are time_s, WL 1"):
+    with pytest.raises(ReadError, match=r"no column 'foo'.*the log's columns are time_s, WL 1"):
         read(text, setup_of({"a": {"source": "foo"}}))
 
 

@@ -26,6 +26,8 @@ from tirelog.setup import ChannelSetup
 REACH_NM = 3.0
 #: the gate is at least this wide on each side [nm] and grows by this share of itself with every sample that goes without a peak
 _GATE_NM, _GROWTH = 1.0, 0.25
+#: after so many samples without a peak a grating is looked for in its window again
+_FORGOTTEN = 1000
 
 _FIBRE = re.compile(r"(?:ch(?:annel)?|fib(?:re|er)|port)\D{0,2}0*(\d+)", re.I)
 Flag = tuple[str, int, int, str]
@@ -67,11 +69,15 @@ class GratingTracker:
         self._note(cells)
         fibre = _fibres(parsed, row)
         claims = [self._claims(grating, cells, fibre) for grating in self._gratings]
-        shared = np.sum(claims, axis=0) > 1
         values = np.full((len(self._gratings), n), np.nan)
         doubtful = np.zeros((len(self._gratings), n), bool)
+        contested = np.sum(claims, axis=0) > 1
         for g, grating in enumerate(self._gratings):
-            values[g], doubtful[g] = _plain(grating, cells, row, claims[g], shared, n)
+            values[g], doubtful[g], beside = _plain(grating, cells, row, claims[g], n)
+            contested |= beside
+        for g in range(len(self._gratings)):
+            doubtful[g, row[claims[g] & contested]] = True
+        values[doubtful] = np.nan
         flags = self._decide(values, doubtful, parsed.first, cells, fibre)
         for g, grating in enumerate(self._gratings):
             known = np.flatnonzero(~np.isnan(values[g]))
@@ -156,30 +162,28 @@ def _fibres(parsed: Parsed, row: IntArray) -> IntArray | None:
 
 
 def _plain(
-    grating: _Grating, cells: FloatArray, row: IntArray, claims: NDArray[np.bool_], shared: NDArray[np.bool_], n: int
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """(the lone peak of each row, rows that have to be decided one by one)."""
+    grating: _Grating, cells: FloatArray, row: IntArray, claims: NDArray[np.bool_], n: int
+) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
+    """(the lone peak of each row, rows that have to be decided one by one, peaks beside the window that may be the grating's)."""
     values = np.full(n, np.nan)
     many = np.bincount(row[claims], minlength=n)
     doubtful = many > 1
-    doubtful[row[claims & shared]] = True
     values[row[claims]] = cells[claims]
-    near = ~claims & (cells > grating.low - REACH_NM) & (cells < grating.high + REACH_NM)
-    beside = np.zeros(n, bool)
-    beside[row[near]] = True
-    doubtful |= beside & (many == 0)
+    beside = ~claims & (cells > grating.low - REACH_NM) & (cells < grating.high + REACH_NM) & (many == 0)[row]
+    if np.isnan(grating.last) or grating.age > _FORGOTTEN:
+        beside &= row > (np.argmax(many > 0) if many.any() else n)
+    doubtful[row[beside]] = True
     known = np.flatnonzero(~np.isnan(values))
     if known.size:
         before = np.concatenate([[grating.last], values[known[:-1]]])
         age = np.concatenate([[known[0] + grating.age + 1], np.diff(known)])
         doubtful[known[np.abs(values[known] - before) > grating.gate(age)]] = True
-    values[doubtful] = np.nan
-    return values, doubtful
+    return values, doubtful, beside
 
 
 def _pairs(grating: _Grating, g: int, here: FloatArray, mine: NDArray[np.bool_], last: float, age: int) -> list[tuple[float, int, int]]:
     """(distance, grating, peak) of the peaks of a row that a grating may take."""
-    if np.isnan(last):
+    if np.isnan(last) or age > _FORGOTTEN:
         distance = np.abs(here - grating.rest)
         allowed = mine & (here >= grating.low) & (here <= grating.high)
     else:

@@ -106,10 +106,10 @@ class _Rows:
             wide &= self._as_wide(size)
         self._tell(out.bad_rows, good & ~wide, f"not {layout.width} cells")
         rows = np.flatnonzero(good)
-        at = {k: self._column(rows, k, wide) for k in {*columns.values.values(), columns.number} - {None}}
+        at = {k: self._column(rows, k, wide) for k in {*columns.values.values(), columns.number} if k is not None}
         for k in columns.values.values():
             out.values[k] = at[k]
-            self._tell_cells(out.bad_cells, rows, k)
+            self._tell_cells(out.bad_cells, rows[wide[rows]], k)
         out.number = None if columns.number is None else at[columns.number]
         out.stamps = None if stamps is None else stamps[rows]
         if columns.errors is not None:
@@ -176,8 +176,8 @@ class _Rows:
             out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64)
         bad = np.flatnonzero(self.unread)
         row = np.searchsorted(self.first, bad, side="right") - 1
-        for i, r in zip(bad, row):
-            out.bad_cells.append((self.line + int(r), self._text(i)))
+        for i, r in zip(bad.tolist(), row.tolist()):
+            out.bad_cells.append((self.line + r, self._text(i)))
 
     def _tell(self, told: list[tuple[int, str]], rows: NDArray[np.bool_], why: str) -> None:
         for i in np.flatnonzero(rows):
@@ -187,7 +187,7 @@ class _Rows:
         cell = self.first[rows] + k
         bad = np.flatnonzero(self.unread[np.minimum(cell, self.unread.size - 1)] & (cell < self.first[rows + 1]))
         for i in bad:
-            told.append((self.line + int(rows[i]), self._text(cell[i])))
+            told.append((self.line + int(rows[i]), self._text(int(cell[i]))))
 
     def _text(self, cell: int) -> str:
         shown = self.block[self.starts[cell] : self.stops[cell]].decode(self.plan.layout.encoding, errors="replace")

@@ -9,32 +9,57 @@ cannot read, the other way then says which line and which cell it was.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
 import pyarrow as pa
 
 from tirelog.readers.text_flat import flat
-from tirelog.readers.text_rows import Parsed, Plan, normalized
+from tirelog.readers.text_rows import Parsed, Plan, concatenated, normalized
 from tirelog.readers.text_table import Irregular, table
 from tirelog.recording import FloatArray
 
 __all__ = ["Parsed", "Plan", "parse"]
 
 
+#: a block that is no table is parsed in pieces of this size: most of them are tables, and cells need much memory
+_PIECE_BYTES = 1 << 18
+
+
 def parse(plan: Plan, line: int, ends: int, block: bytes) -> Parsed:
     """The rows of one block, whose first line has the number `line`, and which has so many line `ends`."""
-    lines = ends + (not block.endswith(b"\n"))
-    block = normalized(plan.layout, block)
-    parsed = None
-    if not plan.columns.peaks and not plan.layout.ragged:
-        with suppress(Irregular, pa.ArrowInvalid):
-            parsed = table(plan, block, lines)
+    if block.isspace():
+        return Parsed({column: np.zeros(0) for column in plan.columns.values.values()})
+    parsed = _as_table(plan, ends, block)
     if parsed is None:
-        parsed = flat(plan, line, block)
+        parsed = concatenated([_piece(plan, line + before, piece) for before, piece in _pieces(block)])
     for column in plan.gratings:
         parsed.values[column] = _without_lost(parsed.values[column])
     return parsed
+
+
+def _as_table(plan: Plan, ends: int, block: bytes) -> Parsed | None:
+    """The block by the fast way, None where that refuses it."""
+    if not plan.columns.peaks and not plan.layout.ragged:
+        with suppress(Irregular, pa.ArrowInvalid):
+            return table(plan, normalized(plan.layout, block), ends + (not block.endswith(b"\n")))
+    return None
+
+
+def _pieces(block: bytes) -> Iterator[tuple[int, bytes]]:
+    """(lines before it, piece of whole lines)."""
+    start = lines = 0
+    while start < len(block):
+        stop = block.find(b"\n", start + _PIECE_BYTES) + 1 or len(block)
+        yield lines, block[start:stop]
+        lines += block.count(b"\n", start, stop)
+        start = stop
+
+
+def _piece(plan: Plan, line: int, piece: bytes) -> Parsed:
+    parsed = _as_table(plan, piece.count(b"\n"), piece)
+    return flat(plan, line, normalized(plan.layout, piece)) if parsed is None else parsed
 
 
 def _without_lost(wavelengths: FloatArray) -> FloatArray:

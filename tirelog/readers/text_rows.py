@@ -49,6 +49,28 @@ class Parsed:
     bad_cells: list[tuple[int, str]] = field(default_factory=list)
 
 
+def concatenated(parts: list[Parsed]) -> Parsed:
+    """The rows of several pieces after one another."""
+    first = parts[0]
+    starts = np.cumsum([0] + [part.cells.size for part in parts])
+    return Parsed(
+        {column: np.concatenate([part.values[column] for part in parts]) for column in first.values},
+        None if first.stamps is None else np.concatenate([_stamps(part) for part in parts]),
+        None if first.number is None else np.concatenate([part.number for part in parts if part.number is not None]),
+        None if first.errors is None else np.concatenate([part.errors for part in parts if part.errors is not None]),
+        np.concatenate([[0], *(part.first[1:] + start for part, start in zip(parts, starts))]).astype(np.int64),
+        np.concatenate([part.cells for part in parts]),
+        None if first.counts is None else np.concatenate([part.counts for part in parts if part.counts is not None]),
+        sum(part.size for part in parts),
+        [bad for part in parts for bad in part.bad_rows],
+        [bad for part in parts for bad in part.bad_cells],
+    )
+
+
+def _stamps(part: Parsed) -> Nanoseconds | FloatArray:
+    return np.zeros(0) if part.stamps is None else part.stamps
+
+
 @dataclass(frozen=True)
 class Plan:
     """What to take out of every block: the layout, the columns, and whether dates have the month first (`us`).

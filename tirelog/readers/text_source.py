@@ -91,7 +91,9 @@ class ByteSource:
             yield from raw()
             return
         try:
-            yield from filter(None, _unpack(self.kind, raw()))  # a piece may unpack to nothing yet, which is not the end
+            for piece in _unpack(self.kind, raw()):  # a piece may unpack to nothing yet, or to very much
+                for at in range(0, len(piece), BLOCK_BYTES):
+                    yield piece[at : at + BLOCK_BYTES]
         except EOFError:
             self.problem = f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
         except Exception as problem:  # zlib.error, lzma.LZMAError, zstandard.ZstdError: each library has its own tree
@@ -118,26 +120,29 @@ class ByteSource:
         `returns` takes carriage returns for the ends of lines.  A last line without its end comes as it is.  A line without end
         (a hole in the file) is given up: `problem` says where.
         """
-        held = memoryview(b"".join(self._held))[skip:]
+        rest = b"".join(self._held)[skip:]
+        rest = rest.replace(b"\r", b"\n") if returns else rest
         self._held = []
-        parts, have = [held], len(held)
+        parts, have = [rest], len(rest)
         while piece := self._next():
-            parts.append(memoryview(piece))
+            parts.append(piece.replace(b"\r", b"\n") if returns else piece)
             have += len(piece)
             if have < size:
                 continue
-            cut = (piece.replace(b"\r", b"\n") if returns else piece).rfind(b"\n") + 1
+            joined = b"".join(parts)
+            cut = joined.rfind(b"\n") + 1
             if cut:
-                ends, block = _joined([*parts[:-1], parts[-1][:cut]], returns)
-                yield line, ends, block
+                ends = _line_ends(joined[:cut])
+                yield line, ends, joined[:cut]
                 line += ends
-                parts, have = [parts[-1][cut:]], len(piece) - cut
-            elif have > LONGEST_LINE_BYTES + size:
-                self.problem = f"line {line} or one soon after has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read"
+            rest = joined[cut:]
+            parts, have = [rest], len(rest)
+            if have > LONGEST_LINE_BYTES:
+                self.problem = f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read"
                 return
-        ends, block = _joined(parts, returns)
-        if block:
-            yield line, ends, block
+        if have:
+            block = b"".join(parts)
+            yield line, _line_ends(block), block
 
     def close(self) -> None:
         """Closes a file that this object opened."""
@@ -146,9 +151,5 @@ class ByteSource:
                 self._file.close()
 
 
-def _joined(parts: list[memoryview], returns: bool) -> tuple[int, bytes]:
-    """(line ends, the parts as one)."""
-    block = b"".join(parts)
-    if returns:
-        block = block.replace(b"\r", b"\n")
-    return int(np.count_nonzero(np.frombuffer(block, np.uint8) == 10)), block
+def _line_ends(block: bytes) -> int:
+    return int(np.count_nonzero(np.frombuffer(block, np.uint8) == 10))
