@@ -5,6 +5,8 @@ It shares the differential equation with the package and nothing of its solution
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 
@@ -28,7 +30,7 @@ def solve_closed_line(coefficients, edges, load, scale=1.0, n=48):
     nodes, d = chebyshev(n)
     size = (n + 1) * order
     system, right = np.zeros((pieces * size, pieces * size)), np.zeros(pieces * size)
-    x = np.array([0.5 * (b - a) * (nodes + 1.0) + a for a, b in zip(edges, edges[1:], strict=False)])
+    x = np.array([0.5 * (b - a) * (nodes + 1.0) + a for a, b in itertools.pairwise(edges)])
 
     def at(piece, derivative, node):
         return piece * size + derivative * (n + 1) + node

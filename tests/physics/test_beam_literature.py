@@ -14,10 +14,10 @@ ONE = np.array([[1.0]])
 
 
 def table_1(**more):
-    values = dict(
-        flexural_stiffness_N_m2=EJ, foundation_stiffness_N_m2=K, line_mass_kg_m=MU, patch_half_length_m=L, lever_arm_m=H / 2,
-        load_N=M, reference_load_N=M, radius_m=R,
-    )  # fmt: skip
+    values = {
+        "flexural_stiffness_N_m2": EJ, "foundation_stiffness_N_m2": K, "line_mass_kg_m": MU, "patch_half_length_m": L, "lever_arm_m": H / 2,
+        "load_N": M, "reference_load_N": M, "radius_m": R,
+    }  # fmt: skip
     return Model.new("beam", **{**values, **more})
 
 

@@ -1,4 +1,4 @@
-"""Fits: the truth comes back within its errors, from several logs and channels; what cannot be known is said; no number without convergence.
+"""Fits: the truth comes back within its errors, from several logs and channels; what cannot be known is said.
 
 The truth is collocation (no formula of the package) plus noise.
 """
@@ -37,7 +37,7 @@ def collocated_strain(speed):
     )  # fmt: skip
     values = np.empty(M)
     for piece in range(5):
-        inside = (R * PHI >= edges[piece]) & (R * PHI <= edges[piece + 1])
+        inside = (edges[piece] <= R * PHI) & (edges[piece + 1] >= R * PHI)
         middle, half = 0.5 * (edges[piece] + edges[piece + 1]), 0.5 * (edges[piece + 1] - edges[piece])
         polynomial = np.polynomial.chebyshev.Chebyshev.fit((x[piece] - middle) / half, u[2, piece], 40, domain=[-1, 1])
         values[inside] = polynomial((R * PHI[inside] - middle) / half)

@@ -6,7 +6,8 @@ import pytest
 from tests.physics.test_model_file_property import CONTRACT
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.expression import LONGEST, parse as parse_expression
+from tirelog.physics.expression import LONGEST
+from tirelog.physics.expression import parse as parse_expression
 from tirelog.physics.model_file import parse
 from tirelog.physics.user_effects import effects_of_file
 from tirelog.recording import Conditions

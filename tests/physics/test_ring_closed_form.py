@@ -13,10 +13,11 @@ PHI = np.linspace(-np.pi, np.pi, 1501)[:-1]
 
 
 def ring(**more):
-    values = dict(
-        flexural_stiffness_N_m2=EI, radial_stiffness_N_m2=KW, tangential_stiffness_N_m2=KV, inflation_pressure_Pa=P0, width_m=B,
-        radius_m=R, line_mass_kg_m=RHO_A, patch_half_length_m=L, load_N=F, reference_load_N=F, lever_arm_m=Y,
-    )  # fmt: skip
+    values = {
+        "flexural_stiffness_N_m2": EI, "radial_stiffness_N_m2": KW, "tangential_stiffness_N_m2": KV,
+        "inflation_pressure_Pa": P0, "width_m": B,
+        "radius_m": R, "line_mass_kg_m": RHO_A, "patch_half_length_m": L, "load_N": F, "reference_load_N": F, "lever_arm_m": Y,
+    }  # fmt: skip
     return Model.new("ring", contact="prescribed", **{**values, **more})
 
 
@@ -123,7 +124,7 @@ def test_ring_against_finite_differences():
 
 def test_ring_is_the_beam_where_it_is_stiffly_bedded_and_large():
     """The same waveform near the patch once bending is short against the radius: the beam that has no speed term."""
-    big = dict(radius_m=3.0, load_N=F, patch_half_length_m=L, reference_load_N=F, flexural_stiffness_N_m2=EI, lever_arm_m=Y)
+    big = {"radius_m": 3.0, "load_N": F, "patch_half_length_m": L, "reference_load_N": F, "flexural_stiffness_N_m2": EI, "lever_arm_m": Y}
     beam = Model.new("beam", foundation_stiffness_N_m2=5e6, **big)
     closed = Model.new(
         "ring", contact="prescribed", radial_stiffness_N_m2=5e6, tangential_stiffness_N_m2=1e3, inflation_pressure_Pa=0.0, **big
@@ -134,7 +135,7 @@ def test_ring_is_the_beam_where_it_is_stiffly_bedded_and_large():
 
 
 def test_ring_curvature_turns_the_beam_into_the_ring():
-    values = dict(radius_m=R, load_N=F, patch_half_length_m=L, reference_load_N=F, flexural_stiffness_N_m2=EI, lever_arm_m=Y)
+    values = {"radius_m": R, "load_N": F, "patch_half_length_m": L, "reference_load_N": F, "flexural_stiffness_N_m2": EI, "lever_arm_m": Y}
     beam = Model.new("beam", foundation_stiffness_N_m2=KW, line_mass_kg_m=RHO_A, **values)
     bent = beam.with_effect("ring_curvature", fraction=1.0, tangential_stiffness_N_m2=KV).predict(drive(20.0), PHI)
     closed = ring(inflation_pressure_Pa=0.0).predict(drive(20.0), PHI)

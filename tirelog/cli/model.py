@@ -174,7 +174,9 @@ def fit(
     words = [w for w in nuisances.replace(",", " ").split() if w != "none"] if start.observable in WAVEFORMS else []
     with Session(setup, quiet) as session:
         recordings = session.all_recordings(logs)
-        stacks = [stack for name in channel or [None] for stack in stacks_from_logs(recordings, _observable(recordings, name, start), name)]
+        stacks = [
+            stack for name in channel or (None,) for stack in stacks_from_logs(recordings, _observable(recordings, name, start), name)
+        ]
         result = fit_model(start, stacks, nuisances=words)
         result.model.save(output)
         if not quiet:
@@ -225,7 +227,7 @@ def predict(
         strain = [c.surface for c in given.channels.values() if c.kind in ("fbg_strain", "strain") and c.surface]
         surface = surface or (strain[0] if strain else None)
     conditions = Conditions.of(1, **{name: value for name, value in known.items() if value is not None})
-    phi = (np.arange(points) + 0.5) * (2.0 * np.pi / points) - np.pi
+    phi = np.linspace(-np.pi, np.pi, points, endpoint=False) + np.pi / points
     columns: dict[str, Any] = {"xi_m": phi * read.parameters["radius_m"].value, "phi_deg": np.degrees(phi)}
     wanted = {"displacement_m": "displacement", "strain": "strain", "radial_acceleration_m_s2": "radial_acceleration"}
     for column, observable in (*wanted.items(), ("contact_pressure_N_m", "contact_pressure")):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics.spectral import FloatArray
+from tirelog.physics.spectral import ComplexArray, FloatArray
 
 
 def critical_speed(
@@ -24,7 +24,7 @@ def critical_speed(
     return float(np.sqrt((2.0 * np.sqrt(flexural_stiffness_N_m2 * foundation_stiffness_N_m2) + tension_N) / line_mass_kg_m))
 
 
-def refuse_supercritical(speed_m_s: FloatArray, hoop_N: FloatArray, EJ: float, k: FloatArray, mu: float) -> None:
+def refuse_supercritical(speed_m_s: FloatArray, hoop_N: FloatArray, EJ: float, k: FloatArray | float, mu: float) -> None:
     """ModelError where EJ q^4 + (T - mu c^2) q^2 + k has no lower bound above zero; `hoop_N` is T - mu c^2, shape (n, 1)."""
     if np.any(-hoop_N >= 2.0 * np.sqrt(EJ * k)):
         tension = np.broadcast_to(hoop_N + mu * speed_m_s**2, np.broadcast_shapes(hoop_N.shape, speed_m_s.shape))
@@ -35,7 +35,7 @@ def refuse_supercritical(speed_m_s: FloatArray, hoop_N: FloatArray, EJ: float, k
         )
 
 
-def impedance(q: FloatArray, EJ: float, k: FloatArray, hoop_N: FloatArray, drag: FloatArray) -> FloatArray:
+def impedance(q: FloatArray, EJ: float, k: FloatArray | float, hoop_N: FloatArray, drag: FloatArray) -> FloatArray | ComplexArray:
     """Z(q) [N/m^2]: EJ q^4 + hoop q^2 + k + i q drag; `hoop_N` = T - mu c^2, `drag` = 2 mu omega_d c, both (n, 1).
 
     Real where nothing dissipates (half the work)."""

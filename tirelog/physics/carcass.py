@@ -45,11 +45,13 @@ _RING = (
 )
 _TREAD = (_p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),)
 #: For `phase_shift` and `patch_width`: the level, and what follows the force (P4 III).
-_LEVEL = (
-    _p("offset_rad", "rad", "level without force", 0.0, -3.2, 3.2),
-    _p("per_acceleration_rad_s2_m", "rad s^2/m", "what follows the longitudinal force, per acceleration", 0.0, -1.0, 1.0),
+_LEVEL = tuple(
+    replace(p, probe=0.01)
+    for p in (
+        _p("offset_rad", "rad", "level without force", 0.0, -3.2, 3.2),
+        _p("per_acceleration_rad_s2_m", "rad s^2/m", "what follows the longitudinal force, per acceleration", 0.0, -1.0, 1.0),
+    )
 )
-_LEVEL = tuple(replace(p, probe=0.01) for p in _LEVEL)
 
 
 def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tuple[Parameter, ...]:

@@ -40,8 +40,8 @@ def observable_of(model: Model, stack: Stack) -> str:
     both_waves = model.observable in WAVEFORMS and stack.observable in WAVEFORMS
     if model.observable != stack.observable and not both_waves:
         raise ModelError(
-            f"the model predicts {model.observable}, the channel {stack.channel!r} measures {stack.observable}; the same observable (or two "
-            f"waveforms of one tire) is allowed; take another model or channel"
+            f"the model predicts {model.observable}, the channel {stack.channel!r} measures {stack.observable}; "
+            f"the same observable (or two waveforms of one tire) is allowed; take another model or channel"
         )
     return stack.observable
 

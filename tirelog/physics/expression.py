@@ -16,13 +16,13 @@ import numpy as np
 from tirelog.errors import ModelError, nearest
 
 LONGEST, DEEPEST = 1000, 40
-FUNCTIONS: Mapping[str, Callable[..., Any]] = {
-    name: getattr(np, name)
-    for name in (
-        "sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh arcsinh arccosh arctanh exp exp2 expm1 log log2 log10 log1p "
-        "sqrt cbrt square abs sign floor ceil minimum maximum where clip hypot heaviside sinc"
-    ).split()
-}
+_ELEMENTARY: tuple[Callable[..., Any], ...] = (
+    np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2, np.sinh, np.cosh, np.tanh, np.arcsinh,
+    np.arccosh, np.arctanh, np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10, np.log1p, np.sqrt, np.cbrt,
+    np.square, np.abs, np.sign, np.floor, np.ceil, np.minimum, np.maximum, np.where, np.clip, np.hypot,
+    np.heaviside, np.sinc,
+)  # fmt: skip
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {function.__name__: function for function in _ELEMENTARY} | {"abs": np.abs}
 CONSTANTS = {"pi": np.pi, "e": np.e}
 _BINARY: Mapping[type, Callable[..., Any]] = {
     ast.Add: np.add,
@@ -79,7 +79,8 @@ def parse(text: str, allowed: frozenset[str] | set[str]) -> Expression:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
         raise ModelError(
-            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)}); numbers, names, operators and calls are allowed; correct it"
+            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)}); numbers, names, operators and calls "
+            f"are allowed; correct it"
         ) from None
     names: set[str] = set()
     _check(tree, text, allowed, names, 0)
@@ -104,7 +105,7 @@ def _check(node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: 
 
 def _parts(node: ast.AST, text: str) -> list[ast.expr]:
     """The operands of an allowed node."""
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float) and abs(node.value) < 1e300:
+    if isinstance(node, ast.Constant) and type(node.value) in (int, float) and abs(node.value) < 1e300:  # type: ignore[arg-type]
         return []
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
         return [node.left, node.right]
@@ -116,10 +117,10 @@ def _parts(node: ast.AST, text: str) -> list[ast.expr]:
         return [node.left, *node.comparators]
     if isinstance(node, ast.IfExp):
         return [node.test, node.body, node.orelse]
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in FUNCTIONS and not node.keywords:
-        if 1 <= len(node.args) <= 3 and not any(isinstance(a, ast.Starred) for a in node.args):
-            return node.args
-    what = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else type(node).__name__
+    called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else None
+    if isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords and 1 <= len(node.args) <= 3:
+        return node.args  # a starred argument is refused as a node of its own
+    what = called or type(node).__name__
     raise ModelError(
         f"expression {text!r} uses {what}, which is not allowed; allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, "
         f"a if c else b, and the functions {', '.join(FUNCTIONS)}; write it with these"
@@ -156,7 +157,8 @@ def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
         return FUNCTIONS[call.func.id](*arguments)
     except (TypeError, ValueError):
         raise ModelError(
-            f"{call.func.id}() does not take {len(arguments)} arguments; as many as numpy's {call.func.id} takes are allowed; correct the expression"
+            f"{call.func.id}() does not take {len(arguments)} arguments; as many as numpy's {call.func.id} takes are allowed; "
+            f"correct the expression"
         ) from None
 
 

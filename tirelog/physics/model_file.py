@@ -161,7 +161,8 @@ def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _
         given, own = table.get("parameters", {}), {k: table[k] for k in ("acts_on", "expression")}
     elif name not in catalogue:
         raise source.error(
-            f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}, or one with an expression; see `tirelog effects`",
+            f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}, "
+            f"or one with an expression; see `tirelog effects`",
             name,
             after - 1,
         )

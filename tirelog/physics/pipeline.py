@@ -6,57 +6,23 @@ derivative recomputes only the stages that its parameter touches.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from tirelog.errors import ModelError
 from tirelog.physics import beam, contact, ring
-from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
+from tirelog.physics.effects.base import Site, Structure
 from tirelog.physics.pressure import parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray, FloatArray
 from tirelog.physics.stiffening import hardened_load
+from tirelog.physics.task import Task
 
 #: Parameters of the carcass and the load by the stage that reads them; the ring on a flat road reads its carcass in the load stage too.
 LOAD_NAMES = ("load_N", "reference_load_N", "patch_load_exponent", "patch_half_length_m", "radius_m")
 LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kernel", "traction")
-
-
-@dataclass(frozen=True)
-class Active:
-    """An effect that is on, with its own values."""
-
-    effect: Effect
-    values: Values
-
-
-@dataclass(frozen=True)
-class Task:
-    """What to compute: the carcass and its numbers, the effects that are on (by id), the conditions, the observable."""
-
-    carcass: str
-    flat_road: bool
-    base: Mapping[str, float]
-    active: Sequence[Active]
-    drive: Drive
-    memo: dict[Any, Any] = field(default_factory=dict)
-
-    def having(self, *hooks: str) -> list[Active]:
-        """The effects that enter by one of these hooks."""
-        return [a for a in self.active if any(getattr(a.effect, hook) is not None for hook in hooks)]
-
-    def key(self, names: Sequence[str] | None, *hooks: str) -> tuple[Any, ...]:
-        """What a stage reads: the named base values (all for None) and the values of the effects with these hooks."""
-        base = tuple(self.base.items()) if names is None else tuple(self.base.get(name) for name in names)
-        return base, tuple((a.effect.id, *a.values.values()) for a in self.having(*hooks))
-
-    def once(self, stage: str, key: tuple[Any, ...], compute: Callable[[], Any]) -> Any:
-        """The stage's result, from the memo where the same values were read before."""
-        if (stage, key) not in self.memo:
-            self.memo[stage, key] = compute()
-        return self.memo[stage, key]
 
 
 def ring_carcass(task: Task) -> ring.RingCarcass:
@@ -83,12 +49,13 @@ def loads(task: Task) -> FloatArray:
         F = F + a.effect.added_load(a.values, task.drive)  # type: ignore[misc]
     if not np.all(F > 0.0):
         raise ModelError(
-            f"load {float(np.min(F)):g} N does not press the tire on the road; a load above zero is allowed; correct load_N or the effects on load"
+            f"load {float(np.min(F)):g} N does not press the tire on the road; a load above zero is allowed; "
+            f"correct load_N or the effects on load"
         )
     return F
 
 
-def site_and_base_pressure(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
+def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     """The patch, the modes of the pressure without effects, and (where an effect tilts it) of the pressure times xi / L."""
     F, b = loads(task), task.base
     R = b["radius_m"]
@@ -137,7 +104,8 @@ def _pressure(task: Task) -> tuple[ComplexArray, ComplexArray | None]:
     carried = 2.0 * np.pi * site.radius_m * p[:, :1].real
     if not np.all(carried > 0.0):
         raise ModelError(
-            "the effects on the contact pressure lift the tire off the road; a pressure that carries the load is allowed; lower their strength"
+            "the effects on the contact pressure lift the tire off the road; a pressure that carries the load is allowed; "
+            "lower their strength"
         )
     scale = site.load_N / carried
     return p * scale, None if tau is None else tau * scale
@@ -193,7 +161,7 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     return _with_loss(Z, k_w + k_v / n**2, s.loss)
 
 
-def _with_loss(Z: Any, k: FloatArray, loss: FloatArray | float) -> Any:
+def _with_loss(Z: Any, k: FloatArray | float, loss: FloatArray | float) -> Any:
     """Z with the foundation's k (1 + i eta); the mean deflection (n = 0) is not cycled."""
     if not np.any(loss):
         return Z
@@ -299,7 +267,7 @@ def sensed(task: Task, modes: ComplexArray) -> ComplexArray:
     site = loaded_site(task)[0]
     for a in sensors:
         key = task.key(("radius_m",), "transfer")
-        modes = modes * task.once(f"sensor {a.effect.id}", key, lambda a=a: a.effect.transfer(a.values, task.drive, site))
+        modes = modes * task.once(f"sensor {a.effect.id}", key, partial(a.effect.transfer, a.values, task.drive, site))  # type: ignore[arg-type,misc]
     return modes
 
 

@@ -33,7 +33,7 @@ class RingCarcass:
     k_t: float = np.inf
 
 
-def modal_impedance(n: FloatArray, carcass: RingCarcass, omega_rad_s: float = 0.0) -> ComplexArray:
+def modal_impedance(n: FloatArray, carcass: RingCarcass, omega_rad_s: FloatArray | float = 0.0) -> ComplexArray:
     """Z_n [N/m^2] at wheel speed Omega, shape of `n`; Z_1 = k_v + k_w and Z_0 = k_v without damping."""
     c = carcass
     stiff = c.EI / c.R**4 * n**2 * (1.0 - n**2) ** 2 + c.pb / c.R * n**2 * (n**2 - 1.0) + c.k_v + c.k_w * n**2
@@ -69,7 +69,7 @@ def _neighbours(modes: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
 
 
 def hub_forces(
-    pressure: ComplexArray, traction: ComplexArray | None, carcass: RingCarcass, omega_rad_s: float = 0.0
+    pressure: ComplexArray, traction: ComplexArray | None, carcass: RingCarcass, omega_rad_s: FloatArray | float = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """(F_x, F_z) [N] that the foundation hands to the hub, each (n,): F_z up, F_x in the direction of passing (errata to P3).
 

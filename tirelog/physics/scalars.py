@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.physics.pipeline import Task, loaded_site, waveform
+from tirelog.physics.pipeline import loaded_site, waveform
 from tirelog.physics.spectral import MODES, FloatArray
+from tirelog.physics.task import Task
 
 
 def scalar(task: Task, observable: str, lever_m: float) -> FloatArray:

@@ -1,7 +1,7 @@
 """The foundation that hardens: the extra load k k3 w^3 by fixed point.
 
-(Z + s m) w = p - s (w^3 - m w) with m = 1.5 max w^2: the right side's slope lies between -s m and s m where w is, so the iteration contracts
-whatever the strength.  w falls off as n^-6: a quarter of the modes carries it to 1e-9.
+(Z + s m) w = p - s (w^3 - m w) with m = 1.5 max w^2: the right side's slope lies between -s m and s m where w is, so the
+iteration contracts whatever the strength.  w falls off as n^-6: a fifth of the modes carries it to 1e-9.
 """
 
 from __future__ import annotations

@@ -43,14 +43,15 @@ def effect_by_expression(name: str, acts_on: str, expression: str, parameters: t
     """The effect that a model file describes; ModelError where name, place or formula are not allowed."""
     if acts_on not in EXPRESSION_ACTS_ON:
         raise ModelError(
-            f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}; allowed are {', '.join(EXPRESSION_ACTS_ON)}; choose one"
+            f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}; "
+            f"allowed are {', '.join(EXPRESSION_ACTS_ON)}; choose one"
         )
     taken = {*PLACES, *CONDITIONS, *FUNCTIONS, "pi", "e"}
     clash = [p.name for p in parameters if p.name in taken or not p.name.isidentifier()]
     if name in BY_ID or not name.replace("-", "_").isidentifier() or clash:
         raise ModelError(
-            f"effect {name!r} with parameters {[p.name for p in parameters]}: {', '.join(clash) or name} is taken or no plain name; allowed are names "
-            f"that are no effect, function or condition; rename it"
+            f"effect {name!r} with parameters {[p.name for p in parameters]}: {', '.join(clash) or name} is taken or no plain "
+            f"name; allowed are names that are no effect, function or condition; rename it"
         )
     places = PLACES if acts_on in _WAVES else ()
     formula = parse(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
@@ -82,14 +83,15 @@ def _hook(acts_on: str, formula: Expression) -> dict[str, Any]:
     def strain(v: Values, drive: Drive, site: Site, phi_rad: FloatArray) -> FloatArray:
         return np.atleast_2d(formula(_names(v, drive, site, phi_rad)))
 
-    return {
+    hooks: dict[str, dict[str, Any]] = {
         "contact_pressure": {"pressure": pressure},
         "strain": {"strain": strain},
         "foundation_stiffness": {"structure": lambda v, drive: Structure(added_stiffness=column(v, drive))},
         "baseline": {"baseline": column},
         "load": {"added_load": column},
         "sensor": {"gain": lambda v, drive: 1.0 + column(v, drive)},
-    }[acts_on]
+    }
+    return hooks[acts_on]
 
 
 def _spread(values: FloatArray, size: int) -> FloatArray:

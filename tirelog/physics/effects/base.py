@@ -78,11 +78,15 @@ class Site:
 
 @dataclass(frozen=True)
 class Structure:
-    """What effects do to the carcass; contributions of several effects add up.
+    """What effects do to the carcass; contributions of several effects add up.  Columns or numbers.
 
-    tension [N] T in T q^2; damping_rate [1/s] omega_d in 2 mu omega_d c w'; loss, eta in k (1 + i eta); stiffening, the foundation's relative change;
-    added_stiffness [N/m^2]; cubic [1/m^2], k3 in k (1 + k3 w^2); ring, share of a closed ring, whose tangential foundation is
-    ring_tangential [N/m^2].  Columns or scalars.
+    tension [N]             T in T q^2
+    damping_rate [1/s]      omega_d in 2 mu omega_d c w'
+    loss                    eta in k (1 + i eta)
+    stiffening              the foundation's relative change
+    added_stiffness [N/m^2] to the foundation
+    cubic [1/m^2]           k3 in k (1 + k3 w^2)
+    ring                    share of a closed ring, and ring_tangential [N/m^2] that share times its k_v
     """
 
     tension: FloatArray | float = 0.0

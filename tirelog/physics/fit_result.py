@@ -1,0 +1,133 @@
+"""What a fit says: values with errors, correlations, bounds, and combinations that the data do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tirelog.physics.carcass import STRAIN, WAVEFORMS
+from tirelog.physics.fit_problem import LEVER, Point, Problem
+from tirelog.physics.model import Model
+from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import FloatArray
+
+#: Singular values below this share of the largest mark a combination that the data do not determine.
+_BLIND = 1e-6
+CORRELATED = 0.9
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fitted model and how well it is known.
+
+    model           with values and standard errors;  names (p,) what was fitted;  values, se (p,); se is inf where the data are blind
+    covariance      (p, p); scaled by the reduced chi-square where that is above 1
+    correlations    (name, name, r) with |r| > 0.9;  at_bound, the parameters that stand at a bound
+    degenerate      sentences on combinations that share one scale or that the data do not determine
+    reduced_chi2    chi-square over degrees of freedom;  freedom, the latter;  revolutions;  offsets per (log, channel)
+    evaluations     of the model on all revolutions
+    """
+
+    model: Model
+    names: tuple[str, ...]
+    values: FloatArray
+    se: FloatArray
+    covariance: FloatArray
+    correlations: tuple[tuple[str, str, float], ...]
+    at_bound: tuple[str, ...]
+    degenerate: tuple[str, ...]
+    reduced_chi2: float
+    freedom: int
+    revolutions: int
+    evaluations: int
+    residuals: tuple[FloatArray, ...] = field(repr=False, default=())
+
+
+def summarise(problem: Problem, point: Point, evaluations: int) -> FitResult:
+    """The result at the best point."""
+    names = tuple(name for name in problem.model.free if name != LEVER or problem.lever_free)
+    values = {**point.values}
+    if problem.lever_free:
+        values[LEVER] = problem.model.parameters[LEVER].value * point.share
+    jacobian = problem.jacobian(point, names, eliminate=False)
+    rest = _linear_count(problem)
+    freedom = max(sum(int((w > 0).sum()) for w in problem.weight) - len(names) - rest, 1)
+    chi2 = point.square / freedom
+    parameters = problem.model.parameters
+    covariance, se, blind = _errors(jacobian, names, parameters, max(chi2, 1.0))
+    errors = {name: float(s) for name, s in zip(names, se) if np.isfinite(s)}
+    at_bound = tuple(
+        n for n in names if _near(values[n], parameters[n].min, parameters[n]) or _near(values[n], parameters[n].max, parameters[n])
+    )
+    return FitResult(
+        model=problem.model.with_values({n: float(np.clip(values[n], parameters[n].min, parameters[n].max)) for n in names}, se=errors),
+        names=names,
+        values=np.array([values[n] for n in names]),
+        se=se,
+        covariance=covariance,
+        correlations=_correlated(names, covariance, se),
+        at_bound=at_bound,
+        degenerate=(*_shared_scale(problem.model, names), *blind),
+        reduced_chi2=chi2,
+        freedom=freedom,
+        revolutions=sum(len(stack) for stack in problem.stacks),
+        evaluations=evaluations,
+        residuals=tuple(point.residuals),
+    )
+
+
+def _linear_count(problem: Problem) -> int:
+    """How many nuisances the data paid for."""
+    count = 0
+    for stack in problem.stacks:
+        count += len(problem.nuisances) * len(stack)
+        if stack.observable in WAVEFORMS and "offset" not in problem.nuisances:
+            count += np.unique(stack.log).size
+    return count
+
+
+def _near(value: float, bound: float, parameter: Parameter) -> bool:
+    return abs(value - bound) <= 1e-6 * (parameter.max - parameter.min) and abs(value - bound) <= 1e-3 * abs(parameter.probe)
+
+
+def _errors(
+    jacobian: FloatArray, names: Sequence[str], parameters: Mapping[str, Parameter], scale: float
+) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Covariance, standard errors (inf where blind), and sentences on the combinations that the data do not determine."""
+    size = np.array([max(abs(parameters[n].value), abs(parameters[n].probe)) for n in names])
+    _, s, v = np.linalg.svd(jacobian * size, full_matrices=False)
+    blind = s <= _BLIND * s[0] if s.size and s[0] > 0 else np.ones(s.size, bool)
+    inverse = np.where(blind, 0.0, 1.0 / np.where(blind, 1.0, s) ** 2)
+    covariance = scale * (v.T * inverse) @ v * np.outer(size, size)
+    hidden = (v[blind] ** 2).sum(axis=0) > 1e-4 if blind.any() else np.zeros(len(names), bool)
+    se = np.where(hidden, np.inf, np.sqrt(np.diag(covariance)))
+    sentences = []
+    for row in v[blind]:
+        members = [n for n, share in zip(names, row) if abs(share) > 0.1]
+        sentences.append(f"the data do not determine {' with '.join(members)}: fix {members[0] if len(members) == 1 else 'all but one'}.")
+    return covariance, se, sentences
+
+
+def _correlated(names: Sequence[str], covariance: FloatArray, se: FloatArray) -> tuple[tuple[str, str, float], ...]:
+    pairs = []
+    for i in range(len(names)):
+        for j in range(i):
+            if np.isfinite(se[i]) and np.isfinite(se[j]) and se[i] > 0 and se[j] > 0:
+                r = float(covariance[i, j] / (se[i] * se[j]))
+                if abs(r) > CORRELATED:
+                    pairs.append((names[j], names[i], r))
+    return tuple(pairs)
+
+
+def _shared_scale(model: Model, names: Sequence[str]) -> list[str]:
+    """The scale that stiffness, mass, lever arm and load share in a strain waveform."""
+    if model.observable != STRAIN or LEVER not in names:
+        return []
+    ratio = "EJ, k, mu, the lever arm and the load" if model.carcass == "beam" else "EI, k_w, k_v, p0, k_t, the lever arm and the load"
+    held = [n for n in ("line_mass_kg_m", "load_N") if n not in names]
+    said = (
+        f"{' and '.join(held)} {'are' if len(held) > 1 else 'is'} held, and the others are relative to {'them' if len(held) > 1 else 'it'}"
+    )
+    return [f"{ratio} share one scale in a strain waveform: {said if held else 'nothing is held, so fix line_mass_kg_m and load_N'}."]
