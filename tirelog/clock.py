@@ -144,7 +144,9 @@ class ClockFit:
         if wanders and not coarse and (not declared or noise < _JITTER * period):
             return self._explicit(stamps, period)
         ticks = max(int(stamps.clock_index(self.size - 1)), 1)
-        tolerance = max(4.0 * error, min(0.51 * self.resolution_s, period) / ticks)
+        # a stamp coarser than a period hides two of them: where in the tick it lies, and one lost sample
+        hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
+        tolerance = max(4.0 * error, hidden / ticks)
         period = self._settled(period, tolerance)
         self._count("stamps_repaired", sum(stop - start for start, stop in passing))
         if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):

@@ -182,7 +182,8 @@ class Stamps:
 
     def jumps(self, period: float, noise: float) -> tuple[list[Jump], list[tuple[int, int]]]:
         """(lasting jumps, [start, stop) of samples whose stamps left the clock and came back)."""
-        threshold = max(0.6 * period, 6.0 * noise * np.sqrt(2.0))
+        # the first stamp of a tick lies anywhere in a period, so that one lost sample does not show where it was lost
+        threshold = max((1.6 if self.bunched else 0.6) * period, 6.0 * noise * np.sqrt(2.0))
         window = _FEW if noise < 0.05 * period else _MANY
         found: list[Jump] = []
         passing: list[tuple[int, int]] = []
