@@ -250,17 +250,33 @@ class _Slabs:
         self.slabs: dict[Any, NDArray[Any]] = {}
 
     def read(self, column: Column) -> NDArray[Any]:
+        """The column's stored values in the slice.  One of LIBRARY_ERRORS where a chunk is damaged."""
         key = (column.dataset.id, column.axis)
         together = self.shared.get(key, [])
-        width = column.dataset.size // max(len(column), 1)
-        simple = column.field is None and column.dataset.ndim == 2
-        row = width * column.dtype.itemsize
-        if not simple or len(together) < 2 or 4 * len(together) < width or row * (self.stop - self.start) > SLAB_BYTES:
+        fields_of_rows = column.field is not None and column.dataset.ndim == 1
+        if column not in together or len(together) < 2 or not (fields_of_rows or self._narrow(column, len(together))):
             return column.read(self.start, self.stop)
         if key not in self.slabs:
             where = tuple(slice(self.start, self.stop) if at is None else slice(None) for at in column.index)
-            self.slabs[key] = column.dataset[where]
-        return self.slabs[key][tuple(slice(None) if at is None else at for at in column.index)]
+            if column.field:
+                fields = sorted({c.field for c in together if c.field})
+                self.slabs[key] = column.dataset.fields(fields)[where]
+            else:
+                self.slabs[key] = column.dataset[where]
+        slab = self.slabs[key] if column.field is None else self.slabs[key][column.field]
+        values = slab[tuple(slice(None) if at is None else at for at in column.index)]
+        element: tuple[Any, ...] = (slice(None), *column.element)
+        return values[element] if column.element else values
+
+    def _narrow(self, column: Column, wanted: int) -> bool:
+        """True where the whole rows are few more than what is wanted of them."""
+        width = column.dataset.size // max(len(column), 1)
+        return (
+            column.field is None
+            and column.dataset.ndim == 2
+            and width <= 4 * wanted
+            and width * column.dtype.itemsize * (self.stop - self.start) <= SLAB_BYTES
+        )
 
 
 def _rows(clock: _Clock) -> int:
