@@ -31,11 +31,8 @@ def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray
     wanted = np.zeros(offsets.size)
     wanted[derivative] = math.factorial(derivative)
     weights = np.linalg.solve(moments, wanted)
-    # even or odd to the last bit, and nothing for a constant: what rounding leaves is multiplied by step^-derivative
-    weights = 0.5 * (weights + (-1) ** derivative * weights[::-1])
-    if derivative:
-        weights[half_width] -= weights.sum()
-    return np.asarray(weights, float)
+    # even or odd to the last bit: what rounding leaves is multiplied by step^-derivative
+    return np.asarray(0.5 * (weights + (-1) ** derivative * weights[::-1]), float)
 
 
 @dataclass(frozen=True)

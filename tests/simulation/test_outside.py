@@ -1,0 +1,113 @@
+"""Effects that no catalogue has: each is where, of the parity, exponent and frequency that its truth states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tirelog.simulation import scenario_of, simulate
+from tirelog.simulation.planted import PLANTABLE
+from tirelog.simulation.scenario import Sensor
+from tirelog.simulation.wheel import passages, tread_angle
+
+from .worlds import instants, tables, world
+
+OUTSIDE = [name for name, known in PLANTABLE.items() if not known.in_catalogue]
+
+
+def added(name: str, speed: float, **parameters: Any) -> tuple[np.ndarray, np.ndarray]:
+    """(xi [m], what the effect adds to the strain of an outer grating) at one speed."""
+    w = world(effects=[{"name": name, **parameters}])
+    base = world()
+    at, sensor = instants(speed), Sensor("fbg_strain")
+    return w.ring.xi_m, w.waveform(w.solve(at), sensor)[0] - base.waveform(base.solve(at), sensor)[0]
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0])
+def test_size_follows_the_stated_exponent(name: str, exponent: float) -> None:
+    """The size of the strain at two low speeds, where the beam itself hardly answers to speed; a resonance by its first peak."""
+    size = []
+    for speed in (2.0, 4.0):
+        # a resonance that rings as far along the tread at both speeds
+        along = {"frequency_Hz": 8.0 * speed, "decay_s": 0.06 / speed} if name == "ring_down" else {}
+        wave = added(name, speed, speed_exponent=exponent, **along)[1]
+        size.append(np.abs(wave).max())
+    assert np.log2(size[1] / size[0]) == pytest.approx(exponent, abs=0.02)
+
+
+def moments(name: str) -> tuple[float, float]:
+    """(place: mean xi of the squared strain [m], share of it that is even)."""
+    xi, wave = added(name, 15.0)
+    even = 0.5 * (wave[1:] + wave[1:][::-1])
+    return float((xi * wave**2).sum() / (wave**2).sum()), float((even**2).sum() / (wave[1:] ** 2).sum())
+
+
+def test_places_and_parities() -> None:
+    half = 0.058
+    for name in ("pressure_saddle", "even_bulge"):
+        place, even = moments(name)
+        assert abs(place) < 1e-3
+        assert even > 0.999
+    place, even = moments("torsion")
+    assert abs(place) < 1e-3
+    assert even < 1e-3
+    for name in ("ring_down", "standing_wave", "exit_suction"):
+        place, even = moments(name)
+        assert place > 0.3 * half
+        assert 0.1 < even < 0.9
+    assert moments("splice")[0] > 5 * half
+
+
+def test_ring_down_keeps_its_frequency_at_every_speed() -> None:
+    for speed in (8.0, 16.0):
+        xi, wave = added("ring_down", speed, frequency_Hz=90.0)
+        behind = (xi > 0.065) & (xi < 0.065 + 0.05 * speed) & (xi < 0.5)
+        signs = np.sign(wave[behind])
+        crossing = xi[behind][:-1][np.diff(signs) != 0] / speed
+        assert np.diff(crossing).mean() == pytest.approx(0.5 / 90.0, rel=0.02)
+
+
+def test_splice_keeps_its_angle() -> None:
+    for speed in (8.0, 16.0):
+        xi, wave = added("splice", speed)
+        assert np.degrees(xi[np.argmax(wave)] / 0.305) == pytest.approx(100.0, abs=0.3)
+
+
+def test_nothing_pulls_except_suction() -> None:
+    """The rescaled pressure still carries the load with an effect of no catalogue on it."""
+    for name in ("pressure_saddle", "exit_suction"):
+        w = world(effects=[{"name": name}])
+        assert 2.0e6 * w.solve(instants()).w.sum() * w.ring.step_m == pytest.approx(3434.0, rel=1e-9)
+
+
+def test_stiffening_satisfies_its_own_equation() -> None:
+    """The solved w under k (1 + k3 w^2) (or its other form) leaves no residual against the linear operator."""
+    from tirelog.simulation.carcass import carcass
+    from tirelog.simulation.loads import parabola
+
+    for form, power, scale in (("exact", 2, 1.0), ("other", 1, 0.008)):
+        w = world(effects=[{"name": "stiffening", "cubic_1_m2": 3000.0, "form": form}])
+        at = instants()
+        solution = w.solve(at).w[0]
+        linear = 1.0 / carcass(w.scenario, w.ring, at).radial
+        force = w.ring.inverse(linear * w.ring.transform(solution[None, :]))[0]
+        force += 2.0e6 * 3000.0 * scale * np.abs(solution) ** power * solution
+        p = parabola(w.ring, at.half_length, at.load)[0]
+        smooth = np.exp(-0.5 * (w.ring.xi_m / 0.004) ** 2)
+        kernel = w.ring.kernel(smooth)
+        residual = w.ring.inverse(w.ring.transform(force - p) * kernel)
+        assert np.abs(residual).max() < 1e-5 * p.max()
+
+
+def test_passages_know_the_wind_up() -> None:
+    """In hard braking the sensor arrives early, and the passage is where its place is in the patch centre all the same."""
+    drive = [{"duration_s": 1.0, "speed_m_s": 20.0}, {"duration_s": 2.0, "speed_m_s": 8.0}]
+    made = simulate(scenario_of(tables(manoeuvres=drive, tire={"torsional_stiffness_N_m2": 5e4})))
+    sensor = made.scenario.channels["s"]
+    time = passages(made.world, sensor, 3.0)
+    turns = tread_angle(made.world, sensor, time) / (2 * np.pi)
+    assert np.abs(turns - np.round(turns)).max() < 1e-8
+    assert min(made.truth["channels"]["s"]["passages"]["phase_shift_deg"]) < -1.0
