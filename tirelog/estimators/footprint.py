@@ -9,33 +9,27 @@ the tread, xi = v t + a t^2 / 2, entry edge at -L, exit edge at +L.  A row depen
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from tirelog.dsp.lowpass import Cutoff
-from tirelog.estimators.edges import SEARCH, Edges, find_edges
-from tirelog.estimators.footprint_fit import FormTable, PassageFits, fit_passages, form_table
+from tirelog.estimators.footprint_fit import PassageFits
 from tirelog.estimators.footprint_learn import Learnt, learn_reference
-from tirelog.estimators.footprint_windows import PatchWindows, gather_windows
+from tirelog.estimators.footprint_measure import Measured, measure
 from tirelog.estimators.passages import Passages
+from tirelog.estimators.slip_onset import SlipOnset
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
 #: fewer samples between the edges than this cannot tell a length
 LEAST_SAMPLES = 4
-#: a slower wheel's windows are not cut out (its passage takes seconds)
-LEAST_SPEED_M_S = 0.3
-#: samples are averaged while they lie closer than this share of the half length, for the fit
-FIT_STEP = 1.0 / 36.0
-#: the low-pass needs this many samples a period of its cut-off; above, samples are averaged
-PLAIN_OVERSAMPLING = 10.0
 
 
 @dataclass(frozen=True)
 class Footprint:
     """One row a passage, shape (n,): the columns of the table `footprint`, and what pictures show.  Lengths in m, NaN where unknown.
 
-    `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's extrema: positive where the exit edge is
+    `length_m` takes a traction into account where there is a slip onset.  `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's extrema: positive where the exit edge is
     the sharper one.  `learnt` holds the log's form, `cutoff_Hz` what the low-pass used, `form_se_m` the share of the error of `length_m`
     that comes from not knowing the carcass: one number for the log, the same sign in all rows.
     """
@@ -51,21 +45,10 @@ class Footprint:
     exit_time_s: FloatArray
     edge_asymmetry: FloatArray
     fits: PassageFits
+    slip: SlipOnset
     cutoff_Hz: FloatArray
     learnt: Learnt | None
     quality: tuple[frozenset[str], ...]
-
-
-@dataclass
-class _Work:
-    """What is filled row by row."""
-
-    edges: dict[str, FloatArray]
-    fits: PassageFits
-
-    @classmethod
-    def empty(cls, n: int) -> _Work:
-        return cls({f.name: np.full(n, np.nan) for f in fields(Edges)}, PassageFits.empty(n))
 
 
 def footprint(channel: Channel, passages: Passages, cutoff: Cutoff | None = None, block_samples: int = BLOCK_SAMPLES) -> Footprint:
@@ -74,7 +57,7 @@ def footprint(channel: Channel, passages: Passages, cutoff: Cutoff | None = None
     n = len(passages)
     speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
     learnt = learn_reference(channel, passages, block_samples)
-    work = _Work.empty(n)
+    work = Measured.empty(n)
     nyquist = 0.5 * channel.axis.rate_Hz
     if learnt is None:
         asked = np.full(n, np.nan)
@@ -82,71 +65,8 @@ def footprint(channel: Channel, passages: Passages, cutoff: Cutoff | None = None
         asked = cutoff.frequency(speed, passages.radius_m, learnt.wave_number_1_m)
         if cutoff.unit == "auto":
             asked = np.minimum(asked, 0.9 * nyquist)
-        _measure(channel, passages, learnt, np.minimum(asked, 0.98 * nyquist), work, block_samples)
+        measure(channel, passages, learnt, np.minimum(asked, 0.98 * nyquist), work, block_samples)
     return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)
-
-
-def _measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: FloatArray, work: _Work, block_samples: int) -> None:
-    """Fill `work` for all rows whose speed is known."""
-    rate = channel.axis.rate_Hz
-    speed = passages.speed_m_s
-    rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
-    if not rows.size:
-        return
-    reference = learnt.reference.at_speeds(learnt.reference.knots(float(speed[rows].min()), float(speed[rows].max())))
-    number = np.argmin(np.abs(np.nan_to_num(speed[:, None]) ** 2 - reference.speed_m_s**2), axis=1)
-    half_length = np.array([shape.half_length_m for shape in reference.shapes])[number]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.maximum(1.02 * learnt.half_window_m, SEARCH * half_length + 2.5 * speed / cutoff_Hz) / speed * rate + 2.0
-        for_fit = _power_of_two(FIT_STEP * half_length * rate / speed)
-        for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))
-    tables = [form_table(reference, k, learnt.half_window_m) for k in range(len(reference.shapes))]
-    fine = rate / for_plain < 8.0 * cutoff_Hz
-    for windows in gather_windows(channel, passages.sign, passages.index, reach, rows, block_samples):
-        keys = np.column_stack([for_fit, for_plain, number, fine])[windows.row].astype(np.int64)
-        for key in np.unique(keys, axis=0):
-            some = np.flatnonzero((keys == key).all(axis=1))
-            part = PatchWindows(windows.row[some], windows.values[some], windows.centre[some], windows.rate_Hz)
-            _measure_alike(part, passages, tables[key[2]], learnt, cutoff_Hz, half_length, key, work)
-
-
-def _power_of_two(values: FloatArray) -> FloatArray:
-    """The largest power of two not above each value, at least 1 and at most 1024."""
-    return 2.0 ** np.floor(np.log2(np.clip(np.nan_to_num(values, nan=1.0), 1.0, 1024.0)))
-
-
-def _measure_alike(
-    windows: PatchWindows,
-    passages: Passages,
-    table: FormTable,
-    learnt: Learnt,
-    cutoff_Hz: FloatArray,
-    half_length_m: FloatArray,
-    key: FloatArray,
-    work: _Work,
-) -> None:
-    """Plain edges and fits of rows that share form and averaging."""
-    row = windows.row
-    speed, acceleration = passages.speed_m_s[row], np.nan_to_num(passages.acceleration_m_s2[row])
-    fits = fit_passages(windows.reduced(int(key[0])), table, learnt.half_window_m, speed, acceleration, passages.noise)
-    step_m = speed / windows.rate_Hz
-    work.fits.put(row, fits)
-    work.fits.inside[row] = 2.0 * half_length_m[row] / step_m
-    plain = windows.reduced(int(key[1]))
-    middle = plain.centre + np.nan_to_num(fits.shift_m) / speed * plain.rate_Hz
-    edges = find_edges(
-        plain.values,
-        plain.rate_Hz,
-        middle,
-        speed,
-        acceleration,
-        cutoff_Hz[row],
-        half_length_m[row],
-        passages.noise / np.sqrt(plain.averaged),
-        upsample=4 if key[3] else 2,
-    )
-    for name, column in work.edges.items():
-        column[row] = getattr(edges, name)
 
 
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
@@ -159,7 +79,7 @@ def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatAr
 def _assembled(
     passages: Passages,
     learnt: Learnt | None,
-    work: _Work,
+    work: Measured,
     asked_Hz: FloatArray,
     nyquist: float,
     speed: FloatArray,
@@ -175,14 +95,16 @@ def _assembled(
     noise_se = np.sqrt(
         (fits.length_se_m * scatter) ** 2 + reference_se**2 + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
     )
-    half = 0.5 * fits.length_m
+    slipping = np.isfinite(work.slip.length_m)
+    length = np.where(slipping, work.slip.length_m, fits.length_m)
+    half = 0.5 * length
     with np.errstate(invalid="ignore"):
         entry = passages.time_s + _time_at(fits.shift_m - half, speed, acceleration)
         leave = passages.time_s + _time_at(fits.shift_m + half, speed, acceleration)
         asymmetry = (edges["exit_height"] - edges["entry_height"]) / (edges["exit_height"] + edges["entry_height"])
-    known = np.where(np.isfinite(fits.length_m), 1.0, np.nan)
+    known = np.where(np.isfinite(length), 1.0, np.nan)
     return Footprint(
-        fits.length_m,
+        length,
         noise_se,
         form_se * known,
         edges["length_d2_m"],
@@ -193,13 +115,14 @@ def _assembled(
         leave,
         asymmetry,
         fits,
+        work.slip,
         asked_Hz,
         learnt,
         tuple(_words(passages, work, asked_Hz, nyquist, row) for row in range(n)),
     )
 
 
-def _words(passages: Passages, work: _Work, asked_Hz: FloatArray, nyquist: float, row: int) -> frozenset[str]:
+def _words(passages: Passages, work: Measured, asked_Hz: FloatArray, nyquist: float, row: int) -> frozenset[str]:
     """Quality words of a row: the passage's own, and what the footprint adds."""
     words = set(passages.quality[row])
     if asked_Hz[row] > nyquist:

@@ -10,14 +10,14 @@ At the noise of the log the errors are those of Cramer and Rao.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from tirelog.estimators.edge_shapes import EdgeShape
 from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
-from tirelog.recording import FloatArray
+from tirelog.recording import FloatArray, IntArray
 
 #: points of the form's table over a revolution: 0.24 mm, so that a straight line between them is enough
 TABLE_POINTS = 8192
@@ -26,8 +26,8 @@ LINEAR, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: weak knowledge of a passage's own oddness beside the log's: standard deviations of damping and tilt
 ODD_SD = (0.3, 0.3)
 ROUNDS = 4
-#: rows fitted at once
-_ROWS = 2048
+#: largest quadratic term [m^2]: half of the square of 15 mm
+MOST_BEND = 1.1e-4
 
 
 @dataclass(frozen=True)
@@ -126,74 +126,114 @@ def design(table: FormTable, xi_m: FloatArray, speed_m_s: FloatArray) -> FloatAr
     return out
 
 
-def fit_passages(
-    windows: PatchWindows, table: FormTable, half_window_m: float, speed_m_s: FloatArray, acceleration_m_s2: FloatArray, noise: float
-) -> PassageFits:
-    """Fits of all rows of `windows` (rows of one speed class) with `table`; `noise`: standard deviation of a sample of the log."""
-    parts = []
-    for low in range(0, len(windows.row), _ROWS):
-        rows = slice(low, low + _ROWS)
-        some = PatchWindows(windows.row[rows], windows.values[rows], windows.centre[rows], windows.rate_Hz, windows.averaged)
-        parts.append(_fit_rows(some, table, half_window_m, speed_m_s[rows], acceleration_m_s2[rows], noise))
-    return PassageFits(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(PassageFits)})
+@dataclass(frozen=True)
+class Normal:
+    """Normal equations of rows: `columns` (n, m, 8) with `values` (n, m) about each row's `middle` (n,), zero where a sample is not used;
+    `gram` (n, 8, 8), `right` (n, 8); `used` samples and those `inside` the patch (n,); `sigma` of a column's value."""
+
+    columns: FloatArray
+    values: FloatArray
+    middle: FloatArray
+    gram: FloatArray
+    right: FloatArray
+    used: FloatArray
+    inside: FloatArray
+    sigma: float
+    xi_m: FloatArray
+
+    def take(self, which: IntArray) -> Normal:
+        """The rows `which`."""
+        own = (self.columns, self.values, self.middle, self.gram, self.right, self.used, self.inside)
+        return Normal(*(array[which] for array in own), self.sigma, self.xi_m[which])
 
 
-def _fit_rows(
-    windows: PatchWindows, table: FormTable, half_window_m: float, speed: FloatArray, acceleration: FloatArray, noise: float
-) -> PassageFits:
-    xi = windows.distance_m(speed, acceleration)
+def normal_equations(
+    windows: PatchWindows,
+    table: FormTable,
+    half_window_m: float,
+    speed_m_s: FloatArray,
+    acceleration_m_s2: FloatArray,
+    noise: float,
+    shift_m: FloatArray | float = 0.0,
+) -> Normal:
+    """The rows of `windows` against `table`; `noise`: standard deviation of a sample of the log; `shift_m`: how far behind the
+    passages' centres the form is put."""
+    xi = windows.distance_m(speed_m_s, acceleration_m_s2) - np.reshape(shift_m, (-1, 1))
     good = (np.abs(xi) < half_window_m) & np.isfinite(windows.values)
-    middle = np.nanmedian(np.where(good, windows.values, np.nan), axis=1, keepdims=True)
-    values = np.where(good, windows.values - middle, 0.0)
-    columns = design(table, xi, speed) * good[..., None]
-    gram = np.swapaxes(columns, 1, 2) @ columns
-    right = (np.swapaxes(columns, 1, 2) @ values[..., None])[..., 0]
+    known = np.where(good, windows.values, 0.0)
     used = good.sum(axis=1)
+    middle = known.sum(axis=1) / np.maximum(used, 1)
+    values = np.where(good, known - middle[:, None], 0.0)
+    columns = design(table, xi, speed_m_s) * good[..., None]
+    turned = np.swapaxes(columns, 1, 2)
+    inside = (good & (np.abs(xi) < table.half_length_m)).sum(axis=1)
     sigma = noise / np.sqrt(windows.averaged)
-    fits = _solve(gram, right, (values**2).sum(axis=1), used, sigma, table, (good & (np.abs(xi) < table.half_length_m)).sum(axis=1))
-    return replace(fits, offset=fits.offset + middle[:, 0])
+    return Normal(columns, values, middle, turned @ columns, (turned @ values[..., None])[..., 0], used, inside, sigma, xi)
 
 
-def _solve(
-    gram: FloatArray, right: FloatArray, square: FloatArray, used: FloatArray, sigma: float, table: FormTable, inside: FloatArray
-) -> PassageFits:
-    """Normal equations (n, 8, 8), (n, 8) to fits."""
-    n = right.shape[0]
-    normal = gram[:, :LINEAR, :LINEAR].copy()
-    unit = np.sqrt(np.maximum(gram[:, HEIGHT, HEIGHT], 1e-300))
+@dataclass(frozen=True)
+class Solution:
+    """`whole` (n, 8): the columns' coefficients, the two quadratic ones last; `inverse` (n, 6, 6) of the linear normal matrix; `poor` (n,):
+    rows with too few samples."""
+
+    whole: FloatArray
+    inverse: FloatArray
+    poor: FloatArray
+
+    def take(self, which: IntArray) -> Solution:
+        """The rows `which`."""
+        return Solution(self.whole[which], self.inverse[which], self.poor[which])
+
+
+def solve(normal: Normal, odd_sd: tuple[float, float] = ODD_SD) -> Solution:
+    """The least-squares solution of all rows; `odd_sd`: what is known of damping and tilt beside the reference's."""
+    right, gram = normal.right, normal.gram
+    matrix = gram[:, :LINEAR, :LINEAR].copy()
     # oddness is a ratio to the height, whose rough size is the right side's
-    rough = np.maximum(np.abs(right[:, HEIGHT]) / unit**2, 1e-300)
-    for column, sd in zip((DAMPING, TILT), ODD_SD, strict=True):
-        normal[:, column, column] += (sigma / (sd * rough)) ** 2
-    poor = used < LINEAR + 2
-    normal[poor] = np.eye(LINEAR)
-    scale = 1.0 / np.sqrt(np.maximum(np.einsum("nii->ni", normal), 1e-300))
-    scaled = normal * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(LINEAR)
+    rough = np.maximum(np.abs(right[:, HEIGHT]) / np.maximum(gram[:, HEIGHT, HEIGHT], 1e-300), 1e-300)
+    for column, sd in zip((DAMPING, TILT), odd_sd, strict=True):
+        matrix[:, column, column] += (normal.sigma / (sd * rough)) ** 2
+    poor = normal.used < LINEAR + 2
+    matrix[poor] = np.eye(LINEAR)
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("nii->ni", matrix), 1e-300))
+    scaled = matrix * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(LINEAR)
     inverse = np.linalg.inv(scaled) * scale[:, :, None] * scale[:, None, :]
-    solution = np.einsum("nij,nj->ni", inverse, right[:, :LINEAR])
+    straight = solution = np.einsum("nij,nj->ni", inverse, right[:, :LINEAR])
     bends = np.einsum("nij,njk->nik", inverse, gram[:, :LINEAR, LINEAR:])
-    straight = solution
+    for _ in range(ROUNDS):
+        curved = quadratic(solution, rough)
+        solution = straight - np.einsum("nik,nk->ni", bends, curved)
+    return Solution(np.concatenate([solution, quadratic(solution, rough)], axis=1), inverse, poor)
+
+
+def quadratic(solution: FloatArray, rough: FloatArray) -> FloatArray:
+    """Coefficients of the two quadratic columns that belong to a linear solution (n, ..., 6 or more), shape (n, ..., 2); `rough` (n, ...)
+    is the size of the height."""
+    limit = MOST_BEND * rough[..., None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        for _ in range(ROUNDS):
-            curved = 0.5 * solution[:, [LENGTH, SHIFT]] ** 2 / solution[:, [HEIGHT]]
-            solution = straight - np.einsum("nik,nk->ni", bends, np.clip(curved, -1e-2 * rough[:, None], 1e-2 * rough[:, None]))
-        height = solution[:, HEIGHT]
-        curved = 0.5 * solution[:, [LENGTH, SHIFT]] ** 2 / height[:, None]
-        whole = np.concatenate([solution, curved], axis=1)
-        left = square - 2.0 * np.einsum("ni,ni->n", whole, right) + np.einsum("ni,nij,nj->n", whole, gram, whole)
-        relative = solution / height[:, None]
-        error = sigma * np.sqrt(np.einsum("nii->ni", inverse)) / np.abs(height)[:, None]
-    nan = np.where(poor | ~(height > 0), np.nan, 1.0)
+        bend = 0.5 * solution[..., [LENGTH, SHIFT]] ** 2 / solution[..., [HEIGHT]]
+    return np.clip(np.nan_to_num(bend), -limit, limit)
+
+
+def described(normal: Normal, solution: Solution, table: FormTable) -> PassageFits:
+    """A solution in physical terms, with errors at the noise of a sample."""
+    whole, height = solution.whole, solution.whole[:, HEIGHT]
+    left = (normal.values**2).sum(axis=1) - 2.0 * np.einsum("ni,ni->n", whole, normal.right)
+    left += np.einsum("ni,nij,nj->n", whole, normal.gram, whole)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = whole / height[:, None]
+        error = normal.sigma * np.sqrt(np.einsum("nii->ni", solution.inverse)) / np.abs(height)[:, None]
+    nan = np.where(solution.poor | ~(height > 0), np.nan, 1.0)
     return PassageFits(
         height * nan,
-        solution[:, OFFSET] * nan,
+        (whole[:, OFFSET] + normal.middle) * nan,
         relative[:, SHIFT] * nan,
         2.0 * (table.half_length_m + relative[:, LENGTH]) * nan,
         relative[:, DAMPING] * nan,
         relative[:, TILT] * nan,
         2.0 * error[:, LENGTH] * nan,
         error[:, SHIFT] * nan,
-        np.maximum(left, 0.0) / np.maximum(used - LINEAR, 1) / sigma**2 * nan,
-        used.astype(float),
-        inside.astype(float) * np.ones(n),
+        np.maximum(left, 0.0) / np.maximum(normal.used - LINEAR, 1) / normal.sigma**2 * nan,
+        normal.used.astype(float),
+        normal.inside.astype(float),
     )

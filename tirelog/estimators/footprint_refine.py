@@ -44,9 +44,7 @@ class Sample:
 
     def take(self, which: FloatArray) -> Sample:
         """The rows `which` (mask)."""
-        w = self.windows
-        windows = replace(w, row=w.row[which], values=w.values[which], centre=w.centre[which])
-        return Sample(windows, self.speed_m_s[which], self.acceleration_m_s2[which], self.shift_m[which])
+        return Sample(self.windows.take(which), self.speed_m_s[which], self.acceleration_m_s2[which], self.shift_m[which])
 
 
 @dataclass(frozen=True)

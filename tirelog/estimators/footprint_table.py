@@ -80,9 +80,9 @@ def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOC
             "entry_time_s": found.entry_time_s,
             "exit_time_s": found.exit_time_s,
             "edge_asymmetry": found.edge_asymmetry,
-            "slip_onset_m": np.full(len(passages), np.nan),
-            "slip_onset_se_m": np.full(len(passages), np.nan),
-            "slip_onset_reason": np.full(len(passages), "", object),
+            "slip_onset_m": found.slip.onset_m,
+            "slip_onset_se_m": found.slip.onset_se_m,
+            "slip_onset_reason": found.slip.reason,
             "quality": np.array([quality_text(sorted(w)) for w in words], object),
         }
         yield FootprintOfChannel(channel, passages, found, columns, _remarks(recording, channel, found, cutoff))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +29,10 @@ class PatchWindows:
     centre: FloatArray
     rate_Hz: float
     averaged: int = 1
+
+    def take(self, which: Any) -> PatchWindows:
+        """The rows `which` (mask, slice or indices)."""
+        return PatchWindows(self.row[which], self.values[which], self.centre[which], self.rate_Hz, self.averaged)
 
     def time_s(self) -> FloatArray:
         """Time from the patch centre, shape (n, m)."""
