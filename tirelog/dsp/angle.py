@@ -71,7 +71,7 @@ def smooth_angle(
     time_s: FloatArray, count: IntArray, pitch_rad: FloatArray, step_rad: float, stretch: IntArray, noise_rad: float
 ) -> AngleFunction:
     """Knots from passages: times, counts and stretches of shape (n,), the pitch errors (n,) of these passages, the angle of a count,
-    and the standard deviation of one passage.
+    and the standard deviation of one passage (used where the log is too short to show it).
 
     Each time is first brought to the nominal angle of its count; then time as a function of the count is a cubic over
     2 REACH + 1 passages.  Left as it is at the ends of a stretch, beside missing passages and where the motion is too uneven for a cubic
@@ -102,4 +102,8 @@ def smooth_angle(
     at = inner[regular]
     smoothed[at] += value[regular]
     rate[at] = step_rad * np.sign(count[at + 1] - count[at]) / slope[regular]
-    return AngleFunction(np.maximum.accumulate(smoothed), nominal, rate, stretch, noise_rad * float(np.sqrt(np.sum(CUBIC_VALUE**2))))
+    kept = float(np.sum(CUBIC_VALUE**2))
+    if at.size > 100:  # what the cubics leave is the rest of the passages' noise
+        left = value[regular] * rate[at]
+        noise_rad = float(np.median(np.abs(left))) / 0.6745 / np.sqrt(1 - kept)
+    return AngleFunction(np.maximum.accumulate(smoothed), nominal, rate, stretch, noise_rad * float(np.sqrt(kept)))

@@ -31,6 +31,8 @@ FOLLOW_S = 0.3
 HYSTERESIS = 0.4
 #: a signal whose range is within so many standard deviations of its noise does not move
 STILL_SIGMA = 6.0
+#: amplitudes of a log's pieces closer together than this do not follow the speed (a Hall sensor)
+STEADY_AMPLITUDE = 0.6
 #: half width of the least-squares window, in half periods (tan m = 2 m at m = 1.17 rad has the least variance)
 WINDOW = 0.35
 
@@ -42,12 +44,14 @@ class Probe:
     """What a few pieces of an encoder channel show.
 
     `form`: 'sine', 'square' (two levels), 'counter' (monotone whole numbers, or an angle) or 'dead' (no teeth).
-    `amplitude` is half of the range, `noise` the standard deviation of one sample, in the channel's unit.
+    `amplitude` is half of the range, `noise` the standard deviation of one sample, in the channel's unit.  A swing below `least` is
+    no tooth: noise at a standstill, or part of a period where the sensor's amplitude does not follow the speed.
     """
 
     form: str
     amplitude: float
     noise: float
+    least: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -82,8 +86,11 @@ def probe(read: Read, size: int, pieces: int = 48, length: int = 4096) -> Probe:
         return Probe("counter", amplitude, noise)
     if amplitude <= STILL_SIGMA * noise or amplitude == 0:
         return Probe("dead", amplitude, noise)
-    moving = [s for s, a in zip(squares, amplitudes, strict=True) if a > 0.5 * amplitude]
-    return Probe("square" if np.median(moving) > 0.7 else "sine", amplitude, noise)
+    moving = np.array(amplitudes) > 0.3 * amplitude
+    usual = float(np.quantile(np.array(amplitudes)[moving], 0.25))
+    steady = usual > STEADY_AMPLITUDE * amplitude
+    least = max(STILL_SIGMA * noise, 0.75 * usual if steady else 0.01 * amplitude)
+    return Probe("square" if np.median(np.array(squares)[moving]) > 0.7 else "sine", amplitude, noise, least)
 
 
 def crossings(read: Read, size: int, rate_Hz: float, found: Probe, block: int = BLOCK) -> Crossings:
@@ -134,7 +141,7 @@ def _levels(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray, Fl
     high = maximum_filter1d(_without_spikes(chunks.max(axis=1)), span, mode="nearest")
     low = -maximum_filter1d(_without_spikes(-chunks.min(axis=1)), span, mode="nearest")
     half = (high - low) / 2
-    moving = half > max(STILL_SIGMA * found.noise, 0.01 * found.amplitude)
+    moving = half > found.least
     return chunks, (high + low) / 2, np.where(moving, HYSTERESIS * half, np.inf)
 
 

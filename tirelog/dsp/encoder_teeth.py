@@ -19,7 +19,7 @@ from tirelog.dsp.encoder_signal import FOLLOW_S, Crossings, Probe, Read
 from tirelog.recording import FloatArray, IntArray
 
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth flank
-TURNING_PEAK, PASSED_PEAK = 0.8, 0.93
+TURNING_PEAK, PASSED_PEAK = 0.85, 0.95
 #: half teeth that take longer than this are looked at for a turning point
 SLOW_S = 0.06
 #: slow intervals within so many of each other are one place; a car does not roll backwards faster than so many turns a second

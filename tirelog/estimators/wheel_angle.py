@@ -29,8 +29,8 @@ from tirelog.recording import Channel, FloatArray, IntArray, Recording
 SPEED_WINDOW_S = 0.443 / 20.0
 #: slower than this, in turns a second, the wheel counts as standing
 STANDSTILL_TURNS_S = 0.1
-#: a table that explains more than this share of the deviations repeats; below the other, it does not
-REPEATS, DOES_NOT_REPEAT = 0.3, 0.1
+#: a table that explains more than this share of the deviations repeats; another number of steps must explain so much more than the setup's
+REPEATS, BETTER = 0.8, 0.2
 
 
 @dataclass(frozen=True)
@@ -171,8 +171,8 @@ def _remarks(channel: Channel, teeth: Teeth, pitch: PitchTable, stretches: list[
     if pitch.turns == 0:
         return [*said, f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's pitch errors are not learnt"]
     if pitch.repeats < REPEATS:
-        other, share = steps_that_repeat(stretches, steps)
-        if other % steps and steps % other and share > max(pitch.repeats, DOES_NOT_REPEAT) + 0.1:
+        other, share, own = steps_that_repeat(stretches, steps)
+        if share > own + BETTER and steps % other:
             said.append(
                 f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it does with {other}; "
                 "mend steps in the setup"

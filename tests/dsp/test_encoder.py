@@ -1,0 +1,155 @@
+"""Tooth passages, counted teeth and the pitch table against a sine whose phase is known in closed form, and properties of both."""
+
+import numpy as np
+import pytest
+
+from tirelog.dsp.angle import smooth_angle
+from tirelog.dsp.encoder_pitch import learn
+from tirelog.dsp.encoder_signal import crossings, probe
+from tirelog.dsp.encoder_teeth import count_teeth
+
+RATE, STEPS = 10_000.0, 48
+
+
+def reader(values):
+    return lambda start, stop: values[max(start, 0) : stop]
+
+
+def passages(values, **more):
+    found = probe(reader(values), values.size)
+    return found, crossings(reader(values), values.size, RATE, found, **more)
+
+
+def teeth(values):
+    found, seen = passages(values)
+    return count_teeth(reader(values), found, seen, RATE, STEPS)
+
+
+def wheel(seconds=20.0, turns_s=5.0, sweep=0.0):
+    """(time, angle [turns]) of a wheel whose speed changes by `sweep` turns/s^2."""
+    time = np.arange(0, seconds, 1 / RATE)
+    return time, turns_s * time + 0.5 * sweep * time**2
+
+
+def test_pure_sine_is_placed_to_a_thousandth_of_a_tooth():
+    time, turns = wheel()
+    _, seen = passages(3.0 + 0.7 * np.sin(2 * np.pi * STEPS * turns))
+    phase = 2 * STEPS * np.interp(seen.index, np.arange(time.size), turns)
+    assert seen.index.size == pytest.approx(2 * STEPS * turns[-1], abs=2)
+    assert np.abs(phase - np.rint(phase)).max() < 1e-3
+
+
+def test_result_does_not_depend_on_the_blocks():
+    random = np.random.default_rng(1)
+    _, turns = wheel(sweep=0.1)
+    values = np.sin(2 * np.pi * STEPS * turns) + 0.05 * random.standard_normal(turns.size)
+    whole, parts = passages(values, block=1 << 22)[1], passages(values, block=30_000)[1]
+    assert np.array_equal(whole.rising, parts.rising)
+    np.testing.assert_allclose(whole.index, parts.index, atol=1e-6)
+
+
+def test_no_tooth_is_lost_at_a_tenth_of_noise():
+    random = np.random.default_rng(1002)
+    _, turns = wheel(60.0, 2.0, 0.15)
+    found = teeth(np.sin(2 * np.pi * STEPS * turns) + 0.1 * random.standard_normal(turns.size))
+    true = 2 * STEPS * np.interp(found.index, np.arange(turns.size), turns)
+    assert np.ptp(np.rint(true - found.count)) == 0
+    assert np.abs(true - found.count - np.rint(true - found.count)).max() < 0.25
+
+
+@pytest.mark.parametrize("kind", ["glitch", "flat", "doubled"])
+def test_repairs_keep_the_count(kind):
+    random = np.random.default_rng(3)
+    _, turns = wheel()
+    values = np.sin(2 * np.pi * STEPS * turns)
+    if kind == "doubled":
+        tooth = np.floor(STEPS * turns) % STEPS
+        values = np.where(tooth == 7, np.sin(4 * np.pi * STEPS * turns), values)
+    else:
+        for start in random.integers(2000, values.size - 2000, 25):
+            values[start : start + (4 if kind == "glitch" else 60)] = -1.6 if kind == "glitch" else 0.0
+    found = teeth(values + 0.02 * random.standard_normal(values.size))
+    true = 2 * STEPS * np.interp(found.index, np.arange(turns.size), turns)
+    offset = np.median(true - found.count)
+    assert np.mean(np.abs(true - found.count - offset) < 0.2) > 0.97
+    assert abs((true - found.count - offset)[-1]) < 0.2
+    assert (found.extra if kind == "doubled" else found.missing + found.extra) > 0
+
+
+def test_standstill_begins_a_new_stretch_and_keeps_the_parity():
+    time = np.arange(0, 20, 1 / RATE)
+    speed = np.interp(time, [0, 5, 8, 12, 15, 20], [5, 5, 0, 0, 5, 5])
+    turns = np.cumsum(speed) / RATE
+    found = teeth(np.sin(2 * np.pi * STEPS * turns) + 0.02 * np.random.default_rng(4).standard_normal(time.size))
+    assert found.stretch[-1] >= 1
+    true = 2 * STEPS * np.interp(found.index, np.arange(turns.size), turns)
+    error = true - found.count
+    assert abs(error[-100:].mean() - error[:100].mean()) < 0.1
+
+
+@pytest.mark.parametrize("start", [0.1, 0.25, 0.75, 0.85])
+def test_a_turning_point_away_from_the_peak_is_inferred(start):
+    """A wheel that stops, rolls back 5 turns and comes forward again, turning at the share `start` of a half tooth, then at another."""
+    time = np.arange(0, 32, 1 / RATE)
+    speed = np.interp(time, [0, 6, 9, 12, 15, 18, 32], [5, 5, 0, -1.6, 0, 5, 5])
+    turns = np.cumsum(speed) / RATE
+    turns += (start - (2 * STEPS * turns[90_000]) % 1) / (2 * STEPS)
+    found = teeth(np.sin(2 * np.pi * STEPS * turns) + 0.01 * np.random.default_rng(5).standard_normal(time.size))
+    back = found.index[~found.forward] / RATE
+    assert back.size > 2 * STEPS * 3
+    assert back.min() > 8.7
+    assert back.max() < 15.5
+
+
+def test_a_hole_is_told():
+    _, turns = wheel()
+    values = np.sin(2 * np.pi * STEPS * turns)
+    values[100_000:100_400] = np.nan
+    assert passages(values)[1].breaks.tolist() == [100_000]
+
+
+@pytest.mark.parametrize("values", [np.full(50_000, 1.3), 1.3 + 0.01 * np.random.default_rng(6).standard_normal(50_000)])
+def test_a_signal_without_teeth_is_dead(values):
+    assert probe(reader(values), values.size).form == "dead"
+
+
+def test_forms_are_told_apart():
+    _, turns = wheel()
+    sine = np.sin(2 * np.pi * STEPS * turns)
+    assert probe(reader(sine), sine.size).form == "sine"
+    assert probe(reader(np.where(sine > 0, 5.0, 0.0)), sine.size).form == "square"
+    assert probe(reader(np.floor(turns * STEPS)), sine.size).form == "counter"
+
+
+def test_pitch_table_is_found_on_a_changing_speed():
+    random = np.random.default_rng(7)
+    error = np.deg2rad(0.4) * random.uniform(-1, 1, 2 * STEPS)
+    error -= error.mean()
+    count = np.arange(2 * STEPS * 200)
+    angle = count * np.pi / STEPS + error[count % (2 * STEPS)]
+    # angle = 30 t + 0.4 t^2 solved for the time
+    time = (-30 + np.sqrt(900 + 1.6 * angle)) / 0.8
+    table = learn([(time, count)], STEPS)
+    np.testing.assert_allclose(table.error_rad, error, atol=np.deg2rad(2e-4))
+    assert table.repeats > 0.99
+
+
+def test_pitch_of_white_noise_is_within_its_error_of_nothing():
+    random = np.random.default_rng(1008)
+    count = np.arange(2 * STEPS * 200)
+    time = (count * np.pi / STEPS + np.deg2rad(0.02) * random.standard_normal(count.size)) / 30
+    table = learn([(time, count)], STEPS)
+    assert 0.7 < np.std(table.error_rad) / table.se_rad < 1.3
+    assert table.repeats < 0.1
+
+
+def test_the_angle_function_is_exact_for_a_cubic_motion_and_its_inverse():
+    count = np.arange(4000)
+    time = np.linspace(0, 10, count.size)
+    uneven = time + 1e-4 * time**2 + 1e-6 * time**3
+    function = smooth_angle(uneven, count, np.zeros(count.size), 0.05, np.zeros(count.size, np.int64), 1e-4)
+    at = np.linspace(0.1, 9.9, 1234)
+    angle = 0.05 * (count.size - 1) / 10 * at
+    np.testing.assert_allclose(function.at(at + 1e-4 * at**2 + 1e-6 * at**3), angle, atol=1e-9)
+    np.testing.assert_allclose(function.time_at(function.at(at)), at, atol=1e-9)
+    assert np.isnan(function.at(np.array([-1.0, 100.0]))).all()
