@@ -114,9 +114,11 @@ class ClockFit:
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
         period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
         # the line runs through two stamps, each off by up to half a digit, and every other stamp is off by as much again
-        if period > 3.0 * digit and stamps.strays(period, first, start) <= 1.02 * digit:
+        low, high = stamps.range(period) if period > 3.0 * digit else (-np.inf, np.inf)
+        level = start - period * float(stamps.clock_index(first))
+        if max(high - level, level - low) <= 1.02 * digit:
             settled = self._settled(period, 1.02 * digit / ticks)
-            low, high = stamps.range(settled)
+            low, high = (low, high) if settled == period else stamps.range(settled)
             level = start - settled * float(stamps.clock_index(first))
             level = level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
             return self._pieces(settled, [Piece(0, 1, 0.0, level)])

@@ -89,6 +89,8 @@ class Stamps:
 
     def clock_index(self, index: IntArray | int) -> IntArray:
         """Ticks of the sample clock since the first sample."""
+        if not self.missing:
+            return np.asarray(index)
         at = np.array([i for i, _ in self.missing], np.int64)
         total = np.concatenate([[0], np.cumsum([m for _, m in self.missing])]).astype(np.int64)
         return np.asarray(index) + total[np.searchsorted(at, index, side="right")]
@@ -97,8 +99,11 @@ class Stamps:
         """(index, stamp) of the samples that have one, chunk by chunk."""
         for start in range(0, self.spool.size, _CHUNK):
             stamps = self.spool.read(start, start + _CHUNK)
-            index = np.flatnonzero(~np.isnan(stamps))
-            if index.size:
+            lost = np.isnan(stamps)
+            if not lost.any():
+                yield np.arange(start, start + stamps.size), stamps
+            elif not lost.all():
+                index = np.flatnonzero(~lost)
                 yield start + index, stamps[index]
 
     def points(self, period: float) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
@@ -114,19 +119,14 @@ class Stamps:
 
     def ends(self) -> tuple[tuple[int, float], tuple[int, float]] | None:
         """(index, stamp) of the first and of the last known stamp; None below two."""
-        first = last = None
-        for index, stamps in self.known():
-            first = first or (int(index[0]), float(stamps[0]))
-            last = (int(index[-1]), float(stamps[-1]))
+        first = next(((int(index[0]), float(stamps[0])) for index, stamps in self.known()), None)
+        last = None
+        for start in range((max(self.spool.size - 1, 0) // _CHUNK) * _CHUNK, -1, -_CHUNK):
+            index = np.flatnonzero(~np.isnan(tail := self.spool.read(start, start + _CHUNK)))
+            if index.size:
+                last = (start + int(index[-1]), float(tail[index[-1]]))
+                break
         return (first, last) if first and last and first[0] != last[0] else None
-
-    def strays(self, period: float, index: int, stamp: float) -> float:
-        """The largest distance [s] of any stamp from the line through one sample."""
-        origin = int(self.clock_index(index))
-        worst = 0.0
-        for at, stamps in self.known():
-            worst = max(worst, float(np.abs(stamps - stamp - period * (self.clock_index(at) - origin)).max()))
-        return worst
 
     def range(self, period: float) -> tuple[float, float]:
         """(least, largest) residual of the stamps against a clock of this period."""

@@ -132,8 +132,9 @@ class ByteSource:
             joined = b"".join(parts)
             cut = joined.rfind(b"\n") + 1
             if cut:
-                ends = _line_ends(joined[:cut])
-                yield line, ends, joined[:cut]
+                block = joined[:cut]
+                ends = _line_ends(block)
+                yield line, ends, block
                 line += ends
             rest = joined[cut:]
             parts, have = [rest], len(rest)
