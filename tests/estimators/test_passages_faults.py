@@ -128,3 +128,14 @@ def test_few_revolutions_have_rows_without_speed(drive, radius_m, turns, known):
     assert len(found) == len(d.time_s)
     assert np.isfinite(found.speed_m_s).sum() == known
     assert np.isfinite(found.time_s).all()
+
+
+@pytest.mark.parametrize("samples", [2, 4, 6])
+def test_a_jump_inside_the_patch_does_not_make_two_of_it(steady, radius_m, samples):
+    values = steady.values.copy()
+    for k in (20, 21, 90, 200):
+        middle = int(steady.time_s[k] * 2500)
+        values[middle - samples // 2 : middle - samples // 2 + samples] += 1.2e-3
+    found = find_passages(steady.with_values(values), radius_m)
+    assert_all_found(found, steady)
+    assert all("spike" in found.quality[k] for k in (20, 21, 90, 200))

@@ -2,8 +2,8 @@
 
     a channel's samples --sixth differences of pieces spread over the log--> sigma [unit of the channel]
 
-Sixth differences remove what the tire does, even a patch of ten samples; the median of their size ignores
-spikes and steps.  The pieces lie at fixed places of the log, so the answer does not depend on how the log is read.
+Sixth differences remove what the tire does, even a patch of ten samples; the median of their size ignores spikes and steps.  The
+pieces lie at fixed places of the log, so the answer does not depend on how the log is read.
 """
 
 from __future__ import annotations
@@ -12,13 +12,14 @@ from math import comb
 
 import numpy as np
 
-from tirelog.recording import Channel, FloatArray
+from tirelog.recording import FloatArray
 
 #: order of the difference; that of white noise has sqrt(binomial(2 order, order)) standard deviations
 ORDER = 6
 DIFFERENCE_GAIN = comb(2 * ORDER, ORDER) ** 0.5
 #: median of |x| of a normal variable, in standard deviations
 NORMAL_MEDIAN = 0.6744897501960817
+#: pieces that are looked at, and samples a piece; a piece starts at a multiple of its length
 PIECES, PIECE_SAMPLES = 64, 4096
 
 
@@ -31,15 +32,23 @@ def white_noise(values: FloatArray) -> float:
     return float(np.median(difference) / NORMAL_MEDIAN / DIFFERENCE_GAIN)
 
 
-def sample_noise(channel: Channel, pieces: int = PIECES, piece_samples: int = PIECE_SAMPLES) -> float:
-    """Noise sigma of one sample of `channel`, its own unit: the median over pieces spread evenly over the log.
+class SampleNoise:
+    """Gathers the noise of a channel of `size` samples while its blocks pass by; `resolution` is the step of the source (0: unknown).
 
-    Never below the rounding of the source, resolution / sqrt(12).  NaN where the log is too short or all lost.
+    Blocks are to start at multiples of PIECE_SAMPLES.
     """
-    rounding = channel.resolution / np.sqrt(12.0)
-    starts = np.unique(np.linspace(0, max(channel.size - piece_samples, 0), pieces).astype(np.int64))
-    sigmas = np.array([white_noise(channel.read(int(start), int(start) + piece_samples)) for start in starts])
-    sigmas = sigmas[np.isfinite(sigmas)]
-    if not sigmas.size:
-        return float("nan")
-    return float(max(np.median(sigmas), rounding))
+
+    def __init__(self, size: int, resolution: float) -> None:
+        self._starts = np.unique(np.linspace(0, max(size - PIECE_SAMPLES, 0), PIECES).astype(np.int64) // PIECE_SAMPLES * PIECE_SAMPLES)
+        self._rounding = resolution / 12**0.5
+        self._sigmas: list[float] = []
+
+    def take(self, start: int, values: FloatArray) -> None:
+        """A block that starts at sample `start`."""
+        for first in self._starts[(self._starts >= start) & (self._starts < start + values.size)]:
+            self._sigmas.append(white_noise(values[first - start : first - start + PIECE_SAMPLES]))
+
+    def sigma(self) -> float:
+        """Median over the pieces, never below the rounding of the source, resolution / sqrt(12); NaN where all is lost or too short."""
+        finite = [sigma for sigma in self._sigmas if np.isfinite(sigma)]
+        return max(float(np.median(finite)), self._rounding) if finite else float("nan")

@@ -5,15 +5,17 @@ A word stands in a row only where the trouble lies inside the row's own window (
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.estimators.passage_fit import Fit
+from tirelog.estimators.passage_kinematics import TURN_RAD
 from tirelog.recording import Channel, FloatArray, IntArray
 
-TURN_RAD = 2 * np.pi
+NO_WORDS: frozenset[str] = frozenset()
 #: at most this many passages in a row are put in as lost
 MOST_LOST = 4
 #: share of a window's samples that must be lost before a passage counts as lost there
@@ -22,21 +24,31 @@ LOST_SHARE = 0.3
 
 def window_words(
     channel: Channel, found: Fit, others: Mapping[str, NDArray[np.bool_]], index: FloatArray, reach: FloatArray
-) -> list[set[str]]:
+) -> tuple[frozenset[str], ...]:
     """Words for each row; `others`: words that are known already, and where; `index` and `reach` [samples] say where its window lies."""
-    words: list[set[str]] = [set() for _ in range(index.size)]
-    marks = {"lost_peak": found.lost, "spike": found.spike, "clipped": found.clipped, "edge_of_log": found.outside, **others}
-    for word, where in marks.items():
-        for row in np.flatnonzero(where):
+    words: defaultdict[int, set[str]] = defaultdict(set)
+    known = {"lost_peak": found.lost, "spike": found.spike, "clipped": found.clipped, "edge_of_log": found.outside, **others}
+    for word, where in known.items():
+        for row in np.flatnonzero(where).tolist():
             words[row].add(word)
     gaps = [(float(first) - 0.5, float(first) - 0.5, "gap") for first in channel.axis.first[1:]]
     doubts = [(float(start), float(stop - 1), word) for start, stop, word in channel.flags]
-    lowest, highest = index - reach, index + reach
+    begin, end = index - reach, index + reach
+    # the rows are in order, and their windows nearly so: what comes into question stands together
+    furthest, nearest = np.maximum.accumulate(end), np.minimum.accumulate(begin[::-1])[::-1]
     for low, high, word in gaps + doubts:
-        # the rows are in order, so the touched ones stand together
-        for k in range(int(np.searchsorted(highest, low)), int(np.searchsorted(lowest, high, side="right"))):
-            words[k].add(word)
-    return words
+        for row in range(int(np.searchsorted(furthest, low)), int(np.searchsorted(nearest, high, side="right"))):
+            if end[row] >= low and begin[row] <= high:
+                words[row].add(word)
+    return with_words([NO_WORDS] * index.size, words)
+
+
+def with_words(rows: Sequence[frozenset[str]], more: Mapping[int, set[str]]) -> tuple[frozenset[str], ...]:
+    """`rows` with `more` words in some of them."""
+    result = list(rows)
+    for row, words in more.items():
+        result[row] = result[row] | words
+    return tuple(result)
 
 
 def lost_between(channel: Channel, time_s: FloatArray, omega: FloatArray, turns: FloatArray, window_rad: float) -> IntArray:

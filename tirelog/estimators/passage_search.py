@@ -1,6 +1,6 @@
 """Where the grating passed the patch, coarsely: pulses that stand out of their surroundings by half of the usual height.
 
-    channel --median of short buckets--> decimated, patch upward (float32, 1 byte a sample of the log)
+    channel --median of short buckets--> Decimated, patch upward (float32, 1 byte a sample of the log)
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys
             --half-level crossings--> Pulses: middle and width [samples], a row a passage
 
@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.dsp.noise import PIECE_SAMPLES, SampleNoise
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 
 #: length of a bucket [s]: at 25 m/s a patch of 0.1 m takes 4 ms
@@ -34,13 +35,15 @@ LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
 @dataclass(frozen=True)
 class Decimated:
     """`values` shape (m,): the medians of buckets, patch upward, lost buckets left out; `index` (m,): the bucket's middle [samples];
-    `part` (m,): the number of the gapless segment; `extremes`: least and largest sample of the channel, as recorded."""
+    `part` (m,): the number of the gapless segment; `extremes`: least and largest sample of the channel, as recorded; `noise`: sigma of
+    one sample (NaN: not known)."""
 
     values: NDArray[np.float32]
     index: FloatArray
     part: IntArray
     bucket: int
     extremes: tuple[float, float]
+    noise: float
 
 
 @dataclass(frozen=True)
@@ -61,9 +64,9 @@ class Pulses:
 
 
 def bucket_samples(rate_Hz: float) -> int:
-    """Samples a bucket: 1, 4, or a multiple of 4."""
-    samples = int(BUCKET_S * rate_Hz)
-    return samples // 4 * 4 if samples >= 4 else 1
+    """Samples a bucket: 1, 4, 8, 16 ..."""
+    samples = BUCKET_S * rate_Hz
+    return 1 << int(np.log2(samples)) if samples >= 4 else 1
 
 
 def _bucket_medians(values: FloatArray, bucket: int) -> FloatArray:
@@ -96,15 +99,16 @@ def _of_three(values: FloatArray) -> FloatArray:
 def decimate(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) -> Decimated:
     """The channel by buckets, times `sign`.  The buckets lie at fixed samples, whatever `block_samples`."""
     bucket = bucket_samples(channel.axis.rate_Hz)
-    step = max(block_samples // bucket, 1) * bucket
+    step = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES
     margin = 2 if bucket == 1 else 0
+    noise = SampleNoise(channel.size, channel.resolution)
     parts: list[NDArray[np.float32]] = []
     low, high = np.inf, -np.inf
     for start in range(0, channel.size, step):
         first = max(start - margin, 0)
         values = np.asarray(channel.read(first, min(start + step + margin, channel.size)), dtype=np.float64)
-        if np.isfinite(values).any():
-            low, high = min(low, float(np.nanmin(values))), max(high, float(np.nanmax(values)))
+        low, high = float(np.fmin.reduce(values, initial=low)), float(np.fmax.reduce(values, initial=high))
+        noise.take(start, values[start - first : start - first + step])
         if bucket == 1:
             some = _of_three(values)[start - first : start - first + step]
         else:
@@ -116,7 +120,7 @@ def decimate(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) 
     index = kept.astype(np.float64) * bucket + 0.5 * (bucket - 1)
     begins = np.searchsorted(index, channel.axis.first[1:])
     part = np.cumsum(np.bincount(begins[begins < kept.size], minlength=kept.size)).astype(np.int64)
-    return Decimated(medians[kept], index, part, bucket, (low, high))
+    return Decimated(medians[kept], index, part, bucket, (low, high), noise.sigma())
 
 
 def turning_points(values: NDArray[np.floating], least: float) -> IntArray:
@@ -157,8 +161,9 @@ def usual_height(heights: FloatArray) -> float:
     return float(heights[order][np.searchsorted(weight, 0.5 * weight[-1])])
 
 
-def find_pulses(data: Decimated, noise: float) -> Pulses:
-    """The pulses of `data`; `noise` is the sigma of one sample."""
+def find_pulses(data: Decimated) -> Pulses:
+    """The pulses of `data`."""
+    noise = data.noise
     empty = np.zeros(0)
     rough = _turning_points_by_part(data, LEAST_SIGMAS * noise)
     heights = np.concatenate([np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough] or [empty])
@@ -190,18 +195,22 @@ def _without_plateaus(values: NDArray[np.float32], peak: IntArray, left: IntArra
     return peak[kept], left[kept], right[kept]
 
 
-def search(channel: Channel, sign: float, noise: float, block_samples: int = BLOCK_SAMPLES) -> tuple[Pulses, tuple[float, float]]:
-    """The pulses of `channel`, and its least and largest sample.  `sign` turns the patch upward, `noise` is one sample's sigma.
+def search(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) -> tuple[Pulses, Decimated]:
+    """The pulses of `channel`, and what they were found in.  `sign` turns the patch upward.
 
     Radial acceleration, whose pulses grow with the square of the speed, is searched in units of its level outside the patch.
     """
     data = decimate(channel, sign, block_samples)
-    if channel.kind != "radial_acceleration" or not data.values.size:
-        return find_pulses(data, noise), data.extremes
-    level = np.maximum(_level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * noise))
-    pulses = find_pulses(replace(data, values=(data.values / level).astype(np.float32)), noise / float(np.median(level)))
+    if not data.values.size or not np.isfinite(data.noise):
+        empty = np.zeros(0)
+        return Pulses(empty, empty, empty, empty), data
+    if channel.kind != "radial_acceleration":
+        return find_pulses(data), data
+    level = np.maximum(_level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise))
+    levelled = replace(data, values=(data.values / level).astype(np.float32), noise=data.noise / float(np.median(level)))
+    pulses = find_pulses(levelled)
     scale = np.interp(pulses.middle, data.index, level)
-    return replace(pulses, height=pulses.height * scale, base=pulses.base * scale), data.extremes
+    return replace(pulses, height=pulses.height * scale, base=pulses.base * scale), data
 
 
 def _level(data: Decimated, rate_Hz: float) -> FloatArray:

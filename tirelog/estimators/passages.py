@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.dsp.noise import sample_noise
 from tirelog.estimators import passage_marks as marks
 from tirelog.estimators.passage_fit import Signal
 from tirelog.estimators.passage_kinematics import kinematics, turns_between
@@ -29,6 +28,8 @@ from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
 #: fewer samples in a window are too few for a waveform
 FEWEST = 6
+#: a channel up to this length is read once and held (32 MB)
+HELD_SAMPLES = 1 << 22
 
 
 @dataclass(frozen=True)
@@ -117,16 +118,25 @@ def patch_sign(channel: Channel) -> float:
     return 1.0 if channel.surface == "inner" else -1.0
 
 
+def _held(channel: Channel) -> Channel:
+    """The channel, in memory where it is short: it is gone through more than once."""
+    if channel.size > HELD_SAMPLES:
+        return channel
+    values = channel.read()
+    return replace(channel, samples=lambda start, stop: values[start:stop])
+
+
 def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_SAMPLES) -> Passages:
     """The passages of `channel` (strain or radial acceleration), `radius_m` the rolling radius.
 
     The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
     """
-    sign, noise = patch_sign(channel), sample_noise(channel)
-    pulses, extremes = search(channel, sign, noise, block_samples) if np.isfinite(noise) else (None, (0.0, 0.0))
-    if not pulses:
-        return _none(channel, radius_m, sign, noise)
-    matched = match(Signal(channel, sign, noise, extremes), pulses)
+    channel = _held(channel)
+    sign = patch_sign(channel)
+    pulses, data = search(channel, sign, block_samples)
+    if not len(pulses):
+        return _none(channel, radius_m, sign, data.noise)
+    matched = match(Signal(channel, sign, data.noise, data.extremes), pulses)
     template, found, omega, time_s = matched.template, matched.fit, matched.start.omega, matched.time_s
     turns = turns_between(time_s, omega)
     linked = np.append(one_turn(turns), False)
@@ -143,7 +153,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
         channel=channel.name,
         radius_m=radius_m,
         sign=sign,
-        noise=noise,
+        noise=data.noise,
         window_rad=window_rad,
         template=template,
         index=index,
@@ -160,7 +170,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
         offset=found.offset,
         misfit=found.misfit,
         measured=np.ones(time_s.size, bool),
-        quality=tuple(frozenset(w) for w in words),
+        quality=words,
     )
     return _with_lost(measured, lost, channel) if lost.any() else measured
 

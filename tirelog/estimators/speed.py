@@ -8,6 +8,7 @@ constant acceleration, less what is left of a changing one (`passage_kinematics`
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 
 from tirelog.errors import UsageError
 from tirelog.estimators.passage_kinematics import TURN_RAD
+from tirelog.estimators.passage_marks import with_words
 from tirelog.estimators.passages import Passages, find_passages
 from tirelog.estimators.speed_radius import calibrate_radius
 from tirelog.estimators.wheel_angle import encoder_speed
@@ -25,17 +27,17 @@ from tirelog.tables import quality_text
 STRAIN_KINDS = ("fbg_strain", "strain")
 
 
-def speed_words(passages: Passages) -> list[set[str]]:
+def speed_words(passages: Passages) -> tuple[frozenset[str], ...]:
     """The passages' words, with those on the speed: edge_of_log at the first and last, extrapolated where it is not centred, standstill
     and reversing beside such a break."""
-    words = [set(word) for word in passages.quality]
-    for k in np.flatnonzero(passages.sides < 2):
-        words[k].add("edge_of_log" if k in (0, len(passages) - 1) else "extrapolated")
+    more: defaultdict[int, set[str]] = defaultdict(set)
+    for k in np.flatnonzero(passages.sides < 2).tolist():
+        more[k].add("edge_of_log" if k in (0, len(passages) - 1) else "extrapolated")
     for why in ("standstill", "reversing"):
-        for k in np.flatnonzero(passages.break_after == why):
-            words[k].add(why)
-            words[k + 1].add(why)
-    return words
+        for k in np.flatnonzero(passages.break_after == why).tolist():
+            more[k].add(why)
+            more[k + 1].add(why)
+    return with_words(passages.quality, more)
 
 
 def period(passages: Passages) -> FloatArray:
@@ -58,7 +60,7 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
         "period_s": period(passages),
         "speed_se_m_s": np.hypot(passages.speed_se_m_s, radius_share * passages.speed_m_s),
         "acceleration_m_s2": passages.acceleration_m_s2,
-        "quality": np.array([quality_text(sorted(words)) for words in speed_words(passages)], object),
+        "quality": np.array([quality_text(sorted(words)) if words else "ok" for words in speed_words(passages)], object),
     }
 
 
