@@ -39,7 +39,7 @@ def dissipation(
                     lines = tables.regression_columns(recording.log, found)
                     if lines is None:
                         session.note(
-                            f"{recording.log}: {found.channel.name}: too few revolutions at constant speed, or one speed only; no regression"
+                            f"{recording.log}: {found.channel.name}: no regression: too few revolutions of constant speed, or one speed"
                         )
                         continue
                     columns = lines

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.recording import FloatArray
 
@@ -30,7 +31,7 @@ def fill_lost(windows: FloatArray) -> FloatArray:
     return filled
 
 
-def window_spectrum(windows: FloatArray) -> FloatArray:
+def window_spectrum(windows: FloatArray) -> NDArray[np.complex128]:
     """FFT of the rows of `windows` (n, m) after the line through their ends has been taken off, so that they close without a step."""
     count = windows.shape[1]
     edge = max(count // 32, 1)
@@ -39,7 +40,7 @@ def window_spectrum(windows: FloatArray) -> FloatArray:
     return np.fft.rfft(windows - first[:, None] - (last - first)[:, None] * ramp, axis=1)
 
 
-def derivative(spectrum: FloatArray, gains: FloatArray, rate_Hz: float, order: int, count: int, upsample: int) -> FloatArray:
+def derivative(spectrum: NDArray[np.complex128], gains: FloatArray, rate_Hz: float, order: int, count: int, upsample: int) -> FloatArray:
     """The `order`-th time derivative of rows with `spectrum` (n, count // 2 + 1), times `gains`, at `upsample` x `count` points."""
     frequency = np.fft.rfftfreq(count, 1.0 / rate_Hz)
     response = gains * (2j * np.pi * frequency) ** order

@@ -27,8 +27,8 @@ def averaging_gain(omega: FloatArray, averaged: int) -> FloatArray:
 def differentiator(rate_Hz: float, edge_Hz: float, averaged: int = 1) -> FloatArray:
     """Coefficients, shape (2 k + 1,): np.convolve(values, coefficients, 'valid') is the derivative [1/s] of what lies below `edge_Hz`.
 
-    Least squares: relative error in the pass band, size in the stop band.  `averaged`: `values` are means of so many samples, whose droop is
-    made up for.
+    Least squares: relative error in the pass band, size in the stop band.  `averaged`: `values` are means of so many samples, whose
+    droop is made up for.
     """
     half = int(np.clip(np.ceil(HALF_PERIODS * rate_Hz / (2.0 * edge_Hz)), SHORTEST, LONGEST))
     place = np.arange(1, half + 1)

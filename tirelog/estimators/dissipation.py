@@ -13,6 +13,7 @@ log's top speed, so that its own bias is below 1e-3 (0.3e-3 on a stiff-treaded r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,7 +81,7 @@ def _filter(channel: Channel, passages: Passages) -> _Filter:
 
 
 def _bounds(passages: Passages) -> tuple[FloatArray, FloatArray]:
-    """First and last sample (fractional) of each passage's revolution: half way to the neighbours one turn away, else half a turn by its speed."""
+    """First and last sample (fractional) of each passage's revolution: half way to neighbours a turn away, else half a turn."""
     index = passages.index
     step = np.diff(index)
     before = np.where(passages.turn_before, np.concatenate([[np.nan], step]), np.nan)
@@ -98,10 +99,10 @@ def _means(values: FloatArray, averaged: int) -> FloatArray:
 
 def _energies(channel: Channel, passages: Passages, how: _Filter, block_samples: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sums over each revolution: of the squared derivative, of its own squared slope (for the error), and how many means; (n,) each."""
-    low, high = (np.round(b / how.averaged) for b in _bounds(passages))
+    bounds = [np.round(b / how.averaged) for b in _bounds(passages)]
     last = channel.size // how.averaged
-    known = np.isfinite(low) & np.isfinite(high)
-    low, high = (np.clip(np.where(known, b, 0.0), 0, last).astype(np.int64) for b in (low, high))
+    known = np.isfinite(bounds[0]) & np.isfinite(bounds[1])
+    low, high = (np.clip(np.where(known, b, 0.0), 0, last).astype(np.int64) for b in bounds)
     energy, bend = np.zeros(len(passages)), np.zeros(len(passages))
     wild = max(WILD_SIGMAS * passages.noise / np.sqrt(how.averaged), WILD_SHARE * float(np.nanmedian(np.abs(passages.height))))
     half = how.coefficients.size // 2
@@ -174,7 +175,7 @@ def dissipation(
     channel: Channel,
     passages: Passages,
     area_m2: float | None,
-    words: list[set[str]],
+    words: Sequence[frozenset[str]],
     *,
     steady_step_m_s: float = STEADY_STEP_M_S,
     averaged: int = AVERAGED,
@@ -201,9 +202,7 @@ def dissipation(
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
-    if how.limited:
-        for row in words:
-            row.add("cutoff")
+    more = frozenset({"cutoff"}) if how.limited else frozenset()
     return Dissipation(
         factor,
         error,
@@ -212,5 +211,5 @@ def dissipation(
         moving_average(factor, stretch, averaged),
         moving_average(power, stretch, averaged),
         stretch,
-        tuple(frozenset(w) for w in words),
+        tuple(row | more for row in words),
     )

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 
 from tirelog.recording import FloatArray
 
+ComplexArray = NDArray[np.complex128]
+
 #: terms of the pressure series, orders 0, 2, ... 2 (TERMS - 1)
 TERMS = 7
 #: nodes of the quadrature over half of the patch
@@ -88,14 +90,21 @@ class EdgeFamily:
 
     def __init__(self, radius_m: float, highest_1_m: float, *, closed: bool = False) -> None:
         self.radius_m, self.closed = radius_m, closed
-        order = np.arange(1, max(int(np.ceil(highest_1_m * radius_m)), 8) + 1)
-        self.kappa_1_m = order / radius_m
+        order = np.arange(1.0, max(int(np.ceil(highest_1_m * radius_m)), 8) + 1)
+        self.kappa_1_m: FloatArray = order / radius_m
         self._square = self.kappa_1_m**2 - (1.0 / radius_m**2 if closed else 0.0)
         self._tangential = 1.0 / order**2 if closed else np.zeros(order.size)
 
-    def spectrum(self, shape: EdgeShape) -> NDArray[np.complex128]:
+    def spectrum(self, shape: EdgeShape) -> ComplexArray:
         """Complex amplitude of the strain of an outer grating at each wave number, shape (n,); the height is of the order of one."""
         return self._solve(shape).spectrum
+
+    def receptance(self, shape: EdgeShape) -> ComplexArray:
+        """Strain per load at each wave number, shape (n,): a load's transform along xi times this is a spectrum."""
+        ell = shape.bending_length_m
+        stiffness = ell**4 * self._square**2 + shape.tension * ell**2 * self._square + 1.0 + self._tangential
+        height = -self._square * ell / (np.pi * self.radius_m)
+        return np.asarray(height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell), complex)
 
     def _solve(self, shape: EdgeShape) -> _Solution:
         """The contact problem of `shape`: stiffness, pressure and spectrum."""
@@ -111,18 +120,17 @@ class EdgeFamily:
         even, odd = phi @ pressure, wave.imag @ terms[-1]
         # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights stay comparable while a fit walks
         height = -self._square * ell * (L / (np.pi * self.radius_m))
-        response = height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell)
+        response = np.asarray(height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell), complex)
         # the tilt is carried by the parabola of the same load
-        spectrum = response * (even + 1j * shape.tilt * pressure[0] * odd)
+        spectrum: ComplexArray = response * (even + 1j * shape.tilt * pressure[0] * odd)
         return _Solution(wave, test, phi, stiffness, weight, inverse, pressure, even, odd, response, spectrum)
 
-    def basis(self, xi_m: FloatArray, derivative: int = 0) -> NDArray[np.complex128]:
-        """(1j kappa)^derivative exp(1j kappa xi), shape (len(xi), n): real part of basis @ spectrum is the strain there."""
-        wave = np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m))
-        return wave * (1j * self.kappa_1_m) ** derivative if derivative else wave
+    def basis(self, xi_m: FloatArray) -> ComplexArray:
+        """exp(1j kappa xi), shape (len(xi), n): the real part of basis @ spectrum is the strain there."""
+        return np.asarray(np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m)))
 
-    def on_grid(self, spectra: NDArray[np.complex128], points: int, half_window_m: float) -> tuple[FloatArray, FloatArray]:
-        """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as +-`half_window_m`: abscissae (g,) and values (g, c)."""
+    def on_grid(self, spectra: ComplexArray, points: int, half_window_m: float) -> tuple[FloatArray, FloatArray]:
+        """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as +-`half_window_m`: abscissae (g,), (g, c)."""
         padded = np.zeros((points // 2 + 1, spectra.shape[1]), complex)
         kept = min(self.kappa_1_m.size, points // 2)
         padded[1 : kept + 1] = spectra[:kept] * (0.5 * points)
@@ -131,7 +139,7 @@ class EdgeFamily:
         values = np.fft.irfft(padded, points, axis=0)
         return np.arange(-reach, reach + 1) * step, np.concatenate([values[-reach:], values[: reach + 1]])
 
-    def jacobian(self, shape: EdgeShape) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def jacobian(self, shape: EdgeShape) -> tuple[ComplexArray, ComplexArray]:
         """Spectrum (n,), and its derivatives by the six parameters in the order of the fields, shape (n, 6)."""
         L, ell, ratio = shape.half_length_m, shape.bending_length_m, np.expm1(shape.tread)
         nodes, tests, terms, _ = _series()
@@ -159,14 +167,14 @@ class EdgeFamily:
         columns[:, 2] -= s.spectrum * by_tension / complex_stiffness
         by_damping = -s.spectrum * 1j * kappa * ell / complex_stiffness
         by_tilt = s.response * 1j * s.pressure[0] * s.odd
-        return s.spectrum, np.column_stack([columns, by_damping, by_tilt])
+        return s.spectrum, np.asarray(np.column_stack([columns, by_damping, by_tilt]), complex)
 
 
 @dataclass(frozen=True)
 class _Solution:
     """What `spectrum` and `jacobian` share; n wave numbers, t terms."""
 
-    wave: NDArray[np.complex128]
+    wave: ComplexArray
     test: FloatArray
     phi: FloatArray
     stiffness: FloatArray
@@ -175,5 +183,5 @@ class _Solution:
     pressure: FloatArray
     even: FloatArray
     odd: FloatArray
-    response: NDArray[np.complex128]
-    spectrum: NDArray[np.complex128]
+    response: ComplexArray
+    spectrum: ComplexArray

@@ -60,7 +60,7 @@ def find_edges(
     """
     count = windows.shape[1]
     spectrum = window_spectrum(fill_lost(windows))
-    frequency = np.fft.rfftfreq(count, 1.0 / rate_Hz)
+    frequency: FloatArray = np.fft.rfftfreq(count, 1.0 / rate_Hz).astype(np.float64)
     gains = gain(frequency, cutoff_Hz)
     by_time = [derivative(spectrum, gains, rate_Hz, order, count, upsample) for order in (1, 2)]
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz

@@ -4,7 +4,7 @@
     PatchWindows --columns at each sample's distance--> normal equations (rows x 6 x 6) --> PassageFits
 
 A passage is height x form(xi - shift; length, damping, tilt) + offset.  Linear in everything about the reference; what is quadratic
-in the length and in the shift is known from two more columns of the same products and taken off in turns, without touching the samples again.
+in length and shift is known from two more columns of the same products and taken off in turns, without touching the samples again.
 At the noise of the log the errors are those of Cramer and Rao.
 """
 
@@ -13,8 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tirelog.estimators.edge_shapes import EdgeShape
+from tirelog.estimators.edge_shapes import ComplexArray, EdgeShape
 from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
 from tirelog.recording import FloatArray, IntArray
@@ -48,7 +49,7 @@ class FormTable:
         return self.columns[low] * (1.0 - share) + self.columns[low + 1] * share
 
 
-def _table(reference: Reference, number: int, half_window_m: float, spectra: FloatArray) -> FormTable:
+def _table(reference: Reference, number: int, half_window_m: float, spectra: ComplexArray) -> FormTable:
     """A table of `spectra` (n, c)."""
     xi, columns = reference.family.on_grid(spectra, TABLE_POINTS, 1.02 * half_window_m)
     shape = reference.shapes[number]
@@ -81,7 +82,7 @@ def form_table(reference: Reference, number: int, half_window_m: float) -> FormT
         ]
     )
     table = _table(reference, number, half_window_m, spectra)
-    if reference.residuals is not None:
+    if reference.residuals is not None and reference.residual_xi_m is not None:
         xi = table.first_m + table.step_m * np.arange(table.columns.shape[0])
         table.columns[:, 0] += np.interp(xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0)
     return table
@@ -109,7 +110,7 @@ class PassageFits:
     def empty(cls, n: int) -> PassageFits:
         return cls(**{f.name: np.full(n, np.nan) for f in fields(cls)})
 
-    def put(self, rows: FloatArray, other: PassageFits) -> None:
+    def put(self, rows: IntArray, other: PassageFits) -> None:
         """Write the rows of `other` at the ordinals `rows`."""
         for f in fields(self):
             getattr(self, f.name)[rows] = getattr(other, f.name)
@@ -143,8 +144,10 @@ class Normal:
 
     def take(self, which: IntArray) -> Normal:
         """The rows `which`."""
-        own = (self.columns, self.values, self.middle, self.gram, self.right, self.used, self.inside)
-        return Normal(*(array[which] for array in own), self.sigma, self.xi_m[which])
+        columns, values, middle, gram, right, used, inside, xi_m = (
+            array[which] for array in (self.columns, self.values, self.middle, self.gram, self.right, self.used, self.inside, self.xi_m)
+        )
+        return Normal(columns, values, middle, gram, right, used, inside, self.sigma, xi_m)
 
 
 def normal_equations(
@@ -178,7 +181,7 @@ class Solution:
 
     whole: FloatArray
     inverse: FloatArray
-    poor: FloatArray
+    poor: NDArray[np.bool_]
 
     def take(self, which: IntArray) -> Solution:
         """The rows `which`."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 
@@ -141,16 +142,8 @@ def _onsets(
             continue
         some = windows.take(which)
         speed, acceleration = passages.speed_m_s[some.row], np.nan_to_num(passages.acceleration_m_s2[some.row])
-        form, half_window = forms.tables[number], forms.half_window_m
-
-        def refer(
-            shift_m: FloatArray,
-            some: PatchWindows = some,
-            speed: FloatArray = speed,
-            acceleration: FloatArray = acceleration,
-        ) -> Normal:
-            return normal_equations(some, form, half_window, speed, acceleration, passages.noise, shift_m)
-
+        form = forms.tables[number]
+        refer = partial(normal_equations, some, form, forms.half_window_m, speed, acceleration, passages.noise)
         slip = find_onsets(refer, np.nan_to_num(fits.shift_m[which]), form, table, forms.scatter)
         work.slip.put(some.row, slip)
 

@@ -73,8 +73,8 @@ class Reference:
         left = self.residuals
         if left is not None:
             left = np.column_stack([np.interp(speed_m_s, own, column) for column in left.T])
-        more = {"heights": np.interp(speed_m_s, own, self.heights), "length_se_m": np.interp(speed_m_s, own, self.length_se_m)}
-        return replace(self, speed_m_s=speed_m_s, shapes=shapes, residuals=left, **more)
+        heights, errors = (np.interp(speed_m_s, own, column) for column in (self.heights, self.length_se_m))
+        return replace(self, speed_m_s=speed_m_s, shapes=shapes, residuals=left, heights=heights, length_se_m=errors)
 
     def knots(self, slowest_m_s: float, fastest_m_s: float) -> FloatArray:
         """Speeds from slowest to fastest, so close that form and tension are straight in the squared speed between them."""
@@ -90,7 +90,7 @@ def average(xi_m: FloatArray, values: FloatArray, noise: FloatArray, speed_m_s: 
     good = np.isfinite(values) & (np.abs(xi_m) < half_window_m)
     xi, value, weight = xi_m[good], values[good], noise[good] ** -2.0
     cell = ((xi + half_window_m) * (cells / (2.0 * half_window_m))).astype(np.int64).clip(0, cells - 1)
-    total = np.bincount(cell, weight, cells)
+    total: FloatArray = np.bincount(cell, weight, cells).astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         mean_xi = np.bincount(cell, weight * xi, cells) / total
         mean = np.bincount(cell, weight * value, cells) / total
@@ -126,7 +126,7 @@ class _Problem:
         return height * (self.bases[number] @ spectrum).real + offset
 
     def settled(self, theta: FloatArray) -> FloatArray:
-        """`theta` with the height and offset at each speed that fit best: they are linear, and leaving them to the steps bends the valley."""
+        """`theta` with the height and offset at each speed that fit best: linear, and leaving them to the steps bends the valley."""
         theta = theta.copy()
         for number, (one, root) in enumerate(zip(self.averages, self.roots, strict=True)):
             at = slice(SHARED + 4 * number + 1, SHARED + 4 * number + 3)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.estimators.edge_shapes import HIGHEST, LOWEST, EdgeShape
 from tirelog.estimators.footprint_fit import shape_table
@@ -42,7 +43,7 @@ class Sample:
     acceleration_m_s2: FloatArray
     shift_m: FloatArray
 
-    def take(self, which: FloatArray) -> Sample:
+    def take(self, which: NDArray[np.bool_]) -> Sample:
         """The rows `which` (mask)."""
         return Sample(self.windows.take(which), self.speed_m_s[which], self.acceleration_m_s2[which], self.shift_m[which])
 
@@ -180,8 +181,8 @@ def _finished(reference: Reference, steps: list[_Step], normal: FloatArray, misf
     errors = []
     for number, step in enumerate(steps):
         by = step.length_by @ _tire_columns(reference, number)
-        errors.append(2.0 * float(np.sqrt(max(by @ covariance @ by, 0.0))))
-    centres = (np.arange(CELLS) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
+        errors.append(2.0 * float(np.sqrt(max(float(by @ covariance @ by), 0.0))))
+    centres: FloatArray = (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
     left = np.array([np.convolve(step.left, (0.25, 0.5, 0.25), "same") for step in steps])
     return replace(
         reference,

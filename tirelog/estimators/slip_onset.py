@@ -2,11 +2,11 @@
 
     a passage's residual beside its own height, offset, shift, length, damping and tilt
         --matched filters of P2's brush friction with its onset at many abscissae--> how much misfit one removes
-        --enough of it?--> form and friction fitted together for each onset --least misfit--> onset with standard error, or a reason
+        --enough of it?--> form and friction together for each onset --least misfit--> onset with error, or a reason
 
-The brush (P2 13, 15, 18, errata): traction grows straight from the entry edge to f_s p(x_s) at the onset and is f_d p beyond; the beam feels
-h d tau / d xi, and at the onset, where tau jumps, h (f_d - f_s) p(x_s) as a point load: it is the point load that bends the slope of the strain.
-The size (lever and sign of the slip) is free: drive and brake, and a lever of either sign, look the same but for it.
+The brush (P2 13, 15, 18, errata): traction grows straight from the entry edge to f_s p(x_s) at the onset and is f_d p beyond; the beam
+feels h d tau / d xi, and at the onset, where tau jumps, h (f_d - f_s) p(x_s) as a point load: it is the point load that bends the slope
+of the strain.  The size (lever, sign of the slip) is free: drive and brake, and a lever of either sign, look the same but for it.
 """
 
 from __future__ import annotations
