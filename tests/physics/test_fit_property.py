@@ -9,8 +9,9 @@ import pytest
 from tests.physics.collocation import solve_closed_line
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.design import NUISANCES, design
+from tirelog.physics.design import design
 from tirelog.physics.fit import fit
+from tirelog.physics.metric import NUISANCES
 from tirelog.recording import Conditions, Stack
 
 R, F = 0.3126, 3600.0

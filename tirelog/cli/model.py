@@ -177,7 +177,7 @@ def fit(
         stacks = [
             stack for name in channel or (None,) for stack in stacks_from_logs(recordings, _observable(recordings, name, start), name)
         ]
-        result = fit_model(start, stacks, nuisances=words)
+        result = fit_model(start, stacks, nuisances=words, scatter=True)
         result.model.save(output)
         if not quiet:
             typer.echo(fit_page(result))

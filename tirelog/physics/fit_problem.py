@@ -1,17 +1,18 @@
-"""A fit's problem: data, weights, and the residuals and slopes of the nonlinear parameters with the linear ones eliminated.
+"""A fit's problem: data in their metric, and the residuals and slopes of the nonlinear parameters with the lever arm eliminated.
 
-Stack (n, m), w --model--> w (values - level), w waveform --nuisances out--> share of the lever arm --> residuals, slopes (samples, p)
+Stack (n, m) --Metric--> values - level, waveform --> share of the lever arm --> residuals, slopes (samples, p)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tirelog.physics.carcass import STRAIN, WAVEFORMS
-from tirelog.physics.design import angles_of, observable_of, project, project_groups, revolution_columns
+from tirelog.physics.design import parts_on, slopes_on
+from tirelog.physics.metric import Metric, estimate_scatter, scatter_shapes
 from tirelog.physics.model import Model
 from tirelog.physics.spectral import FloatArray
 from tirelog.recording import Stack
@@ -22,14 +23,13 @@ LEVER = "lever_arm_m"
 @dataclass(frozen=True)
 class Point:
     """The problem at some values: the lever arm's best share of its value, whether that is held (not free, or at a bound), and per stack
-    the weighted residuals, the weighted waveform, and the nuisances' basis."""
+    the residuals and the waveform in the metric."""
 
     values: dict[str, float]
     share: float
     held: bool
     residuals: list[FloatArray]
     waves: list[FloatArray]
-    bases: list[FloatArray | None]
 
     @property
     def square(self) -> float:
@@ -39,44 +39,27 @@ class Point:
 
 @dataclass(frozen=True)
 class Problem:
-    """The data, and the functions of the nonlinear parameters that least squares asks for."""
+    """The data, their metric at some values, and the functions of the nonlinear parameters that least squares asks for."""
 
     model: Model
     stacks: Sequence[Stack]
-    weight: Sequence[FloatArray]
+    metrics: Sequence[Metric]
     nonlinear: tuple[str, ...]
     lever_free: bool
-    nuisances: tuple[str, ...]
 
     def values(self, x: FloatArray) -> dict[str, float]:
+        """The nonlinear parameters by name."""
         return dict(zip(self.nonlinear, x.tolist()))
 
     def evaluate(self, values: Mapping[str, float]) -> Point:
-        """Weighted residuals with the linear parameters at their best."""
-        parts, bases = [], []
-        for stack, w in zip(self.stacks, self.weight):
-            phi, variance = angles_of(stack)
-            told = {"surface": stack.surface, "phi_variance": variance, "values": values, "observable": observable_of(self.model, stack)}
-            wave, level, slope = self.model.parts(stack.conditions, phi, slope="shift" in self.nuisances, **told)  # type: ignore[arg-type]
-            basis = revolution_columns(w, wave, slope if slope.size else wave, self.nuisances) if self.nuisances else None
-            clear = self._clearer(stack, w, basis)
-            parts.append((clear(np.where(w > 0, w * (stack.values - level), 0.0)), clear(np.where(w > 0, w * wave, 0.0))))
-            bases.append(basis)
+        """Residuals with the lever arm at its best."""
+        parts = []
+        for stack, metric in zip(self.stacks, self.metrics):
+            wave, level, _ = parts_on(self.model, stack, values)
+            parts.append((metric(stack.values - level), metric(wave)))
         share, held = self._share(parts)
         residuals = [d - (share if stack.observable == STRAIN else 1.0) * s for stack, (d, s) in zip(self.stacks, parts)]
-        return Point(dict(values), share, held, residuals, [s for _, s in parts], bases)
-
-    def _clearer(self, stack: Stack, w: FloatArray, basis: FloatArray | None) -> Callable[[FloatArray], FloatArray]:
-        """Takes the nuisances out of weighted arrays: those per revolution, then the offset of each log."""
-
-        def clear(weighted: FloatArray) -> FloatArray:
-            if basis is not None:
-                weighted = project(basis, weighted)
-            if stack.observable in WAVEFORMS and "offset" not in self.nuisances:
-                weighted = project_groups(w, stack.log, weighted, basis)
-            return weighted
-
-        return clear
+        return Point(dict(values), share, held, residuals, [s for _, s in parts])
 
     def _share(self, parts: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[float, bool]:
         """Factor on the lever arm that fits best, and whether it stands at a bound."""
@@ -89,20 +72,52 @@ class Problem:
         limited = float(np.clip(share, max(lever.min, 1e-12 * lever.max) / lever.value, lever.max / lever.value))
         return limited, limited != share
 
+    def with_lever(self, point: Point) -> dict[str, float]:
+        """The point's values, lever arm included."""
+        return {**point.values, **({LEVER: self.model.parameters[LEVER].value * point.share} if self.lever_free else {})}
+
+    def lever_held_at(self, point: Point) -> Problem:
+        """The problem with the lever arm no longer free, at the point's."""
+        if not self.lever_free:
+            return self
+        lever = self.model.parameters[LEVER].value * point.share
+        return replace(self, model=self.model.with_values({LEVER: lever}), lever_free=False)
+
     def jacobian(self, point: Point, names: Sequence[str], *, eliminate: bool) -> FloatArray:
-        """Derivatives of the residuals by `names`, (samples, p), nuisances taken out, and with `eliminate` the lever arm too (Kaufman)."""
-        columns = []
-        values = {**point.values, **({LEVER: self.model.parameters[LEVER].value * point.share} if self.lever_free else {})}
-        for stack, w, basis in zip(self.stacks, self.weight, point.bases):
-            phi, variance = angles_of(stack)
-            slopes = self.model.jacobian(
-                stack.conditions, phi, names, surface=stack.surface, phi_variance=variance, values=values, observable=stack.observable
-            )
-            slopes = self._clearer(stack, w, basis)(np.where(w > 0, w * slopes, 0.0))
-            columns.append(-slopes.reshape(len(names), -1))
+        """Derivatives of the residuals by `names`, (samples, p), and with `eliminate` the lever arm taken out of them (Kaufman)."""
+        values = self.with_lever(point)
+        columns = [
+            -metric(slopes_on(self.model, stack, names, values)).reshape(len(names), -1) for stack, metric in zip(self.stacks, self.metrics)
+        ]
         jacobian = np.concatenate(columns, axis=1)
         if eliminate and self.lever_free and not point.held:
             wave = np.concatenate([(s if stack.observable == STRAIN else 0.0 * s).ravel() for stack, s in zip(self.stacks, point.waves)])
             wave /= np.linalg.norm(wave)
             jacobian -= np.outer(jacobian @ wave, wave)
         return jacobian.T
+
+    def measured_at(self, values: Mapping[str, float], nuisances: Sequence[str], *, scatter: bool) -> Problem:
+        """The same problem in the metric at these values; with `scatter`, what the residual there shows of it is whitened."""
+        return replace(self, metrics=[_metric(self.model, stack, values, nuisances, scatter) for stack in self.stacks])
+
+    @property
+    def samples(self) -> int:
+        """Bins that were measured."""
+        return sum(int((metric.weight > 0).sum()) for metric in self.metrics)
+
+    @property
+    def removed(self) -> int:
+        """Nuisances that the data paid for."""
+        return sum(metric.removed for metric in self.metrics)
+
+
+def _metric(model: Model, stack: Stack, values: Mapping[str, float], nuisances: Sequence[str], scatter: bool) -> Metric:
+    if stack.observable not in WAVEFORMS:
+        return Metric(stack, stack.values, stack.values)
+    wave, level, slope = parts_on(model, stack, values, slope=True)
+    plain = Metric(stack, wave, slope, nuisances)
+    if not scatter:
+        return plain
+    columns = np.stack([plain(shape) for shape in scatter_shapes(stack, wave, slope)], axis=-1)
+    found = estimate_scatter(columns, plain(stack.values - level - wave), stack.manoeuvre)
+    return Metric(stack, wave, slope, nuisances, found)

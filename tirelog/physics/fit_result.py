@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from tirelog.physics.carcass import STRAIN, WAVEFORMS
+from tirelog.physics.carcass import STRAIN
 from tirelog.physics.fit_problem import LEVER, Point, Problem
 from tirelog.physics.model import Model
 from tirelog.physics.parameters import Parameter
@@ -48,12 +48,9 @@ class FitResult:
 def summarise(problem: Problem, point: Point, evaluations: int) -> FitResult:
     """The result at the best point."""
     names = tuple(name for name in problem.model.free if name != LEVER or problem.lever_free)
-    values = {**point.values}
-    if problem.lever_free:
-        values[LEVER] = problem.model.parameters[LEVER].value * point.share
+    values = problem.with_lever(point)
     jacobian = problem.jacobian(point, names, eliminate=False)
-    rest = _linear_count(problem)
-    freedom = max(sum(int((w > 0).sum()) for w in problem.weight) - len(names) - rest, 1)
+    freedom = max(problem.samples - len(names) - problem.removed, 1)
     chi2 = point.square / freedom
     parameters = problem.model.parameters
     covariance, se, blind = _errors(jacobian, names, parameters, max(chi2, 1.0))
@@ -76,16 +73,6 @@ def summarise(problem: Problem, point: Point, evaluations: int) -> FitResult:
         evaluations=evaluations,
         residuals=tuple(point.residuals),
     )
-
-
-def _linear_count(problem: Problem) -> int:
-    """How many nuisances the data paid for."""
-    count = 0
-    for stack in problem.stacks:
-        count += len(problem.nuisances) * len(stack)
-        if stack.observable in WAVEFORMS and "offset" not in problem.nuisances:
-            count += np.unique(stack.log).size
-    return count
 
 
 def _near(value: float, bound: float, parameter: Parameter) -> bool:

@@ -1,0 +1,160 @@
+"""What a fit measures residuals in: weighted by noise and count, nuisances taken out, scatter whitened.
+
+    values (..., n, m) --w--> --free nuisances of each revolution out--> --scatter within manoeuvres whitened--> --scatter between
+    manoeuvres whitened--> --one offset per log out--> (..., n, m), in which independent unit noise is left
+
+Free nuisances (an offset, amplitude or small shift of each revolution) are projected out.  Scatter is what a real drive adds from
+revolution to revolution and from manoeuvre to manoeuvre: each moves the waveform P by amplitude P + width phi P' + baseline, random with
+covariances that are estimated from the residual.  Its directions stay in, at the weight they deserve: (1 + U Lambda U^T)^(-1/2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tirelog.errors import ModelError
+from tirelog.physics.carcass import SCALARS, WAVEFORMS
+from tirelog.physics.spectral import FloatArray
+from tirelog.recording import Stack
+
+#: Nuisances of each revolution that can be taken out.
+NUISANCES = ("offset", "amplitude", "shift")
+
+
+def weights(stack: Stack) -> FloatArray:
+    """sqrt(count) / noise, (n, m), 0 where nothing was measured; a stack without a noise figure weighs all bins alike."""
+    noise = np.where(np.isfinite(stack.noise) & (stack.noise > 0), stack.noise, np.nan)
+    if np.isnan(noise).all():
+        noise = np.full(len(stack), max(float(np.nanstd(stack.values)), 1e-30))
+    noise = np.where(np.isnan(noise), np.nanmax(noise), noise)
+    measured = np.isfinite(stack.values) & (stack.count > 0)
+    if stack.observable not in SCALARS:
+        measured &= np.isfinite(stack.phi_mean) & np.isfinite(stack.phi_variance)
+    return np.where(measured, np.sqrt(np.maximum(stack.count, 0)) / noise[:, None], 0.0)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Covariances (3, 3) of amplitude, width and baseline (relative; the baseline to the waveform's rms): of a revolution about its
+    manoeuvre, and of manoeuvres."""
+
+    within: FloatArray
+    between: FloatArray
+
+
+def scatter_shapes(stack: Stack, waveform: FloatArray, slope: FloatArray) -> list[FloatArray]:
+    """What scatter adds per unit of amplitude, width and baseline, (n, m) each; all relative."""
+    rms = np.sqrt(np.nanmean(waveform**2, axis=1, keepdims=True))
+    return [waveform, np.nan_to_num(stack.phi_mean) * slope, np.broadcast_to(rms, waveform.shape)]
+
+
+class Metric:
+    """The chain above for one stack, at a waveform and its slope by phi, (n, m) each."""
+
+    def __init__(
+        self, stack: Stack, waveform: FloatArray, slope: FloatArray, nuisances: Sequence[str] = (), scatter: Scatter | None = None
+    ) -> None:
+        unknown = [kind for kind in nuisances if kind not in NUISANCES]
+        if unknown:
+            raise ModelError(f"unknown nuisance {unknown[0]!r}; allowed are {', '.join(NUISANCES)}; choose among them")
+        self.weight = weights(stack)
+        self._seen = self.weight > 0
+        self._log, self._manoeuvre = (np.unique(labels, return_inverse=True)[1] for labels in (stack.log, stack.manoeuvre))
+        self._steps: list[_Whitener] = []
+        shapes = {"offset": np.ones_like(waveform), "amplitude": waveform, "shift": slope}
+        if nuisances:
+            self._then(self._columns([shapes[kind] for kind in nuisances]), None, None)
+        if scatter is not None:
+            columns = self._columns(scatter_shapes(stack, waveform, slope))
+            self._then(columns, None, scatter.within)
+            self._then(columns, self._manoeuvre, scatter.between)
+        self.offsets = 0
+        if stack.observable in WAVEFORMS and "offset" not in nuisances:
+            self._then(self._columns([shapes["offset"]]), self._log, None)
+            self.offsets = int(self._log.max()) + 1
+        self.removed = self.offsets + len(nuisances) * len(stack)
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """`values` (..., n, m) in the metric."""
+        weighted = np.where(self._seen, self.weight * values, 0.0)
+        for step in self._steps:
+            weighted = step(weighted)
+        return weighted
+
+    def _columns(self, shapes: Sequence[FloatArray]) -> FloatArray:
+        return np.stack([np.where(self._seen, self.weight * shape, 0.0) for shape in shapes], axis=-1)
+
+    def _then(self, columns: FloatArray, group: np.ndarray | None, covariance: FloatArray | None) -> None:
+        """Adds a step along `columns` as the steps before leave them."""
+        moved = np.moveaxis(columns, -1, 0)
+        for step in self._steps:
+            moved = step(moved)
+        self._steps.append(_Whitener(np.moveaxis(moved, 0, -1), group, covariance))
+
+
+class _Whitener:
+    """x -> (1 + U Lambda U^T)^(-1/2) x for the columns U (n, m, k) of each revolution, or of each `group` of them together.
+
+    `covariance` None stands for an infinite Lambda: the columns are projected out."""
+
+    def __init__(self, columns: FloatArray, group: np.ndarray | None, covariance: FloatArray | None) -> None:
+        n, _, k = columns.shape
+        self._group = np.arange(n) if group is None else group
+        self._size = int(self._group.max()) + 1 if n else 0
+        gram = self._sum(np.einsum("nmk,nml->nkl", columns, columns))
+        size, turn = np.linalg.eigh(gram)
+        seen = size > 1e-10 * np.maximum(size.max(axis=1, keepdims=True), 1e-300)
+        root = np.sqrt(np.where(seen, size, 1.0))
+        to_basis = np.where(seen, 1.0 / root, 0.0)[:, None, :] * turn
+        self._basis = np.einsum("nmk,nkl->nml", columns, to_basis[self._group])
+        if covariance is None:
+            self._gain = np.broadcast_to(-np.eye(k), (self._size, k, k))
+            return
+        half = np.where(seen, root, 0.0)[:, :, None] * np.swapaxes(turn, 1, 2)
+        spread, axes = np.linalg.eigh(np.eye(k) + half @ covariance @ np.swapaxes(half, 1, 2))
+        self._gain = (axes * (1.0 / np.sqrt(spread))[:, None, :]) @ np.swapaxes(axes, 1, 2) - np.eye(k)
+
+    def _sum(self, rows: FloatArray) -> FloatArray:
+        """Sums over the revolutions of each group, (n, ...) to (groups, ...)."""
+        if self._size == rows.shape[0]:
+            return rows
+        total = np.zeros((self._size, *rows.shape[1:]))
+        np.add.at(total, self._group, rows)
+        return total
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        flat = x.reshape(-1, *x.shape[-2:])
+        along = np.einsum("nmk,pnm->npk", self._basis, flat)
+        back = np.einsum("nkl,npl->npk", self._gain, self._sum(along))[self._group]
+        return (flat + np.einsum("nmk,npk->pnm", self._basis, back)).reshape(x.shape)
+
+
+def estimate_scatter(columns: FloatArray, residual: FloatArray, manoeuvre: np.ndarray) -> Scatter:
+    """Scatter by moments: from weighted columns (n, m, 3) and residuals (n, m) with unit noise, both with free nuisances taken out.
+
+    A revolution's coefficients by least squares scatter about their manoeuvre's mean by `within` + their own error; the manoeuvres'
+    means by `between` + what of that is left in a mean.  Negative variances are zero.
+    """
+    gram = np.einsum("nmk,nml->nkl", columns, columns)
+    error = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
+    b = np.einsum("nkl,nl->nk", error, np.einsum("nmk,nm->nk", columns, residual))
+    _, group = np.unique(manoeuvre, return_inverse=True)
+    count = np.bincount(group).astype(float)
+    groups = count.size
+    mean = np.stack([np.bincount(group, b[:, k]) for k in range(b.shape[1])], axis=1) / count[:, None]
+    rest = b - mean[group]
+    freedom = max(b.shape[0] - groups, 1)
+    noise = error.mean(axis=0)
+    within = _positive(rest.T @ rest / freedom - noise)
+    means = mean - mean.mean(axis=0)
+    between = means.T @ means / max(groups - 1, 1) - (within + noise) * np.mean(1.0 / count)
+    return Scatter(within, _positive(between) if groups > 2 else np.zeros_like(within))
+
+
+def _positive(matrix: FloatArray) -> FloatArray:
+    """The nearest matrix without negative variances."""
+    size, axes = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return (axes * np.maximum(size, 0.0)) @ axes.T
