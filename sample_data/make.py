@@ -18,6 +18,7 @@ LOGS = {
     "drive.csv.gz": "drive",
     "drive_messages.mcap": "drive",
     "encoder.h5": "encoder",
+    "encoder_ramp.h5": "encoder_ramp",
     "inflation.csv.gz": "inflation",
     "hidden_1.csv.gz": "hidden_1",
     "hidden_2.csv.gz": "hidden_2",

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tirelog.errors import UsageError
 from tirelog.simulation import scenario_of, simulate
 from tirelog.simulation.wheel import longitudinal_force, phase_shift, tread_angle
+from tirelog.simulation.wheel_scenarios import WHEEL_PLANS, Instruments, wheel_scenario
 
 from .worlds import tables, world
 
@@ -142,3 +146,24 @@ def test_vehicle_runs_ahead_of_the_tread_in_braking_slip() -> None:
     assert ratio[1100] > 1.05
     assert ratio[500] < 0.97
     assert ratio[100] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("plan", list(WHEEL_PLANS))
+def test_wheel_scenarios_can_be_driven(plan: str) -> None:
+    driven = wheel_scenario(plan, seed=1, with_=Instruments(forces=True))
+    short = replace(driven, manoeuvres=tuple(replace(m, duration_s=0.15 * m.duration_s) for m in driven.manoeuvres[:3]))
+    made = simulate(replace(short, rounding_s=0.2))
+    assert set(made.channels) >= {"acceleration", "encoder", "vertical_load", "longitudinal_force"}
+    assert all(np.isfinite(v).all() for v in made.channels.values())
+
+
+def test_patch_is_longer_at_low_pressure_and_the_tone_wheel_is_the_same() -> None:
+    low, nominal = (simulate(wheel_scenario(seed=s, pressure_Pa=p)) for s, p in ((1, 1.6e5), (2, 2.0e5)))
+    assert low.pitch_rad["encoder"].tolist() == nominal.pitch_rad["encoder"].tolist()
+    width = [m.truth["channels"]["acceleration"]["passages"]["patch_width_deg"][0] for m in (low, nominal)]
+    assert 1.02 < width[0] / width[1] < 1.15
+
+
+def test_unknown_wheel_plan() -> None:
+    with pytest.raises(UsageError, match="nearest: ramp"):
+        wheel_scenario("rampe", seed=1)

@@ -195,7 +195,7 @@ def spoiled(sensor: Sensor, values: FloatArray, random: np.random.Generator) -> 
     return values
 
 
-def pitch_tables(world: World, random: np.random.Generator) -> dict[str, FloatArray]:
+def pitch_tables(world: World) -> dict[str, FloatArray]:
     """The tone wheel's pitch table of every encoder."""
     encoders = {n: s for n, s in world.scenario.channels.items() if s.kind == "wheel_encoder"}
-    return {name: pitch_table(world, sensor, random) for name, sensor in encoders.items()}
+    return {name: pitch_table(world, sensor) for name, sensor in encoders.items()}

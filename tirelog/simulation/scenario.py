@@ -120,10 +120,10 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Sensor:
-    """[channels.NAME].  One instrument channel.  Noise and quantisation are in `noise` and `quantisation` of the unit that the file
-    holds (nm, microstrain, g, V, m/s, ...).  `angle_deg` is the place on the wheel.  `lost_fraction` of the samples is blank, in runs of
-    `lost_run` on average; `jitter_s` moves the moment of sampling about its stamp; `delay_s` is the telemetry's.  Encoder:
-    `amplitude`, `offset`, `steps`, `signal`, `pitch_error_deg`, `missing_teeth`, `extra_teeth`.  `range` and `bits` clip and digitise."""
+    """[channels.NAME].  One instrument channel.  `noise` and `quantisation` are in the unit that the file holds (nm, microstrain, g, V,
+    m/s, ...).  `angle_deg` is the place on the wheel.  `lost_fraction` of the samples is blank, in runs of `lost_run` on average;
+    `jitter_s` moves the moment of sampling about its stamp; `delay_s` is the telemetry's; `range` and `bits` clip and digitise.
+    Encoder: `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`), `missing_teeth`, `extra_teeth`."""
 
     kind: str = ""
     source: str = ""
@@ -152,6 +152,7 @@ class Sensor:
     amplitude: float = _within(1.0, 1e-6, 1e3)
     offset: float = _within(0.0, -1e3, 1e3)
     pitch_error_deg: float = _within(0.0, 0.0, 5.0)
+    pitch_seed: int = field(default=0, metadata={"range": (0, 2**31)})
     missing_teeth: tuple[int, ...] = ()
     extra_teeth: tuple[int, ...] = ()
 

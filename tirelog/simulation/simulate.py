@@ -50,15 +50,15 @@ class Simulated:
 
 def simulate(scenario: Scenario) -> Simulated:
     """The log of a scenario.  The same scenario (with its seed) gives the same numbers.  UsageError where the physics refuses it."""
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(4 + len(scenario.channels))]
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(3 + len(scenario.channels))]
     drive = drive_of(scenario, streams[0])
     length = float(drive.angle_at(drive.time_s[-1])) * drive.radius_m
     world = World(scenario, drive, roughness_of(scenario, length, streams[1]))
     moments = traces(scenario, streams[2])
-    tables = pitch_tables(world, streams[3])
+    tables = pitch_tables(world)
     clean = riding_values(world, moments)
     channels = {}
-    for (name, trace), random in zip(moments.items(), streams[4:], strict=True):
+    for (name, trace), random in zip(moments.items(), streams[3:], strict=True):
         values = clean[name] if trace.sensor.kind in RIDING else vehicle_values(world, name, trace, tables)
         channels[name] = spoiled(trace.sensor, in_source_units(world, trace, values), random)
     return Simulated(scenario, channels, _stamps(moments), world, tables)

@@ -37,7 +37,7 @@ LOAD_STEP = 0.03
 #: the gravity in the catalogue's forms of load transfer and slip
 CATALOGUE_GRAVITY_M_S2 = 9.81
 #: the reference pressure of the planted effect `inflation` [Pa]
-REFERENCE_PRESSURE_PA = 2.2e5
+REFERENCE_PRESSURE_PA = 2.0e5
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,9 @@ def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
     if trend is not None:
         speed = world.drive.speed_at(time_s) / REFERENCE_SPEED_M_S
         bent = np.sqrt(0.04 + speed**2) * speed if trend.other else speed**2
-        shift = shift + np.radians(trend["shift_1_deg"] * speed + trend["shift_2_deg"] * bent)
+        shift = shift + trend["linear_rad"] * speed + trend["quadratic_rad"] * bent
     if crosstalk is not None:
-        shift = shift + np.radians(crosstalk["shift_deg"]) * (world.load(time_s) / scenario.conditions.load_N - 1.0)
+        shift = shift + crosstalk["per_relative_load_rad"] * (world.load(time_s) / scenario.conditions.load_N - 1.0)
     return shift
 
 
@@ -65,8 +65,10 @@ def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
     return time
 
 
-def pitch_table(world: World, sensor: Sensor, random: np.random.Generator) -> FloatArray:
-    """How far each tooth stands from its place [rad], shape (steps,): run-out and single teeth, zero mean, at most the given error."""
+def pitch_table(world: World, sensor: Sensor) -> FloatArray:
+    """How far each tooth stands from its place [rad], shape (steps,): run-out and single teeth, zero mean, at most the given error.
+    The tone wheel's own seed draws it, so that several logs share one wheel."""
+    random = np.random.default_rng(sensor.pitch_seed)
     effect = world.scenario.planted("tooth_pitch")
     largest = np.radians(effect["error_deg"] if effect is not None else sensor.pitch_error_deg)
     place = 2 * np.pi * np.arange(sensor.steps) / sensor.steps
