@@ -100,6 +100,7 @@ class Tread:
     sign: int = -1  # outward positive
     delay_s: float = 0.0
     gravity: bool = True
+    blur_s: float = BLUR_S
     seed: int = 1000
 
     def signal(self, drive):
@@ -114,7 +115,7 @@ class Tread:
         if self.gravity:
             inward = inward + GRAVITY * np.cos(np.deg2rad(phi)) + a * np.sin(np.deg2rad(phi))
         reach = np.arange(-8, 9) / RATE_HZ
-        kernel = np.exp(-0.5 * (reach / BLUR_S) ** 2)
+        kernel = np.exp(-0.5 * (reach / max(self.blur_s, 1e-9)) ** 2)
         inward = np.convolve(inward, kernel / kernel.sum(), mode="same")
         inward = inward + self.noise_g * GRAVITY * np.random.default_rng(self.seed + 2).standard_normal(drive.time.size)
         step = 500 * GRAVITY / 32768

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.estimators.phase_truth import DYNAMIC, RADIUS_M, RATE_HZ, RAMP, Drive, Encoder, angle_errors, recording
+from tests.estimators.phase_truth import DYNAMIC, RADIUS_M, RAMP, RATE_HZ, Drive, Encoder, angle_errors, recording
 from tirelog.errors import SetupError
 from tirelog.estimators.wheel_angle import encoder_of, encoder_speed, rolling_radius
 

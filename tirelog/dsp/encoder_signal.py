@@ -93,10 +93,10 @@ def probe(read: Read, size: int, pieces: int = 48, length: int = 4096) -> Probe:
     return Probe("square" if np.median(np.array(squares)[moving]) > 0.7 else "sine", amplitude, noise, least)
 
 
-def crossings(read: Read, size: int, rate_Hz: float, found: Probe, block: int = BLOCK) -> Crossings:
+def crossings(read: Read, size: int, rate_Hz: float, found: Probe, block: int | None = None) -> Crossings:
     """Tooth passages of a 'sine' or 'square' channel of `size` samples at `rate_Hz`."""
     margin = CHUNK * (int(1.5 * rate_Hz) // CHUNK + 2)
-    block = max(block // CHUNK, 1) * CHUNK
+    block = max((block or BLOCK) // CHUNK, 1) * CHUNK
     indices, rising, breaks = [], [], []
     last: tuple[int, int] | None = None
     for start in range(0, size, block):

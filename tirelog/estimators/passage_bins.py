@@ -20,6 +20,8 @@ from tirelog.dsp.angle import AngleFunction
 from tirelog.recording import Channel, FloatArray, IntArray
 
 DEGREE = np.pi / 180
+#: samples read at once
+PIECE = 1 << 18
 #: bins worked on at once, and their overlap: a turn and a half
 CORE, OVERLAP = 360 * 128, 540
 #: a dip that is shorter or longer than this is no patch [deg]
@@ -71,7 +73,7 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
     first, highest = 0, -np.inf
     held: FloatArray = np.zeros((4, 0))
     offset = 0.0
-    for start, values in channel.blocks(1 << 18):
+    for start, values in channel.blocks(PIECE):
         time = channel.axis.time(start, start + values.size)
         theta = np.interp(time, angle.time_s, angle.angle_rad, left=np.nan, right=np.nan) / DEGREE
         good = np.isfinite(values) & np.isfinite(theta)

@@ -18,7 +18,7 @@ import numpy as np
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.estimators.accelerometer import limits, without_held
 from tirelog.estimators.fronts import Fronts, find_fronts
-from tirelog.estimators.wheel_angle import Radius, WheelAngle, encoder_of, rolling_radius
+from tirelog.estimators.wheel_angle import NoTeeth, Radius, WheelAngle, encoder_of, rolling_radius
 from tirelog.recording import Channel, FloatArray, IntArray, Recording
 
 DEG = 180 / np.pi
@@ -75,7 +75,10 @@ def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> I
     accelerometers = recording.of_kind("radial_acceleration")
     if not accelerometers:
         raise SetupError(f"{recording.log}: no radial_acceleration channel; phase-shift needs one and a wheel_encoder; add it to the setup")
-    encoder, wheel = encoder_of(recording)
+    try:
+        encoder, wheel = encoder_of(recording)
+    except NoTeeth as problem:
+        raise DataLoss(f"{recording.log}: {problem.message}") from None
     radius = rolling_radius(recording, wheel)
     said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
     for channel in accelerometers:

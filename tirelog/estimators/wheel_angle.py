@@ -33,6 +33,10 @@ STANDSTILL_TURNS_S = 0.1
 REPEATS, BETTER = 0.8, 0.2
 
 
+class NoTeeth(SetupError):
+    """An encoder channel in which no teeth pass."""
+
+
 @dataclass(frozen=True)
 class WheelAngle:
     """`angle`: the function of time; `pitch`: the learnt table; `teeth`: the counted passages (None for counters and angles);
@@ -71,7 +75,7 @@ class WheelAngle:
 def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
     """The wheel angle from an encoder channel; `unit` is the source's (an angle is taken as it is).
 
-    SetupError: the channel has no `steps`, or shows no teeth.
+    SetupError: the channel has no `steps`.  NoTeeth: it shows none.
     """
     quantity = units.UNITS[units.canonical(unit) or "1"][0]
     steps = int(channel.settings.get("steps") or 0)
@@ -127,10 +131,10 @@ def _teeth(channel: Channel, found: Probe, steps: int) -> Teeth:
         "check the wiring, the source, and that encoder and accelerometer are not swapped"
     )
     if found.form == "dead":
-        raise SetupError(nothing)
+        raise NoTeeth(nothing)
     passages = crossings(channel.read, channel.size, channel.axis.rate_Hz, found)
     if passages.index.size < 4 * steps:
-        raise SetupError(nothing)
+        raise NoTeeth(nothing)
     teeth = count_teeth(channel.read, found, passages, channel.axis.rate_Hz, steps)
     holes = channel.axis.first[1:]
     if holes.size:
@@ -146,7 +150,7 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     size = 2 * np.pi if is_angle else float(steps)
     time, turns, backward = counter_knots(channel, size, is_angle)
     if time.size < 16:
-        raise SetupError(f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a turn; check the source")
+        raise NoTeeth(f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a turn; check the source")
     steps = steps or 360
     rate = np.gradient(2 * np.pi * turns, time)
     noise = 0.0 if is_angle else float(np.median(np.abs(rate))) / channel.axis.rate_Hz / np.sqrt(12.0)
