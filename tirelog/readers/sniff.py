@@ -27,8 +27,9 @@ LOST_WORDS = (
 _NUMBER = {sign: re.compile(rf"[+-]?(\d+{re.escape(sign)}?\d*|{re.escape(sign)}\d+)([eE][+-]?\d+)?") for sign in (".", ",")}
 #: a time of day that ends with a colon and stands before the first separator
 _TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
-#: rows that the choice of a separator looks at
+#: rows kept as a sample from the head's beginning and end; last lines that the choice of a separator looks at, one after the other
 _SAMPLE_ROWS = 200
+_TAILS = (200, 50, 10, 3)
 
 
 @dataclass(frozen=True)
@@ -70,11 +71,15 @@ def sniff(head: bytes, name: str) -> Layout:
     full = [i for i, line in enumerate(clean) if line.strip()]
     if not full:
         raise ReadError("holds no rows; a text log has one row a sample; check the recording", file=name)
-    sample = [clean[i] for i in full[-_SAMPLE_ROWS:]]
-    timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
-    separator, decimal = _separator(sample, timed)
-    cells = {i: split(clean[i], separator, timed) for i in full}
-    first = _first_row(full, cells, decimal)
+    first = None
+    for tail in _TAILS:  # a short log below a long preamble shows only at its end what a row is
+        sample = [clean[i] for i in full[-tail:]]
+        timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
+        separator, decimal = _separator(sample, timed)
+        cells = {i: split(clean[i], separator, timed) for i in full}
+        first = _first_row(full, cells, decimal, tail)
+        if first is not None:
+            break
     if first is None:
         raise ReadError(
             "holds no rows of numbers (only a header, or another format); a text log has one row a sample; check the recording", file=name
@@ -177,9 +182,9 @@ def _is_row(cells: list[str], decimal: str, like: str) -> bool:
     return first and 2 * readable >= len(kinds) and any(kind not in ("text", "blank") for kind in kinds)
 
 
-def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str) -> int | None:
+def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str, most: int) -> int | None:
     """Index of the first line from which on nearly all lines look like rows."""
-    tail = full[-_SAMPLE_ROWS:]
+    tail = full[-most:]
     like = Counter(_kind(cells[i][0], decimal) for i in tail[len(tail) // 4 :]).most_common(1)[0][0]
     if like == "text":
         return None

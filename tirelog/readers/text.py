@@ -22,7 +22,7 @@ import numpy as np
 from tirelog.errors import ReadError
 from tirelog.readers import Group, RawBlock, ReadReport
 from tirelog.readers.peaks import GratingTracker
-from tirelog.readers.sniff import Layout, filled, is_number, sniff, split
+from tirelog.readers.sniff import LOST_WORDS, Layout, filled, is_number, sniff, split
 from tirelog.readers.text_columns import Columns, assign, decimals, most_decimals, resolution_s, start_iso
 from tirelog.readers.text_parse import Parsed, Plan, parse
 from tirelog.readers.text_source import ByteSource
@@ -194,11 +194,17 @@ def cut_off(layout: Layout, line: str) -> bool:
             return True
     elif not layout.ragged and len(cells) < layout.width - (layout.kinds[layout.width - 1] == "blank"):
         return True
-    if not cells[-1] or not is_number(cells[-1], layout.decimal):
-        return layout.kinds[min(len(cells), len(layout.kinds)) - 1] == "number" and bool(cells[-1])
-    column = len(cells) - 1
-    lengths = {most_decimals([row[column]], layout.decimal) for row in usual if len(row) > column and row[column]}
-    return len(lengths) == 1 and most_decimals([cells[-1]], layout.decimal) < lengths.pop()
+    last, column = cells[-1], len(cells) - 1
+    if last.lower() in LOST_WORDS or layout.kinds[min(column, len(layout.kinds) - 1)] != "number":
+        return False
+    if not is_number(last, layout.decimal):
+        return True
+    others = [row[column] for row in usual if len(row) > column and is_number(row[column], layout.decimal)]
+    others = [cell for cell in others if cell not in ("0", "-1")]
+    if last in ("0", "-1") and all(len(cell.split(layout.decimal)[0]) > 2 for cell in others):
+        return False  # a lost peak among wavelengths
+    lengths = {most_decimals([cell], layout.decimal) for cell in others}
+    return len(lengths) == 1 and most_decimals([last], layout.decimal) < lengths.pop()
 
 
 def _plan(layout: Layout, columns: Columns, setup: Setup) -> Plan:

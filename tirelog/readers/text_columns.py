@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -136,25 +137,34 @@ def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
     found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
     named = [k for k, text in enumerate(layout.names[: len(kinds)]) if _TIME_NAMES.fullmatch(_bare(text)) and kinds[k] == "number"]
     found += [k for k in named if k not in taken and _ascending(layout, k)]
-    if not found and kinds[0] == "number" and 0 not in taken and not layout.counts and _ascending(layout, 0, strictly=True):
-        whole = all("." not in row[0] and "," not in row[0] for row in layout.rows)
-        if not whole and (not layout.names or not layout.names[0]):
-            found.append(0)
+    if not found and kinds[0] == "number" and 0 not in taken and not layout.counts and _is_ramp(layout):
+        found.append(0)
     return found
 
 
-def _ascending(layout: Layout, column: int, strictly: bool = False) -> bool:
-    """True where the cells of a number column mostly do not fall (three rows at least where they must rise)."""
-    cells = [row[column].replace(layout.decimal, ".") for row in layout.rows if len(row) > column]
+def _is_ramp(layout: Layout) -> bool:
+    """True where the first column, whatever it is called, rises in even steps that are not whole: nothing but a time does."""
+    steps = _steps(layout, 0)
+    whole = all(layout.decimal not in row[0] for row in layout.rows)
+    digit = 10.0 ** -most_decimals([row[0] for row in layout.rows], layout.decimal)
+    if whole or len(steps) < 2 or min(steps) <= 0.0:
+        return False
+    return not layout.names or max(steps) - min(steps) <= 2.01 * digit
+
+
+def _steps(layout: Layout, column: int) -> list[float]:
+    """Differences between the numbers of a column, row by row."""
     numbers = []
-    for cell in cells:
-        try:
-            numbers.append(float(cell))
-        except ValueError:
-            continue
-    steps = [b - a for a, b in pairwise(numbers)]
-    good = sum(step > 0 if strictly else step >= 0 for step in steps)
-    return good >= 0.9 * len(steps) and (len(steps) >= 2 or not strictly)
+    for row in layout.rows:
+        with suppress(ValueError):
+            numbers.append(float(row[column].replace(layout.decimal, ".")) if len(row) > column else float("x"))
+    return [b - a for a, b in pairwise(numbers)]
+
+
+def _ascending(layout: Layout, column: int) -> bool:
+    """True where a number column hardly ever falls."""
+    steps = _steps(layout, column)
+    return sum(step >= 0 for step in steps) >= 0.9 * len(steps)
 
 
 def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | None, str, float]:

@@ -1,0 +1,80 @@
+"""Property: any mixture of separator, decimal sign, header, units, preamble, stamps, encoding and line end reads back the same numbers."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from .text_logs import read, setup_of
+
+STAMPS = {
+    "none": None,
+    "seconds": lambda i, dec: f"{i / 2500:.4f}".replace(".", dec),
+    "iso": lambda i, dec: f"2022-04-14T23:59:{59 - 30 + i / 2500:07.4f}",
+    "iso, comma": lambda i, dec: f"2022-04-14 13:00:{i / 2500:07.4f}".replace(".", dec),
+    "day first": lambda i, dec: f"14/04/2022 13:00:{i / 2500:09.6f}",
+    "dashes": lambda i, dec: f"14-04-2022 13:00:{i / 2500:08.5f} ",
+    "epoch": lambda i, dec: f"{1649934000 + i // 2500}{dec}{i % 2500 * 4:04d}",
+}
+PREAMBLES = [
+    "",
+    "Logger 3.1\n",
+    "Serial\t12\nChannels;4\n\n",
+    "# comment, with commas, 1, 2\n" * 40,
+    "Name: x\nStart: 2022-04-14 13:00:00\nRate 2500 Hz\n",
+]
+
+
+@st.composite
+def layouts(draw: st.DrawFn) -> dict:
+    separator = draw(st.sampled_from([",", ";", "\t", ", ", " "]))
+    decimal = draw(st.sampled_from([".", ","])) if separator in (";", "\t") else "."
+    stamps = draw(st.sampled_from([name for name in STAMPS if separator != " " or name in ("none", "seconds", "epoch")]))
+    return {
+        "separator": separator,
+        "decimal": decimal,
+        "stamps": stamps if not (separator.startswith(",") and "comma" in stamps) else "iso",
+        "header": draw(st.booleans()),
+        "units": draw(st.sampled_from(["no", "row", "suffix"])),
+        "preamble": draw(st.sampled_from(PREAMBLES)),
+        "trailing": separator in (";", "\t") and draw(st.booleans()),
+        "encoding": draw(st.sampled_from(["utf-8", "utf-8-sig", "cp1252"])),
+        "end": draw(st.sampled_from(["\n", "\r\n"])),
+        "last_end": draw(st.booleans()),
+        "rows": draw(st.integers(3, 30)),
+        "lost": draw(st.sampled_from(["", "NaN", "0", "-1"])) if separator != " " else "0",
+    }
+
+
+def written(layout: dict, values: np.ndarray) -> bytes:
+    """The log of `values`, shape (rows, 3), NaN where lost."""
+    stamp = STAMPS[layout["stamps"]]
+    rows = []
+    if layout["header"]:
+        names = ["t_stamp"] * (stamp is not None) + ["A", "Bé", "C"]
+        units = [""] * (stamp is not None) + ["nm", "nm", "nm"]
+        rows.append([n + (f"[{u}]" if layout["units"] == "suffix" and u else "") for n, u in zip(names, units)])
+        if layout["units"] == "row" and layout["separator"] != " ":
+            rows.append([u or "s" for u in units])
+    for i, row in enumerate(values):
+        cells = [layout["lost"] if np.isnan(x) else f"{x:.4f}".replace(".", layout["decimal"]) for x in row]
+        rows.append(([stamp(i, layout["decimal"])] if stamp else []) + cells)
+    text = layout["preamble"] + "\n".join(layout["separator"].join(r) + layout["separator"] * layout["trailing"] for r in rows)
+    return (text + "\n" * layout["last_end"]).replace("\n", layout["end"]).encode(layout["encoding"])
+
+
+@given(layouts(), st.integers(0, 10**6))
+@settings(max_examples=400, deadline=None)
+def test_any_layout(layout: dict, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    values = np.round(1550 + rng.standard_normal((layout["rows"], 3)), 4)
+    values[rng.random(values.shape) < 0.1] = np.nan
+    values[:3] = np.round(1550 + rng.standard_normal((3, 3)), 4)
+    names = ["A", "Bé", "C"] if layout["header"] else [f"#{k + 1 + (layout['stamps'] != 'none')}" for k in range(3)]
+    reader, block = read(written(layout, values), setup_of({f"c{k}": {"source": name} for k, name in enumerate(names)}))
+    for k in range(3):
+        np.testing.assert_array_equal(block.values[f"c{k}"], values[:, k])
+    assert reader.report.losses == []
+    if layout["stamps"] == "none":
+        assert block.stamps_s is None
+    else:
+        np.testing.assert_allclose(block.stamps_s, np.arange(layout["rows"]) / 2500, rtol=0, atol=1e-9)
