@@ -249,3 +249,12 @@ def test_blocks_of_any_size_give_the_same_samples(path, monkeypatch, chunks):
     values, _, _ = read(path, {"a": "/d[0]", "b": "/d[2]"})
     np.testing.assert_array_equal(values["a"], data[:, 0])
     np.testing.assert_array_equal(values["b"], data[:, 2])
+
+
+def test_time_since_a_date_as_netcdf_writes_it(path):
+    with h5py.File(path, "w") as file:
+        file["x"], file["time"] = np.arange(10.0), 250.0 + 4 * np.arange(10.0)
+        file["time"].attrs["units"] = "ms since 2026-03-01 12:00:00"
+    _, stamps, reader = read(path, {"x": "/x"})
+    np.testing.assert_allclose(stamps["clock_1"], 0.004 * np.arange(10), atol=1e-12)
+    assert reader.report.start == "2026-03-01T12:00:00.250000"

@@ -280,3 +280,39 @@ def test_lost_peaks_are_lost(path):
 def test_sources(source, topic, tokens):
     found, path = split_source(source)
     assert (found, parse_path(path).tokens) == (topic, tokens)
+
+
+@pytest.mark.parametrize(
+    "shapes",
+    [
+        ['{"a": %d, "b": %d}', '{"b": %d, "a": %d}'],
+        ['{"c1": %d, "c2": %d, "a": 7, "b": 8}', '{"c2": %d, "c1": %d, "a": 7, "b": 8}'],
+        ['{"a": %d, "b": %d, "c": []}', '{"a": %d, "b": %d, "c": {}}', '{"a": %d, "c": null, "b": %d}'],
+        ['{"a": %d, "b": %d.5}', '{"a": %d, "b": null, "z": %d}', '{"a": %de-1, "b": %dE2}'],
+        ['{"z": {"a": %d}, "b": %d}', '{"a": %d, "b": %d}', '{"z": [1], "a": %d, "b": %d}'],
+        ['{"s": "x,y", "a": %d, "b": %d}', '{"s": "x:y", "a": %d, "b": %d}', '{"s": "1", "a": %d, "b": %d}'],
+        ['{"a": %d, "a": 3, "b": %d}', '{"a": %d, "b": %d}'],
+        ['{"a": %d, "b": [%d]}', '{"a": %d, "b": %d}'],
+    ],
+)
+@pytest.mark.parametrize("run", [1, 40])
+def test_json_of_changing_shapes_is_read_as_the_library_reads_it(path, shapes, run, request):
+    rows = [("/t", t, (shapes[i // run % len(shapes)] % (i, 1000 - i)).encode()) for i, t in enumerate(times(240))]
+    write_json(path, rows, chunk_size=3000)
+    sources = {"a": "/t:a", "b": "/t:b"} if "c1" not in shapes[0] else {"c1": "/t:c1", "c2": "/t:c2"}
+    fast = read(path, sources)[0]
+    request.getfixturevalue("slow")
+    plain = read(path, sources)[0]
+    assert fast.keys() == plain.keys()
+    for name, values in plain.items():
+        np.testing.assert_array_equal(fast[name], values)
+
+
+def test_varints_that_trade_bytes_do_not_share_a_layout(path):
+    """Messages of one size, in which one varint grows by the byte that another gives up."""
+    made = [protobuf_class()[0](strain=1.0, steps=(3, 300)[i % 2], count=(300, 3)[i % 2]) for i in range(100)]
+    assert len({len(m.SerializeToString()) for m in made}) == 1
+    write_protobuf(path, [("/p", t, m) for t, m in zip(times(100), made, strict=True)])
+    values, _, _ = read(path, {"steps": "/p:steps", "count": "/p:count"})
+    np.testing.assert_array_equal(values["steps"], [m.steps for m in made])
+    np.testing.assert_array_equal(values["count"], [m.count for m in made])
