@@ -1,7 +1,7 @@
 """All candidates against one fitted model: statistic, family-wise p, held-out gain, size.
 
-    Base, signatures -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre -> `selection`
-                     -> held-out losses with the candidate's columns added -> gain (whitened) and removal (mean square)
+Base, signatures -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre -> `selection`
+                 -> held-out losses with the candidate's columns added -> gain (whitened) and removal (mean square)
 """
 
 from __future__ import annotations
@@ -54,7 +54,9 @@ def nuisance_basis(base: Base, more: FloatArray | None = None) -> FloatArray:
     return orthonormal(np.concatenate(parts, axis=-1))
 
 
-def assess(base: Base, signatures: Sequence[Signature], more: FloatArray | None = None, seed: int = 0) -> tuple[list[Assessed], dict[str, str]]:
+def assess(
+    base: Base, signatures: Sequence[Signature], more: FloatArray | None = None, seed: int = 0
+) -> tuple[list[Assessed], dict[str, str]]:
     """Every candidate's best variant, by falling statistic; and why some show nothing.  `more`: whitened columns to project out besides."""
     basis = nuisance_basis(base, more)
     residual = without(basis, base.white(np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)))

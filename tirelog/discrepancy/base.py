@@ -1,6 +1,6 @@
 """Where every question starts: cells, metric, floor and the fitted base model, in one value.
 
-    Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres -> metric with it -> fit again (a few steps)
+Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres -> metric with it -> fit again (a few steps)
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ class Base:
     held_white: FloatArray
     held_plain: FloatArray
     discrepancy: float = 0.0
+    raw: Cells | None = None
 
     @property
     def reduced_chi2(self) -> float:
@@ -77,12 +78,13 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     model = model.resolved(cells.conditions)
     rough = (_FIRST_DISCREPANCY**2) * float(np.nanmean(cells.values**2))
     fit = fit_model(cells, whitener(cells, rough), model, several=several)
-    cells = at_mean_speed(cells, fit)
-    return _with_scatter(cells, Plain.of(cells), fit, rough)
+    return _with_scatter(cells, fit, rough)
 
 
-def _with_scatter(cells: Cells, plain: Plain, fit: Fit, discrepancy: float) -> Base:
-    """Metric and floor with the scatter between manoeuvres and the discrepancy that this fit leaves, and the model fitted in them; twice."""
+def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
+    """Cells at their mean speeds by this fit; metric and floor with the scatter between manoeuvres and the discrepancy that this fit leaves, and the model fitted in them; twice."""
+    cells = at_mean_speed(raw, fit)
+    plain = Plain.of(cells)
     for _ in range(2):
         own = whitener(cells, discrepancy)
         columns = scatter_columns(cells, fit)
@@ -92,7 +94,7 @@ def _with_scatter(cells: Cells, plain: Plain, fit: Fit, discrepancy: float) -> B
         white = whitener(cells, discrepancy).with_manoeuvres(cells.manoeuvre, columns, np.array([load_sd, baseline_sd]))
         fit = fit_model(cells, white, fit.model, several=False)
     held_white, held_plain = held_out_losses(cells, white, plain, fit)
-    return Base(cells, white, plain, floor, fit, held_white, held_plain, discrepancy)
+    return Base(cells, white, plain, floor, fit, held_white, held_plain, discrepancy, raw)
 
 
 def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
@@ -104,7 +106,7 @@ def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
 
 def settled(base: Base) -> Base:
     """The same model with the scatter between manoeuvres measured anew: once an effect is in, less is taken for scatter."""
-    return _with_scatter(base.cells, base.plain, base.fit, base.discrepancy)
+    return _with_scatter(base.raw or base.cells, base.fit, base.discrepancy)
 
 
 def refit(base: Base, model: Model) -> Base:

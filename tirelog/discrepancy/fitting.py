@@ -94,9 +94,7 @@ class Problem:
 
     def linearised(self, model: Model, names: Sequence[str], values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Prediction (C, m) and Jacobian (C, m, p) in the observable's unit."""
-        prediction, slopes = model.linearised(
-            self.cells.conditions, names=names, surface=self.cells.surface, values=values, **self.angles
-        )
+        prediction, slopes = model.linearised(self.cells.conditions, names=names, surface=self.cells.surface, values=values, **self.angles)
         return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
 
     def offsets(self, prediction: FloatArray) -> FloatArray:
@@ -255,7 +253,9 @@ def _errors(slope: FloatArray, scale: float) -> list[float]:
     unit = slope[:, usable] / norm[usable]
     values, vectors = np.linalg.eigh(unit.T @ unit)
     good = values > 1e-10 * values[-1]
-    variance = np.where(np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1, np.inf, (vectors[:, good] ** 2 / values[good]).sum(axis=1))
+    variance = np.where(
+        np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1, np.inf, (vectors[:, good] ** 2 / values[good]).sum(axis=1)
+    )
     errors = np.full(slope.shape[1], np.inf)
     errors[usable] = np.sqrt(scale * variance) / norm[usable]
     return [float(e) for e in errors]

@@ -87,9 +87,7 @@ def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
     load = np.where(np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan))
     angles = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance} if cells.phi.shape[1] > 1 else {"phi_rad": None}
     try:
-        ends = [
-            fit.model.predict(replace(conditions, load_N=load * (1.0 + s * _STEP)), surface=cells.surface, **angles) for s in (1, -1)
-        ]
+        ends = [fit.model.predict(replace(conditions, load_N=load * (1.0 + s * _STEP)), surface=cells.surface, **angles) for s in (1, -1)]
     except ModelError:
         return fit.prediction
     slope = (ends[0] - ends[1]) / (2.0 * _STEP)

@@ -9,14 +9,13 @@ Significance by the same sign flips of manoeuvres, the largest over families; si
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.assessment import nuisance_basis
-from tirelog.discrepancy.base import Base
+from tirelog.discrepancy.base import Base, thinned
 from tirelog.discrepancy.floor import held_out_losses
 from tirelog.discrepancy.naming import hats
 from tirelog.discrepancy.projection import per_manoeuvre, without
@@ -24,16 +23,21 @@ from tirelog.discrepancy.selection import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_F
 
 FloatArray = NDArray[np.float64]
 
-EXPONENTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0)
-_FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 36)
-_WAVELENGTHS_M = np.geomspace(0.05, 0.5, 24)
+#: exponents of speed that are tested, and those that describe what was found
+EXPONENTS = (0.0, 1.0, 2.0)
+FINE_EXPONENTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+_FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
+_WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
 _DECAYS_M = (0.1, 0.3)
 #: a fixed frequency must explain so much more than a fixed wavelength, and so much of what free shapes explain
 _RINGS_MORE = 1.15
 _RINGS_SHARE = 0.35
 #: share of the energy that makes a parity
-_PARITY = 0.75
+_PARITY = 0.9
+#: half lengths of the patch within which a shape belongs to patch or edges
+_NEAR = 3.5
+_SOME_CELLS = 24
 
 
 @dataclass(frozen=True)
@@ -58,13 +62,13 @@ def _factors(base: Base) -> dict[str, FloatArray]:
     result = {f"speed^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
     for name, values in (
         ("acceleration", c.acceleration_m_s2),
-        ("time", c.time_s - c.time_s.mean()),
+        ("time", c.time_s),
         ("load", c.load_N),
         ("distance", c.distance_km),
         ("water", c.water_depth_mm),
     ):
         if np.isfinite(values).all() and np.ptp(values) > 1e-3 * np.abs(values).max():
-            result[name] = (values - values.mean()) / np.abs(values).max() if name in ("load", "distance", "water") else values
+            result[name] = (values - (values.mean() if name != "acceleration" else 0.0)) / np.abs(values).max()
     return result
 
 
@@ -88,15 +92,27 @@ def describe(base: Base) -> Leftover:
     held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, factors[name][:, None, None] * free)
     gain, error = gain_and_error(base.held_white, held_white)
     size = float((base.held_plain - held_plain).sum()) / base.plain.weight
-    significant = p[best] <= ALARM_P and gain > GAIN_SIGMAS * error and size > LEAST_SHARE_OF_FLOOR * base.floor.square
-    shape = leading_shape(base)
-    phi = np.nanmean(cells.phi, axis=0)
-    if not significant:
+    shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
+    if p[best] > ALARM_P or gain < GAIN_SIGMAS * error or size < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
-    frequency = _frequency(base, basis, residual, float(statistic[best])) if cells.phi.shape[1] > 1 else None
-    exponent = float(name.split("^")[1]) if name.startswith("speed") else None
-    where, parity = (None, None) if cells.phi.shape[1] == 1 else place_and_parity(base, shape, phi)
-    return Leftover(True, float(p[best]), size, where, parity, name.split("^")[0], exponent, frequency, shape, phi)
+    exponent = _exponent(base, basis, residual, free) if name.startswith("speed") else None
+    if cells.phi.shape[1] == 1:
+        return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi)
+    where, parity = place_and_parity(base, shape, phi)
+    follows = "nothing" if exponent == 0.0 else name.split("^")[0]
+    return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi)
+
+
+def _exponent(base: Base, basis: FloatArray, residual: FloatArray, free: FloatArray) -> float:
+    """The exponent of speed with which free shapes explain most."""
+    speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
+    explained = [_explained(_score(base, basis, residual, speed**e * free)) for e in FINE_EXPONENTS]
+    return FINE_EXPONENTS[int(np.argmax(explained))]
+
+
+def _explained(score: Scores) -> float:
+    """T squared: whitened sum of squares that the columns explain."""
+    return float(((score.scores.sum(axis=0) @ score.root()) ** 2).sum())
 
 
 def leading_shape(base: Base) -> FloatArray:
@@ -115,53 +131,45 @@ def half_angle(base: Base) -> float:
 
 
 def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[str, str]:
-    """(entry, patch, exit or away; even, odd or mixed) of a shape (m,) at angles (m,)."""
+    """(entry, patch, exit or away; even, odd or mixed) of a shape (m,) at angles (m,).
+
+    What is far from the patch is away; what is as strong on one side as on the other belongs to the patch, else to the edge of its side.
+    """
     edge = half_angle(base)
     energy = shape**2
-    zones = {
-        "entry": (phi >= -2.2 * edge) & (phi < -0.6 * edge),
-        "patch": np.abs(phi) <= 0.6 * edge,
-        "exit": (phi > 0.6 * edge) & (phi <= 2.2 * edge),
-        "away": np.abs(phi) > 2.2 * edge,
-    }
     total = energy.sum() + 1e-300
-    share = {name: float(energy[mask].sum() / total) for name, mask in zones.items()}
     mirrored = np.interp(-phi, phi, shape, period=2.0 * np.pi)
     even = float((((shape + mirrored) / 2.0) ** 2).sum() / total)
     parity = "even" if even > _PARITY else "odd" if even < 1.0 - _PARITY else "mixed"
-    return _place(share, parity), parity
+    if energy[np.abs(phi) > _NEAR * edge].sum() > 0.5 * total:
+        return "away", parity
+    if parity != "mixed" or energy[np.abs(phi) < 0.6 * edge].sum() > 0.5 * total:
+        return "patch", parity
+    return ("exit" if energy[phi > 0.6 * edge].sum() > energy[phi < -0.6 * edge].sum() else "entry"), parity
 
 
-def _place(share: dict[str, float], parity: str) -> str:
-    """The zone that holds most; both edges alike belong to the patch."""
-    if share["away"] > 0.5:
-        return "away"
-    near = {name: share[name] for name in ("entry", "patch", "exit")}
-    if parity != "mixed":
-        return "patch"
-    return max(near, key=lambda name: near[name])
-
-
-def _frequency(base: Base, basis: FloatArray, residual: FloatArray, free_t: float) -> float | None:
+def _frequency(base: Base) -> float | None:
     """The frequency [Hz] of a ring-down after the exit edge, where a fixed one in time explains more than a fixed wavelength."""
+    base = thinned(base, _SOME_CELLS)
     cells, radius = base.cells, base.model.values["radius_m"]
+    basis = nuisance_basis(base)
+    residual = without(basis, base.white(np.nan_to_num(cells.values - base.fit.prediction)))
     after = (np.nan_to_num(cells.phi, nan=-1.0) - half_angle(base)) * radius
-    behind = np.maximum(np.where(after > 0, after, after + 2.0 * np.pi * radius), 0.0)
+    behind = np.where(after > 0, after, after + 2.0 * np.pi * radius)
     since = behind / cells.conditions.speed_m_s[:, None]
     factor = (cells.conditions.speed_m_s / 20.0)[:, None, None]
 
-    def explained(phase: FloatArray, decay: FloatArray) -> float:
-        wave = np.stack([np.cos(phase), np.sin(phase)], axis=-1) * decay[..., None]
-        score = _score(base, basis, residual, np.concatenate([wave, factor * wave], axis=-1))
-        return float(np.linalg.norm(score.scores.sum(axis=0) @ score.root()))
-
-    def best(numbers: Sequence[float] | FloatArray, phase: FloatArray, decays: list[FloatArray]) -> tuple[float, float]:
-        found = [(explained(phase * (2.0 * np.pi * number), decay), float(number)) for number in numbers for decay in decays]
+    def best(numbers: FloatArray, phase: FloatArray, decays: tuple[float, ...]) -> tuple[float, float]:
+        found = []
+        for number in numbers:
+            for decay in decays:
+                turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
+                wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
+                found.append((_explained(_score(base, basis, residual, np.concatenate([wave, factor * wave], axis=-1))), float(number)))
         return max(found)
 
-    in_time, frequency = best(_FREQUENCIES_HZ, since, [np.exp(-since / d) for d in _DECAYS_S])
-    in_space, _ = best(1.0 / _WAVELENGTHS_M, behind, [np.exp(-behind / d) for d in _DECAYS_M])
-    if in_time**2 < _RINGS_MORE * in_space**2 or in_time**2 < _RINGS_SHARE * free_t**2:
+    in_time, frequency = best(_FREQUENCIES_HZ, since, _DECAYS_S)
+    in_space, _ = best(1.0 / _WAVELENGTHS_M, behind, _DECAYS_M)
+    if in_time < _RINGS_MORE * in_space or in_time < _RINGS_SHARE * float((residual**2).sum()):
         return None
-    fine = np.linspace(0.93, 1.07, 15) * frequency
-    return best(fine, since, [np.exp(-since / d) for d in _DECAYS_S])[1]
+    return best(np.linspace(0.92, 1.08, 17) * frequency, since, _DECAYS_S)[1]

@@ -115,8 +115,15 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
     if not tried:
         return []
     tried.sort(key=lambda r: float(r.base.held_white.sum()))
-    explained = [max(base.fit.chi2 - r.base.fit.chi2, 1e-12) for r in tried]
-    return [Refitted(r.assessed, r.base, float(np.sqrt(min(e / explained[0], 1.0)))) for r, e in zip(tried, explained, strict=True)]
+    best = tried[0].base
+    return [Refitted(r.assessed, r.base, likeness(base, best, r.base)) for r in tried]
+
+
+def likeness(base: Base, best: Base, rival: Base) -> float:
+    """Nonlinear cosine of two refits: the root of what the rival explains over what the best does, the smaller of both metrics."""
+    white = (base.fit.chi2 - rival.fit.chi2) / max(base.fit.chi2 - best.fit.chi2, 1e-300)
+    size = (base.square_held - rival.square_held) / max(base.square_held - best.square_held, 1e-300)
+    return float(np.sqrt(np.clip(min(white, size), 0.0, 1.0)))
 
 
 def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:

@@ -89,7 +89,9 @@ def signatures_of(problem: Problem, model: Model, effect: Effect, prediction: Fl
     return result
 
 
-def all_signatures(problem: Problem, model: Model, effects: Iterable[Effect], prediction: FloatArray) -> tuple[list[Signature], dict[str, str]]:
+def all_signatures(
+    problem: Problem, model: Model, effects: Iterable[Effect], prediction: FloatArray
+) -> tuple[list[Signature], dict[str, str]]:
     """Signatures of all candidates, and the reasons of those that are not tested."""
     found: list[Signature] = []
     reasons: dict[str, str] = {}

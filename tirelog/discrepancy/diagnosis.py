@@ -1,0 +1,270 @@
+"""`diagnose`: which effect is missing, in one value with a verdict.
+
+    Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what is left -> verdict
+        nothing_missing  no candidate alarms and no generic shape is left
+        missing          the selected effects remove at least 90 % of the excess, and nothing else of size is left
+        partial          they remove 50 to 90 %, or something repeatable is left
+        ambiguous        they would be 'missing', and another effect does the same to these data
+        unknown          there is repeatable structure that no effect explains (under 50 %)
+        too_few          fewer manoeuvres than a test needs: a ranking, no alarm
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tirelog.discrepancy.assessment import Assessed
+from tirelog.discrepancy.base import Base, settled
+from tirelog.discrepancy.comparison import comparison_of, start
+from tirelog.discrepancy.leftover import Leftover, describe
+from tirelog.discrepancy.naming import Step, contend, first_step, next_step
+from tirelog.discrepancy.results import Candidate, Comparison, plain
+from tirelog.discrepancy.selection import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
+from tirelog.discrepancy.separation import advise
+from tirelog.discrepancy.stack import joined
+from tirelog.discrepancy.wording import next_command, sentence_of, unexplained_sentence
+from tirelog.physics.effects import Effect
+from tirelog.physics.model import Model
+from tirelog.recording import Stack
+
+#: shares of the excess that the selected effects must remove
+EXPLAINED = 0.9
+HALF = 0.5
+#: a rest is worth a word if it is this share of the excess, and of the squared floor
+REST_SHARE = 0.02
+MOST_EFFECTS = 4
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search came to: the base before, the steps, the base with all that was named."""
+
+    before: Base
+    steps: tuple[Step, ...]
+    after: Base
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        return tuple(step.named.id for step in self.steps if step.named is not None)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer to "which effect is missing" (contract, Diagnosis).  `before` and `after`: the model as it came and with what was selected."""
+
+    verdict: str
+    sentence: str
+    selected: tuple[str, ...]
+    effects: tuple[Candidate, ...]
+    ambiguous_groups: tuple[tuple[str, ...], ...]
+    separating_manoeuvres: tuple[Mapping[str, Any], ...]
+    unexplained: Mapping[str, Any]
+    not_tested: Mapping[str, str]
+    rmse_heldout_before: float
+    rmse_heldout_after: float
+    noise_floor: float
+    noise_floor_within: float
+    reduced_chi2_before: float
+    reduced_chi2_after: float
+    revolutions: int
+    manoeuvres: int
+    notes: tuple[str, ...]
+    next_command: str
+    found: Found
+    stack: Stack
+
+    @property
+    def model(self) -> Model:
+        """The model with what was selected, refitted."""
+        return self.found.after.model if self.selected else self.found.before.model
+
+    @cached_property
+    def before(self) -> Comparison:
+        return comparison_of(self.found.before, self.stack)
+
+    @cached_property
+    def after(self) -> Comparison:
+        return comparison_of(self.found.after, self.stack) if self.selected else self.before
+
+    def to_json(self) -> dict[str, Any]:
+        names = (
+            "verdict", "sentence", "selected", "ambiguous_groups", "separating_manoeuvres", "unexplained", "not_tested", "rmse_heldout_before",
+            "rmse_heldout_after", "noise_floor", "noise_floor_within", "reduced_chi2_before", "reduced_chi2_after", "revolutions", "manoeuvres",
+            "next_command",
+        )  # fmt: skip
+        rows = [{name: getattr(c, name) for name in Candidate.__dataclass_fields__} for c in self.effects]
+        return plain({name: getattr(self, name) for name in names} | {"effects": rows, "note": " ".join(self.notes)})
+
+
+def diagnose(
+    stacks: Sequence[Stack], model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None
+) -> Diagnosis:
+    """Which effect is missing.  `effects`: the user's own candidates beside the catalogue; `progress` hears what is being done."""
+    extra = tuple(effects)
+    progress("fitting the model")
+    base = start(stacks, model)
+    progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
+    found = search(base, extra, progress)
+    progress("describing what is left")
+    return conclude(found, joined(stacks))
+
+
+def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None) -> Found:
+    """Steps until nothing more is worth naming.  With too few manoeuvres: one step, contenders refitted, nothing named."""
+    step = first_step(base, extra)
+    if base.cells.manoeuvres < FEWEST_MANOEUVRES:
+        contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
+        return Found(base, (Step(base, step.assessed, step.reasons, contenders, None, step.group),), base)
+    steps, after, excess = [step], base, base.excess
+    while step.named is not None and len(steps) < MOST_EFFECTS:
+        progress(f"named {step.named.id}; looking for another")
+        after = settled(step.named.base)
+        named = [s.named.id for s in steps if s.named is not None]
+        step = next_step(after, named, excess, extra)
+        steps.append(step)
+    return Found(base, tuple(steps), after)
+
+
+def conclude(found: Found, stack: Stack) -> Diagnosis:
+    """The verdict and everything that is said with it."""
+    before, after = found.before, found.after
+    floor = after.floor if found.named else before.floor
+    excess_before = max(before.square_held - floor.square, 0.0)
+    excess_after = max(after.square_held - floor.square, 0.0) if found.named else excess_before
+    share = 1.0 - excess_after / excess_before if excess_before > 0 else 0.0
+    left = describe(after)
+    few = before.cells.manoeuvres < FEWEST_MANOEUVRES
+    groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
+    rest = left.significant and excess_after > LEAST_SHARE_OF_FLOOR * floor.square and excess_after > REST_SHARE * excess_before
+    verdict = _verdict(few, found.named, share, bool(groups), rest, left.significant)
+    selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
+    ranking = _ranking(found, selected, excess_before, floor.square)
+    unexplained = _unexplained(left, found, ranking, excess_after, excess_before, floor.square, bool(selected))
+    advice, notes = _advice(found, verdict)
+    reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items()}
+    result = after if selected else before
+    facts = {"verdict": verdict, "selected": selected, "share": share, "groups": groups, "unexplained": unexplained, "ranking": ranking,
+             "manoeuvres": before.cells.manoeuvres, "before": before.square_held, "after": result.square_held, "floor": floor.square}  # fmt: skip
+    return Diagnosis(
+        verdict=verdict,
+        sentence=sentence_of(facts),
+        selected=selected,
+        effects=ranking,
+        ambiguous_groups=groups if selected else tuple(s.group for s in found.steps if few and s.group),
+        separating_manoeuvres=tuple(advice),
+        unexplained=unexplained,
+        not_tested=reasons,
+        rmse_heldout_before=float(np.sqrt(max(before.square_held, 0.0))),
+        rmse_heldout_after=float(np.sqrt(max(result.square_held, 0.0))),
+        noise_floor=float(np.sqrt(floor.square)),
+        noise_floor_within=float(np.sqrt(floor.within)),
+        reduced_chi2_before=before.reduced_chi2,
+        reduced_chi2_after=result.reduced_chi2,
+        revolutions=int(before.cells.revolutions.sum()),
+        manoeuvres=before.cells.manoeuvres,
+        notes=tuple(notes),
+        next_command=next_command(verdict, selected, model=before.model, logs=before.cells.logs),
+        found=found,
+        stack=stack,
+    )
+
+
+def _verdict(few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, structure: bool) -> str:
+    if few:
+        return "too_few"
+    if not named:
+        return "unknown" if structure else "nothing_missing"
+    if share < HALF:
+        return "unknown"
+    if share < EXPLAINED or rest:
+        return "partial"
+    return "ambiguous" if grouped else "missing"
+
+
+def _ranking(found: Found, selected: Sequence[str], excess: float, floor: float) -> tuple[Candidate, ...]:
+    """All candidates of the first step; those named later follow with what they did when they were named."""
+    first = found.steps[0]
+    refitted = {r.id: r for r in first.contenders}
+    rows: list[tuple[Assessed, float, Mapping[str, Any]]] = []
+    for a in first.assessed:
+        removed = refitted[a.id].base.square_held if a.id in refitted else first.before.square_held - a.removed
+        share = (first.before.square_held - removed) / excess if excess > LEAST_SHARE_OF_FLOOR * floor else 0.0
+        rows.append((a, float(np.clip(share, 0.0, 1.0)), _strengths(found, a, refitted)))
+    later = [s.named for s in found.steps[1:] if s.named is not None]
+    p = {r.id: r.assessed.p for r in later}
+    order = [r.id for r in first.contenders] + [a.id for a in first.assessed if a.id not in refitted]
+    order = list(selected) + [name for name in order if name not in selected]
+    groups = {s.named.id: s.group for s in found.steps if s.named is not None}
+    by_id = {a.id: (a, share, strengths) for a, share, strengths in rows}
+    return tuple(
+        Candidate(
+            effect=name,
+            rank=i + 1,
+            excess_removed=by_id[name][1],
+            p_adjusted=p.get(name, by_id[name][0].p),
+            selected=name in selected,
+            group=tuple(g for g in groups.get(name, ()) if g != name),
+            statistic=by_id[name][0].statistic,
+            strengths=by_id[name][2],
+        )
+        for i, name in enumerate(n for n in order if n in by_id)
+    )
+
+
+def _strengths(found: Found, a: Assessed, refitted: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The effect's parameters with errors and units: from the final model, its own refit, or the linear fit."""
+    for model in (found.after.model, *([refitted[a.id].base.model] if a.id in refitted else [])):
+        own = {n.split(".")[1]: q for n, q in model.parameters.items() if n.startswith(f"{a.id}.")}
+        if own:
+            return {name: {"value": q.value, "se": q.se, "unit": q.unit} for name, q in own.items() if q.free}
+    units = {q.name: q.unit for q in a.signature.effect.parameters}
+    return {n: {"value": float(v), "se": None, "unit": units[n]} for n, v in zip(a.signature.strengths, a.strengths, strict=True)}
+
+
+def _unexplained(
+    left: Leftover, found: Found, ranking: Sequence[Candidate], after: float, before: float, floor: float, selected: bool
+) -> dict[str, Any]:
+    """What remains, in the contract's keys and a sentence."""
+    nearest = next((c for c in ranking if not c.selected), None) if left.significant else None
+    share = float(np.clip(after / before, 0.0, 1.0)) if before > LEAST_SHARE_OF_FLOOR * floor else 0.0
+    facts = {
+        "significant": left.significant,
+        "share_of_excess": share,
+        "p": left.p,
+        "size": float(np.sqrt(max(left.size, 0.0))),
+        "where": left.where,
+        "parity": left.parity,
+        "follows": left.follows,
+        "speed_exponent": left.speed_exponent,
+        "frequency_Hz": left.frequency_Hz,
+        "nearest_effect": nearest.effect if nearest and not selected else None,
+        "nearest_share": nearest.excess_removed if nearest and not selected else None,
+    }
+    return facts | {"sentence": unexplained_sentence(facts)}
+
+
+def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """What to drive next, for rivals and for too few manoeuvres."""
+    step = found.steps[0]
+    notes: list[str] = []
+    if verdict == "too_few":
+        notes.append(
+            f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two mixed logs of a minute have a dozen: drive more of them."
+        )
+        rivals = [(r.id, r.base.model) for r in step.contenders[:3]]
+    elif verdict == "ambiguous":
+        step = next(s for s in found.steps if s.named is not None and s.group)
+        rivals = [(r.id, r.base.model) for r in step.contenders if r.id in step.group]
+    else:
+        return [], notes
+    if len(rivals) < 2:
+        return [], notes
+    rows, more = advise(step.before, rivals)
+    return rows, notes + more

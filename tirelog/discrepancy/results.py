@@ -1,0 +1,169 @@
+"""What comparisons, diagnoses and ladders give: frozen values, JSON by `to_json`, arrays beside for plots and pages.
+
+`Comparison` carries waveforms with the floor's band and the residual as maps; a page that shows it computes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.physics.model import Model
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Waveforms:
+    """Some cells to look at: measured, predicted, floor (k, m) in the observable's unit at angles phi (k, m) [rad]; `labels` (k,)."""
+
+    phi_rad: FloatArray
+    measured: FloatArray
+    predicted: FloatArray
+    floor: FloatArray
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Map:
+    """The residual over an axis (speed [m/s] or time [s], ascending, (k,)) and the angle (m,): `residual` in the observable's unit, `whitened`
+    in standard errors; both (k, m), NaN where there is nothing."""
+
+    axis: FloatArray
+    axis_name: str
+    phi_rad: FloatArray
+    residual: FloatArray
+    whitened: FloatArray
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A fitted model against logs.  Errors in the observable's unit, for one revolution's value at one angle.
+
+    `tables`: rows by revolution, angle, speed, regime, conditions.  `half_angle_rad` is the patch's half length as an angle.
+    """
+
+    observable: str
+    unit: str
+    model: Model
+    rmse: float
+    rmse_heldout: float
+    noise_floor: float
+    noise_floor_within: float
+    noise_floor_between: float
+    reduced_chi2: float
+    fit_percent: float
+    revolutions: int
+    manoeuvres: int
+    parameters: Mapping[str, Mapping[str, Any]]
+    tables: Mapping[str, list[dict[str, Any]]]
+    waveforms: Waveforms
+    by_speed: Map
+    by_time: Map
+    half_angle_rad: float
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def excess(self) -> float:
+        """What a better model could still remove on the data of the fit."""
+        return excess_of(self.rmse, self.noise_floor)
+
+    @property
+    def excess_heldout(self) -> float:
+        return excess_of(self.rmse_heldout, self.noise_floor)
+
+    def to_json(self) -> dict[str, Any]:
+        names = (
+            "observable", "unit", "rmse", "noise_floor", "noise_floor_within", "noise_floor_between", "excess", "rmse_heldout", "excess_heldout",
+            "reduced_chi2", "fit_percent", "revolutions", "manoeuvres", "parameters",
+        )  # fmt: skip
+        return plain({name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)})
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One row of the ranking.  `strengths`: name -> value, se, unit of the effect's parameters after its refit (or of the linear fit)."""
+
+    effect: str
+    rank: int
+    excess_removed: float
+    p_adjusted: float
+    selected: bool
+    group: tuple[str, ...]
+    statistic: float
+    strengths: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LadderStep:
+    """One row of a ladder; `parameters` name -> value, se, unit, shift_sigma against the row before; `probability` of being noise."""
+
+    step: int
+    effect: str
+    rmse_fit: float
+    rmse_heldout: float
+    noise_floor: float
+    excess_heldout: float
+    p_adjusted: float | None
+    decision: str
+    sentence: str
+    parameters: Mapping[str, Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Steps from the base model to the floor, the model at the top, and its error on stretches that nothing had touched."""
+
+    observable: str
+    unit: str
+    steps: tuple[LadderStep, ...]
+    model: Model
+    verdict: str
+    rmse_untouched: float | None
+    floor_untouched: float | None
+    strengths_by_log: tuple[Mapping[str, Any], ...]
+    revolutions: int
+    manoeuvres: int
+    logs: tuple[str, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """The table, one dict a step, parameters as `name` and `name_se` columns at the end."""
+        names = [n for n in LadderStep.__dataclass_fields__ if n != "parameters"]
+        result = []
+        for step in self.steps:
+            row = {name: getattr(step, name) for name in names}
+            for name, value in step.parameters.items():
+                row |= {name: value["value"], f"{name}_se": value["se"], f"{name}_shift_sigma": value["shift_sigma"]}
+            result.append(plain(row))
+        return result
+
+    def to_json(self) -> dict[str, Any]:
+        steps = [{name: getattr(s, name) for name in LadderStep.__dataclass_fields__} for s in self.steps]
+        names = ("observable", "unit", "verdict", "rmse_untouched", "floor_untouched", "strengths_by_log", "revolutions", "manoeuvres", "logs")
+        return plain({name: getattr(self, name) for name in names} | {"steps": steps})
+
+
+def excess_of(rmse: float, floor: float) -> float:
+    """sqrt(rmse^2 - floor^2), zero where the error lies below the floor."""
+    return float(np.sqrt(max(rmse**2 - floor**2, 0.0)))
+
+
+def plain(value: Any) -> Any:
+    """The same without numpy types, tuples as lists, not-a-number and infinity as None."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,76 @@
+"""Sentences: facts of a diagnosis in, text out.  The only place where a diagnosis is put into words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tirelog.physics.model import Model
+
+_WHERE = {"entry": "at the entry edge", "patch": "in the patch", "exit": "behind the exit edge", "away": "away from the patch"}
+_PARITY = {"even": "even about the patch centre", "odd": "odd about the patch centre", "mixed": "neither even nor odd"}
+
+
+def sentence_of(facts: Mapping[str, Any]) -> str:
+    """The verdict in one sentence."""
+    verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
+    names = " and ".join(selected)
+    excess = max(facts["before"] - facts["floor"], 0.0) / facts["floor"] if facts["floor"] > 0 else 0.0
+    if verdict == "nothing_missing":
+        return "Nothing is missing that this data could show: what the model leaves is the noise floor."
+    if verdict == "too_few":
+        return f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none is claimed."
+    if verdict == "unknown":
+        nearest = facts["unexplained"].get("nearest_effect")
+        near = f"; the nearest, {nearest}, explains {100 * facts['unexplained']['nearest_share']:.0f} %" if nearest else ""
+        return f"Something repeatable is missing ({excess:.2g} squared floors) that no effect of the catalogue explains{near}."
+    if verdict == "ambiguous":
+        sets = "; ".join(" or ".join(group) for group in facts["groups"])
+        return f"Missing is {sets}: these data cannot tell which; with either the error falls by {100 * share:.0f} % of its excess."
+    if verdict == "partial":
+        rest = facts["unexplained"]
+        if share >= 0.9:
+            return (
+                f"{names} explains {100 * share:.0f} % of the excess; the other {100 * (1 - share):.1f} % repeats and is within what a somewhat "
+                f"different form of {names} would leave."
+            )
+        where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
+        return f"{names} explains {100 * share:.0f} % of the excess; the other {100 * (1 - share):.0f} % repeats{where} and has no name yet."
+    return f"{names} {'is' if len(selected) == 1 else 'are'} missing: {'it removes' if len(selected) == 1 else 'they remove'} {100 * share:.0f} % of the excess."
+
+
+def unexplained_sentence(facts: Mapping[str, Any]) -> str:
+    """What remains, in physical words."""
+    if not facts["significant"]:
+        return "What remains does not repeat from manoeuvre to manoeuvre, or is too small to matter."
+    parts = []
+    if facts["where"]:
+        parts.append(_WHERE[facts["where"]])
+        parts.append(_PARITY[facts["parity"]])
+    if facts["frequency_Hz"]:
+        parts.append(f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time")
+    elif facts["follows"] == "nothing":
+        parts.append("the same at every speed")
+    elif facts["speed_exponent"] is not None:
+        parts.append(f"growing as speed to the power {facts['speed_exponent']:g}")
+    elif facts["follows"]:
+        parts.append(f"following {facts['follows']}")
+    near = ""
+    if facts["nearest_effect"]:
+        near = f" The nearest effect is {facts['nearest_effect']}, which explains {100 * facts['nearest_share']:.0f} %."
+    return f"What remains repeats: {', '.join(parts)}.{near}"
+
+
+def next_command(verdict: str, selected: Sequence[str], *, model: Model, logs: Sequence[str]) -> str:
+    """The command to type next."""
+    file = str(model.path) if model.path else "MODEL.toml"
+    stem = file.removesuffix(".toml")
+    given = " ".join(logs)
+    if verdict in ("missing", "partial", "ambiguous") and selected:
+        longer = f"{stem}+{'+'.join(selected)}.toml"
+        return f"tirelog model add {file} {' '.join(selected)} -o {longer} && tirelog model fit {given} --model {longer} -o {longer}"
+    if verdict == "unknown":
+        return f"tirelog compare {given} --model {file} --plot residual.png"
+    if verdict == "too_few":
+        return f"tirelog diagnose {given} MORE_LOGS --model {file}"
+    return f"tirelog compare {given} --model {file}"
