@@ -162,3 +162,23 @@ def test_of_two_stamps_the_finer_one_is_taken() -> None:
 def test_without_any_stamps_there_are_none() -> None:
     _, block = read("A,B\n1550,1542\n1551,1541\n", TWO)
     assert block.stamps_s is None
+
+
+def test_blank_cells_left_out_at_the_end_of_rows_keep_the_columns() -> None:
+    rows = [("1550.1234", "1542.0"), ("1550.25", ""), ("", "1542.5"), ("1549.5", "1542.25")] * 10
+    text = "time_s,A,B\n" + "".join(",".join([f"{i / 2:.1f}", a, b]).rstrip(",") + "\n" for i, (a, b) in enumerate(rows))
+    reader, block = read(text, setup_of({"a": {"source": "A"}, "b": {"source": "B", "reference_wavelength_nm": 1549.0}}))
+    np.testing.assert_array_equal(block.values["a"], np.tile(A, 10))
+    np.testing.assert_array_equal(block.values["b"], np.tile(B, 10))
+    assert reader.report.losses == []
+
+
+@pytest.mark.parametrize("names", [1, 8])
+def test_a_header_that_names_too_few_or_too_many_columns(names: int) -> None:
+    header = "\t".join(["Timestamp", "Time [s]", *(f"WL {k + 1}[nm]" for k in range(names))])
+    rows = [f"2020-01-01 10:00:{i // 4:02d}\t{i // 4}\t{1560 + i / 1000:.3f}\t1550.500\t1540.{i:03d}\t" for i in range(40)]
+    two = setup_of({"a": {"source": "WL 3", "reference_wavelength_nm": 1540.0}, "b": {"source": "WL 1", "reference_wavelength_nm": 1560.0}})
+    _, block = read("\n".join([header, *rows]) + "\n", two)
+    np.testing.assert_allclose(block.values["a"], 1540 + np.arange(40) / 1000)
+    np.testing.assert_allclose(block.values["b"], 1560 + np.arange(40) / 1000)
+    np.testing.assert_array_equal(block.stamps_s, np.arange(40) // 4)

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 from tirelog import units
 from tirelog.errors import ReadError, SetupError, nearest
-from tirelog.readers.sniff import Layout
+from tirelog.readers.sniff import Layout, filled
 from tirelog.readers.text_time import MISSING, fraction_digits, has_clock, one_ns
 from tirelog.setup import ChannelSetup, Setup
 
@@ -74,10 +74,16 @@ def by_wavelength(layout: Layout, channel: ChannelSetup) -> bool:
     """True where a grating has to be found by wavelength, as its rows hold a varying number of peaks or its column has no name."""
     if not channel.kind.startswith("fbg_") or channel.source.startswith("#"):
         return False
-    loose = layout.ragged or layout.counts > 0 or (layout.names and len(layout.names) != layout.width and not _trailing(layout))
-    if loose:
+    unnamed = bool(layout.names) and len(layout.names) != layout.width and not _trailing(layout)
+    if layout.counts > 0 or (layout.ragged and not _keeps_places(layout)) or (unnamed and not layout.ragged):
         return True
-    return channel.window_nm is not None and find(layout, channel.source) is None
+    return channel.window_nm is not None and (layout.ragged or find(layout, channel.source) is None)
+
+
+def _keeps_places(layout: Layout) -> bool:
+    """True where rows are shorter only because blank cells at their ends are left out: others hold blanks inside of them."""
+    blanks = any("" in row[: filled(row)] for row in layout.rows)
+    return blanks and max(map(filled, layout.rows)) <= len(layout.names)
 
 
 def _trailing(layout: Layout) -> bool:

@@ -120,7 +120,9 @@ class _Rows:
         return out
 
     def _least(self) -> int:
-        used = [*self.plan.columns.values.values(), self.plan.columns.number, self.plan.columns.time, self.plan.columns.clock]
+        """Cells that a row needs: up to its stamp where rows differ in width anyway, up to the last column that is wanted where not."""
+        columns = self.plan.columns
+        used = [columns.number, columns.time, columns.clock, *([] if self.plan.layout.ragged else columns.values.values())]
         return max((k for k in used if k is not None), default=-1) + 1
 
     def _as_wide(self, size: IntArray) -> NDArray[np.bool_]:
