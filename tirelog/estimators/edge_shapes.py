@@ -89,7 +89,7 @@ class EdgeFamily:
     """
 
     def __init__(self, radius_m: float, highest_1_m: float, *, closed: bool = False) -> None:
-        self.radius_m, self.closed = radius_m, closed
+        self.radius_m, self.highest_1_m, self.closed = radius_m, highest_1_m, closed
         order = np.arange(1.0, max(int(np.ceil(highest_1_m * radius_m)), 8) + 1)
         self.kappa_1_m: FloatArray = order / radius_m
         self._square = self.kappa_1_m**2 - (1.0 / radius_m**2 if closed else 0.0)
@@ -110,8 +110,10 @@ class EdgeFamily:
         """The contact problem of `shape`: stiffness, pressure and spectrum."""
         L, ell, ratio = shape.half_length_m, shape.bending_length_m, np.expm1(shape.tread)
         nodes, tests, terms, mass = _series()
-        phase = np.multiply.outer(self.kappa_1_m * L, nodes)
-        wave = np.exp(1j * phase)
+        # exp(i n L x / R) for n = 1, 2, ...: powers of the first
+        wave = np.empty((self.kappa_1_m.size, nodes.size), complex)
+        wave[:] = np.exp(1j * (L / self.radius_m) * nodes)
+        np.multiply.accumulate(wave, axis=0, out=wave)
         test, phi = wave.real @ tests.T, wave.real @ terms[:-1].T
         stiffness = ell**4 * self._square**2 + shape.tension * ell**2 * self._square + 1.0 + self._tangential
         weight = L / (np.pi * self.radius_m) / stiffness
@@ -131,13 +133,14 @@ class EdgeFamily:
 
     def on_grid(self, spectra: ComplexArray, points: int, half_window_m: float) -> tuple[FloatArray, FloatArray]:
         """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as +-`half_window_m`: abscissae (g,), (g, c)."""
-        padded = np.zeros((points // 2 + 1, spectra.shape[1]), complex)
+        padded = np.zeros((spectra.shape[1], points // 2 + 1), complex)
         kept = min(self.kappa_1_m.size, points // 2)
-        padded[1 : kept + 1] = spectra[:kept] * (0.5 * points)
+        padded[:, 1 : kept + 1] = spectra[:kept].T * (0.5 * points)
         step = 2.0 * np.pi * self.radius_m / points
         reach = min(int(np.ceil(half_window_m / step)), points // 2 - 1)
-        values = np.fft.irfft(padded, points, axis=0)
-        return np.arange(-reach, reach + 1) * step, np.concatenate([values[-reach:], values[: reach + 1]])
+        values = np.fft.irfft(padded, points, axis=1)
+        around = np.concatenate([values[:, -reach:], values[:, : reach + 1]], axis=1)
+        return np.arange(-reach, reach + 1) * step, np.ascontiguousarray(around.T)
 
     def jacobian(self, shape: EdgeShape) -> tuple[ComplexArray, ComplexArray]:
         """Spectrum (n,), and its derivatives by the six parameters in the order of the fields, shape (n, 6)."""
@@ -167,7 +170,8 @@ class EdgeFamily:
         columns[:, 2] -= s.spectrum * by_tension / complex_stiffness
         by_damping = -s.spectrum * 1j * kappa * ell / complex_stiffness
         by_tilt = s.response * 1j * s.pressure[0] * s.odd
-        return s.spectrum, np.asarray(np.column_stack([columns, by_damping, by_tilt]), complex)
+        jacobian: ComplexArray = np.column_stack([columns, by_damping, by_tilt]).astype(complex)
+        return s.spectrum, jacobian
 
 
 @dataclass(frozen=True)

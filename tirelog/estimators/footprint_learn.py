@@ -1,7 +1,7 @@
 """The log's own form: which passages it is learnt from, their averages by speed, and what is known of its error.
 
 Passages --clean ones, preferably at steady speed, by classes of speed, in clusters--> a few hundred windows
-         --scaled by each passage's height, cells along xi--> averages --both members of the family--> starts
+         --scaled by each passage's height, cells along xi--> averages --form--> a start
          --the samples themselves--> Learnt
 """
 
@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tirelog.estimators.edge_shapes import EdgeFamily
 from tirelog.estimators.footprint_reference import Average, Reference, average, fit_averages
 from tirelog.estimators.footprint_refine import Sample, refine
 from tirelog.estimators.footprint_windows import gather_windows
@@ -162,9 +163,11 @@ def learn_reference(channel: Channel, passages: Passages, block_samples: int = B
     rough = LENGTH_TO_WIDTH * passages.template.half_width_rad * passages.radius_m
     window = min(WINDOW * rough, 2.9 * passages.radius_m)
     samples = _samples(channel, passages, rows, classes, window, block_samples)
-    averages = [_average(sample, passages, window) for sample in samples]
-    starts = [fit_averages(averages, passages.radius_m, rough, closed=closed) for closed in (False, True)]
-    both = sorted((refine(start, samples, passages.noise, window) for start in starts), key=lambda r: r.misfit)
+    start = fit_averages([_average(sample, passages, window) for sample in samples], passages.radius_m, rough)
+    straight = refine(start, samples, passages.noise, window)
+    ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
+    closed = refine(replace(straight, family=ring), samples, passages.noise, window)
+    both = sorted((straight, closed), key=lambda r: r.misfit)
     height = float(np.median(np.abs(passages.height[rows])))
     wave_number = _wave_number(both[0], channel.axis.rate_Hz, window, passages.noise / max(height, 1e-300))
     return Learnt(both[0], both[1], window, wave_number, free)

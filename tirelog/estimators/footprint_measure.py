@@ -52,7 +52,7 @@ class Forms:
     half_window_m: float
     scatter: float
     tables: tuple[FormTable, ...]
-    tractions: dict[int, FormTable]
+    tractions: dict[tuple[int, bool], FormTable]
 
     @classmethod
     def of(cls, learnt: Learnt, speed_m_s: FloatArray) -> Forms:
@@ -62,11 +62,11 @@ class Forms:
         tables = tuple(form_table(reference, k, window) for k in range(len(reference.shapes)))
         return cls(reference, window, learnt.scatter(np.array([learnt.reference.misfit])), tables, {})
 
-    def traction(self, number: int) -> FormTable:
+    def traction(self, number: int, *, fine: bool) -> FormTable:
         """The traction's table at knot `number`."""
-        if number not in self.tractions:
-            self.tractions[number] = traction_table(self.reference, number, self.half_window_m)
-        return self.tractions[number]
+        if (number, fine) not in self.tractions:
+            self.tractions[number, fine] = traction_table(self.reference, number, self.half_window_m, fine=fine)
+        return self.tractions[number, fine]
 
 
 def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: FloatArray, work: Measured, block_samples: int) -> None:
@@ -135,8 +135,8 @@ def _onsets(
     look = np.flatnonzero(worth_a_look(fits, forms.scatter))
     for first in range(0, look.size, LOOKED_AT):
         which = look[first : first + LOOKED_AT]
-        table = forms.traction(number)
-        gain = gains(table, normal.take(which), solution.take(which), normal.sigma * forms.scatter)
+        coarse = forms.traction(number, fine=False)
+        gain = gains(coarse, normal.take(which), solution.take(which), normal.sigma * forms.scatter)
         which = which[gain.max(axis=1, initial=0.0) > LEAST_GAIN]
         if not which.size:
             continue
@@ -144,7 +144,7 @@ def _onsets(
         speed, acceleration = passages.speed_m_s[some.row], np.nan_to_num(passages.acceleration_m_s2[some.row])
         form = forms.tables[number]
         refer = partial(normal_equations, some, form, forms.half_window_m, speed, acceleration, passages.noise)
-        slip = find_onsets(refer, np.nan_to_num(fits.shift_m[which]), form, table, forms.scatter)
+        slip = find_onsets(refer, np.nan_to_num(fits.shift_m[which]), form, forms.traction(number, fine=True), forms.scatter)
         work.slip.put(some.row, slip)
 
 

@@ -19,6 +19,10 @@ from tirelog.recording import FloatArray
 #: cells along xi over the window
 CELLS = 120
 ITERATIONS = 25
+#: a start is good enough where the next step gains less of the squared misfit; `footprint_refine` does the rest
+GOOD_ENOUGH = 1.0
+#: averages that a start looks at
+MOST_AVERAGES = 4
 #: highest wave number times half length that the family keeps
 HIGHEST_WAVE = 42.0
 #: forms are tabled at speeds between which tension and length change by no more than this
@@ -185,7 +189,7 @@ def _descend(problem: _Problem, theta: FloatArray) -> tuple[FloatArray, float]:
         new = problem.residuals(trial)
         new_cost = float(new @ new)
         if new_cost < cost:
-            done = cost - new_cost < 0.02 + 1e-4 * new_cost
+            done = cost - new_cost < GOOD_ENOUGH + 1e-2 * new_cost
             theta, residual, cost, damping = trial, new, new_cost, max(0.2 * damping, 1e-9)
             jacobian = problem.jacobian(theta)
             if done:
@@ -225,10 +229,12 @@ def _best(family: EdgeFamily, averages: list[Average], length_m: float) -> tuple
     return problem, _descend(problem, theta)[0]
 
 
-def fit_averages(averages: list[Average], radius_m: float, start_length_m: float, *, closed: bool = False) -> Reference:
-    """The family fitted to `averages` of ascending speed; `start_length_m` is a rough half length."""
-    family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m), closed=closed)
-    problem, theta = _best(family, averages, start_length_m)
-    shapes = tuple(problem.shape(theta, i) for i in range(len(averages)))
-    speed = np.array([a.speed_m_s for a in averages])
-    return Reference(family, speed, shapes, float(theta[2]) / problem.top_speed**2, theta[SHARED + 1 :: 4], np.zeros(speed.size))
+def fit_averages(averages: list[Average], radius_m: float, start_length_m: float) -> Reference:
+    """The family (its straight member) fitted to some of the `averages` of ascending speed; `start_length_m` is a rough half length."""
+    family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m))
+    some = [averages[k] for k in np.unique(np.linspace(0, len(averages) - 1, MOST_AVERAGES).astype(int))]
+    problem, theta = _best(family, some, start_length_m)
+    shapes = tuple(problem.shape(theta, i) for i in range(len(some)))
+    speed = np.array([a.speed_m_s for a in some])
+    found = Reference(family, speed, shapes, float(theta[2]) / problem.top_speed**2, theta[SHARED + 1 :: 4], np.zeros(speed.size))
+    return found.at_speeds(np.array([a.speed_m_s for a in averages]))

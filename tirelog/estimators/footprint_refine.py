@@ -22,6 +22,8 @@ from tirelog.estimators.footprint_windows import PatchWindows
 from tirelog.recording import FloatArray
 
 ROUNDS = 6
+#: stop where the next step promises less than this of the whole chi-square
+GOOD_ENOUGH = 1.0
 #: a passage's own columns (height, offset, -shift, length, damping, tilt), and the shared ones
 OWN, SHARED = 6, 3
 #: weak knowledge of the shared parameters about their start: bending length (relative), tension, inertia x squared top speed, tread
@@ -74,8 +76,8 @@ def _class_step(reference: Reference, number: int, sample: Sample, noise: float,
     # the class' form holds at its own speed: the tension of each passage follows its squared speed
     columns[..., 0] -= reference.inertia * (sample.speed_m_s**2 - table.speed_m_s**2)[:, None] * looked[..., 6]
     columns *= good[..., None]
-    middle = np.nanmedian(np.where(good, windows.values, np.nan), axis=1, keepdims=True)
-    values = np.where(good, windows.values - middle, 0.0)
+    known = np.where(good, windows.values, 0.0)
+    values = np.where(good, known - known.sum(axis=1, keepdims=True) / np.maximum(good.sum(axis=1, keepdims=True), 1), 0.0)
     turned = np.swapaxes(columns, 1, 2)
     gram, right = turned @ columns, (turned @ values[..., None])[..., 0]
     sigma = noise / np.sqrt(windows.averaged)
@@ -137,7 +139,6 @@ def refine(reference: Reference, samples: list[Sample], noise: float, half_windo
             samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
         misfit = float(sum(s.chi2.sum() for s in steps) / sum(s.free.sum() for s in steps))
         if best is None or misfit < best[0]:
-            done = best is not None and best[0] - misfit < 2e-4 * misfit
             normal = np.diag(PRIOR_SD**-2.0)
             right = np.zeros(4)
             for k, step in enumerate(steps):
@@ -146,7 +147,7 @@ def refine(reference: Reference, samples: list[Sample], noise: float, half_windo
                 right += columns.T @ step.right
             best, factor = (misfit, trial, steps, normal), 1.0
             shift = np.linalg.solve(normal, right)
-            if done:
+            if float(shift @ right) < GOOD_ENOUGH:
                 break
         else:
             factor *= 0.3

@@ -93,10 +93,10 @@ def traction_spectrum(family: EdgeFamily, shape: EdgeShape, onset_m: FloatArray)
     return family.receptance(shape)[:, None] * (adhering + sliding + point) / L
 
 
-def traction_table(reference: Reference, number: int, half_window_m: float) -> FormTable:
-    """Waves of the traction at speed `number` of `reference`, a column an onset of `onset_grid`."""
+def traction_table(reference: Reference, number: int, half_window_m: float, *, fine: bool) -> FormTable:
+    """Waves of the traction at speed `number` of `reference`, a column an onset of `onset_grid`, or a coarse one of it."""
     shape = reference.shapes[number]
-    waves = traction_spectrum(reference.family, shape, onset_grid(shape.half_length_m))
+    waves = traction_spectrum(reference.family, shape, onset_grid(shape.half_length_m)[:: 1 if fine else FINE])
     xi, columns = reference.family.on_grid(waves, TABLE_POINTS, 1.02 * half_window_m)
     return FormTable(reference.speed_m_s[number], shape.half_length_m, float(xi[0]), float(xi[1] - xi[0]), columns)
 
@@ -111,8 +111,8 @@ def _waves(table: FormTable, normal: Normal, which: IntArray) -> FloatArray:
 
 
 def gains(table: FormTable, normal: Normal, solution: Solution, sigma: float) -> FloatArray:
-    """Squared sigmas of misfit that a small traction with each of the coarse onsets removes, shape (n, COARSE)."""
-    waves = _waves(table, normal, np.arange(COARSE) * FINE)
+    """Squared sigmas of misfit that a small traction with each onset of the coarse `table` removes, shape (n, COARSE)."""
+    waves = _waves(table, normal, np.arange(COARSE))
     residual = normal.values - np.einsum("nmi,ni->nm", normal.columns, solution.whole)
     along = np.swapaxes(normal.columns[..., :LINEAR], 1, 2) @ waves
     own = np.einsum("nmc,nmc->nc", waves, waves)
