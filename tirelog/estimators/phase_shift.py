@@ -39,6 +39,7 @@ class Passages:
     Angles in degrees: `entry_deg`, `exit_deg` within one turn, `width_deg`, `shift_deg` (NaN without a zero) and standard errors;
     `speed_m_s` low-passed at 20 Hz, `acceleration_m_s2` over the turn; `words` what is wrong; `steady` (n,) in a constant-speed
     stretch; `zero_speed_m_s` where the zero was taken (NaN without one); `forces_N` means of the force channels around the passage.
+    `example` (3, m), for pictures: angles from the middle of one passage [deg], the signal there in levels outside, and its two fronts.
     """
 
     log: str
@@ -59,6 +60,7 @@ class Passages:
     zero_speed_m_s: float
     remarks: tuple[str, ...] = ()
     forces_N: dict[str, FloatArray] = field(default_factory=dict)
+    example: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
 
     @property
     def good(self) -> np.ndarray:
@@ -172,7 +174,24 @@ def _passages(
     return Passages(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time, speed, acceleration, turn - width / 2,
         turn + width / 2, width, se, turn - offset, se / 2, steady, words, zero_speed, tuple(said), means,
+        _example(channel, wheel, fronts, good),
     )  # fmt: skip
+
+
+def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, good: np.ndarray) -> FloatArray:
+    """The samples within 45 degrees of one good passage; empty where there is none."""
+    rows = np.flatnonzero(good)
+    if rows.size == 0:
+        return np.zeros((3, 0))
+    row = rows[rows.size // 2]
+    entry, leave = fronts.entry_rad[row], fronts.exit_rad[row]
+    middle = 0.5 * (entry + leave)
+    time = wheel.angle.time_at(middle + np.array([-0.8, 0.0, 0.8]))
+    first, last = (int(i) for i in channel.axis.index(np.nan_to_num(time))[::2])
+    at = channel.axis.time(first, last)
+    level = fronts.sign * fronts.level_m * wheel.speed_rad_s(time[1:2]) ** 2
+    both = np.resize(np.array([entry - middle, leave - middle]), at.size) * DEG
+    return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
 
 
 def _acceleration(before: FloatArray, time: FloatArray, after: FloatArray, radius: float) -> FloatArray:

@@ -1,0 +1,1 @@
+"""Pictures: tables and fits in, one file out.  Imported only where a command was asked for a picture."""
