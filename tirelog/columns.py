@@ -95,6 +95,15 @@ _ALL = [
     Column("strain", "", "float", "strain, mean over the row's stretch", 1e-9),
     Column("strain_se", "", "float", "its standard error", 1e-10, 1e-2),
     Column("inflation_pressure_Pa", "Pa", "float", "inflation pressure, mean over the row's stretch", 1.0),
+    _text("stretch", "whole, ramp or stop"),
+    Column("duration_s", "s", "float", "length of the row's stretch", 1e-3),
+    Column("pressure_change_Pa", "Pa", "float", "inflation pressure at the end less that at the beginning of the stretch", 1.0),
+    Column("strain_change", "", "float", "strain at the end less that at the beginning of the stretch", 1e-9),
+    Column("strain_slope_1_Pa", "1/Pa", "float", "slope of the strain on the inflation pressure", 0.0, 1e-3),
+    Column("strain_slope_se_1_Pa", "1/Pa", "float", "its standard error", 0.0, 1e-2),
+    Column("strain_rate_1_s", "1/s", "float", "slope of the strain on time", 1e-10, 1e-3),
+    Column("nonlinearity", "", "float", "largest deviation of the strain from its straight line, as a share of its range", 1e-4, 1e-2),
+    Column("leak", "", "float", "strain lost at a stop, 0 where it is within the noise", 1e-9, 1e-2),
     # model predict
     Column("xi_m", "m", "float", "tread coordinate, entry edge at -L, exit edge at +L", 1e-9),
     Column("phi_deg", "deg", "float", "tread coordinate as an angle", 1e-7),
@@ -126,6 +135,10 @@ TABLES: dict[str, tuple[str, ...]] = {
     "dissipation-fit": (
         "log", "channel", "quantity", "intercept", "intercept_se", "slope", "slope_se", "scatter", "rows", "stretches", "slowest_m_s",
         "fastest_m_s",
+    ),
+    "inflation": _revolutions(
+        "stretch", "duration_s", "inflation_pressure_Pa", "pressure_change_Pa", "strain", "strain_se", "strain_change", "strain_slope_1_Pa",
+        "strain_slope_se_1_Pa", "strain_rate_1_s", "nonlinearity", "leak",
     ),
     "phase-shift": _revolutions(
         "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg", "phase_shift_deg", "phase_shift_se_deg",

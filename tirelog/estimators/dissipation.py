@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +109,7 @@ def _energies(channel: Channel, passages: Passages, how: _Filter, block_samples:
     half = how.coefficients.size // 2
     step = max(block_samples // how.averaged, 4 * how.coefficients.size)
     breaks = np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]]) if channel.axis.explicit is None else np.array([0, last])
-    for begin, end in zip(breaks[:-1], breaks[1:], strict=True):
+    for begin, end in pairwise(breaks):
         for start in range(int(begin), int(end), step):
             stop = min(start + step, int(end))
             first, final = max(start - half - 3, int(begin)), min(stop + half + 3, int(end))

@@ -29,9 +29,9 @@ LEAST_SAMPLES = 4
 class Footprint:
     """One row a passage, shape (n,): the columns of the table `footprint`, and what pictures show.  Lengths in m, NaN where unknown.
 
-    `length_m` takes a traction into account where there is a slip onset.  `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes
-    of the second derivative's extrema: positive where the exit edge is the sharper one.  `learnt` holds the log's form, `cutoff_Hz` what the
-    low-pass used, `form_se_m` the share of the error of `length_m` that comes from not knowing the carcass: the same sign in all rows.
+    `length_m` takes a traction into account where there is a slip onset.  `edge_asymmetry`: (exit - entry) / (exit + entry) of the
+    sizes of the second derivative's extrema: positive where the exit edge is the sharper one.  `learnt` holds the log's form,
+    `cutoff_Hz` what the low-pass used, `form_se_m` the share of the error of `length_m` that comes from not knowing the carcass: the same sign in all rows.
     """
 
     length_m: FloatArray
