@@ -1,12 +1,12 @@
 """Where the grating passed the patch, coarsely: pulses that stand out of their surroundings by half of the usual height.
 
-    channel --median of short buckets--> Decimated, patch upward (float32, 1 byte a sample of the log)
+    channel --passage_decimate--> medians of short buckets, patch upward
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys
             --half-level crossings--> Pulses: middle and width [samples], a row a passage
 
 A pulse counts if the signal climbs to it and falls from it by the same least height, found from the log's own heights.  Neither a
 baseline nor a period is assumed, so drift, standing still (in the patch or out of it), creeping and hard braking need no special case, and
-the shoulders beside the patch are too low.  The median of a bucket ignores a single wild sample; lost samples are left out.
+the shoulders beside the patch are too low.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.dsp.noise import PIECE_SAMPLES, SampleNoise
+from tirelog.estimators.passage_decimate import Decimated, decimate
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 
-#: length of a bucket [s]: at 25 m/s a patch of 0.1 m takes 4 ms
-BUCKET_S = 1.6e-3
+#: buckets that are looked at in one piece
+PIECE_BUCKETS = 1 << 18
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3
 LEAST_HEIGHT = 0.45
 #: and by this many times the noise of a sample
@@ -30,20 +30,6 @@ LEAST_SIGMAS = 8.0
 PLATEAU_SHARE = 0.4
 #: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a car's wheel) nothing is looked for
 LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
-
-
-@dataclass(frozen=True)
-class Decimated:
-    """`values` shape (m,): the medians of buckets, patch upward, lost buckets left out; `index` (m,): the bucket's middle [samples];
-    `part` (m,): the number of the gapless segment; `extremes`: least and largest sample of the channel, as recorded; `noise`: sigma of
-    one sample (NaN: not known)."""
-
-    values: NDArray[np.float32]
-    index: FloatArray
-    part: IntArray
-    bucket: int
-    extremes: tuple[float, float]
-    noise: float
 
 
 @dataclass(frozen=True)
@@ -63,64 +49,7 @@ class Pulses:
         return Pulses(self.middle[which], self.width[which], self.height[which], self.base[which])
 
 
-def bucket_samples(rate_Hz: float) -> int:
-    """Samples a bucket: 1, 4, 8, 16 ..."""
-    samples = BUCKET_S * rate_Hz
-    return 1 << int(np.log2(samples)) if samples >= 4 else 1
-
-
-def _bucket_medians(values: FloatArray, bucket: int) -> FloatArray:
-    """Median of the four quarters' means in each bucket, shape (len // bucket,); NaN only where all of it is lost."""
-    rows = values.reshape(-1, bucket)
-    quarter = bucket // 4
-    if quarter > 1:
-        rows = rows.reshape(-1, 4, quarter).mean(axis=2)
-    a, b, c, d = (rows[:, k] for k in range(4))
-    median = 0.5 * (np.maximum(np.minimum(a, b), np.minimum(c, d)) + np.minimum(np.maximum(a, b), np.maximum(c, d)))
-    lost = np.flatnonzero(np.isnan(median))
-    if lost.size:
-        some = rows[lost]
-        whole = ~np.isnan(some).all(axis=1)
-        median[lost[whole]] = np.nanmedian(some[whole], axis=1)
-    return median
-
-
-def _of_three(values: FloatArray) -> FloatArray:
-    """Running median of three; the ends and the neighbours of lost samples stay as they are."""
-    result = values.copy()
-    if values.size < 3:
-        return result
-    a, b, c = values[:-2], values[1:-1], values[2:]
-    median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-    result[1:-1] = np.where(np.isnan(median), b, median)
-    return result
-
-
-def decimate(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) -> Decimated:
-    """The channel by buckets, times `sign`.  The buckets lie at fixed samples, whatever `block_samples`."""
-    bucket = bucket_samples(channel.axis.rate_Hz)
-    step = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES
-    margin = 2 if bucket == 1 else 0
-    noise = SampleNoise(channel.size, channel.resolution)
-    parts: list[NDArray[np.float32]] = []
-    low, high = np.inf, -np.inf
-    for start in range(0, channel.size, step):
-        first = max(start - margin, 0)
-        values = np.asarray(channel.read(first, min(start + step + margin, channel.size)), dtype=np.float64)
-        low, high = float(np.fmin.reduce(values, initial=low)), float(np.fmax.reduce(values, initial=high))
-        noise.take(start, values[start - first : start - first + step])
-        if bucket == 1:
-            some = _of_three(values)[start - first : start - first + step]
-        else:
-            short = -values.size % bucket
-            some = _bucket_medians(np.pad(values, (0, short), constant_values=np.nan) if short else values, bucket)
-        parts.append((sign * some).astype(np.float32))
-    medians = np.concatenate(parts) if parts else np.zeros(0, np.float32)
-    kept = np.flatnonzero(np.isfinite(medians))
-    index = kept.astype(np.float64) * bucket + 0.5 * (bucket - 1)
-    begins = np.searchsorted(index, channel.axis.first[1:])
-    part = np.cumsum(np.bincount(begins[begins < kept.size], minlength=kept.size)).astype(np.int64)
-    return Decimated(medians[kept], index, part, bucket, (low, high), noise.sigma())
+NO_PULSES = Pulses(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 def turning_points(values: NDArray[np.floating], least: float) -> IntArray:
@@ -149,9 +78,15 @@ def turning_points(values: NDArray[np.floating], least: float) -> IntArray:
 
 
 def _turning_points_by_part(data: Decimated, least: float) -> list[IntArray]:
-    """`turning_points` of each gapless part."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(data.part)) + 1, [data.values.size]])
-    return [start + turning_points(data.values[start:stop], least) for start, stop in pairwise(edges)]
+    """`turning_points` of each gapless part, piece by piece and then of what is left."""
+    found = []
+    for start, stop in pairwise(np.append(np.minimum(data.parts, data.values.size), data.values.size)):
+        pieces = range(int(start), int(stop), PIECE_BUCKETS)
+        rough = [first + turning_points(data.values[first : min(first + PIECE_BUCKETS, stop)], least) for first in pieces]
+        if rough:
+            points = np.concatenate(rough)
+            found.append(points[turning_points(data.values[points], least)])
+    return found
 
 
 def usual_height(heights: FloatArray) -> float:
@@ -164,12 +99,11 @@ def usual_height(heights: FloatArray) -> float:
 def find_pulses(data: Decimated) -> Pulses:
     """The pulses of `data`."""
     noise = data.noise
-    empty = np.zeros(0)
     rough = _turning_points_by_part(data, LEAST_SIGMAS * noise)
-    heights = np.concatenate([np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough] or [empty])
+    heights = np.concatenate([np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough] or [np.zeros(0)])
     heights = heights[heights >= LEAST_SIGMAS * noise]
     if not heights.size or not heights.max() > 0:
-        return Pulses(empty, empty, empty, empty)
+        return NO_PULSES
     least = max(LEAST_HEIGHT * usual_height(heights), LEAST_SIGMAS * noise)
     peaks, left, right = [], [], []
     for points in rough:
@@ -202,31 +136,37 @@ def search(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) ->
     """
     data = decimate(channel, sign, block_samples)
     if not data.values.size or not np.isfinite(data.noise):
-        empty = np.zeros(0)
-        return Pulses(empty, empty, empty, empty), data
+        return NO_PULSES, data
     if channel.kind != "radial_acceleration":
         return find_pulses(data), data
     level = np.maximum(_level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise))
-    levelled = replace(data, values=(data.values / level).astype(np.float32), noise=data.noise / float(np.median(level)))
-    pulses = find_pulses(levelled)
-    scale = np.interp(pulses.middle, data.index, level)
+    pulses = find_pulses(replace(data, values=data.values / level, noise=data.noise / float(np.median(level))))
+    scale = level[np.round((pulses.middle - data.index(0)) / data.bucket).astype(np.int64)].astype(np.float64)
     return replace(pulses, height=pulses.height * scale, base=pulses.base * scale), data
 
 
-def _level(data: Decimated, rate_Hz: float) -> FloatArray:
+def _level(data: Decimated, rate_Hz: float) -> NDArray[np.float32]:
     """Median size of the values over pieces of LEVEL_S, straight lines between, shape (m,)."""
-    piece = (data.index / (LEVEL_S * rate_Hz)).astype(np.int64)
-    first = np.concatenate([[0], np.flatnonzero(np.diff(piece)) + 1])
-    medians = [float(np.median(np.abs(some))) for some in np.split(data.values, first[1:])]
-    return np.interp(data.index, (piece[first] + 0.5) * LEVEL_S * rate_Hz, medians)
+    size = max(int(LEVEL_S * rate_Hz / data.bucket), 1)
+    firsts = np.arange(0, data.values.size, size)
+    medians = [float(np.median(np.abs(data.values[first : first + size]))) for first in firsts]
+    return np.interp(np.arange(data.values.size), firsts + 0.5 * size, medians).astype(np.float32)
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Pulses:
-    """Middle and width of the pulses at half of their height, by linear interpolation between buckets."""
-    if not peak.size:
-        empty = np.zeros(0)
-        return Pulses(empty, empty, empty, empty)
-    values, index = data.values.astype(np.float64), data.index
+    """Middle and width of the pulses at half of their height, a stretch of the log at a time."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(left // PIECE_BUCKETS)) + 1, [peak.size]])
+    parts = [_half_level_piece(data, peak[a:b], left[a:b], right[a:b]) for a, b in pairwise(edges) if b > a]
+    return Pulses(*(np.concatenate([np.zeros(0), *column]) for column in zip(*parts, strict=True))) if parts else NO_PULSES
+
+
+def _half_level_piece(
+    data: Decimated, peak: IntArray, left: IntArray, right: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """(middle, width, height, base) of pulses next to one another, by linear interpolation between buckets."""
+    first = int(left[0])
+    values = data.values[first : int(right[-1]) + 1].astype(np.float64)
+    peak, left, right = peak - first, left - first, right - first
     # the higher of the two valleys: a downward jump of the instrument may stand for the other
     base = np.maximum(values[left], values[right])
     level = 0.5 * (values[peak] + base)
@@ -241,7 +181,7 @@ def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray
     def crossing(a: IntArray, b: IntArray) -> FloatArray:
         rise = values[b] - values[a]
         share = np.where(rise != 0, (level - values[a]) / np.where(rise != 0, rise, 1.0), 0.5)
-        return index[a] + np.clip(share, 0.0, 1.0) * (index[b] - index[a])
+        return data.index(first + a + np.clip(share, 0.0, 1.0) * (b - a))
 
     entry, leave = crossing(before, before + 1), crossing(after - 1, after)
-    return Pulses(0.5 * (entry + leave), np.maximum(leave - entry, 1.0), values[peak] - base, base)
+    return 0.5 * (entry + leave), np.maximum(leave - entry, 1.0), values[peak] - base, base

@@ -1,0 +1,105 @@
+"""A channel thinned for the search of passages: medians of short buckets.
+
+    channel --block by block, buckets at fixed samples--> Decimated (float32, 1 byte a sample of the log), noise and extremes beside
+
+The median of a bucket ignores a single wild sample; a bucket that is lost is bridged by a straight line, which has no extreme.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.dsp.noise import PIECE_SAMPLES, SampleNoise
+from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
+
+#: length of a bucket [s]: at 25 m/s a patch of 0.1 m takes 4 ms
+BUCKET_S = 1.6e-3
+
+
+@dataclass(frozen=True)
+class Decimated:
+    """`values` shape (m,): the medians of buckets of `bucket` samples, patch upward; none where the whole channel is lost.
+
+    `parts`: number of the bucket with which each gapless segment begins; `extremes`: least and largest sample of the channel, as
+    recorded; `noise`: sigma of one sample (NaN: not known).
+    """
+
+    values: NDArray[np.float32]
+    bucket: int
+    parts: IntArray
+    extremes: tuple[float, float]
+    noise: float
+
+    def index(self, bucket: IntArray | FloatArray) -> FloatArray:
+        """The middle of buckets [samples], by their numbers."""
+        return bucket * float(self.bucket) + 0.5 * (self.bucket - 1)
+
+
+def bucket_samples(rate_Hz: float) -> int:
+    """Samples a bucket: 1, 4, 8, 16 ..."""
+    samples = BUCKET_S * rate_Hz
+    return 1 << int(np.log2(samples)) if samples >= 4 else 1
+
+
+def _bucket_medians(values: FloatArray, bucket: int) -> FloatArray:
+    """Median of the four quarters' means in each bucket, shape (len // bucket,); NaN only where all of it is lost."""
+    rows = values.reshape(-1, bucket)
+    quarter = bucket // 4
+    if quarter > 1:
+        rows = rows.reshape(-1, 4, quarter).mean(axis=2)
+    a, b, c, d = (rows[:, k] for k in range(4))
+    median = 0.5 * (np.maximum(np.minimum(a, b), np.minimum(c, d)) + np.minimum(np.maximum(a, b), np.maximum(c, d)))
+    lost = np.flatnonzero(np.isnan(median))
+    if lost.size:
+        some = rows[lost]
+        whole = ~np.isnan(some).all(axis=1)
+        median[lost[whole]] = np.nanmedian(some[whole], axis=1)
+    return median
+
+
+def _of_three(values: FloatArray) -> FloatArray:
+    """Running median of three; the ends and the neighbours of lost samples stay as they are."""
+    result = values.copy()
+    if values.size < 3:
+        return result
+    a, b, c = values[:-2], values[1:-1], values[2:]
+    median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+    result[1:-1] = np.where(np.isnan(median), b, median)
+    return result
+
+
+def decimate(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) -> Decimated:
+    """The channel by buckets, times `sign`.  The buckets lie at fixed samples, whatever `block_samples`."""
+    bucket = bucket_samples(channel.axis.rate_Hz)
+    step = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES
+    margin = 2 if bucket == 1 else 0
+    noise = SampleNoise(channel.size, channel.resolution)
+    medians = np.empty(-(-channel.size // bucket), np.float32)
+    low, high = np.inf, -np.inf
+    for start in range(0, channel.size, step):
+        first = max(start - margin, 0)
+        values = np.asarray(channel.read(first, min(start + step + margin, channel.size)), dtype=np.float64)
+        low, high = float(np.fmin.reduce(values, initial=low)), float(np.fmax.reduce(values, initial=high))
+        noise.take(start, values[start - first : start - first + step])
+        if bucket == 1:
+            some = _of_three(values)[start - first : start - first + step]
+        else:
+            short = -values.size % bucket
+            some = _bucket_medians(np.pad(values, (0, short), constant_values=np.nan) if short else values, bucket)
+        medians[start // bucket : start // bucket + some.size] = sign * some
+    parts = np.ceil((channel.axis.first[1:] - 0.5 * (bucket - 1)) / bucket).astype(np.int64)
+    return Decimated(_bridged(medians), bucket, np.concatenate([[0], parts]), (low, high), noise.sigma())
+
+
+def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Lost buckets filled by straight lines, at the ends by the nearest; nothing at all where all are lost."""
+    lost = np.flatnonzero(~np.isfinite(medians))
+    if lost.size == medians.size:
+        return medians[:0]
+    if lost.size:
+        kept = np.flatnonzero(np.isfinite(medians))
+        medians[lost] = np.interp(lost, kept, medians[kept])
+    return medians
