@@ -1,0 +1,44 @@
+"""A page from a small log, and a browser to look at it with."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.conftest import SETUP, pulse_rows
+from tirelog.cli import run
+
+HOSTILE = "<img src=x onerror=alert(1)>"
+
+
+@pytest.fixture(scope="session")
+def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of a log whose tire has a hostile name."""
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(pulse_rows()) + "\n")
+    (folder / "log.toml").write_text(SETUP.replace('"test"', f"'{HOSTILE}'"))
+    for table in ("speed", "footprint", "dissipation"):
+        assert run([table, str(folder / "log.csv"), "-o", str(folder / f"{table}.csv"), "--quiet"]) == 0
+    assert run(["report", str(folder / "log.csv"), "-o", str(folder / "page.html"), "--quiet"]) == 0
+    return folder / "page.html"
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Headless Chromium; required where CI says so, else skipped with a reason."""
+    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    required = bool(os.environ.get("TIRELOG_REQUIRE_BROWSER"))
+    if path is None and not required:
+        pytest.skip("no Chromium on this machine")
+    sync_api = (
+        pytest.importorskip("playwright.sync_api") if not required else __import__("playwright.sync_api", fromlist=["sync_playwright"])
+    )
+    assert path is not None
+    flags = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync"]
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=flags)
+        yield browser
+        browser.close()

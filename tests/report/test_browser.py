@@ -1,0 +1,109 @@
+"""Property: in a real browser the page loads alone, draws its figures, fits a phone and a desk, and prints."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture
+def opened(browser: Any, page_file: Path) -> Any:
+    """(page, console errors, requests beyond the file itself)."""
+    context = browser.new_context(viewport={"width": 1440, "height": 900})
+    page = context.new_page()
+    problems: list[str] = []
+    requests: list[str] = []
+    page.on("console", lambda m: problems.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda e: problems.append(str(e)))
+    page.on("dialog", lambda d: problems.append(f"dialog {d.message}"))
+    page.on("request", lambda r: requests.append(r.url) if not r.url.startswith(("data:", "blob:")) else None)
+    page.goto(page_file.as_uri())
+    page.wait_for_selector("html[data-ready=true]", timeout=30_000)
+    yield page, problems, requests
+    context.close()
+
+
+def draw_all(page: Any) -> None:
+    for figure in page.query_selector_all(".plot"):
+        figure.scroll_into_view_if_needed()
+        page.wait_for_function("e => e.querySelector('.main-svg') !== null", arg=figure, timeout=30_000)
+
+
+def test_it_loads_without_an_error_or_a_request(opened: Any, page_file: Path) -> None:
+    page, problems, requests = opened
+    draw_all(page)
+    assert len(page.query_selector_all(".plot")) >= 8
+    assert problems == []
+    assert requests == [page_file.as_uri()]
+
+
+def test_a_hostile_name_is_only_text(opened: Any) -> None:
+    page, problems, _ = opened
+    assert "onerror" in page.inner_text("h1")
+    assert page.query_selector("h1 img") is None
+    assert problems == []
+
+
+@pytest.mark.parametrize("width", [375, 1440])
+def test_nothing_is_wider_than_the_window(opened: Any, width: int) -> None:
+    page, _, _ = opened
+    page.set_viewport_size({"width": width, "height": 900})
+    draw_all(page)
+    page.wait_for_timeout(300)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    for figure in page.query_selector_all(".plot .main-svg"):
+        box = figure.bounding_box()
+        assert box is None or box["width"] <= width
+
+
+def test_zoom_changes_the_axis(opened: Any) -> None:
+    page, _, _ = opened
+    figure = page.query_selector("#speed")
+    figure.scroll_into_view_if_needed()
+    page.wait_for_function("e => e.querySelector('.nsewdrag') !== null", arg=figure)
+    before = page.evaluate("e => e.layout.xaxis.range.slice()", figure)
+    box = figure.query_selector(".nsewdrag").bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.7 * box["height"], steps=5)
+    page.mouse.up()
+    page.wait_for_timeout(500)
+    after = page.evaluate("e => e.layout.xaxis.range.slice()", figure)
+    assert after[1] - after[0] < 0.5 * (before[1] - before[0])
+
+
+def test_print_hides_navigation_and_keeps_the_figures(opened: Any, tmp_path: Path) -> None:
+    page, problems, _ = opened
+    page.emulate_media(media="print")
+    assert page.evaluate("getComputedStyle(document.querySelector('nav')).display") == "none"
+    page.pdf(path=str(tmp_path / "page.pdf"))
+    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
+    assert problems == []
+
+
+def test_dark_mode_has_dark_paper_and_light_ink(browser: Any, page_file: Path) -> None:
+    context = browser.new_context(color_scheme="dark")
+    page = context.new_page()
+    page.goto(page_file.as_uri())
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    ink = page.evaluate("getComputedStyle(document.body).color")
+    context.close()
+    assert max(int(v) for v in paper[4:-1].split(",")) < 64
+    assert min(int(v) for v in ink[4:-1].split(",")) > 192
+
+
+def test_every_figure_has_a_text_alternative_and_every_axis_a_unit(opened: Any) -> None:
+    page, _, _ = opened
+    for figure in page.query_selector_all(".plot"):
+        described = page.query_selector(f"#{figure.get_attribute('aria-describedby')}")
+        assert len(described.inner_text()) > 20
+    figures = page.evaluate("JSON.parse(document.getElementById('data').textContent).figures")
+    for name, figure in figures.items():
+        for axis in ("xaxis", "yaxis"):
+            assert "[" in figure["layout"][axis]["title"]["text"], name
+
+
+def test_the_keyboard_reaches_the_results(opened: Any) -> None:
+    page, _, _ = opened
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
