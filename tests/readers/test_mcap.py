@@ -317,3 +317,9 @@ def test_varints_that_trade_bytes_do_not_share_a_layout(path, kinds):
     write_protobuf(path, [("/p", t, m) for t, m in zip(times(100), made, strict=True)])
     values, _, _ = read(path, {"steps": "/p:steps"})
     np.testing.assert_array_equal(values["steps"], [steps for steps, _ in pairs])
+
+
+def test_the_decimals_of_numbers_in_text_are_told(path):
+    rows = [("/t", t, {"nm": 1550 + i / 10_000, "steps": i % 48, "noise": 1 / (i + 3)}) for i, t in enumerate(times(50))]
+    reader = read(write_json(path, rows), {"nm": "/t:nm", "steps": "/t:steps", "noise": "/t:noise"})[2]
+    assert reader.groups[0].decimals == {"nm": 4, "steps": 0, "noise": None}

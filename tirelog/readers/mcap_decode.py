@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -87,6 +88,14 @@ class ChannelDecoder:
             return self.decode(data)
         except DECODE_ERRORS as problem:
             raise FieldError(f"does not decode ({type(problem).__name__})") from None
+
+    def some(self, table: Table) -> list[Any]:
+        """The decoded messages of a short table, without those that do not decode."""
+        decoded = []
+        for data in table.messages():
+            with suppress(FieldError):
+                decoded.append(self.message(data))
+        return decoded
 
     def read(self, table: Table, wants: list[Want]) -> list[list[Column]]:
         """The columns of the table's messages, piece by piece."""

@@ -110,7 +110,8 @@ class McapLog:
             except FieldError:
                 continue
             metadata = next((c.metadata for c in self.records.channels.values() if c.topic == topic.name), {})
-            topic.start(message, int(table.log_time_ns[row]), metadata, self._group_count())
+            decimal = decoder.some(table.take(slice(row, row + 100))) if decoder.encoding == "json" else []
+            topic.start(message, int(table.log_time_ns[row]), metadata, self._group_count(), decimal)
             self.report.losses += [f"channel {name}: {what}; mend source" for name, what in topic.failed.items()]
             return
 

@@ -9,8 +9,9 @@ batch it is the time of its first sample.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,8 @@ STAMPS = tuple(
 )
 #: header stamps that are further than this from the log time count from an origin of their own
 ONE_CLOCK_NS = 3_600_000_000_000
+#: more decimals than this are the digits of a binary number
+MOST_DECIMALS = 9
 WAVELENGTHS = ("fbg_strain", "fbg_temperature")
 
 
@@ -61,8 +64,11 @@ class Topic:
         """Groups for a topic whose first message is still to come: one a channel, which fits whatever comes."""
         self.groups = [self._group([name], used + k, None) for k, name in enumerate(self.wants)]
 
-    def start(self, message: Any, log_time_ns: int, metadata: Mapping[str, str], used: int) -> None:
-        """Learn from the first message; `used` groups have names already.  Channels that it does not hold go to `failed`."""
+    def start(self, message: Any, log_time_ns: int, metadata: Mapping[str, str], used: int, decimal: Sequence[Any] = ()) -> None:
+        """Learn from the first message; `used` groups have names already.  Channels that it does not hold go to `failed`.
+
+        `decimal` are some first messages of a text encoding, by which the decimals of its numbers are told.
+        """
         self.started = True
         kinds: dict[str, Any] = {}
         for name, want in list(self.wants.items()):
@@ -87,6 +93,9 @@ class Topic:
             self.groups = [self._group(names, used + k, rate) for k, names in enumerate(members.values())]
         for group in self.groups:
             group.batched = kinds.get(group.group.channels[0]) is not None
+            group.group.decimals.update(
+                {name: decimals_of(decimal, self.wants[name]) for name in group.group.channels if name in self.wants}
+            )
 
     def _group(self, names: list[str], number: int, rate: float | None, known: Group | None = None) -> OrderedGroup:
         group = known or Group(f"clock_{number + 1}", tuple(names), rate_Hz=rate, decimals=dict.fromkeys(names))
@@ -206,6 +215,19 @@ def _stamp_ns(numbers: list[FloatArray], factors: list[float]) -> IntArray:
         within_range = np.clip(whole, -9e9, 9e9) if factor == 1e9 else np.clip(whole, -9e18 / factor, 9e18 / factor)
         total += within_range.astype(np.int64) * round(factor) + np.rint((values - whole) * factor).astype(np.int64)
     return total
+
+
+def decimals_of(messages: Sequence[Any], want: Want) -> int | None:
+    """The decimals with which a number is written in `messages` of text, None where they are no decimals of an instrument."""
+    most = None
+    for message in messages:
+        try:
+            numbers = np.atleast_1d(extract(message, want.tokens))
+        except FieldError:
+            continue
+        for value in numbers[np.isfinite(numbers)].tolist():
+            most = max(most or 0, -int(Decimal(repr(value)).normalize().as_tuple().exponent))
+    return most if most is not None and most <= MOST_DECIMALS else None
 
 
 def names_of(message: Any) -> tuple[str, ...]:
