@@ -254,11 +254,12 @@ def test_a_topic_that_begins_late_is_not_lost(path, monkeypatch):
     np.testing.assert_array_equal(values["z"], np.arange(10))
 
 
-def test_messages_outside_of_chunks(path):
-    write_json(path, [("/t", t, {"x": i}) for i, t in enumerate(times())], use_chunking=False)
+@pytest.mark.parametrize("checked", [False, True])
+def test_messages_outside_of_chunks(path, checked):
+    write_json(path, [("/t", t, {"x": i}) for i, t in enumerate(times())], use_chunking=False, enable_data_crcs=checked)
     values, _, reader = read(path, {"x": "/t:x"})
     np.testing.assert_array_equal(values["x"], np.arange(N))
-    assert ["no checksum" in remark for remark in reader.report.remarks] == [True]
+    assert ["no checksum" in remark for remark in reader.report.remarks] == ([] if checked else [True])
 
 
 def test_lost_peaks_are_lost(path):

@@ -29,10 +29,11 @@ SPECIAL = frozenset("\\,:{}[]\"'\t\r\n ")
 MOST_CELLS = 4096
 
 
-class _Cell(float):
-    """A number of the template that knows which cell of its row it is."""
+@dataclass(frozen=True)
+class _Cell:
+    """A number of the template: which cell of its row it is."""
 
-    cell: int
+    number: int
 
 
 @dataclass(frozen=True)
@@ -47,43 +48,51 @@ class Shape:
 
 def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
     """The shape of `message`; None where it cannot be read as a row."""
-    names: dict[int, str] = {}
-    cells = 0
-
-    def walk(value: Any, depth: int) -> Any:
-        nonlocal cells
-        if depth > 32 or cells > MOST_CELLS:
-            raise ValueError
-        if isinstance(value, dict) and value:
-            made = {}
-            for name, below in value.items():
-                if SPECIAL & set(name) or not name.isascii():
-                    raise ValueError
-                names[cells] = name
-                cells += 1
-                made[name] = walk(below, depth + 1)
-            return made
-        if isinstance(value, list) and value:
-            return [walk(below, depth + 1) for below in value]
-        cells += 1
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            cell = _Cell(value)
-            cell.cell = cells - 1
-            return cell
-        if isinstance(value, str) and (SPECIAL & set(value) or not value.isascii()):
-            raise ValueError
-        return value
-
     try:
-        template = walk(json.loads(message, object_pairs_hook=_unlike), 0)
+        walk = _Walk()
+        template = walk.value(json.loads(message, object_pairs_hook=_unlike))
         wanted = [_cells(template, want) for want in wants]
     except (ValueError, RecursionError):
         return None
     row = _row(message).split(b",")
-    if len(row) != cells or any(row[at] != name.encode() for at, name in names.items()):
+    if len(row) != walk.cells or any(row[at] != name.encode() for at, name in walk.names.items()):
         return None
     numeric = set(NUMERIC.decode())
-    return Shape(_skeleton(message), cells, {at: name for at, name in names.items() if set(name) & numeric}, wanted)
+    return Shape(_skeleton(message), walk.cells, {at: name for at, name in walk.names.items() if set(name) & numeric}, wanted)
+
+
+class _Walk:
+    """Counts the cells of a message's row, and replaces its numbers by cells."""
+
+    def __init__(self) -> None:
+        self.cells = 0
+        self.names: dict[int, str] = {}
+
+    def value(self, value: Any) -> Any:
+        """`value` with its numbers replaced.  ValueError where it is too large, or has names or texts that a row would tear apart."""
+        if self.cells > MOST_CELLS:
+            raise ValueError
+        if isinstance(value, dict) and value:
+            return {name: self.named(name, below) for name, below in value.items()}
+        if isinstance(value, list) and value:
+            return [self.value(below) for below in value]
+        self.cells += 1
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return _Cell(self.cells - 1)
+        if isinstance(value, str):
+            _plain(value)
+        return value
+
+    def named(self, name: str, value: Any) -> Any:
+        self.names[self.cells] = _plain(name)
+        self.cells += 1
+        return self.value(value)
+
+
+def _plain(text: str) -> str:
+    if SPECIAL & set(text) or not text.isascii():
+        raise ValueError
+    return text
 
 
 def _unlike(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -110,7 +119,7 @@ def _cells(template: Any, want: Want) -> tuple[list[int], bool]:
 def _number(value: Any) -> int:
     if not isinstance(value, _Cell):
         raise FieldError("is no number")
-    return value.cell
+    return value.number
 
 
 def _skeleton(text: bytes) -> bytes:

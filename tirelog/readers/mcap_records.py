@@ -32,6 +32,8 @@ HEAD = struct.Struct("<BQ")
 CHUNK_HEAD = struct.Struct("<QQQII")
 RECORD_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError, EOFError, OverflowError, MemoryError)
 MOST_SAID = 5
+#: opcodes from here on are free for private use
+PRIVATE = 0x80
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Records:
         self.offset = 0
         self.crc, self.crc_runs = 0, True
         self.chunks_met, self.messages_lost = 0, 0
-        self.unchecked = False
+        self.unchecked = self.whole_checked = False
         self.ended = False
         magic = self._take(len(MAGIC))
         if magic != MAGIC:
@@ -86,51 +88,47 @@ class Records:
             self.report.losses.append(what)
 
     def chunks(self) -> Iterator[Chunk]:
-        """The chunks in the file's order."""
+        """The chunks in the file's order; messages outside of chunks in chunks of their own."""
         loose: list[bytes] = []
-        size, began = 0, self.offset
+        size, began = 0, 0
         while not self.ended:
             at, crc = self.offset, self.crc
-            head = self._take(HEAD.size)
-            if head == b"" or (head == MAGIC and at > len(MAGIC)):
-                self._cut_off(at)
-                break
-            opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
-            if opcode == Opcode.MESSAGE and 22 <= length <= LARGEST_CHUNK_BYTES:
-                body = self._take(length)
-                if len(body) == length:
-                    began = at if not loose else began
-                    loose += (head, body)
-                    size += length
-                    self.unchecked = True
-                    if size >= LOOSE_BYTES:
-                        yield Chunk(b"".join(loose), began)
-                        loose, size = [], 0
-                    continue
-                self._broken(head + body, at)
-                continue
-            if loose:
+            opcode, record = self._record(at)
+            if opcode == Opcode.MESSAGE:
+                began = began if loose else at
+                loose.append(record)
+                size += len(record)
+                self.unchecked = True
+            if loose and (opcode != Opcode.MESSAGE or size >= LOOSE_BYTES):
                 yield Chunk(b"".join(loose), began)
                 loose, size = [], 0
-            if opcode == Opcode.ATTACHMENT or opcode >= 0x80:
-                self._skip(length, at)
-                continue
-            body = self._take(length) if 0 < opcode <= Opcode.DATA_END and length <= LARGEST_CHUNK_BYTES else b""
-            if len(body) != length or opcode == 0:
-                self._broken(head + body, at)
-                continue
             if opcode == Opcode.CHUNK:
-                chunk = self._chunk(body, at)
+                chunk = self._chunk(record[HEAD.size :], at)
                 if chunk is not None:
                     yield chunk
-            else:
-                self._other(opcode, body, at, crc)
-        if loose:
-            yield Chunk(b"".join(loose), began)
-        if self.unchecked:
+            elif opcode not in (None, Opcode.MESSAGE):
+                self._other(opcode, record[HEAD.size :], at, crc)
+        if self.unchecked and not self.whole_checked:
             self.report.remarks.append("some messages carry no checksum: damage to them cannot be seen")
         if (said := self.report.counts.get("damaged_places", 0)) > MOST_SAID:
             self.report.losses.append(f"{said - MOST_SAID} more damaged places")
+
+    def _record(self, at: int) -> tuple[int | None, bytes]:
+        """(opcode, whole record) that begins at `at`; (None, b"") where it is passed over, broken, or the file ends."""
+        head = self._take(HEAD.size)
+        if not head:
+            self._cut_off(at)
+            return None, b""
+        opcode, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
+        if opcode == Opcode.ATTACHMENT or opcode >= PRIVATE:
+            self._skip(length, at)
+            return None, b""
+        possible = 0 < opcode <= Opcode.DATA_END and length <= LARGEST_CHUNK_BYTES
+        body = self._take(length) if possible else b""
+        if not possible or len(body) != length:
+            self._broken(head + body, at)
+            return None, b""
+        return opcode, head + body
 
     def _other(self, opcode: int, body: bytes, at: int, crc: int) -> None:
         """Any record but chunks, messages and attachments."""
@@ -141,6 +139,7 @@ class Records:
                 stated = DataEnd.read(_reader(body)).data_section_crc
                 if stated and self.crc_runs and stated != crc:
                     self.lose(f"the checksum of the whole data fails at byte {at}: something before it is damaged; copy the log again")
+                self.whole_checked = stated != 0 and self.crc_runs
                 self.crc = 0
             elif opcode == Opcode.STATISTICS:
                 counted = Statistics.read(_reader(body)).chunk_count
