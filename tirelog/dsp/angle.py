@@ -11,9 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from tirelog.recording import FloatArray, IntArray
 
+#: times worked on at once: small enough for the cache
+PIECE = 1 << 15
 #: passages on each side in the local least squares
 REACH = 3
 #: value and slope, at the middle, of the least-squares cubic through seven even points
@@ -34,17 +37,38 @@ class AngleFunction:
 
     def position(self, time_s: FloatArray) -> tuple[IntArray, FloatArray]:
         """(knot before, share of the way to the next one) of ascending times; shares leave [0, 1] outside of the knots."""
-        at = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 2)
+        at = self._knot(time_s)
         return at, (time_s - self.time_s[at]) / (self.time_s[at + 1] - self.time_s[at])
+
+    def _knot(self, time_s: FloatArray) -> IntArray:
+        """The knot before each of the times."""
+        if time_s.size > 1000:
+            low, high = np.searchsorted(self.time_s, time_s[[0, -1]], side="right")
+            if time_s.size > 2 * (high - low):  # denser than the knots: place the knots among the times
+                starts = np.searchsorted(time_s, self.time_s[low:high], side="left")
+                runs = np.diff(np.concatenate([[0], starts, [time_s.size]]))
+                return np.clip(np.repeat(np.arange(low - 1, high), runs), 0, self.time_s.size - 2)
+        return np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 2)
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at the times, NaN outside of the knots, shape as given."""
-        k, u = self.position(time_s)
-        h = self.time_s[k + 1] - self.time_s[k]
-        rise = self.angle_rad[k + 1] - self.angle_rad[k]
-        a, b = self.rate_rad_s[k] * h - rise, rise - self.rate_rad_s[k + 1] * h
-        angle = self.angle_rad[k] + u * rise + u * (1 - u) * ((1 - u) * a + u * b)
-        return np.where((u >= 0) & (u <= 1), angle, np.nan)
+        if time_s.size == 0:
+            return np.zeros(0)
+        if time_s.size > PIECE:
+            return np.concatenate([self.at(time_s[start : start + PIECE]) for start in range(0, time_s.size, PIECE)])
+        knot = self._knot(time_s)
+        low, high = int(knot.min()), int(knot.max()) + 1
+        h, rise = np.diff(self.time_s[low : high + 1]), np.diff(self.angle_rad[low : high + 1])
+        first, last = self.rate_rad_s[low:high], self.rate_rad_s[low + 1 : high + 1]
+        safe = np.where(h > 0, h, 1.0)
+        quadratic, cubic = (3 * rise / safe - 2 * first - last) / safe, (first + last - 2 * rise / safe) / safe**2
+        k = knot - low
+        s = time_s - self.time_s[low:high][k]
+        angle = self.angle_rad[low:high][k] + s * (first[k] + s * (quadratic[k] + s * cubic[k]))
+        outside = (time_s < self.time_s[0]) | (time_s > self.time_s[-1])
+        if outside.any():
+            angle[outside] = np.nan
+        return angle
 
     def time_at(self, angle_rad: FloatArray) -> FloatArray:
         """Time [s] at which a forward-rolling wheel has ascending angles; NaN outside of the knots."""
@@ -84,26 +108,20 @@ def smooth_angle(
     rise = np.gradient(nominal)
     pace = np.where(rise == 0, 0.0, np.gradient(time_s) / np.where(rise == 0, 1.0, rise))
     time = np.maximum.accumulate(time_s - pitch_rad * pace)
-    n, width = time.size, 2 * REACH + 1
-    inner = np.arange(REACH, n - REACH)
-    longest, shortest = np.zeros(inner.size), np.full(inner.size, np.inf)
-    regular = stretch[width - 1 :] == stretch[: n - width + 1]
-    regular &= np.abs(count[width - 1 :] - count[: n - width + 1]) == width - 1
-    value, slope = np.zeros(inner.size), np.zeros(inner.size)
-    for k in range(width):
-        part = time[k : n - width + 1 + k] - time[inner]
-        value += CUBIC_VALUE[k] * part
-        slope += CUBIC_SLOPE[k] * part
-        if k:
-            step = time[k : n - width + 1 + k] - time[k - 1 : n - width + k]
-            longest, shortest = np.maximum(longest, step), np.minimum(shortest, step)
+    width, steps = 2 * REACH + 1, np.diff(time)
+    inner = slice(REACH, time.size - REACH)
+    value = np.convolve(time - time[0], CUBIC_VALUE, "valid") + time[0]
+    slope = np.convolve(time - time[0], -CUBIC_SLOPE, "valid")
+    span = slice(REACH, REACH + value.size)
+    longest, shortest = maximum_filter1d(steps, width - 1)[span], minimum_filter1d(steps, width - 1)[span]
+    regular = (stretch[width - 1 :] == stretch[: 1 - width]) & (np.abs(count[width - 1 :] - count[: 1 - width]) == width - 1)
     regular &= (longest < 2.0 * shortest) & (slope > 0)
-    smoothed, rate = time.copy(), np.where(pace == 0, 0.0, 1.0 / np.where(pace == 0, 1.0, pace))
-    at = inner[regular]
-    smoothed[at] += value[regular]
-    rate[at] = step_rad * np.sign(count[at + 1] - count[at]) / slope[regular]
+    rate = np.where(pace == 0, 0.0, 1.0 / np.where(pace == 0, 1.0, pace))
+    left = (time[inner] - value)[regular]
+    smoothed = time.copy()
+    smoothed[inner][regular] = value[regular]
+    rate[inner][regular] = (step_rad * np.sign(count[REACH + 1 : time.size - REACH + 1] - count[inner]))[regular] / slope[regular]
     kept = float(np.sum(CUBIC_VALUE**2))
-    if at.size > 100:  # what the cubics leave is the rest of the passages' noise
-        left = value[regular] * rate[at]
-        noise_rad = float(np.median(np.abs(left))) / 0.6745 / np.sqrt(1 - kept)
+    if left.size > 100:  # what the cubics leave is the rest of the passages' noise
+        noise_rad = float(np.median(np.abs(left * rate[inner][regular]))) / 0.6745 / float(np.sqrt(1 - kept))
     return AngleFunction(np.maximum.accumulate(smoothed), nominal, rate, stretch, noise_rad * float(np.sqrt(kept)))

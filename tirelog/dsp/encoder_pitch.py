@@ -19,8 +19,8 @@ from tirelog.recording import FloatArray, IntArray
 
 #: turns that a table needs; fewer leave it zero
 LEAST_TURNS = 4
-#: a stretch of this many turns at most goes into the deviations at once (bounded memory)
-TURNS_AT_ONCE = 2000
+#: so many turns at once, and of a long log only so many altogether, evenly spread: by then the table's error is a thousandth of a degree
+TURNS_AT_ONCE, MOST_TURNS = 100, 800
 #: tables that explain more of their deviations than this can be laid on one another
 CLEAR = 0.5
 
@@ -102,8 +102,9 @@ def learn(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> PitchTabl
     """The table from (times, counts) of all stretches."""
     size = 2 * steps
     total, squares, number = np.zeros(size), 0.0, np.zeros(size)
+    every = max(sum(count.size for _, count in stretches) // (MOST_TURNS * size), 1)
     for time_s, count in stretches:
-        for start in range(0, count.size, TURNS_AT_ONCE * size):
+        for start in range(0, count.size, every * TURNS_AT_ONCE * size):
             piece = slice(max(start - 2 * size, 0), start + (TURNS_AT_ONCE + 2) * size)
             at, deviation = deviations(time_s[piece], count[piece], steps)
             near = np.abs(deviation) < np.pi / steps

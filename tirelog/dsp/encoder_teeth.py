@@ -105,6 +105,9 @@ def _regular(index: FloatArray, rising: np.ndarray, slowest: float) -> tuple[Flo
     halves = np.ones(steps.size, np.int64)
     if steps.size < 4 * NEIGHBOURS:
         return index, rising, halves, 0, 0
+    around = steps[:-10] + steps[10:]
+    if np.all((2 * steps[5:-5] < LONG * around) & (2 * steps[5:-5] > SHORT * around)):
+        return index, rising, halves, 0, 0
     ratio = steps / median_filter(steps, 9, mode="nearest")
     odd = ratio < SHORT
     odd[1:] |= ratio[:-1] < SHORT  # the tooth beside a glitch lost what the glitch took
