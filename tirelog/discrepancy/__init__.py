@@ -22,3 +22,11 @@ A stack with one angle (m = 1) is a number per revolution (patch_length, ...): t
 Two scales, never mixed.  *Significance* is judged in whitened units, with the manoeuvre as the unit of replication.  *Size* is judged in the
 observable's unit: rmse and floor are those of one revolution's value at one angle, so a floor of 1e-6 means what it says on the plot.
 """
+
+from tirelog.discrepancy.comparison import compare
+from tirelog.discrepancy.diagnosis import Diagnosis, diagnose
+from tirelog.discrepancy.ladder import ladder
+from tirelog.discrepancy.results import Comparison, Ladder
+from tirelog.discrepancy.stack import stacks_from_logs
+
+__all__ = ["Comparison", "Diagnosis", "Ladder", "compare", "diagnose", "ladder", "stacks_from_logs"]

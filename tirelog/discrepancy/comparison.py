@@ -1,6 +1,6 @@
 """`compare`: a fitted model against logs, error by error, and where and when it fails.
 
-    Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps -> Comparison
+Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps -> Comparison
 """
 
 from __future__ import annotations
@@ -134,9 +134,7 @@ def _waveforms(base: Base) -> Waveforms:
     between = (base.floor.load_sd * columns[..., 0]) ** 2 + (base.floor.baseline_sd * columns[..., 1]) ** 2
     labels = tuple(f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {c.logs[c.log[i]]}" for i in chosen)
     offset = base.offset_of_cell[:, None]
-    return Waveforms(
-        c.phi[chosen], c.values[chosen], (base.fit.prediction + offset)[chosen], np.sqrt(c.within + between)[chosen], labels
-    )
+    return Waveforms(c.phi[chosen], c.values[chosen], (base.fit.prediction + offset)[chosen], np.sqrt(c.within + between)[chosen], labels)
 
 
 def _map(base: Base, axis: FloatArray, name: str) -> Map:
@@ -224,7 +222,15 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
         within = (share * np.where(share > 0, base.cells.within, 0.0))[:, zone].sum() / total
         floor = float(np.sqrt(within + base.floor.between_by_angle[zone].mean()))
         rmse = float(np.sqrt(max(within + left, 0.0)))
-        rows.append({"angle": name, "rmse": rmse, "noise_floor": floor, "excess": excess_of(rmse, floor), "revolutions": int(base.cells.revolutions.sum())})
+        rows.append(
+            {
+                "angle": name,
+                "rmse": rmse,
+                "noise_floor": floor,
+                "excess": excess_of(rmse, floor),
+                "revolutions": int(base.cells.revolutions.sum()),
+            }
+        )
     return rows
 
 
@@ -248,6 +254,3 @@ def _by_revolution(base: Base, stack: Stack) -> list[dict[str, Any]]:
         }
         for i in range(len(stack))
     ]  # fmt: skip
-
-
-

@@ -1,12 +1,12 @@
 """`diagnose`: which effect is missing, in one value with a verdict.
 
-    Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what is left -> verdict
-        nothing_missing  no candidate alarms and no generic shape is left
-        missing          the selected effects remove at least 90 % of the excess, and nothing else of size is left
-        partial          they remove 50 to 90 %, or something repeatable is left
-        ambiguous        they would be 'missing', and another effect does the same to these data
-        unknown          there is repeatable structure that no effect explains (under 50 %)
-        too_few          fewer manoeuvres than a test needs: a ranking, no alarm
+Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what is left -> verdict
+    nothing_missing  no candidate alarms and no generic shape is left
+    missing          the selected effects remove at least 90 % of the excess, and nothing else of size is left
+    partial          they remove 50 to 90 %, or something repeatable is left
+    ambiguous        they would be 'missing', and another effect does the same to these data
+    unknown          there is repeatable structure that no effect explains (under 50 %)
+    too_few          fewer manoeuvres than a test needs: a ranking, no alarm
 """
 
 from __future__ import annotations
@@ -103,9 +103,7 @@ class Diagnosis:
         return plain({name: getattr(self, name) for name in names} | {"effects": rows, "note": " ".join(self.notes)})
 
 
-def diagnose(
-    stacks: Sequence[Stack], model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None
-) -> Diagnosis:
+def diagnose(stacks: Sequence[Stack], model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Diagnosis:
     """Which effect is missing.  `effects`: the user's own candidates beside the catalogue; `progress` hears what is being done."""
     extra = tuple(effects)
     progress("fitting the model")

@@ -143,7 +143,17 @@ class Ladder:
 
     def to_json(self) -> dict[str, Any]:
         steps = [{name: getattr(s, name) for name in LadderStep.__dataclass_fields__} for s in self.steps]
-        names = ("observable", "unit", "verdict", "rmse_untouched", "floor_untouched", "strengths_by_log", "revolutions", "manoeuvres", "logs")
+        names = (
+            "observable",
+            "unit",
+            "verdict",
+            "rmse_untouched",
+            "floor_untouched",
+            "strengths_by_log",
+            "revolutions",
+            "manoeuvres",
+            "logs",
+        )
         return plain({name: getattr(self, name) for name in names} | {"steps": steps})
 
 

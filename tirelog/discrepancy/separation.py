@@ -130,7 +130,9 @@ def advise(base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3) -> tu
         found = separations(base, model, rival) if base.cells.phi.shape[1] > 1 else []
         useful = [row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0]
         if not useful:
-            notes.append(f"no manoeuvre on the list tells {name} from {other}: they stay alike in shape (cosine above {LIKE:g}) on each of them.")
+            notes.append(
+                f"no manoeuvre on the list tells {name} from {other}: they stay alike in shape (cosine above {LIKE:g}) on each of them."
+            )
         for row in useful[:most]:
             repeats = max(1, int(np.ceil((WANTED_SIGMA / row["separation_sigma"]) ** 2)))
             rows.append(

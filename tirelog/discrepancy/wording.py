@@ -35,7 +35,9 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
                 f"different form of {names} would leave."
             )
         where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
-        return f"{names} explains {100 * share:.0f} % of the excess; the other {100 * (1 - share):.0f} % repeats{where} and has no name yet."
+        return (
+            f"{names} explains {100 * share:.0f} % of the excess; the other {100 * (1 - share):.0f} % repeats{where} and has no name yet."
+        )
     return f"{names} {'is' if len(selected) == 1 else 'are'} missing: {'it removes' if len(selected) == 1 else 'they remove'} {100 * share:.0f} % of the excess."
 
 

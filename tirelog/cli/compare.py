@@ -1,0 +1,110 @@
+"""`tirelog compare LOG... --model M`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile
+
+if TYPE_CHECKING:
+    from tirelog.discrepancy import Comparison
+    from tirelog.physics.model import Model
+    from tirelog.recording import Stack
+
+Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)]
+ChannelName = Annotated[
+    str | None, typer.Option("--channel", help="Channel to compare; the first that fits by default.", show_default=False)
+]
+By = Annotated[str | None, typer.Option("--by", help="A table by revolution, angle, speed, regime or conditions.", show_default=False)]
+
+
+def stacks_and_model(
+    session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
+) -> tuple[list[Stack], Model]:
+    """What compare, diagnose and ladder start from; a log that cannot be read is said and left out."""
+    from tirelog.discrepancy import stacks_from_logs
+    from tirelog.physics.model import Model
+    from tirelog.physics.user_effects import catalogue_with
+
+    read = Model.load(model, catalogue=catalogue_with(effects))
+    return stacks_from_logs(session.recordings(logs), read.observable, channel), read
+
+
+def own_effects(effects: Path | None) -> list[Any]:
+    """Candidates beside the catalogue: installed packages' and those of --effects."""
+    from tirelog.physics.effects import BY_ID
+    from tirelog.physics.user_effects import catalogue_with
+
+    return [effect for name, effect in catalogue_with(effects).items() if name not in BY_ID]
+
+
+def write_json(value: dict[str, Any], output: Path | None) -> None:
+    """A JSON document on standard output or as a whole file."""
+    from tirelog.files import whole_file
+
+    text = json.dumps(value, indent=1) + "\n"
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    with whole_file(output) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
+    """Rows as columns; what a row lacks is NaN or empty text."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    texts = {name for name in names if any(isinstance(row.get(name), str) for row in rows)}
+    empty = {name: "" if name in texts else float("nan") for name in names}
+    return {name: [empty[name] if row.get(name) is None else row[name] for row in rows] for name in names}
+
+
+def compare(
+    logs: Logs,
+    model: ModelFile,
+    setup: SetupFile = None,
+    output: Output = None,
+    format: Format = None,
+    quiet: Quiet = False,
+    by: By = None,
+    channel: ChannelName = None,
+    effects: Effects = None,
+    plot: Plot = None,
+) -> None:
+    """Fit a model on part of the manoeuvres and show its error on the rest, beside the noise floor."""
+    from tirelog.errors import UsageError, nearest
+
+    tables = ("revolution", "angle", "speed", "regime", "conditions")
+    if by is not None and by not in tables:
+        raise UsageError(f"--by {by}{nearest(by, tables)}; allowed are {', '.join(tables)}; choose one")
+    with Session(setup, quiet) as session:
+        stacks, read = stacks_and_model(session, logs, model, effects, channel)
+        from tirelog.discrepancy import compare as compare_stacks
+
+        result = compare_stacks(stacks, read)
+        for remark in result.remarks:
+            session.note(remark)
+        if plot is not None:
+            from tirelog.plots.compare import draw
+
+            draw(result, plot)
+        if by is not None:
+            with session.table("compare", output, format) as table:
+                table.write(columns_of(result.tables[by]))
+        elif format == "json" or (output is not None and output.suffix == ".json"):
+            write_json(result.to_json(), output)
+        elif format is not None or output is not None:
+            with session.table("compare", output, format) as table:
+                table.write({name: [value] for name, value in _flat(result).items()})
+        else:
+            from tirelog.cli.discrepancy_page import comparison_page
+
+            comparison_page(result)
+
+
+def _flat(result: Comparison) -> dict[str, Any]:
+    """The numbers of the JSON as one row."""
+    return {name: value for name, value in result.to_json().items() if not isinstance(value, dict | list)}

@@ -1,0 +1,57 @@
+"""`tirelog diagnose LOG... --model M`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+
+from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, say
+from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
+
+if TYPE_CHECKING:
+    from tirelog.discrepancy import Diagnosis
+
+
+def diagnose(
+    logs: Logs,
+    model: ModelFile,
+    setup: SetupFile = None,
+    output: Output = None,
+    format: Format = None,
+    quiet: Quiet = False,
+    channel: ChannelName = None,
+    effects: Effects = None,
+    plot: Plot = None,
+) -> None:
+    """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
+    with Session(setup, quiet) as session:
+        stacks, read = stacks_and_model(session, logs, model, effects, channel)
+        from tirelog.discrepancy import diagnose as diagnose_stacks
+
+        result = diagnose_stacks(stacks, read, effects=own_effects(effects), progress=(lambda text: None) if quiet else say)
+        for remark in result.before.remarks:
+            session.note(remark)
+        if plot is not None:
+            from tirelog.plots.compare import draw
+
+            draw(result.after, plot)
+        if format == "json" or (output is not None and output.suffix == ".json"):
+            write_json(result.to_json(), output)
+        elif format is not None or output is not None:
+            with session.table("diagnose", output, format) as table:
+                table.write(columns_of(_rows(result)))
+        else:
+            from tirelog.cli.discrepancy_page import diagnosis_page
+
+            diagnosis_page(result)
+
+
+def _rows(result: Diagnosis) -> list[dict[str, Any]]:
+    """The ranking as a table."""
+    return [
+        {
+            "effect": c.effect, "rank": c.rank, "excess_removed": c.excess_removed, "p_adjusted": c.p_adjusted, "selected": c.selected,
+            "group": ";".join(c.group),
+        }
+        for c in result.effects
+    ]  # fmt: skip

@@ -1,0 +1,89 @@
+"""The pages that `compare` and `diagnose` print: numbers in the observable's unit, strain in microstrain."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tirelog.discrepancy import Comparison, Diagnosis
+
+_WIDTH = 110
+_SHOWN = {"strain": (1e6, "microstrain"), "patch_length": (1e3, "mm"), "phase_shift": (57.29577951308232, "deg"), "patch_width": (57.29577951308232, "deg")}  # fmt: skip
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else _WIDTH)
+
+
+def shown(observable: str, unit: str) -> tuple[float, str]:
+    """Factor and unit in which a person reads the observable."""
+    return _SHOWN.get(observable, (1.0, unit))
+
+
+def _table(columns: list[str], rows: list[list[Any]]) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    for i, name in enumerate(columns):
+        table.add_column(name, justify="left" if i == 0 else "right")
+    for row in rows:
+        table.add_row(*(f"{v:.4g}" if isinstance(v, float) else "" if v is None else str(v) for v in row))
+    return table
+
+
+def comparison_page(result: Comparison) -> None:
+    """Errors, where they are, parameters."""
+    out = _console()
+    factor, unit = shown(result.observable, result.unit)
+    out.print(f"{result.observable} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} manoeuvres")
+    rows = [
+        ["all, fitted", result.rmse * factor, result.noise_floor * factor, result.excess * factor],
+        ["all, held out", result.rmse_heldout * factor, result.noise_floor * factor, result.excess_heldout * factor],
+    ]
+    for name in ("angle", "speed", "regime", "conditions"):
+        for row in result.tables[name]:
+            label = row["log"] if name == "conditions" else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
+            rows.append([f"  {label}", row["rmse"] * factor, row["noise_floor"] * factor, row["excess"] * factor])
+    out.print(_table(["", "rmse", "floor", "excess"], rows))
+    out.print(f"reduced chi-square {result.reduced_chi2:.3g}, fit {result.fit_percent:.2f} %")
+    out.print(
+        f"floor: {result.noise_floor_within * factor:.3g} within manoeuvres, {result.noise_floor_between * factor:.3g} between them; "
+        "errors are those of one revolution at one angle"
+    )
+    parameters = [[n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]]
+    out.print(_table(["parameter", "value", "error", "unit"], parameters))
+
+
+def diagnosis_page(result: Diagnosis) -> None:
+    """Verdict, ranking, sets, what is left, what to drive, what to type."""
+    out = _console()
+    factor, unit = shown(result.before.observable, result.before.unit)
+    out.print(f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}")
+    out.print(
+        f"held-out error {result.rmse_heldout_before * factor:.3g} -> {result.rmse_heldout_after * factor:.3g} {unit}, "
+        f"noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres"
+    )
+    rows = []
+    for c in result.effects:
+        strength = ", ".join(
+            f"{n} {s['value']:.4g}" + (f" +- {s['se']:.2g}" if s["se"] is not None else "") + (f" {s['unit']}" if s["unit"] != "1" else "")
+            for n, s in list(c.strengths.items())[:2]
+        )
+        rows.append([("* " if c.selected else "  ") + c.effect, f"{100 * c.excess_removed:.1f} %", f"{c.p_adjusted:.2g}", strength])
+    out.print(_table(["  effect", "excess removed", "p", "strength"], rows))
+    for group in result.ambiguous_groups:
+        out.print(f"cannot be told apart here: {', '.join(group)}")
+    for row in result.separating_manoeuvres:
+        times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
+        out.print(f"to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} ({row['separation_sigma']:.1f} sigma a run)")
+    for note in result.notes:
+        out.print(note)
+    out.print(result.unexplained["sentence"])
+    for effect, reason in result.not_tested.items():
+        out.print(f"not tested: {effect}: {reason}")
+    out.print(f"next: {result.next_command}")

@@ -1,0 +1,82 @@
+"""`tirelog ladder LOG... --model M`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, say
+from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
+
+if TYPE_CHECKING:
+    from tirelog.discrepancy import Ladder
+
+_BAR = 40
+
+
+def ladder(
+    logs: Logs,
+    model: ModelFile,
+    setup: SetupFile = None,
+    output: Output = None,
+    format: Format = None,
+    quiet: Quiet = False,
+    channel: ChannelName = None,
+    effects: Effects = None,
+    plot: Plot = None,
+    save: Annotated[Path | None, typer.Option("--save", help="Write the model at the top of the ladder.", show_default=False)] = None,
+    by_log: Annotated[bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")] = False,
+) -> None:
+    """Add effects one by one until nothing more is worth adding; one row a step."""
+    with Session(setup, quiet) as session:
+        stacks, read = stacks_and_model(session, logs, model, effects, channel)
+        from tirelog.discrepancy import ladder as climb
+
+        result = climb(stacks, read, effects=own_effects(effects), progress=(lambda text: None) if quiet else say)
+        if not quiet:
+            _bars(result)
+        _remember(result, model)
+        if plot is not None:
+            from tirelog.plots.ladder import draw
+
+            draw(result, plot)
+        if save is not None:
+            result.model.save(save)
+        if format == "json" or (output is not None and output.suffix == ".json"):
+            write_json(result.to_json(), output)
+            return
+        rows = [dict(row) for row in result.strengths_by_log] if by_log else result.rows()
+        with session.table("ladder", output, format) as table:
+            table.write(columns_of(rows))
+
+
+def _bars(result: Ladder) -> None:
+    """The held-out error as bars that shrink, the floor marked, on standard error."""
+    largest = max(step.rmse_heldout for step in result.steps)
+    for step in result.steps:
+        length = max(1, round(_BAR * step.rmse_heldout / largest))
+        floor = min(_BAR - 1, round(_BAR * step.noise_floor / largest))
+        bar = "".join("|" if i == floor else "#" if i < length else " " for i in range(_BAR))
+        sys.stderr.write(f"{step.step:2d} {step.effect:18s} {bar} {step.rmse_heldout:.3g} {result.unit if result.unit != '1' else ''}\n")
+        sys.stderr.write(f"   {step.sentence}\n")
+    if result.rmse_untouched is not None:
+        sys.stderr.write(f"   on manoeuvres that nothing had touched: {result.rmse_untouched:.3g}, floor {result.floor_untouched:.3g}\n")
+
+
+def _remember(result: Ladder, model: Path) -> None:
+    """The ladder, appended to the history beside the model file (MODEL.ladder.json)."""
+    from tirelog.files import whole_file
+
+    history = model.with_suffix(".ladder.json")
+    try:
+        past = json.loads(history.read_text(encoding="utf-8"))["ladders"]
+    except (OSError, ValueError, KeyError, TypeError):
+        past = []
+    entry = {"climbed": datetime.now(UTC).isoformat(timespec="seconds")} | result.to_json()
+    with whole_file(history) as part:
+        part.write_text(json.dumps({"ladders": [*past, entry]}, indent=1) + "\n", encoding="utf-8")

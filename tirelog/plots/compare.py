@@ -1,0 +1,82 @@
+"""The picture of `compare`: waveforms with the floor's band, and the residual over angle x speed and angle x time, whitened too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from tirelog.discrepancy.results import Comparison, Map
+
+_SHOWN = {"strain": (1e6, "microstrain")}
+#: the map's colours end at this quantile of the residual, and whitened ones at so many standard errors
+_QUANTILE = 99.5
+_SIGMAS = 5.0
+
+
+def figure(result: Comparison) -> Any:
+    """A matplotlib figure of a comparison."""
+    from matplotlib.figure import Figure
+
+    factor, unit = _SHOWN.get(result.observable, (1.0, result.unit))
+    canvas = Figure(figsize=(12.0, 9.5), layout="constrained")
+    grid = canvas.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 1.0))
+    _waveforms(canvas.add_subplot(grid[0, :]), result, factor, unit)
+    for row, (kind, label) in enumerate((("residual", f"residual [{unit}]"), ("whitened", "residual [standard errors]")), start=1):
+        for column, (map_, name) in enumerate(((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]"))):
+            axes = canvas.add_subplot(grid[row, column])
+            _map(canvas, axes, map_, kind, factor if kind == "residual" else 1.0, label, name, result.half_angle_rad)
+    canvas.suptitle(
+        f"held-out error {result.rmse_heldout * factor:.3g} {unit}, noise floor {result.noise_floor * factor:.3g}, "
+        f"excess {result.excess_heldout * factor:.3g}; reduced chi-square {result.reduced_chi2:.3g}"
+    )
+    return canvas
+
+
+def draw(result: Comparison, path: Path) -> None:
+    """Write the figure; the suffix decides the format."""
+    from tirelog.files import whole_file
+
+    with whole_file(path) as part:
+        figure(result).savefig(part, format=path.suffix.lstrip(".") or "png", dpi=110)
+
+
+def _waveforms(axes: Any, result: Comparison, factor: float, unit: str) -> None:
+    waves = result.waveforms
+    for i, label in enumerate(waves.labels):
+        phi = np.rad2deg(waves.phi_rad[i])
+        band = waves.floor[i] * factor
+        (line,) = axes.plot(phi, waves.predicted[i] * factor, lw=1.2, label=f"model, {label}")
+        axes.fill_between(
+            phi, waves.predicted[i] * factor - 2 * band, waves.predicted[i] * factor + 2 * band, color=line.get_color(), alpha=0.2, lw=0
+        )
+        axes.plot(phi, waves.measured[i] * factor, ".", ms=2.5, color=line.get_color())
+    _edges(axes, result.half_angle_rad)
+    axes.set(xlabel="angle from the patch centre [deg], entry to exit", ylabel=f"{result.observable} [{unit}]")
+    if result.half_angle_rad > 0:
+        reach = np.rad2deg(6.0 * result.half_angle_rad)
+        axes.set_xlim(-reach, reach)
+    axes.set_title("dots measured (means of like revolutions), lines predicted, band two noise floors", fontsize=9)
+    axes.legend(fontsize=7)
+
+
+def _map(canvas: Any, axes: Any, map_: Map, kind: str, factor: float, label: str, name: str, edge: float) -> None:
+    values = getattr(map_, kind) * factor
+    known = np.abs(values[np.isfinite(values)])
+    limit = _SIGMAS if kind == "whitened" else (float(np.percentile(known, _QUANTILE)) if known.size else 1.0)
+    shading = "nearest" if map_.axis.size > 1 and map_.phi_rad.size > 1 else "flat"
+    if shading == "flat":
+        axes.plot(np.rad2deg(map_.phi_rad) if map_.phi_rad.size > 1 else map_.axis, np.ravel(values), ".")
+        axes.set(xlabel=name if map_.phi_rad.size == 1 else "angle [deg]", ylabel=label)
+        return
+    mesh = axes.pcolormesh(np.rad2deg(map_.phi_rad), map_.axis, values, cmap="RdBu_r", vmin=-limit, vmax=limit, shading=shading)
+    canvas.colorbar(mesh, ax=axes, label=label)
+    _edges(axes, edge)
+    axes.set(xlabel="angle [deg]", ylabel=name)
+
+
+def _edges(axes: Any, edge: float) -> None:
+    for side in (-edge, edge):
+        axes.axvline(np.rad2deg(side), color="0.5", lw=0.7, ls="--")

@@ -1,0 +1,43 @@
+"""The picture of `ladder`: the error falling to the floor, step by step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tirelog.discrepancy.results import Ladder
+
+_SHOWN = {"strain": (1e6, "microstrain")}
+
+
+def figure(result: Ladder) -> Any:
+    """A matplotlib figure of a ladder."""
+    from matplotlib.figure import Figure
+
+    factor, unit = _SHOWN.get(result.observable, (1.0, result.unit))
+    canvas = Figure(figsize=(8.0, 4.5), layout="constrained")
+    axes = canvas.add_subplot()
+    steps = [s for s in result.steps if not s.decision.startswith("not added")]
+    place = list(range(len(steps)))
+    axes.bar(place, [s.rmse_heldout * factor for s in steps], width=0.6, color="tab:blue", label="held-out error")
+    axes.plot(place, [s.rmse_fit * factor for s in steps], "k_", ms=22, label="error of the fit")
+    axes.step(place, [s.noise_floor * factor for s in steps], where="mid", color="tab:red", label="noise floor")
+    for x, s in zip(place, steps, strict=True):
+        text = s.decision if s.p_adjusted is None else f"{s.decision}\np = {s.p_adjusted:.2g}"
+        axes.annotate(text, (x, s.rmse_heldout * factor), ha="center", va="bottom", fontsize=8)
+    if result.rmse_untouched is not None:
+        axes.plot([place[-1]], [result.rmse_untouched * factor], "D", color="tab:green", label="manoeuvres that nothing had touched")
+    axes.set_xticks(place, [s.effect for s in steps])
+    axes.set(ylabel=f"{result.observable} error [{unit}]")
+    axes.margins(y=0.2)
+    axes.legend(fontsize=8)
+    return canvas
+
+
+def draw(result: Ladder, path: Path) -> None:
+    """Write the figure; the suffix decides the format."""
+    from tirelog.files import whole_file
+
+    with whole_file(path) as part:
+        figure(result).savefig(part, format=path.suffix.lstrip(".") or "png", dpi=110)
