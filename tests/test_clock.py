@@ -159,6 +159,13 @@ def test_samples_without_a_clock_keep_their_stamps() -> None:
     assert "no clock of their own" in made.remarks[0]
 
 
+def test_stamps_that_stray_by_a_quarter_period_are_a_clock_only_where_a_rate_is_declared() -> None:
+    stamps = (np.arange(5000) + 0.25 * np.random.default_rng(18).standard_normal(5000)) / 83.0
+    assert fit(stamps, resolution_s=1e-9).axis().explicit is not None
+    declared = fit(stamps, setup_rate_Hz=83.0, resolution_s=1e-9).axis()
+    assert (declared.rate_Hz, declared.first.tolist()) == (83.0, [0])
+
+
 def test_irregular_stamps_that_fall_are_made_to_rise() -> None:
     stamps = np.cumsum(np.random.default_rng(16).exponential(0.01, 4000))
     stamps[100] = stamps[99] - 0.001

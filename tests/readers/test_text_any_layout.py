@@ -63,7 +63,7 @@ def written(layout: dict, values: np.ndarray) -> bytes:
 
 
 @given(layouts(), st.integers(0, 10**6))
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=300, deadline=None)
 def test_any_layout(layout: dict, seed: int) -> None:
     rng = np.random.default_rng(seed)
     values = np.round(1550 + rng.standard_normal((layout["rows"], 3)), 4)

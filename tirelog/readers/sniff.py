@@ -29,7 +29,7 @@ _NUMBER = {sign: re.compile(rf"[+-]?(\d+{re.escape(sign)}?\d*|{re.escape(sign)}\
 _TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
 #: rows kept as a sample from the head's beginning and end; last lines that the choice of a separator looks at, one after the other
 _SAMPLE_ROWS = 200
-_TAILS = (200, 50, 10, 3)
+_TAILS = (10, 3, 50, 200)
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def sniff(head: bytes, name: str) -> Layout:
     if not full:
         raise ReadError("holds no rows; a text log has one row a sample; check the recording", file=name)
     first = None
-    for tail in _TAILS:  # a short log below a long preamble shows only at its end what a row is
+    for tail in _TAILS:  # the end shows what a row is: a long preamble may stand above it, a few words below
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
         separator, decimal = _separator(sample, timed)
