@@ -47,7 +47,9 @@ def dissipation(
                 for remark in found.remarks:
                     session.note(f"{recording.log}: {remark}")
                 if plot is not None:
-                    kept.append((recording, found))
+                    from tirelog.plots.dissipation import Sketch
+
+                    kept.append(Sketch.of(recording, found))
         if plot is not None and kept:
             from tirelog.plots.dissipation import dissipation_picture
 

@@ -33,7 +33,9 @@ def footprint(
                 for remark in found.remarks:
                     session.note(f"{recording.log}: {remark}")
                 if plot is not None:
-                    kept.append((recording, found))
+                    from tirelog.plots.footprint import Sketch
+
+                    kept.append(Sketch.of(recording, found))
         if plot is not None and kept:
             from tirelog.plots.footprint import footprint_picture
 

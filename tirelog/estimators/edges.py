@@ -42,6 +42,39 @@ def travelled(time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: Floa
     return time_s * (speed_m_s + 0.5 * acceleration_m_s2 * time_s)
 
 
+@dataclass(frozen=True)
+class AlongTread:
+    """Low-passed windows, (n, m x upsample): `xi_m` from the patch centre, `strain` less the window's ends, `first` and `second` derivative
+    by xi [1/m, 1/m^2]."""
+
+    xi_m: FloatArray
+    strain: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+
+def along_tread(
+    windows: FloatArray,
+    rate_Hz: float,
+    centre: FloatArray,
+    speed_m_s: FloatArray,
+    acceleration_m_s2: FloatArray,
+    cutoff_Hz: FloatArray,
+    upsample: int = 2,
+) -> AlongTread:
+    """The windows after the low-pass, with their derivatives along the tread; arguments as of `find_edges`."""
+    count = windows.shape[1]
+    spectrum = window_spectrum(fill_lost(windows))
+    frequency: FloatArray = np.fft.rfftfreq(count, 1.0 / rate_Hz).astype(np.float64)
+    gains = gain(frequency, cutoff_Hz)
+    strain, first_s, second_s = (derivative(spectrum, gains, rate_Hz, order, count, upsample) for order in (0, 1, 2))
+    time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
+    speed = np.maximum(speed_m_s[:, None] + acceleration_m_s2[:, None] * time, 0.05 * np.abs(speed_m_s[:, None]) + 1e-9)
+    first = first_s / speed
+    second = (second_s - acceleration_m_s2[:, None] * first) / speed**2
+    return AlongTread(travelled(time, speed_m_s[:, None], acceleration_m_s2[:, None]), strain, first, second)
+
+
 def find_edges(
     windows: FloatArray,
     rate_Hz: float,
@@ -59,14 +92,10 @@ def find_edges(
     `noise`: standard deviation of a sample; `upsample`: points a sample, so that a parabola through three follows what the low-pass leaves.
     """
     count = windows.shape[1]
-    spectrum = window_spectrum(fill_lost(windows))
+    lowpassed = along_tread(windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample)
+    first, second = lowpassed.first, lowpassed.second
     frequency: FloatArray = np.fft.rfftfreq(count, 1.0 / rate_Hz).astype(np.float64)
     gains = gain(frequency, cutoff_Hz)
-    by_time = [derivative(spectrum, gains, rate_Hz, order, count, upsample) for order in (1, 2)]
-    time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
-    speed = np.maximum(speed_m_s[:, None] + acceleration_m_s2[:, None] * time, 0.05 * np.abs(speed_m_s[:, None]) + 1e-9)
-    first = by_time[0] / speed
-    second = (by_time[1] - acceleration_m_s2[:, None] * first) / speed**2
     reach = SEARCH * half_length_m / speed_m_s * rate_Hz * upsample
     middle = centre * upsample
     d1 = least(first, middle - reach, middle), least(-first, middle, middle + reach)

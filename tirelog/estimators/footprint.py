@@ -29,9 +29,10 @@ LEAST_SAMPLES = 4
 class Footprint:
     """One row a passage, shape (n,): the columns of the table `footprint`, and what pictures show.  Lengths in m, NaN where unknown.
 
-    `length_m` takes a traction into account where there is a slip onset.  `edge_asymmetry`: (exit - entry) / (exit + entry) of the
-    sizes of the second derivative's extrema: positive where the exit edge is the sharper one.  `learnt` holds the log's form,
-    `cutoff_Hz` what the low-pass used, `form_se_m` the share of the error of `length_m` that comes from not knowing the carcass: the same sign in all rows.
+    `length_m` takes a traction into account where there is a slip onset.  `form_se_m`: the share of its error that comes from not knowing
+    the carcass, with the same sign in all rows.  `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's
+    extrema: positive where the exit edge is the sharper one; `d2_entry_m`, `d2_exit_m`: their abscissae from the patch centre.
+    `learnt`: the log's form; `cutoff_Hz`: what the low-pass used.
     """
 
     length_m: FloatArray
@@ -44,6 +45,8 @@ class Footprint:
     entry_time_s: FloatArray
     exit_time_s: FloatArray
     edge_asymmetry: FloatArray
+    d2_entry_m: FloatArray
+    d2_exit_m: FloatArray
     fits: PassageFits
     slip: SlipOnset
     cutoff_Hz: FloatArray
@@ -114,6 +117,8 @@ def _assembled(
         entry,
         leave,
         asymmetry,
+        edges["entry_m"] + fits.shift_m,
+        edges["exit_m"] + fits.shift_m,
         fits,
         work.slip,
         asked_Hz,

@@ -28,6 +28,8 @@ CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 10, 1.12, 600, 60,
 STEP = 1.0 / 36.0
 #: free rolling, as far as the acceleration tells [m/s^2]
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
+#: relative error of the speed up to which a passage is learnt from, if there are such
+SURE_SPEED = 0.001
 #: the noise of a sample may be overestimated by this much (variance)
 LEAST_SCATTER = 0.6
 #: the form's own error is this many times the difference between the family's two members
@@ -73,7 +75,15 @@ def _usable(passages: Passages) -> IntArray:
     """Ordinals of passages without a quality word and with a neighbour at a turn on either side."""
     clean = np.array([not words for words in passages.quality], dtype=bool)
     both = passages.turn_before & passages.turn_after & np.isfinite(passages.time_s)
-    for good in (clean & both, clean & (passages.turn_before | passages.turn_after), clean, np.isfinite(passages.time_s)):
+    with np.errstate(invalid="ignore"):
+        sure = passages.speed_se_m_s < SURE_SPEED * passages.speed_m_s
+    for good in (
+        clean & both & sure,
+        clean & both,
+        clean & (passages.turn_before | passages.turn_after),
+        clean,
+        np.isfinite(passages.time_s),
+    ):
         rows = np.flatnonzero(good & (passages.speed_m_s > 0.5))
         if rows.size:
             return rows

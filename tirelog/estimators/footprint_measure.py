@@ -17,7 +17,18 @@ from tirelog.estimators.footprint_learn import Learnt
 from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows, gather_windows
 from tirelog.estimators.passages import Passages
-from tirelog.estimators.slip_onset import LEAST_GAIN, NO_FORM, TOO_SMALL, SlipOnset, find_onsets, gains, traction_table, worth_a_look
+from tirelog.estimators.slip_onset import (
+    LEAST_GAIN,
+    NO_FORM,
+    SPEED_UNKNOWN,
+    TOO_SMALL,
+    WORST_SPEED,
+    SlipOnset,
+    find_onsets,
+    gains,
+    traction_table,
+    worth_a_look,
+)
 from tirelog.recording import Channel, FloatArray
 
 #: a slower wheel's windows are not cut out (its passage takes seconds)
@@ -132,7 +143,10 @@ def _onsets(
     work: Measured,
 ) -> None:
     """Slip onsets of those of the rows whose residual has room for one."""
-    look = np.flatnonzero(worth_a_look(fits, forms.scatter))
+    row = windows.row
+    vague = ~(passages.speed_se_m_s[row] < WORST_SPEED * passages.speed_m_s[row])
+    work.slip.reason[row[vague & np.isfinite(fits.length_m)]] = SPEED_UNKNOWN
+    look = np.flatnonzero(worth_a_look(fits, forms.scatter) & ~vague)
     for first in range(0, look.size, LOOKED_AT):
         which = look[first : first + LOOKED_AT]
         coarse = forms.traction(number, fine=False)

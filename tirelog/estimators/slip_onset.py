@@ -54,6 +54,8 @@ LEAST_ERROR = 0.015
 #: and its standard error must be below this share of the half length
 WORST_ERROR = 0.35
 NO_FORM, TOO_SMALL, TOO_WIDE, AT_EDGE = "no_form", "slip_too_small", "onset_uncertain", "onset_at_edge"
+#: a speed known worse than this (relative) bends the abscissa as much as a slip would the strain
+SPEED_UNKNOWN, WORST_SPEED = "speed_uncertain", 0.002
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,43 @@
+"""Static tests as one page (P2 Figs. 15, 16): strain over time with its ramps and stops, and over the inflation pressure.
+
+Recording and InflationOfChannel of each channel --> PNG, SVG or PDF
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tirelog.estimators.inflation_table import InflationOfChannel
+from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, label, page, write
+from tirelog.recording import Recording
+
+
+def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path: Path) -> None:
+    """Write the page to `path`, a row a channel."""
+    figure = page(12.0, 3.6 * len(kept) + 0.4)
+    panels = figure.subplots(len(kept), 2, squeeze=False)
+    for (over_time, over_pressure), (recording, found) in zip(panels, kept, strict=True):
+        s, test = found.series, found.inflation
+        over_time.plot(s.time_s, MICRO * (s.strain - s.strain[0]), color=COLOURS[0], lw=1.4)
+        for stretch, start, duration, leak in zip(test.stretch, test.time_s, test.duration_s, test.leak, strict=True):
+            if stretch == "stop":
+                lost = np.nan_to_num(leak) != 0
+                over_time.axvspan(start, start + duration, color=EDGE if lost else "#999999", alpha=0.2, lw=0)
+                if lost:
+                    over_time.annotate(f"−{MICRO * abs(leak):.1f} µε", (start, 0.04), xycoords=("data", "axes fraction"), fontsize=8)
+        label(over_time, "time [s]", "strain since the start [µε]", f"{Path(recording.log).name}: {found.channel.name}; stops shaded")
+        if np.isfinite(s.pressure_Pa).any():
+            bar = 1e-5 * s.pressure_Pa
+            over_pressure.plot(bar, MICRO * (s.strain - s.strain[0]), ".", color=COLOURS[0], ms=3)
+            ends = np.array([np.nanmin(s.pressure_Pa), np.nanmax(s.pressure_Pa)])
+            line = s.strain.mean() - s.strain[0] + test.slope_1_Pa[0] * (ends - np.nanmean(s.pressure_Pa))
+            text = f"{1e11 * test.slope_1_Pa[0]:.1f} µε/bar, straight to {100 * test.nonlinearity[0]:.1f} %"
+            over_pressure.plot(1e-5 * ends, MICRO * line, color=MARK, lw=1.5, label=text)
+            over_pressure.legend(fontsize=8)
+        static = recording.setup.tire.static_footprint_length_m
+        title = "" if static is None else f"static footprint {1e3 * static:.0f} mm"
+        label(over_pressure, "inflation pressure [bar]", "strain since the start [µε]", title)
+    write(figure, path)
