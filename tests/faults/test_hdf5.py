@@ -218,6 +218,20 @@ def test_a_flipped_bit_loses_its_chunk_and_no_other(chunked):
     assert ["1000 samples" in loss for loss in report.losses] == [True]
 
 
+def test_damage_to_the_first_stamps_leaves_the_others(path):
+    with h5py.File(path, "w") as file:
+        file["x"] = GOOD
+        file.create_dataset("time", data=5.0 + GOOD / 100, chunks=(1000,), compression="gzip", fletcher32=True)
+    content = bytearray(path.read_bytes())
+    content[place(path, "time", 0).byte_offset + 50] ^= 4
+    path.write_bytes(content)
+    reader = open_hdf5(path, setup_of("/x"), "log.h5")
+    stamps = np.concatenate([block.stamps_s for block in reader.blocks()])
+    assert np.isnan(stamps[:1000]).all()
+    np.testing.assert_allclose(stamps[1000:], GOOD[:-1000] / 100, atol=1e-9)
+    assert ["1000 stamps" in loss for loss in reader.report.losses] == [True]
+
+
 def test_a_file_cut_off_keeps_the_whole_chunks_before(chunked):
     whole = read(chunked, "/x")[0]["c0"]
     info = place(chunked, "x", 12)

@@ -25,13 +25,13 @@ from tirelog.readers import Group, RawBlock, ReadReport
 from tirelog.readers.hdf5_attributes import Scale, rate_of, scale_of, unit_of
 from tirelog.readers.hdf5_cut import Padded, declared_size, kept, unstored
 from tirelog.readers.hdf5_layout import TimeColumn, find, time_of
-from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column
+from tirelog.readers.hdf5_slabs import SLAB_BYTES, Slabs
+from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column, first_number
 from tirelog.recording import FloatArray
 from tirelog.setup import ChannelSetup, Setup
 
-#: values a block over all channels of a group, and bytes of one dataset read at once
+#: values a block over all channels of a group
 BLOCK_VALUES = 1 << 20
-SLAB_BYTES = 1 << 24
 #: chunk cache of each dataset; a chunk that is larger is read past it
 CACHE_BYTES = 1 << 20
 #: a first stamp above this (1990) counts from 1970
@@ -147,11 +147,17 @@ class Hdf5Log:
                 continue
             if size < (whole := len(members[0].column)):
                 self.report.losses.append(f"{', '.join(group.channels)}: {whole - size} of {whole} samples at the end are not in the file")
-            first = time.column.read(0, 1)[0] if time else 0
+            first = first_number(time.column, self._is_lost) if time else 0
+            if first is None:
+                self.report.losses.append(f"the stamps of {', '.join(group.channels)} cannot be read; give sampling_rate_Hz in the setup")
+                time, first = None, 0
             clocks.append(_Clock(group, tuple(members), size, time, first))
         if not clocks:
             raise self._error("; ".join(self.report.losses))
         return self._common_origin(clocks)
+
+    def _is_lost(self, column: Column, start: int, stop: int) -> bool:
+        return bool(unstored(column, start, stop, self.end))
 
     def _time(self, channel: _Channel) -> TimeColumn | None:
         try:
@@ -178,22 +184,27 @@ class Hdf5Log:
     def blocks(self) -> Iterator[RawBlock]:
         """Slices of each group, one group after the other."""
         for clock in self.clocks:
-            step, lost = _rows(clock), 0
+            step = _rows(clock)
+            lost = {"samples": 0, "stamps": 0}
             for start in range(0, clock.size, step):
-                block, gone = self._block(clock, start, min(start + step, clock.size))
-                lost += gone
+                block, samples, stamps = self._block(clock, start, min(start + step, clock.size))
+                lost["samples"] += samples
+                lost["stamps"] += stamps
                 yield block
-            if lost:
-                names = ", ".join(clock.group.channels)
-                self.report.losses.append(f"{lost} samples of {names} lie in damaged or missing chunks and are lost; copy the log again")
-                self.report.counts["samples_lost"] = self.report.counts.get("samples_lost", 0) + lost
+            names = ", ".join(clock.group.channels)
+            for what, count in lost.items():
+                if count:
+                    self.report.losses.append(
+                        f"{count} {what} of {names} lie in damaged or missing chunks and are lost; copy the log again"
+                    )
+                    self.report.counts[f"{what}_lost"] = self.report.counts.get(f"{what}_lost", 0) + count
 
-    def _block(self, clock: _Clock, start: int, stop: int) -> tuple[RawBlock, int]:
-        """Samples [start, stop) of a group, and how many are lost (in any channel, once each)."""
+    def _block(self, clock: _Clock, start: int, stop: int) -> tuple[RawBlock, int, int]:
+        """Samples [start, stop) of a group, how many are lost (in any channel, once each), and how many stamps are."""
         values: dict[str, FloatArray] = {}
         flags: list[tuple[str, int, int, str]] = []
         gone = np.zeros(stop - start, bool)
-        slabs = _Slabs([c.column for c in clock.channels], start, stop)
+        slabs = Slabs([c.column for c in clock.channels], start, stop)
         for channel in clock.channels:
             stored, missing = self._read(channel.column, start, stop, slabs)
             numbers = channel.scale.apply(stored)
@@ -204,10 +215,10 @@ class Hdf5Log:
                 gone[first - start : last - start] = True
                 flags.append((channel.name, first - start, last - start, "gap"))
             values[channel.name] = numbers
-        stamps = self._stamps(clock, start, stop, slabs) if clock.time else None
-        return RawBlock(clock.group.name, values, stamps, None, tuple(flags)), int(gone.sum())
+        stamps, stamps_gone = self._stamps(clock, start, stop, slabs) if clock.time else (None, 0)
+        return RawBlock(clock.group.name, values, stamps, None, tuple(flags)), int(gone.sum()), stamps_gone
 
-    def _read(self, column: Column, start: int, stop: int, slabs: _Slabs) -> tuple[NDArray[Any], list[tuple[int, int]]]:
+    def _read(self, column: Column, start: int, stop: int, slabs: Slabs) -> tuple[NDArray[Any], list[tuple[int, int]]]:
         """Stored values [start, stop), and the ranges of them that are lost (their values mean nothing)."""
         missing = unstored(column, start, stop, self.end)
         if not missing:
@@ -228,55 +239,18 @@ class Hdf5Log:
                 missing.append((low, high))
         return stored, missing
 
-    def _stamps(self, clock: _Clock, start: int, stop: int, slabs: _Slabs) -> FloatArray:
-        """Seconds from the first stamp of the log; NaN where the stamp is lost."""
+    def _stamps(self, clock: _Clock, start: int, stop: int, slabs: Slabs) -> tuple[FloatArray, int]:
+        """Seconds from the first stamp of the log, NaN where the stamp is lost, and how many are."""
         assert clock.time is not None
         stored, missing = self._read(clock.time.column, start, stop, slabs)
-        counted = (stored - clock.first).astype(np.float64) if stored.dtype.kind in "iu" else stored.astype(np.float64) - float(clock.first)
+        if stored.dtype.kind in "iu":
+            counted = (stored.astype(np.int64) - int(clock.first)).astype(np.float64)  # exact for nanoseconds since 1970
+        else:
+            counted = stored.astype(np.float64) - float(clock.first)
         stamps = counted * clock.time.step_s + clock.origin_s
         for first, last in missing:
             stamps[first - start : last - start] = np.nan
-        return stamps
-
-
-class _Slabs:
-    """One slice of several columns; columns of one dataset are read together, where that reads little beside them."""
-
-    def __init__(self, columns: list[Column], start: int, stop: int) -> None:
-        self.start, self.stop = start, stop
-        self.shared: dict[Any, list[Column]] = {}
-        for column in columns:
-            self.shared.setdefault((column.dataset.id, column.axis), []).append(column)
-        self.slabs: dict[Any, NDArray[Any]] = {}
-
-    def read(self, column: Column) -> NDArray[Any]:
-        """The column's stored values in the slice.  One of LIBRARY_ERRORS where a chunk is damaged."""
-        key = (column.dataset.id, column.axis)
-        together = self.shared.get(key, [])
-        fields_of_rows = column.field is not None and column.dataset.ndim == 1
-        if column not in together or len(together) < 2 or not (fields_of_rows or self._narrow(column, len(together))):
-            return column.read(self.start, self.stop)
-        if key not in self.slabs:
-            where = tuple(slice(self.start, self.stop) if at is None else slice(None) for at in column.index)
-            if column.field:
-                fields = sorted({c.field for c in together if c.field})
-                self.slabs[key] = column.dataset.fields(fields)[where]
-            else:
-                self.slabs[key] = column.dataset[where]
-        slab = self.slabs[key] if column.field is None else self.slabs[key][column.field]
-        values = slab[tuple(slice(None) if at is None else at for at in column.index)]
-        element: tuple[Any, ...] = (slice(None), *column.element)
-        return values[element] if column.element else values
-
-    def _narrow(self, column: Column, wanted: int) -> bool:
-        """True where the whole rows are few more than what is wanted of them."""
-        width = column.dataset.size // max(len(column), 1)
-        return (
-            column.field is None
-            and column.dataset.ndim == 2
-            and width <= 4 * wanted
-            and width * column.dtype.itemsize * (self.stop - self.start) <= SLAB_BYTES
-        )
+        return stamps, sum(last - first for first, last in missing)
 
 
 def _rows(clock: _Clock) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 from tirelog import units
 from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.hdf5_attributes import SINCE, Attributes, unit_of
-from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column, column, names, split, walk
+from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column, column, first_number, names, split, walk
 
 TIME_NAMES = ("time", "t", "timestamp", "timestamps", "time_s", "time_ms", "time_us", "time_ns", "timestamp_ns", "t_s")
 PICKLE_LIST = {"MARK", "LIST", "EMPTY_LIST", "APPEND", "APPENDS", "PUT", "BINPUT", "MEMOIZE", "PROTO", "FRAME", "STOP"}
@@ -193,7 +193,7 @@ def _stamps(stamps: Column, time_unit: str | None) -> TimeColumn:
         return TimeColumn(stamps, {"s": 1.0, "ms": 1e-3, "us": 1e-6}.get(date[1] or "ns", 1e-9), absolute=True)
     suffix = re.search(r"_(s|ms|us|ns)$", stamps.field or stamps.path)
     if not unit:
-        unit = suffix[1] if suffix else _unit_by_size(float(stamps.read(0, 1)[0]))
+        unit = suffix[1] if suffix else _unit_by_size(first_number(stamps, lambda *_: False))
     try:
         step, _ = units.to_si(unit or "s", "time")
     except SetupError as problem:
@@ -201,6 +201,6 @@ def _stamps(stamps: Column, time_unit: str | None) -> TimeColumn:
     return TimeColumn(stamps, step, since=since[2] if since else None)
 
 
-def _unit_by_size(first: float) -> str:
+def _unit_by_size(first: float | None) -> str:
     """The unit of a stamp without one: a date in ms, us or ns since 1970 is known by its size, all else is seconds."""
-    return next((unit for unit, size in (("ns", 1e17), ("us", 1e14), ("ms", 1e11)) if first > size), "s")
+    return next((unit for unit, size in (("ns", 1e17), ("us", 1e14), ("ms", 1e11)) if first is not None and first > size), "s")

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +41,8 @@ LARGEST_CHUNK_BYTES = 1 << 26
 #: declared / stored bytes: deflate shrinks by 1032 at most, a dataset made larger than what was recorded by some more
 LARGEST_RATIO = 1 << 16
 LARGEST_ROW_BYTES = 1 << 22
+#: values looked at together for the first that is there
+FIRST_VALUES = 1 << 12
 MOST_LINKS = 32
 MOST_NAMES = 5000
 
@@ -245,6 +247,21 @@ def check_shape(found: Column) -> None:
         raise refuse(path, what, f"{LARGEST_CHUNK_BYTES >> 20} MB", f"h5repack -l {path}:CHUNK=65536")
     if dataset.dtype.itemsize > LARGEST_ROW_BYTES:
         raise refuse(path, f"has rows of {dataset.dtype.itemsize} bytes", f"{LARGEST_ROW_BYTES} bytes", "store fewer columns")
+
+
+def first_number(found: Column, is_lost: Callable[[Column, int, int], bool]) -> Any:
+    """The first stored value that can be read and is a number, or None; `is_lost` tells what the file does not hold."""
+    step = min(found.chunk, FIRST_VALUES)
+    for start in range(0, len(found), step):
+        stop = min(start + step, len(found))
+        try:
+            stored = np.zeros(0) if is_lost(found, start, stop) else found.read(start, stop)
+        except LIBRARY_ERRORS:
+            continue
+        good = np.flatnonzero(np.isfinite(stored))
+        if good.size:
+            return stored[good[0]]
+    return None
 
 
 def chunks_of(found: Column, start: int, stop: int) -> Iterator[tuple[int, int, h5py.h5d.StoreInfo]]:
