@@ -58,6 +58,13 @@ def slopes_on(model: Model, stack: Stack, names: Sequence[str], values: Mapping[
     return model.jacobian(stack.conditions, phi, names, surface=stack.surface, phi_variance=variance, values=values, observable=observable)
 
 
+def load_slope_on(model: Model, stack: Stack, values: Mapping[str, float] | None = None) -> FloatArray:
+    """`Model.load_slope` on the stack's own angles and conditions."""
+    phi, variance = angles_of(stack)
+    observable = observable_of(model, stack)
+    return model.load_slope(stack.conditions, phi, surface=stack.surface, phi_variance=variance, values=values, observable=observable)
+
+
 def design(model: Model, stack: Stack, names: Sequence[str] | None = None, values: Mapping[str, float] | None = None) -> Design:
     """The model on the stack; `names` by default the free parameters."""
     names = tuple(model.free if names is None else names)

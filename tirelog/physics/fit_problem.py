@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.physics.carcass import STRAIN, WAVEFORMS
-from tirelog.physics.design import parts_on, slopes_on
+from tirelog.physics.design import load_slope_on, parts_on, slopes_on
 from tirelog.physics.metric import Metric, estimate_scatter, scatter_shapes
 from tirelog.physics.model import Model
 from tirelog.physics.spectral import FloatArray
@@ -118,6 +118,6 @@ def _metric(model: Model, stack: Stack, values: Mapping[str, float], nuisances: 
     plain = Metric(stack, wave, slope, nuisances)
     if not scatter:
         return plain
-    columns = np.stack([plain(shape) for shape in scatter_shapes(stack, wave, slope)], axis=-1)
-    found = estimate_scatter(columns, plain(stack.values - level - wave), stack.manoeuvre)
+    shapes = scatter_shapes(stack, wave, load_slope_on(model, stack, values))
+    found = estimate_scatter(plain, shapes, stack.values - level - wave, stack.manoeuvre)
     return Metric(stack, wave, slope, nuisances, found)

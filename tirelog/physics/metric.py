@@ -4,8 +4,10 @@
     manoeuvres whitened--> --one offset per log out--> (..., n, m), in which independent unit noise is left
 
 Free nuisances (an offset, amplitude or small shift of each revolution) are projected out.  Scatter is what a real drive adds from
-revolution to revolution and from manoeuvre to manoeuvre: each moves the waveform P by amplitude P + width phi P' + baseline, random with
-covariances that are estimated from the residual.  Its directions stay in, at the weight they deserve: (1 + U Lambda U^T)^(-1/2).
+revolution to revolution and from manoeuvre to manoeuvre: the load is a little higher, rises a little over the turn, the baseline
+moves: D a + phi D b + rms c with D = dP / d ln F from the model, random with covariances that are estimated from the residual.  Its
+directions stay in, at the weight they deserve: (1 + U Lambda U^T)^(-1/2).  (Amplitude and width of the waveform instead of D leave
+a reduced chi-square of 1.7 on a road of 1 % roughness, D alone 1.09, D and phi D 1.01.)
 """
 
 from __future__ import annotations
@@ -38,17 +40,19 @@ def weights(stack: Stack) -> FloatArray:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Covariances (3, 3) of amplitude, width and baseline (relative; the baseline to the waveform's rms): of a revolution about its
-    manoeuvre, and of manoeuvres."""
+    """Covariances (3, 3) of load, its rise over the turn [1/rad], and baseline (relative; the baseline to the waveform's rms): of a
+    revolution about its manoeuvre, and of manoeuvres; and the columns (n, m, 3) they belong to."""
+
+    shapes: tuple[FloatArray, ...]
 
     within: FloatArray
     between: FloatArray
 
 
-def scatter_shapes(stack: Stack, waveform: FloatArray, slope: FloatArray) -> list[FloatArray]:
-    """What scatter adds per unit of amplitude, width and baseline, (n, m) each; all relative."""
+def scatter_shapes(stack: Stack, waveform: FloatArray, by_load: FloatArray) -> tuple[FloatArray, ...]:
+    """What scatter adds per unit of load, its rise and baseline, (n, m) each; `by_load` is D."""
     rms = np.sqrt(np.nanmean(waveform**2, axis=1, keepdims=True))
-    return [waveform, np.nan_to_num(stack.phi_mean) * slope, np.broadcast_to(rms, waveform.shape)]
+    return by_load, np.nan_to_num(stack.phi_mean) * by_load, np.broadcast_to(rms, waveform.shape)
 
 
 class Metric:
@@ -68,7 +72,7 @@ class Metric:
         if nuisances:
             self._then(self._columns([shapes[kind] for kind in nuisances]), None, None)
         if scatter is not None:
-            columns = self._columns(scatter_shapes(stack, waveform, slope))
+            columns = self._columns(scatter.shapes)
             self._then(columns, None, scatter.within)
             self._then(columns, self._manoeuvre, scatter.between)
         self.offsets = 0
@@ -132,26 +136,27 @@ class _Whitener:
         return (flat + np.einsum("nmk,npk->pnm", self._basis, back)).reshape(x.shape)
 
 
-def estimate_scatter(columns: FloatArray, residual: FloatArray, manoeuvre: np.ndarray) -> Scatter:
-    """Scatter by moments: from weighted columns (n, m, 3) and residuals (n, m) with unit noise, both with free nuisances taken out.
+def estimate_scatter(metric: Metric, shapes: tuple[FloatArray, ...], residual: FloatArray, manoeuvre: np.ndarray) -> Scatter:
+    """Scatter by moments, from what a prediction leaves of the values (n, m), in a metric without scatter.
 
-    A revolution's coefficients by least squares scatter about their manoeuvre's mean by `within` + their own error; the manoeuvres'
-    means by `between` + what of that is left in a mean.  Negative variances are zero.
+    A revolution's coefficients by least squares scatter about their manoeuvre's mean by `within` + their own error.  `between` is how
+    the manoeuvres' means scatter less their own error; what `within` leaves in a mean stays in it, since neighbours on one road are
+    correlated, and few manoeuvres know it badly, so it is widened by (G - 1) / (G - 3) and taken without correlations, which so
+    few would only feign.  Negative variances are zero.
     """
-    gram = np.einsum("nmk,nml->nkl", columns, columns)
-    error = np.linalg.pinv(gram, rcond=1e-9, hermitian=True)
-    b = np.einsum("nkl,nl->nk", error, np.einsum("nmk,nm->nk", columns, residual))
+    columns = np.stack([metric(shape) for shape in shapes], axis=-1)
+    error = np.linalg.pinv(np.einsum("nmk,nml->nkl", columns, columns), rcond=1e-9, hermitian=True)
+    b = np.einsum("nkl,nl->nk", error, np.einsum("nmk,nm->nk", columns, metric(residual)))
     _, group = np.unique(manoeuvre, return_inverse=True)
     count = np.bincount(group).astype(float)
     groups = count.size
     mean = np.stack([np.bincount(group, b[:, k]) for k in range(b.shape[1])], axis=1) / count[:, None]
     rest = b - mean[group]
-    freedom = max(b.shape[0] - groups, 1)
     noise = error.mean(axis=0)
-    within = _positive(rest.T @ rest / freedom - noise)
+    within = _positive(rest.T @ rest / max(b.shape[0] - groups, 1) - noise)
     means = mean - mean.mean(axis=0)
-    between = means.T @ means / max(groups - 1, 1) - (within + noise) * np.mean(1.0 / count)
-    return Scatter(within, _positive(between) if groups > 2 else np.zeros_like(within))
+    between = ((means**2).sum(axis=0) - np.diag(noise) * (groups - 1) * np.mean(1.0 / count)) / max(groups - 3, 1)
+    return Scatter(shapes, within, np.diag(np.maximum(between, 0.0)) if groups > 2 else np.zeros_like(within))
 
 
 def _positive(matrix: FloatArray) -> FloatArray:

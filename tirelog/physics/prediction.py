@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 BLOCK = 96
 #: Step of a central difference over a parameter's size; the stages are smooth, the error is its square.
 _STEP = 2e-5
+_LOAD_STEP = 1e-4
 
 
 class Predicting:
@@ -114,6 +115,31 @@ class Predicting:
         return self.linearised(
             conditions, phi_rad, names, surface=surface, phi_variance=phi_variance, values=values, observable=observable
         )[1]
+
+    def load_slope(
+        self,
+        conditions: Conditions,
+        phi_rad: FloatArray | None,
+        *,
+        surface: str = "outer",
+        phi_variance: FloatArray | None = None,
+        values: Mapping[str, float] | None = None,
+        observable: str | None = None,
+    ) -> FloatArray:
+        """Derivative of `predict` by the logarithm of every revolution's load, (n, m): what a load that scatters adds, per unit."""
+        load = np.where(np.isfinite(conditions.load_N), conditions.load_N, {**self.values, **(values or {})}["load_N"])
+        up, down = (
+            self.predict(
+                replace(conditions, load_N=load * factor),
+                phi_rad,
+                surface=surface,
+                phi_variance=phi_variance,
+                values=values,
+                observable=observable,
+            )
+            for factor in (1.0 + _LOAD_STEP, 1.0 - _LOAD_STEP)
+        )
+        return (up - down) / (2.0 * _LOAD_STEP)
 
     def linearised(
         self,
