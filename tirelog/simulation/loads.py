@@ -50,9 +50,12 @@ class Instants:
 
 def parabola(ring: Ring, half_length: FloatArray, load: FloatArray) -> FloatArray:
     """Cell means of 3 F/(4 L^3) (L^2 - xi^2) inside +-L, shape (b, points)."""
-    length = half_length[:, None]
-    x = np.clip(ring.borders_m / length, -1.0, 1.0)
-    return ring.cell_means(load[:, None] * (0.75 * x - 0.25 * x**3))
+    near = ring.window(float(half_length.max()))
+    borders = ring.borders_m[near.start : near.stop + 1]
+    x = np.clip(borders / half_length[:, None], -1.0, 1.0)
+    p = np.zeros((half_length.size, ring.points))
+    p[:, near] = np.diff(load[:, None] * (0.75 * x - 0.25 * x * x * x), axis=1) / ring.step_m
+    return p
 
 
 def _pulse(u: FloatArray) -> FloatArray:
@@ -167,47 +170,54 @@ class Friction:
 
 
 def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Friction:
-    """Adhesion tau = sigma C_x (xi + L) up to f_s p, then sliding f_d p (P2 13, 17); other: no jump at the onset and a rounded transition.
+    """Adhesion tau = sigma C_x (xi + L) up to f_s p, then sliding f_d p (P2 13, 17); other: no jump at the onset, and a tread that yields.
 
     C_x = 2 gamma L f_s with gamma = 3 F/(4 L^3) as P2 (17) gives it.  The load on the carcass is lever x d tau/d xi (P2 18),
     the jump at the onset as a point load (errata)."""
+    # the patch, and what smearing and wedges add around it
+    near = ring.window(min(3.0 * float(at.half_length.max()), 0.49 * ring.circumference_m))
+    borders = ring.borders_m[near.start : near.stop + 1]
+    padded = np.concatenate((p, p[:, :1]), axis=1)
+    middle = 0.5 * (padded[:, near.start - 1 : near.stop] + padded[:, near.start : near.stop + 1])
+    tau, jump, onset = _traction(effect, borders, middle, at)
+    tangential, radial = np.zeros_like(p), np.zeros_like(p)
+    tangential[:, near] = 0.5 * (tau[:, :-1] + tau[:, 1:])
+    slides = borders >= np.nan_to_num(onset, nan=np.inf)[:, None]
+    radial[:, near] = effect["lever_m"] * np.diff(tau - slides * jump[:, None], axis=1) / ring.step_m
+    if jump.any():
+        radial += ring.point_load(np.nan_to_num(onset), effect["lever_m"] * jump)
+    return Friction(tangential, radial, onset)
+
+
+def _traction(effect: Planted, borders_m: FloatArray, p: FloatArray, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Shear at the cell borders (b, k) under the pressure there, its jump at the onset of sliding (b,), and the onset [m] (b,)."""
     length, slip = at.half_length[:, None], at.slip[:, None]
     stiffness = 1.5 * STATIC_FRICTION * at.load[:, None] / length**2
-    position = ring.borders_m + length
-    held = np.abs(slip) * stiffness * np.maximum(position, 0.0)
+    position = np.maximum(borders_m + length, 0.0)
     if effect.other:
-        # a tread that yields: the shear grows quickly behind the entry, then levels off
-        held = np.abs(slip) * stiffness * 1.2 * length * -np.expm1(-np.maximum(position, 0.0) / (0.7 * length))
-    middle = 0.5 * (np.concatenate((p[:, -1:], p), axis=1) + np.concatenate((p, p[:, :1]), axis=1))
-    if effect.other:
-        limit = 0.5 * (STATIC_FRICTION + SLIDING_FRICTION) * np.maximum(middle, 1e-9)
-        tau = np.sign(slip) * held / (1.0 + (held / limit) ** 3) ** (1 / 3)
-        return Friction(_centre(tau), effect["lever_m"] * np.diff(tau, axis=1) / ring.step_m, np.full(len(at), np.nan))
-    onset = _onset(ring, held - STATIC_FRICTION * middle, at)
-    slides = ring.borders_m >= np.nan_to_num(onset, nan=np.inf)[:, None]
-    tau = np.sign(slip) * np.where(slides, SLIDING_FRICTION * middle, np.minimum(held, STATIC_FRICTION * middle))
-    p_onset = np.array([np.interp(o, ring.xi_m, row) for o, row in zip(np.nan_to_num(onset), p, strict=True)])
-    drop = np.where(np.isfinite(onset), -(STATIC_FRICTION - SLIDING_FRICTION) * p_onset, 0.0) * np.sign(at.slip)
-    step = slides * drop[:, None]
-    smooth = effect["lever_m"] * np.diff(tau - step, axis=1) / ring.step_m
-    jump = ring.point_load(np.nan_to_num(onset), effect["lever_m"] * drop)
-    # the step runs on to the end of the grid: the border's own difference takes it out again
-    return Friction(_centre(tau), smooth + jump, onset)
+        # the shear grows quickly behind the entry, then levels off, and passes smoothly into sliding
+        held = np.abs(slip) * stiffness * 1.2 * length * -np.expm1(-position / (0.7 * length))
+        limit = 0.5 * (STATIC_FRICTION + SLIDING_FRICTION) * np.maximum(p, 1e-9)
+        tau = np.sign(slip) * held / np.cbrt(1.0 + (held / limit) ** 3)
+        return tau, np.zeros(len(at)), np.full(len(at), np.nan)
+    held = np.abs(slip) * stiffness * position
+    onset, pressed = _onset(borders_m, held, p, at)
+    slides = borders_m >= np.nan_to_num(onset, nan=np.inf)[:, None]
+    tau = np.sign(slip) * np.where(slides, SLIDING_FRICTION * p, np.minimum(held, STATIC_FRICTION * p))
+    return tau, -(STATIC_FRICTION - SLIDING_FRICTION) * pressed * np.sign(at.slip), onset
 
 
-def _centre(values: FloatArray) -> FloatArray:
-    return 0.5 * (values[:, :-1] + values[:, 1:])
-
-
-def _onset(ring: Ring, excess: FloatArray, at: Instants) -> FloatArray:
-    """First zero crossing (b,) of held - f_s p inside the patch, linear between borders; NaN without slip."""
-    inside = (ring.borders_m >= -at.half_length[:, None]) & (ring.borders_m <= at.half_length[:, None] + ring.step_m)
+def _onset(borders_m: FloatArray, held: FloatArray, p: FloatArray, at: Instants) -> tuple[FloatArray, FloatArray]:
+    """Where the held shear first exceeds f_s p inside the patch, linear between borders (b,), NaN without slip; and the pressure there."""
+    excess = held - STATIC_FRICTION * p
+    step = borders_m[1] - borders_m[0]
+    inside = (borders_m >= -at.half_length[:, None]) & (borders_m <= at.half_length[:, None] + step)
     over = inside & (excess > 0)
-    first = np.argmax(over, axis=1)
+    first = np.maximum(np.argmax(over, axis=1), 1)
     rows = np.arange(first.size)
     before, after = excess[rows, first - 1], excess[rows, first]
     share = np.clip(np.divide(-before, after - before, out=np.zeros_like(after), where=after != before), 0.0, 1.0)
-    onset = ring.borders_m[first - 1] + share * ring.step_m
-    onset = np.maximum(onset, -at.half_length)
+    onset = np.maximum(borders_m[first - 1] + share * step, -at.half_length)
+    pressed = (1.0 - share) * p[rows, first - 1] + share * p[rows, first]
     found = over.any(axis=1) & (np.abs(at.slip) > 1e-6)
-    return np.where(found, onset, np.nan)
+    return np.where(found, onset, np.nan), np.where(found, pressed, 0.0)

@@ -86,14 +86,15 @@ class Ring:
         """Values on the grid from a transform, along the last axis."""
         return fft.irfft(spectrum, n=self.points, axis=-1)
 
-    def cell_means(self, primitive: FloatArray) -> FloatArray:
-        """Means over the grid's cells from a primitive at the cell borders (last axis points + 1)."""
-        return np.diff(primitive, axis=-1) / self.step_m
-
     @cached_property
     def borders_m(self) -> FloatArray:
         """Borders of the cells around the points [m], shape (points + 1,)."""
         return np.asarray((np.arange(self.points + 1) - 0.5 - self.points // 2) * self.step_m, float)
+
+    def window(self, reach_m: float) -> slice:
+        """The points within `reach_m` of the patch centre, and one more on either side."""
+        half = min(int(reach_m / self.step_m) + 2, self.points // 2)
+        return slice(self.points // 2 - half, min(self.points // 2 + half + 1, self.points))
 
     def point_load(self, position_m: FloatArray, amount: FloatArray) -> FloatArray:
         """Concentrated loads, shape (..., points): `amount` [N] at `position_m`, shared by two points so that force and moment are kept."""

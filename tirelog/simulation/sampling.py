@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from tirelog.simulation import ramp
 from tirelog.simulation.drive import GRAVITY_M_S2
+from tirelog.simulation.knots import LOAD_STEP, chunks
 from tirelog.simulation.scenario import Scenario, Sensor
-from tirelog.simulation.waveforms import LOAD_STEP, World, chunks, family
+from tirelog.simulation.waveforms import World, family
 from tirelog.simulation.wheel import encoder_signal, longitudinal_force, pitch_table, tread_angle
 
 FloatArray = NDArray[np.float64]
@@ -97,22 +98,23 @@ def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArr
     riding = {name: trace for name, trace in moments.items() if trace.sensor.kind in RIDING}
     if not riding:
         return {}
-    step = world.knot_s
     start = min(float(trace.moment_s.min()) for trace in riding.values())
     values = {name: np.zeros(trace.moment_s.size) for name, trace in riding.items()}
     turns = {name: tread_angle(world, t.sensor, t.moment_s) / (2 * np.pi) for name, t in riding.items()}
-    knots = {name: np.floor(trace.moment_s / step).astype(int) for name, trace in riding.items()}
-    for first, count, solutions in chunks(world, start, world.scenario.duration_s):
+    end = max(float(trace.moment_s.max()) for trace in riding.values())
+    for chunk in chunks(world, start, end):
+        span = chunk.span
         tables: dict[object, list[FloatArray]] = {}
         for name, trace in riding.items():
-            here = np.flatnonzero((knots[name] > first) & (knots[name] <= first + count - 3))
+            here = np.flatnonzero((trace.moment_s >= span.start_s) & (trace.moment_s < span.end_s))
             if not here.size:
                 continue
             key = family(trace.sensor)
             if key not in tables:
-                tables[key] = _parabola([world.waveform(solution, trace.sensor) for solution in solutions])
+                tables[key] = _parabola([world.waveform(solution, trace.sensor) for solution in chunk.solutions])
             moment = trace.moment_s[here]
-            places = Places.of(count, world.ring.points, moment / step - first, turns[name][here])
+            after = (moment - span.start_s) / span.step_s + 1.0
+            places = Places.of(chunk.knots, world.ring.points, after, turns[name][here])
             values[name][here] = _with_load(places, tables[key], world.fluctuation(moment))
     for name, trace in riding.items():
         values[name] += _slow(world, trace, turns[name])

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tirelog
+from tirelog.simulation.knots import CHUNK
 from tirelog.simulation.planted import PLANTABLE
 from tirelog.simulation.sampling import RIDING
 from tirelog.simulation.scenario import Scenario, Sensor
-from tirelog.simulation.waveforms import CHUNK, World
+from tirelog.simulation.waveforms import World
 from tirelog.simulation.wheel import longitudinal_force, passages, phase_shift
 
 FloatArray = NDArray[np.float64]

@@ -1,15 +1,10 @@
-"""Waveforms round the wheel at the knots of a drive, and what a sensor at any angle reads between them.
+"""The truth at given instants: conditions, the carcass's solution, and what a sensor reads round the wheel.
 
-    Drive --every knot_s--> Instants (b,) --loads, carcass--> w (b, points) at three loads --sensor--> strain or acceleration (b, points)
-    samples: time, angle, load fluctuation --six points in angle, four in time, parabola in load--> values (n,)
-
-The waveform is solved anew at every knot (0.05 s or less of the log); the load's fast fluctuation along the road enters through
-solutions at three loads, so that it may vary within a revolution.
+Drive --instants--> Instants (b,) --loads, carcass--> w (b, points) --sensor--> strain or acceleration (b, points)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,12 +23,6 @@ from tirelog.simulation.strains import extra_strain, seen_by
 
 FloatArray = NDArray[np.float64]
 
-#: knots solved at once
-CHUNK = 96
-#: knots of a scenario whose loads follow the acceleration, which changes within tenths of a second [s]
-QUICK_KNOT_S = 0.01
-#: relative step of the load between the three solutions
-LOAD_STEP = 0.03
 #: the gravity in the catalogue's forms of load transfer and slip
 CATALOGUE_GRAVITY_M_S2 = 9.81
 #: the reference pressure of the planted effect `inflation` [Pa]
@@ -60,12 +49,6 @@ class World:
         self.curvature = curvature_operator(scenario, self.ring)
         flat = scenario.truth == "ring" and scenario.tire.contact == "flat_road"
         self.road = FlatRoad(scenario, self.ring) if flat else None
-
-    @property
-    def knot_s(self) -> float:
-        """How often the waveform is solved anew [s]."""
-        follows = self.scenario.planted("traction") or self.scenario.planted("load_transfer")
-        return min(self.scenario.knot_s, QUICK_KNOT_S) if follows else self.scenario.knot_s
 
     # ---- conditions -------------------------------------------------------------------------------------------------
 
@@ -219,16 +202,3 @@ class World:
 def family(sensor: Sensor) -> tuple[object, ...]:
     """Sensors of one family share their waveforms."""
     return sensor.kind == "radial_acceleration", sensor.surface, sensor.gauge_length_m, sensor.lag_s, sensor.bandwidth_Hz
-
-
-def chunks(world: World, start_s: float, end_s: float) -> Iterator[tuple[int, int, list[Solution]]]:
-    """Knots from start_s to end_s in order, CHUNK at once with the overlap that the interpolation needs: (number of the first knot, knots,
-    solutions at the loads 1, 1 + LOAD_STEP, 1 - LOAD_STEP; the first alone on a smooth road).  Knot number k is at k knot_s."""
-    step = world.knot_s
-    last = int(np.ceil(end_s / step)) + 2
-    factors = (1.0, 1.0 + LOAD_STEP, 1.0 - LOAD_STEP) if world.scenario.road.roughness else (1.0,)
-    for first in range(int(np.floor(start_s / step)) - 1, last - 1, CHUNK):
-        count = min(CHUNK, last - first) + 3
-        times = np.asarray((first + np.arange(count)) * step, float)
-        middle = world.solve(world.instants(times))
-        yield first, count, [middle] + [world.solve(world.instants(times, f), middle.w * f) for f in factors[1:]]
