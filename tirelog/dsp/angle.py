@@ -42,7 +42,7 @@ class AngleFunction:
 
     def _knot(self, time_s: FloatArray) -> IntArray:
         """The knot before each of the times."""
-        if time_s.size > 1000:
+        if time_s.size > 1000 and bool(np.all(time_s[1:] >= time_s[:-1])):
             low, high = np.searchsorted(self.time_s, time_s[[0, -1]], side="right")
             if time_s.size > 2 * (high - low):  # denser than the knots: place the knots among the times
                 starts = np.searchsorted(time_s, self.time_s[low:high], side="left")
