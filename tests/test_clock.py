@@ -169,10 +169,34 @@ def test_stamps_that_stray_by_a_quarter_period_are_a_clock_only_where_a_rate_is_
 def test_irregular_stamps_that_fall_are_made_to_rise() -> None:
     stamps = np.cumsum(np.random.default_rng(16).exponential(0.01, 4000))
     stamps[100] = stamps[99] - 0.001
-    stamps[200] = np.nan
+    stamps[200] = stamps[0] = stamps[-1] = np.nan
     made = fit(stamps, resolution_s=1e-9)
-    assert (np.diff(made.axis().time()) > 0).all()
-    assert made.repairs["stamps_repaired"] == 2
+    times = made.axis().time()
+    assert (np.diff(times) > 0).all()
+    assert times[100] == pytest.approx((stamps[99] + stamps[101]) / 2)
+    assert made.repairs["stamps_repaired"] == 4
+
+
+def test_irregular_stamps_of_a_long_log_are_read_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    stamps = np.cumsum(np.random.default_rng(19).exponential(0.01, 20_000))
+    stamps[12_345:] += 3.0
+    monkeypatch.setattr("tirelog.stamps._CHUNK", 1000)
+    monkeypatch.setattr("tirelog.spool._IN_MEMORY", 5000)
+    stamps[999:1002] = np.nan
+    made = fit(stamps, resolution_s=1e-9)
+    axis = made.axis()
+    good = ~np.isnan(stamps)
+    np.testing.assert_array_equal(axis.time()[good], stamps[good])
+    assert (np.diff(axis.time()) > 0).all()
+    assert axis.rate_Hz == pytest.approx(1 / np.median(np.diff(stamps[good])), rel=0.05)
+    assert (12_344, 12_346, "gap") in made.flags
+
+
+def test_numbers_that_leap_all_the_time_are_not_used() -> None:
+    numbers = np.cumsum(1 + 3 * (np.arange(400_000) % 3 == 0))
+    made = fit(None, numbers, block=50_000, setup_rate_Hz=100.0)
+    assert made.axis().first.tolist() == [0]
+    assert "leap too often" in made.remarks[0]
 
 
 def test_a_rate_that_the_stamps_contradict() -> None:

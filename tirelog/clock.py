@@ -35,6 +35,8 @@ from tirelog.stamps import Piece, Stamps
 _JITTER = 0.1
 #: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this factor
 _CONTRADICTS, _ABSURD = 0.002, 1.2
+#: with more leaps than this a column of numbers is no sample counter
+_MOST_LEAPS = 100_000
 
 
 class ClockFit:
@@ -61,12 +63,12 @@ class ClockFit:
         self._stamps: Stamps | None = Stamps()
         self._missing: list[tuple[int, int]] = []  # (index of the first sample behind, samples missing before it)
         self._last_number: float | None = None
-        self._number_step = 0.0
+        self._number_step, self._leaping = 0.0, False
         self._axis: TimeAxis | None = None
 
     def add(self, stamps_s: FloatArray | None, number: FloatArray | None, n: int) -> None:
         """The next `n` samples: their stamps [s], shape (n,), or None; their sample numbers, shape (n,), or None."""
-        if number is not None and n:
+        if number is not None and n and not self._leaping:
             self._note_missing(number)
         if stamps_s is None and n:
             self._stamps = None
@@ -87,7 +89,11 @@ class ClockFit:
         steps = np.concatenate(
             [[number[known[0]] - before - self._number_step * known[0]], steps - self._number_step * (np.diff(known) - 1)]
         )
-        for i in np.flatnonzero(steps > 1.5 * self._number_step):
+        leaps = np.flatnonzero(steps > 1.5 * self._number_step)
+        if len(self._missing) + leaps.size > _MOST_LEAPS:
+            self._leaping, self._missing, leaps = True, [], leaps[:0]
+            self.remarks.append("the sample numbers leap too often to be sample numbers; they were not used")
+        for i in leaps:
             self._missing.append((self.size + int(known[i]), round(steps[i] / self._number_step) - 1))
         self._last_number = float(number[known[-1]]) + self._number_step * (number.size - 1 - int(known[-1]))
 
@@ -106,7 +112,7 @@ class ClockFit:
         stamps, declared = self._stamps, self.setup_rate_Hz or self.file_rate_Hz
         ends = None
         if stamps is not None:
-            stamps.missing = self._missing
+            stamps.know_missing(self._missing)
             ends = stamps.ends()
         if stamps is None or ends is None:
             return self._by_rate(declared)
@@ -144,7 +150,7 @@ class ClockFit:
         coarse = stamps.bunched or self.counted
         wanders = spread > max(_JITTER * period, self.resolution_s)
         if wanders and not coarse and (not declared or noise < _JITTER * period):
-            return self._explicit(stamps, period)
+            return self._explicit(stamps)
         ticks = max(int(stamps.clock_index(self.size - 1)), 1)
         # a stamp coarser than a period hides two of them: where in the tick it lies, and one lost sample
         hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
@@ -215,7 +221,7 @@ class ClockFit:
         which = np.searchsorted([piece.first for piece in pieces], firsts, side="right") - 1
         levels = np.array([piece.level(period) for piece in pieces])[np.maximum(which, 0)]
         clock = Stamps()
-        clock.missing = self._missing
+        clock.know_missing(self._missing)
         starts = levels + period * clock.clock_index(firsts)
         runs_on = np.abs(np.diff(starts) - period * np.diff(firsts)) < 1e-9 * period  # a clock set back leaves no segment behind
         keep = np.concatenate([[True], ~runs_on])
@@ -240,23 +246,15 @@ class ClockFit:
         lost = round(ticks * whole) - int(stamps.clock_index(self.size - 1)) - 1 - self.repairs.get("lost_samples", 0)
         self._count("lost_samples", max(lost, 0))
 
-    def _explicit(self, stamps: Stamps, period: float) -> TimeAxis:
+    def _explicit(self, stamps: Stamps) -> TimeAxis:
         """The stamps themselves; those that are unknown or fall lie between their neighbours."""
         self.remarks.append("the samples have no clock of their own (irregular stamps): their times are the stamps")
-        return TimeAxis.of_times(self._rising(stamps))
-
-    def _rising(self, stamps: Stamps) -> FloatArray:
-        """All stamps in memory, made to rise."""
-        times = np.concatenate([stamps.spool.read(0, stamps.spool.size)])
-        highest = np.fmax.accumulate(times)
-        good = ~np.isnan(times) & (times > np.concatenate([[-np.inf], highest[:-1]]))
-        self._count("stamps_repaired", int((~good).sum()))
-        index = np.flatnonzero(good)
-        out = np.interp(np.arange(times.size), index, times[index])
-        far = np.flatnonzero(np.diff(out) > 10.0 * np.median(np.diff(out))) + 1
-        for i in far.tolist():
-            self._gap(i, 0)
-        return out
+        times, repaired, step, far = stamps.rising()
+        self._count("stamps_repaired", repaired)
+        for index in far:
+            self._gap(index, 0)
+        none = np.zeros(0)
+        return TimeAxis(self.size, 1.0 / step, none.astype(np.int64), none, none, times.read)
 
     def _count(self, what: str, number: int) -> None:
         if number:

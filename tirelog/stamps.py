@@ -9,52 +9,23 @@ each bunch where many stamps are alike.  Every pass works in chunks, whatever th
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
-from typing import IO
 
 import numpy as np
 
 from tirelog.recording import FloatArray, IntArray
+from tirelog.spool import Spool
 
-#: stamps kept in memory before they go to a temporary file, and stamps looked at at once
-_IN_MEMORY = 1 << 21
+#: stamps looked at at once
 _CHUNK = 1 << 18
 #: a step below this share of the mean one belongs to the bunch before it; with that many of them the stamps come in bunches
 _SAME, _BUNCHED = 0.3, 0.45
 #: points on each side of a jump that say whether it lasts: for stamps much finer than a period, and for others
 _FEW, _MANY = 5, 60
-
-
-class Spool:
-    """Float64 values put aside: in memory while few, then in a temporary file.  Read in slices."""
-
-    def __init__(self) -> None:
-        self.size = 0
-        self._parts: list[FloatArray] = []
-        self._file: IO[bytes] | None = None
-
-    def append(self, values: FloatArray) -> None:
-        self.size += values.size
-        self._parts.append(np.array(values, np.float64))
-        if self.size > _IN_MEMORY:
-            if self._file is None:
-                self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115 - lives as long as the axis that reads it
-            self._file.seek(0, 2)
-            for part in self._parts:
-                self._file.write(part.tobytes())
-            self._parts = []
-
-    def read(self, start: int, stop: int) -> FloatArray:
-        start, stop = max(start, 0), min(stop, self.size)
-        if self._file is not None:
-            self._file.seek(8 * start)
-            return np.frombuffer(self._file.read(8 * max(stop - start, 0)), np.float64)
-        if len(self._parts) != 1:
-            self._parts = [np.concatenate([np.zeros(0), *self._parts])]
-        return self._parts[0][start:stop]
+#: a pause is told where samples without a clock leave out this many usual steps
+_PAUSE = 10.0
 
 
 @dataclass(frozen=True)
@@ -84,16 +55,20 @@ class Stamps:
 
     def __init__(self) -> None:
         self.spool = Spool()
-        self.missing: list[tuple[int, int]] = []  # (index of the first sample behind, samples missing)
         self.bunched = False
+        self._behind = np.zeros(0, np.int64)  # first sample behind each run of missing ones
+        self._before = np.zeros(1, np.int64)  # samples missing before it and all earlier ones
+
+    def know_missing(self, missing: list[tuple[int, int]]) -> None:
+        """Takes (index of the first sample behind, samples missing) of each run of missing samples."""
+        self._behind = np.array([index for index, _ in missing], np.int64)
+        self._before = np.concatenate([[0], np.cumsum([number for _, number in missing])]).astype(np.int64)
 
     def clock_index(self, index: IntArray | int) -> IntArray:
         """Ticks of the sample clock since the first sample."""
-        if not self.missing:
+        if not self._behind.size:
             return np.asarray(index)
-        at = np.array([i for i, _ in self.missing], np.int64)
-        total = np.concatenate([[0], np.cumsum([m for _, m in self.missing])]).astype(np.int64)
-        return np.asarray(index) + total[np.searchsorted(at, index, side="right")]
+        return np.asarray(index) + self._before[np.searchsorted(self._behind, index, side="right")]
 
     def known(self) -> Iterator[tuple[IntArray, FloatArray]]:
         """(index, stamp) of the samples that have one, chunk by chunk."""
@@ -227,6 +202,35 @@ class Stamps:
         firsts = [0, *edges.tolist()]
         pieces = [Piece(f, int(s[0]), float(s[1]), float(s[2] + period * s[1])) for f, s in zip(firsts, sums)]
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
+
+    def rising(self) -> tuple[Spool, int, float, list[int]]:
+        """(the stamps, made to rise; how many were repaired; their median step [s]; first samples behind long pauses).
+
+        A stamp that is unknown, or not later than all before it, lies evenly between its neighbours.
+        """
+        out, repaired, medians, far = Spool(), 0, [1.0], []
+        held, highest, done = np.zeros(0), -np.inf, 0
+        for start in range(0, self.spool.size, _CHUNK):
+            held = np.concatenate([held, self.spool.read(start, start + _CHUNK)])
+            before = np.fmax.accumulate(np.concatenate([[highest], held]))[:-1]
+            good = np.flatnonzero(held > before)
+            last = start + _CHUNK >= self.spool.size
+            whole = held.size if last else int(good[-1]) if good.size else 0
+            if not whole:
+                continue
+            at, known = good, held[good]
+            step = float(np.median(np.diff(known) / np.diff(at))) if good.size > 1 else medians[-1]
+            if last and good.size and good[-1] < held.size - 1:  # nothing comes behind: at the usual step
+                at, known = np.append(at, held.size), np.append(known, known[-1] + step * (held.size - at[-1]))
+            times = np.interp(np.arange(held.size), at, known) if at.size else highest + step * np.arange(1, held.size + 1)
+            if done == 0 and good.size and good[0] > 0:
+                times[: good[0]] = known[0] - step * np.arange(good[0], 0, -1)
+            repaired += whole - int((good < whole).sum())
+            far += (done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > _PAUSE * step)).tolist()
+            out.append(np.asarray(times[:whole], np.float64))
+            medians.append(step)
+            highest, done, held = float(times[whole - 1]), done + whole, held[whole:]
+        return out, repaired, float(np.median(medians[1:] or medians)), far
 
 
 def _clusters(residual: FloatArray, threshold: float, window: int) -> list[tuple[int, int]]:

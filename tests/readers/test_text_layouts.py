@@ -73,11 +73,20 @@ STAMPS = {
 }
 
 
+STARTS = {
+    "iso": "2022-04-14T13:00:00.0",
+    "iso with offset": "2022-04-14T23:59:58.0+02:00",
+    "iso with blank": "2022-04-14T13:00:00",
+    "slashes": "2022-04-14T23:59:59.000000",
+    "dashes": "2015-07-16T10:00:00.000",
+}
+
+
 @pytest.mark.parametrize("name", STAMPS)
 def test_stamps_with_a_date(name: str) -> None:
     cells, resolution = STAMPS[name]
     rows = zip(cells, ["1550.1234", "1550.25", "", "1549.5"], ["1542", "", "1542.5", "1542.25"])
-    reader, block = check("Timestamp;A;B\n" + "".join(";".join(row) + "\n" for row in rows), start=cells[0].strip())
+    reader, block = check("Timestamp;A;B\n" + "".join(";".join(row) + "\n" for row in rows), start=STARTS[name])
     np.testing.assert_allclose(block.stamps_s, T, rtol=0, atol=1e-9)
     assert reader.groups[0].stamp_resolution_s == pytest.approx(resolution)
 
@@ -93,7 +102,7 @@ def test_date_and_time_in_two_columns() -> None:
     times = ["23:59:59.0", "23:59:59.5", "00:00:00.0", "00:00:00.5"]
     dates = ["16-07-2015", "16-07-2015", "17-07-2015", "17-07-2015"]
     cells = zip(dates, times, "1234", ["1550,1234", "1550,25", "", "1549,5"], ["1542,0", "", "1542,5", "1542,25"])
-    reader, block = check(text + "".join("\t".join(row) + "\n" for row in cells), start="16-07-2015 23:59:59.0")
+    reader, block = check(text + "".join("\t".join(row) + "\n" for row in cells), start="2015-07-16T23:59:59.0")
     assert reader.groups[0].rate_Hz == 2.0
     np.testing.assert_array_equal(block.number, [1, 2, 3, 4])
 

@@ -14,6 +14,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import numpy as np
+
 from tirelog import units
 from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.sniff import Layout, filled
@@ -239,10 +241,14 @@ def decimals(layout: Layout, column: int) -> int | None:
 
 
 def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:
-    """The first stamp as written, where it tells a date."""
+    """The first stamp in ISO 8601, where it tells a date."""
     if columns.time is None or columns.form not in ("iso", "dmy") or not layout.rows:
         return None
-    row = layout.rows[0]
-    if len(row) <= columns.time or one_ns(row[columns.time], columns.form, us) == MISSING:
+    row, shown = layout.rows[0], columns.time if columns.clock is None else columns.clock
+    parts = [one_ns(row[columns.time], columns.form, us), one_ns(row[shown], "hms") if columns.clock is not None else 0]
+    if MISSING in parts:
         return None
-    return row[columns.time] if columns.clock is None else f"{row[columns.time]} {row[columns.clock]}"
+    if columns.form == "iso" and columns.clock is None:  # as written, with its offset
+        return re.sub(r"[ _]+(?=\d)", "T", row[columns.time], count=1).replace(",", ".")
+    text = str(np.datetime64(sum(parts), "ns"))
+    return text[: 19 + (digits + 1 if (digits := fraction_digits(row[shown])) else 0)]
