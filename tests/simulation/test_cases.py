@@ -9,6 +9,7 @@ import pytest
 
 from tirelog.errors import UsageError
 from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.planted import PLANTABLE
 from tirelog.simulation.scenarios import IN_CATALOGUE, ORDINARY, OUTSIDE, PAIRS, PLANS, Case, case, planted
 
 QUICK = Case(plan="short", logs=2)
@@ -70,7 +71,7 @@ def test_every_plan_can_be_driven(plan: str) -> None:
 @pytest.mark.parametrize("name", [*IN_CATALOGUE, *OUTSIDE])
 def test_every_effect_shows_and_is_told(name: str) -> None:
     """Each planted effect moves the strain by more than its noise somewhere, in both forms, and the truth names it."""
-    for form in ("exact", "other"):
+    for form in PLANTABLE[name].forms:
         how = Case(plan="short", logs=2, form=form, noise_nm=0.0, roughness=0.0, duration=0.35)
         with_effect, without = (simulate(case(e, seed=8, how=how)[1]) for e in ((name,), ()))
         change = 1.27 / 1550.0 * (with_effect.channels["strain_1"] - without.channels["strain_1"])

@@ -56,6 +56,7 @@ def grating(**more: Any) -> dict[str, Any]:
         ({"effects": [{"name": "water_flim"}]}, "nearest: water_film"),
         ({"effects": [{"name": "ring_curvature"}]}, 'truth = "ring"'),
         ({"effects": [{"name": "wear", "form": "second"}]}, "exact, other"),
+        ({"effects": [{"name": "splice", "form": "other"}]}, "allowed are exact"),
         ({"effects": [{"name": "wear", "amplitud": 1.0}]}, "nearest: amplitude"),
         ({"effects": [{"name": "wear", "amplitude": "big"}]}, "finite number"),
         ({"effects": [{"name": "wear"}, {"name": "wear"}]}, "planted twice"),

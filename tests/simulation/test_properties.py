@@ -53,8 +53,7 @@ def test_planting_changes_neither_road_nor_noise() -> None:
     assert np.abs(strain(bare) - strain(planted)).max() < 1e-8
 
 
-@pytest.mark.parametrize("name", STRAIN_EFFECTS)
-@pytest.mark.parametrize("form", ["exact", "other"])
+@pytest.mark.parametrize(("name", "form"), [(n, f) for n in STRAIN_EFFECTS for f in PLANTABLE[n].forms])
 def test_strength_zero_is_the_base(name: str, form: str) -> None:
     sizes = SIZES.get(name, (next(iter(PLANTABLE[name].parameters)),))
     conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0}

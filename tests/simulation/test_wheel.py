@@ -167,3 +167,22 @@ def test_patch_is_longer_at_low_pressure_and_the_tone_wheel_is_the_same() -> Non
 def test_unknown_wheel_plan() -> None:
     with pytest.raises(UsageError, match="nearest: ramp"):
         wheel_scenario("rampe", seed=1)
+
+
+def test_other_forms_of_what_moves_the_phase() -> None:
+    """Cross-talk, trend and inflation bend in their other form; zero stays zero."""
+    hard = np.array([1.5, 5.0, 11.0])
+    transfer = {"name": "load_transfer", "coefficient": 0.4}
+    for name, limit in (("load_crosstalk", 0.4), ("speed_trend", 0.4)):
+        exact, other = (
+            phase_shift(world(manoeuvres=PLAN, effects=[transfer, {"name": name, "form": form}]), hard) for form in ("exact", "other")
+        )
+        assert 0.01 * np.abs(exact).max() < np.abs(other - exact).max() < limit * np.abs(exact).max()
+    low = {"inflation_pressure_Pa": 1.6e5}
+    lengths = [
+        world(conditions=low, effects=[{"name": "inflation", "form": form}]).half_length(np.array([3434.0]))[0]
+        for form in ("exact", "other")
+    ]
+    assert lengths[0] == pytest.approx(0.058 * 0.8**-0.3)
+    assert lengths[1] == pytest.approx(lengths[0], rel=0.03)
+    assert lengths[1] != lengths[0]

@@ -15,13 +15,14 @@ FORMS = ("exact", "other")
 @dataclass(frozen=True)
 class Plantable:
     """One effect: its parameters with their ordinary values, and for those outside the catalogue where they show (entry, patch,
-    exit, away) and the parity about the patch centre; `fixed` is the name of the parameter that is a frequency, or ''."""
+    exit, away) and the parity about the patch centre; `fixed` is the name of the parameter that is a frequency, or ''; `forms`."""
 
     parameters: Mapping[str, float]
     in_catalogue: bool = True
     where: str = ""
     parity: str = ""
     fixed: str = ""
+    forms: tuple[str, ...] = FORMS
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Planted:
 
 
 def _outside(where: str, parity: str, parameters: Mapping[str, float], fixed: str = "") -> Plantable:
-    return Plantable(parameters, False, where, parity, fixed)
+    return Plantable(parameters, False, where, parity, fixed, ("exact",))
 
 
 PLANTABLE: dict[str, Plantable] = {
@@ -62,8 +63,8 @@ PLANTABLE: dict[str, Plantable] = {
     "sensor_lag": Plantable({"lag_s": 2.0e-4}),
     "speed_trend": Plantable({"linear_rad": 0.004, "quadratic_rad": 0.008}),
     "load_crosstalk": Plantable({"per_relative_load_rad": 0.02}),
-    "telemetry_delay": Plantable({"delay_s": 5.0e-4}),
-    "tooth_pitch": Plantable({"error_deg": 0.3}),
+    "telemetry_delay": Plantable({"delay_s": 5.0e-4}, forms=("exact",)),
+    "tooth_pitch": Plantable({"error_deg": 0.3}, forms=("exact",)),
     "inflation": Plantable({"exponent": 0.3}),
     "ring_down": _outside(
         "exit", "mixed", {"amplitude": 6.0e-5, "frequency_Hz": 90.0, "decay_s": 0.015, "speed_exponent": 1.0}, "frequency_Hz"

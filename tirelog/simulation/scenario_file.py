@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from tirelog.errors import UsageError, nearest
-from tirelog.simulation.planted import FORMS, PLANTABLE, Planted
+from tirelog.simulation.planted import PLANTABLE, Planted
 from tirelog.simulation.scenario import (
     SOURCE_UNITS,
     TRUTHS,
@@ -78,8 +78,9 @@ def _planted(data: Any, file: str | None) -> Planted:
         raise UsageError('ring_curvature is the carcass itself; allowed is truth = "ring"; set it (contact = "parabola")', file=file)
     if name not in PLANTABLE:
         raise UsageError(f"unknown effect {name!r}{nearest(name, PLANTABLE)}; allowed are {', '.join(PLANTABLE)}; mend it", file=file)
-    if form not in FORMS:
-        raise UsageError(f"form = {form!r} of {name}{nearest(str(form), FORMS)}; allowed are {', '.join(FORMS)}; mend it", file=file)
+    forms = PLANTABLE[name].forms
+    if form not in forms:
+        raise UsageError(f"form = {form!r} of {name}{nearest(str(form), forms)}; allowed are {', '.join(forms)}; mend it", file=file)
     given = {key: value for key, value in data.items() if key not in ("name", "form")}
     allowed = PLANTABLE[name].parameters
     for key, value in given.items():

@@ -95,7 +95,9 @@ class Case:
 
 
 def planted(effects: Iterable[str] | Mapping[str, Mapping[str, float]], form: str = "exact", strength: float = 1.0) -> tuple[Planted, ...]:
-    """Effects by name at their ordinary size times `strength`, or with the parameters given.  UsageError for an unknown name or form."""
+    """Effects by name at their ordinary size times `strength`, or with the parameters given; those outside the catalogue have one form.
+
+    UsageError for an unknown name or form."""
     given = effects if isinstance(effects, Mapping) else {name: {} for name in effects}
     if form not in FORMS:
         raise UsageError(f"form {form!r}{nearest(form, FORMS)}; allowed are {', '.join(FORMS)}; mend it")
@@ -108,7 +110,7 @@ def planted(effects: Iterable[str] | Mapping[str, Mapping[str, float]], form: st
         for size in ORDINARY[name]:
             if size not in _SHAPES:
                 values[size] *= strength
-        out.append(Planted(name, form, values))
+        out.append(Planted(name, form if form in PLANTABLE[name].forms else "exact", values))
     return tuple(out)
 
 

@@ -101,7 +101,8 @@ class World:
         tire, inflation = self.scenario.tire, self.scenario.planted("inflation")
         length = tire.patch_half_length_m * (load / tire.reference_load_N) ** tire.patch_load_exponent
         if inflation is not None:
-            length = length * (self.scenario.conditions.inflation_pressure_Pa / REFERENCE_PRESSURE_PA) ** -inflation["exponent"]
+            ratio, power = self.scenario.conditions.inflation_pressure_Pa / REFERENCE_PRESSURE_PA, inflation["exponent"]
+            length = length * (1.0 - 1.3 * power * (ratio - 1.0) if inflation.other else ratio**-power)
         return length
 
     def instants(self, time_s: FloatArray, load_factor: Any = 1.0) -> Instants:

@@ -44,7 +44,9 @@ def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
         bent = np.sqrt(0.04 + speed**2) * speed if trend.other else speed**2
         shift = shift + trend["linear_rad"] * speed + trend["quadratic_rad"] * bent
     if crosstalk is not None:
-        shift = shift + crosstalk["per_relative_load_rad"] * (world.load(time_s) / scenario.conditions.load_N - 1.0)
+        more = world.load(time_s) / scenario.conditions.load_N - 1.0
+        bent = np.expm1(3.0 * more) / 3.0 if crosstalk.other else more
+        shift = shift + crosstalk["per_relative_load_rad"] * bent
     return shift
 
 
