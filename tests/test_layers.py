@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parents[1] / "tirelog"
 LAYERS = [
     {"errors", "columns", "units", "remote"},
     {"recording", "dsp", "files"},
-    {"setup", "convert", "readers", "clock", "store", "ingest", "tables", "regression", "overview"},
+    {"setup", "convert", "readers", "spool", "stamps", "clock", "store", "ingest", "tables", "regression", "overview"},
     {"physics"},
     {"estimators", "plots"},
     {"discrepancy"},
