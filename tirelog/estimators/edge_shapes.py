@@ -68,7 +68,7 @@ HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
 def _series() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Quadrature nodes (half patch), tests P_2, P_4, ... and pressure terms at them times weight, and <test, term>, shapes
     (NODES,), (TERMS, NODES), (TERMS + 1, NODES; the last is the tilt's x (1 - x^2)), (TERMS, TERMS)."""
-    nodes, weights = legendre.leggauss(2 * NODES)
+    nodes, weights = (np.asarray(part, np.float64) for part in legendre.leggauss(2 * NODES))
     nodes, weights = nodes[NODES:], weights[NODES:]
     polynomial = legendre.legvander(nodes, 2 * TERMS).T
     order = np.arange(0, 2 * TERMS, 2)
@@ -140,7 +140,7 @@ class EdgeFamily:
         reach = min(int(np.ceil(half_window_m / step)), points // 2 - 1)
         values = np.fft.irfft(padded, points, axis=1)
         around = np.concatenate([values[:, -reach:], values[:, : reach + 1]], axis=1)
-        return np.arange(-reach, reach + 1) * step, np.ascontiguousarray(around.T)
+        return np.arange(-reach, reach + 1.0) * step, np.ascontiguousarray(around.T)
 
     def jacobian(self, shape: EdgeShape) -> tuple[ComplexArray, ComplexArray]:
         """Spectrum (n,), and its derivatives by the six parameters in the order of the fields, shape (n, 6)."""

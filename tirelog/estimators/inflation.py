@@ -42,7 +42,8 @@ class Inflation:
     `stretch` 'whole', 'ramp' or 'stop'; `time_s` its beginning, `duration_s`; means of strain (with standard error) and pressure;
     `strain_change`, `pressure_change_Pa` from beginning to end; `slope_1_Pa` of strain on pressure with standard error (NaN where the
     pressure is not known or stands still); `rate_1_s` of the strain; `nonlinearity`: largest deviation of the strain from its straight line
-    on the pressure (on time, without pressure) as a share of its range, ramps and whole; `leak`: strain lost at a stop, 0 where it is not significant.
+    on the pressure (on time, without pressure) as a share of its range, ramps and whole; `leak`: strain lost at a stop, 0 where
+    it is not significant.
     """
 
     stretch: NDArray[np.str_]
@@ -78,7 +79,7 @@ def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatAr
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
         spread = np.sqrt(np.maximum(square / count - mean**2, 0.0))
-    return start + (np.arange(cells) + 0.5) * step_s, mean + (origin or 0.0), spread / np.sqrt(np.maximum(count, 1))
+    return start + (np.arange(float(cells)) + 0.5) * step_s, mean + (origin or 0.0), spread / np.sqrt(np.maximum(count, 1))
 
 
 def series(strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None) -> Series:

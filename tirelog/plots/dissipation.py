@@ -55,7 +55,7 @@ def dissipation_picture(sketches: Sequence[Sketch], path: Path) -> None:
     kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     figure = page(15.0, 10.0)
-    left, right = figure.subfigures(1, 2, width_ratios=[1.35, 1.0])
+    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=[1.35, 1.0])).ravel()
     strain, power, factor, speed = left.subplots(4, 1, sharex=True)
     recording, found = first.recording, first.found
     draw_signal(strain, first.signal)

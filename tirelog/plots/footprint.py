@@ -57,7 +57,7 @@ def footprint_picture(sketches: Sequence[Sketch], path: Path) -> None:
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     shown = first.shown
     figure = page(13.5 if len(shown) < 2 else 17.0, 10.5)
-    left, right = figure.subfigures(1, 2, width_ratios=[1.0, 0.8 * max(len(shown), 1)])
+    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=[1.0, 0.8 * max(len(shown), 1)])).ravel()
     strain, speed, lengths, by_speed = left.subplots(4, 1, height_ratios=[1.0, 0.7, 1.0, 1.0])
     _drive(strain, speed, first)
     _lengths(lengths, by_speed, kept)

@@ -63,7 +63,7 @@ def least_and_most(channel: Channel, columns: int = COLUMNS) -> tuple[FloatArray
         short = -values.size % size
         rows = np.pad(values, (0, short), constant_values=np.nan).reshape(-1, size)
         rows = rows[np.isfinite(rows).any(axis=1)]
-        times.append(channel.axis.at(start + size * (np.arange(rows.shape[0]) + 0.5)))
+        times.append(channel.axis.at(np.asarray(start + size * (np.arange(rows.shape[0]) + 0.5), np.float64)))
         low.append(np.nanmin(rows, axis=1) if rows.size else np.zeros(0))
         high.append(np.nanmax(rows, axis=1) if rows.size else np.zeros(0))
     return np.concatenate(times), np.concatenate(low), np.concatenate(high)
