@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from tirelog.recording import FloatArray, IntArray
@@ -26,19 +27,23 @@ CUBIC_SLOPE = np.array([22.0, -67.0, -58.0, 0.0, 58.0, 67.0, -22.0]) / 252.0
 
 @dataclass(frozen=True)
 class AngleFunction:
-    """Knots of the wheel angle: `time_s` (n,) ascending, `angle_rad` (n,), `rate_rad_s` (n,), `stretch` (n,) the run without a loss
-    of the count, `noise_rad` standard deviation of an angle read from it."""
+    """Knots of the wheel angle, shape (n,): `time_s` ascending, `count` in units of `unit_rad`, `rate_rad_s`, `stretch` the run without a
+    loss of the count; `noise_rad` standard deviation of an angle read from it.  The types are small: an hour has millions of knots."""
 
     time_s: FloatArray
-    angle_rad: FloatArray
-    rate_rad_s: FloatArray
-    stretch: IntArray
+    count: IntArray | FloatArray
+    unit_rad: float
+    rate_rad_s: NDArray[np.float32]
+    stretch: NDArray[np.int16]
     noise_rad: float
 
-    def position(self, time_s: FloatArray) -> tuple[IntArray, FloatArray]:
-        """(knot before, share of the way to the next one) of ascending times; shares leave [0, 1] outside of the knots."""
-        at = self._knot(time_s)
-        return at, (time_s - self.time_s[at]) / (self.time_s[at + 1] - self.time_s[at])
+    def knots(self, low: int, high: int) -> tuple[FloatArray, FloatArray]:
+        """Times [s] and angles [rad] of the knots [low, high)."""
+        return self.time_s[low:high], np.asarray(self.count[low:high] * self.unit_rad, dtype=np.float64)
+
+    def stretch_at(self, time_s: FloatArray) -> IntArray:
+        """Number of the stretch at times, of which NaN counts as the end."""
+        return self.stretch[np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 1)].astype(np.int64)
 
     def _knot(self, time_s: FloatArray) -> IntArray:
         """The knot before each of the times."""
@@ -50,6 +55,12 @@ class AngleFunction:
                 return np.clip(np.repeat(np.arange(low - 1, high), runs), 0, self.time_s.size - 2)
         return np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 2)
 
+    def coarse(self, time_s: FloatArray) -> FloatArray:
+        """Angle [rad] at ascending times, straight between the knots; NaN outside of them."""
+        low, high = np.searchsorted(self.time_s, time_s[[0, -1]])
+        times, angles = self.knots(max(int(low) - 1, 0), int(high) + 1)
+        return np.interp(time_s, times, angles, left=np.nan, right=np.nan) if times.size else np.full(time_s.size, np.nan)
+
     def at(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at the times, NaN outside of the knots, shape as given."""
         if time_s.size == 0:
@@ -58,29 +69,30 @@ class AngleFunction:
             return np.concatenate([self.at(time_s[start : start + PIECE]) for start in range(0, time_s.size, PIECE)])
         knot = self._knot(time_s)
         low, high = int(knot.min()), int(knot.max()) + 1
-        h, rise = np.diff(self.time_s[low : high + 1]), np.diff(self.angle_rad[low : high + 1])
-        first, last = self.rate_rad_s[low:high], self.rate_rad_s[low + 1 : high + 1]
+        times, angles = self.knots(low, high + 1)
+        h, rise = np.diff(times), np.diff(angles)
+        first, last = self.rate_rad_s[low:high].astype(np.float64), self.rate_rad_s[low + 1 : high + 1].astype(np.float64)
         safe = np.where(h > 0, h, 1.0)
         quadratic, cubic = (3 * rise / safe - 2 * first - last) / safe, (first + last - 2 * rise / safe) / safe**2
         k = knot - low
-        s = time_s - self.time_s[low:high][k]
-        angle = self.angle_rad[low:high][k] + s * (first[k] + s * (quadratic[k] + s * cubic[k]))
-        outside = (time_s < self.time_s[0]) | (time_s > self.time_s[-1])
+        s = time_s - times[k]
+        angle = angles[k] + s * (first[k] + s * (quadratic[k] + s * cubic[k]))
+        outside = ~((time_s >= self.time_s[0]) & (time_s <= self.time_s[-1]))
         if outside.any():
             angle[outside] = np.nan
         return angle
 
     def time_at(self, angle_rad: FloatArray) -> FloatArray:
-        """Time [s] at which a forward-rolling wheel has ascending angles; NaN outside of the knots."""
-        climbing = np.maximum.accumulate(self.angle_rad)
-        k = np.clip(np.searchsorted(climbing, angle_rad, side="right") - 1, 0, climbing.size - 2)
-        start, rise = climbing[k], climbing[k + 1] - climbing[k]
-        u = np.where(rise > 0, (angle_rad - start) / np.where(rise > 0, rise, 1.0), 0.0)
+        """Time [s] at which a forward-rolling wheel has the angles; NaN outside of the knots."""
+        climbing = np.maximum.accumulate(self.count)
+        wanted = angle_rad / self.unit_rad
+        k = np.clip(np.searchsorted(climbing, wanted, side="right") - 1, 0, climbing.size - 2)
+        start, rise = climbing[k], (climbing[k + 1] - climbing[k]).astype(np.float64)
+        u = np.where(rise > 0, (wanted - start) / np.where(rise > 0, rise, 1.0), 0.0)
         h = self.time_s[k + 1] - self.time_s[k]
-        time = self.time_s[k] + u * h
         inside = (u >= 0) & (u <= 1)
-        near = np.where(inside, time, self.time_s[0])
-        rate = np.where(rise > 0, rise / h, np.inf)
+        near = np.where(inside, self.time_s[k] + u * h, self.time_s[0])
+        rate = np.where(rise > 0, rise * self.unit_rad / np.where(h > 0, h, 1.0), np.inf)
         near = near - (self.at(near) - angle_rad) / rate
         return np.where(inside, np.clip(near, self.time_s[k], self.time_s[k + 1]), np.nan)
 
@@ -92,23 +104,48 @@ class AngleFunction:
 
 
 def smooth_angle(
-    time_s: FloatArray, count: IntArray, pitch_rad: FloatArray, step_rad: float, stretch: IntArray, noise_rad: float
+    time_s: FloatArray, count: IntArray, table_rad: FloatArray, unit_rad: float, stretch: IntArray, noise_rad: float
 ) -> AngleFunction:
-    """Knots from passages: times, counts and stretches of shape (n,), the pitch errors (n,) of these passages, the angle of a count,
-    and the standard deviation of one passage (used where the log is too short to show it).
+    """Knots from passages: times, counts and stretches of shape (n,); `table_rad` the pitch error of each count modulo its size; the angle
+    of a count; the standard deviation of one passage (used where the log is too short to show it).
 
     Each time is first brought to the nominal angle of its count; then time as a function of the count is a cubic over
     2 REACH + 1 passages.  Left as it is at the ends of a stretch, beside missing passages and where the motion is too uneven for a cubic
     (near standstill).
     """
-    nominal = np.asarray(count * step_rad, dtype=np.float64)
-    if time_s.size < 2 * REACH + 1:
-        rate = np.gradient(nominal, time_s) if time_s.size > 1 else np.zeros(time_s.size)
-        return AngleFunction(time_s, np.asarray(nominal + pitch_rad), rate, stretch, noise_rad)
-    rise = np.gradient(nominal)
+    n, margin = time_s.size, REACH + 2
+    time, rate = np.empty(n), np.empty(n, np.float32)
+    noises, latest = [], -np.inf
+    for start in range(0, n, PIECE):
+        low, stop, high = max(start - margin, 0), min(start + PIECE, n), min(start + PIECE + margin, n)
+        piece = slice(low, high)
+        error = table_rad[np.mod(count[piece], table_rad.size)]
+        smoothed, slope, left = _smoothed(time_s[piece], count[piece].astype(np.int64), error, unit_rad, stretch[piece])
+        time[start:stop] = np.maximum.accumulate(np.maximum(smoothed[start - low : stop - low], latest))
+        rate[start:stop] = slope[start - low : stop - low]
+        latest = float(time[stop - 1])
+        if left.size > 100:
+            noises.append(float(np.median(np.abs(left))) / 0.6745)
+    kept = float(np.sum(CUBIC_VALUE**2))
+    if noises:  # what the cubics leave is the rest of the passages' noise
+        noise_rad = float(np.median(noises) / np.sqrt(1 - kept))
+    small = count.astype(np.int32) if np.issubdtype(count.dtype, np.integer) else count
+    return AngleFunction(time, small, unit_rad, rate, stretch.astype(np.int16), noise_rad * float(np.sqrt(kept)))
+
+
+def _smoothed(
+    time_s: FloatArray, count: IntArray, error_rad: FloatArray, unit_rad: float, stretch: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(times at the nominal angles, rates [rad/s], what smoothing took away [rad]) of one piece."""
+    if time_s.size < 2:
+        return time_s, np.zeros(time_s.size), np.zeros(0)
+    rise = np.gradient(count * unit_rad)
     pace = np.where(rise == 0, 0.0, np.gradient(time_s) / np.where(rise == 0, 1.0, rise))
-    time = np.maximum.accumulate(time_s - pitch_rad * pace)
+    time = time_s - error_rad * pace
+    rate = np.where(pace == 0, 0.0, 1.0 / np.where(pace == 0, 1.0, pace))
     width, steps = 2 * REACH + 1, np.diff(time)
+    if time.size <= width:
+        return time, rate, np.zeros(0)
     inner = slice(REACH, time.size - REACH)
     value = np.convolve(time - time[0], CUBIC_VALUE, "valid") + time[0]
     slope = np.convolve(time - time[0], -CUBIC_SLOPE, "valid")
@@ -116,12 +153,8 @@ def smooth_angle(
     longest, shortest = maximum_filter1d(steps, width - 1)[span], minimum_filter1d(steps, width - 1)[span]
     regular = (stretch[width - 1 :] == stretch[: 1 - width]) & (np.abs(count[width - 1 :] - count[: 1 - width]) == width - 1)
     regular &= (longest < 2.0 * shortest) & (slope > 0)
-    rate = np.where(pace == 0, 0.0, 1.0 / np.where(pace == 0, 1.0, pace))
-    left = (time[inner] - value)[regular]
-    smoothed = time.copy()
-    smoothed[inner][regular] = value[regular]
-    rate[inner][regular] = (step_rad * np.sign(count[REACH + 1 : time.size - REACH + 1] - count[inner]))[regular] / slope[regular]
-    kept = float(np.sum(CUBIC_VALUE**2))
-    if left.size > 100:  # what the cubics leave is the rest of the passages' noise
-        noise_rad = float(np.median(np.abs(left * rate[inner][regular]))) / 0.6745 / float(np.sqrt(1 - kept))
-    return AngleFunction(np.maximum.accumulate(smoothed), nominal, rate, stretch, noise_rad * float(np.sqrt(kept)))
+    sign = np.sign(count[REACH + 1 : time.size - REACH + 1] - count[inner])
+    rate[inner][regular] = (unit_rad * sign)[regular] / slope[regular]
+    left = (time[inner] - value)[regular] * rate[inner][regular]
+    time[inner][regular] = value[regular]
+    return time, rate, left

@@ -20,6 +20,8 @@ from tirelog.recording import FloatArray, IntArray
 
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth flank
 TURNING_PEAK, PASSED_PEAK = 0.85, 0.95
+#: intervals looked at at once: small enough for the cache
+PIECE = 1 << 15
 #: half teeth that take longer than this are looked at for a turning point
 SLOW_S = 0.06
 #: slow intervals within so many of each other are one place; a car does not roll backwards faster than so many turns a second
@@ -55,22 +57,26 @@ def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, s
     n = index.size
     if n < 2:
         return Teeth(index, np.zeros(n, np.int64), np.zeros(n, np.int64), np.ones(n, bool), missing, extra)
-    still = np.diff(index) > 0.5 * FOLLOW_S * rate_Hz
+    intervals = np.diff(index)
+    still = intervals > 0.5 * FOLLOW_S * rate_Hz
     hole = np.zeros(n - 1, bool)
     if passages.breaks.size:
         broken = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
         hole[broken[halves[broken] != 1]] = True
-    slow = np.flatnonzero(np.diff(index) > SLOW_S * rate_Hz)
+    slow = np.flatnonzero(intervals > SLOW_S * rate_Hz)
+    del intervals
     sign, turned = _directions(index, slow, _turning_points(read, found, index, slow), FASTEST_BACK_Hz / rate_Hz * 2 * steps)
     lost = still | hole | (halves > 2 * steps)
     lost[turned] = True
-    stretch = np.concatenate([[0], np.cumsum(lost)])
+    stretch = np.zeros(n, np.int16)
+    np.cumsum(lost, out=stretch[1:])
     forward = np.concatenate([sign > 0, [True]])
-    count = np.concatenate([[0], np.cumsum(halves * sign)])
+    count = np.zeros(n, np.int32)
+    np.cumsum(halves * sign, out=count[1:])
     # rolling forwards a rising passage is even, backwards a falling one
     heads = np.concatenate([[0], np.flatnonzero(lost) + 1])
     wrong = np.mod(count[heads], 2) != (rising[heads] != forward[heads])
-    count += np.concatenate([[int(wrong[0])], np.diff(wrong.astype(np.int64))]).cumsum()[stretch]
+    count += wrong.astype(np.int32)[stretch]
     return Teeth(index, count, stretch, forward, missing, extra)
 
 
@@ -80,7 +86,7 @@ def _directions(index: FloatArray, slow: IntArray, turned: list[int], fastest: f
     A turning point starts a stretch backwards, and the next slow place ends it, seen as a turning point or not: a missed one must not turn
     the rest of the log around.  A stretch that is faster than `fastest` half teeth a sample, or lasts to the end, was none.
     """
-    sign, changes, done = np.ones(index.size - 1, np.int64), [], -1
+    sign, changes, done = np.ones(index.size - 1, np.int8), [], -1
     for at in turned:
         later = slow[slow > at + SAME_PLACE]
         if at <= done or later.size == 0:
@@ -102,11 +108,10 @@ def _regular(index: FloatArray, rising: np.ndarray, slowest: float) -> tuple[Flo
     length says, odd or even as the passages in it were.  Where the intervals before and after a run disagree (near standstill), it stays.
     """
     steps = np.diff(index)
-    halves = np.ones(steps.size, np.int64)
+    halves = np.ones(steps.size, np.int16)
     if steps.size < 4 * NEIGHBOURS:
         return index, rising, halves, 0, 0
-    around = steps[:-10] + steps[10:]
-    if np.all((2 * steps[5:-5] < LONG * around) & (2 * steps[5:-5] > SHORT * around)):
+    if all(_all_regular(steps[max(start - 5, 0) : start + PIECE + 5]) for start in range(0, steps.size, PIECE)):
         return index, rising, halves, 0, 0
     ratio = steps / median_filter(steps, 9, mode="nearest")
     odd = ratio < SHORT
@@ -130,6 +135,12 @@ def _regular(index: FloatArray, rising: np.ndarray, slowest: float) -> tuple[Flo
         missing += max(whole - n, 0) // 2
         extra += max(n - whole, 0) // 2
     return index[keep], rising[keep], halves[keep[:-1]], missing, extra
+
+
+def _all_regular(steps: FloatArray) -> bool:
+    """Whether no interval differs much from those five before and after it: then no closer look is needed."""
+    around = steps[:-10] + steps[10:]
+    return bool(np.all((2 * steps[5:-5] < LONG * around) & (2 * steps[5:-5] > SHORT * around)))
 
 
 def _turning_points(read: Read, found: Probe, index: FloatArray, slow: IntArray) -> list[int]:

@@ -23,7 +23,7 @@ from tirelog.recording import Channel, FloatArray, IntArray
 
 GRAVITY_M_S2 = 9.80665
 #: samples read at once
-PIECE = 1 << 18
+PIECE = 1 << 17
 #: half width of the flank's window: this share of the level over the flank's median slope, within bounds [deg], from a first guess
 FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
 #: samples that a flank has at least
@@ -116,7 +116,7 @@ def _recurs(dips: Dips, turn: float) -> bool:
 def _expected(dips: Dips, wheel: WheelAngle, turn: float) -> tuple[Dips, FloatArray, IntArray]:
     """(dips that recur once a turn, expected middles of all passages [rad], the dips' rows among them)."""
     middle = 0.5 * (dips.entry_rad + dips.exit_rad)
-    stretch = wheel.angle.stretch[wheel.angle.position(wheel.angle.time_at(middle))[0]]
+    stretch = wheel.angle.stretch_at(wheel.angle.time_at(middle))
     kept = np.ones(middle.size, bool)
     if abs(turn / (2 * np.pi) - 1) < 0.01:
         for number in np.unique(stretch):

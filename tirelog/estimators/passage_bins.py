@@ -21,7 +21,7 @@ from tirelog.recording import Channel, FloatArray, IntArray
 
 DEGREE = np.pi / 180
 #: samples read at once
-PIECE = 1 << 18
+PIECE = 1 << 17
 #: bins worked on at once, and their overlap: a turn and a half
 CORE, OVERLAP = 360 * 128, 540
 #: a dip that is shorter or longer than this is no patch [deg]
@@ -75,7 +75,7 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
     offset = 0.0
     for start, values in channel.blocks(PIECE):
         time = channel.axis.time(start, start + values.size)
-        theta = np.interp(time, angle.time_s, angle.angle_rad, left=np.nan, right=np.nan) / DEGREE
+        theta = angle.coarse(time) / DEGREE
         good = np.isfinite(values) & np.isfinite(theta)
         values, time, theta = values[good], time[good], theta[good]
         if values.size == 0:

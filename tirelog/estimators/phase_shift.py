@@ -212,7 +212,7 @@ def _one_turn(middle: FloatArray, wheel: WheelAngle, time: FloatArray) -> tuple[
         return middle, 0, np.zeros(middle.size, bool)
     usual = float(np.angle(np.exp(1j * middle[known]).sum()))
     turn = np.angle(np.exp(1j * (middle - usual))) * DEG
-    stretch = wheel.angle.stretch[np.clip(np.searchsorted(wheel.angle.time_s, np.nan_to_num(time)) - 1, 0, None)]
+    stretch = wheel.angle.stretch_at(time)
     moved, first, strange = 0, np.nan, np.zeros(middle.size, bool)
     for number in np.unique(stretch[known]):
         rows = known & (stretch == number)

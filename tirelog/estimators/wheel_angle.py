@@ -59,15 +59,17 @@ class WheelAngle:
         knots = self.angle.time_s
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
         last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
-        slow = np.concatenate([[0], np.cumsum(np.diff(knots) > 2 * np.pi / STANDSTILL_TURNS_S / max(self.steps, 1) / (2 * np.pi))])
-        back = np.concatenate([[0], np.cumsum(self.backward)])
+        slow = np.flatnonzero(np.diff(knots) > 1 / STANDSTILL_TURNS_S / max(self.steps, 1))
+        back = np.flatnonzero(self.backward)
+        still = np.searchsorted(slow, last) > np.searchsorted(slow, first)
+        reversing = np.searchsorted(back, last, side="right") > np.searchsorted(back, first)
         words: list[set[str]] = [set() for _ in first]
         for row, (a, b) in enumerate(zip(first, last, strict=True)):
-            if slow[b] > slow[a]:
+            if still[row]:
                 words[row].add("standstill")
             elif self.angle.stretch[b] != self.angle.stretch[a]:
                 words[row].add("gap")
-            if back[b + 1] > back[a]:
+            if reversing[row]:
                 words[row].add("reversing")
         return words
 
@@ -89,9 +91,8 @@ def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
     count = _realigned(time, teeth, steps)
     stretches = _stretches(time, count, teeth)
     pitch = learn(stretches, steps)
-    error = pitch.error_rad[np.mod(count, 2 * steps)]
     noise = pitch.scatter_rad if pitch.turns else _noise(found, steps)
-    function = smooth_angle(time, count, error, np.pi / steps, teeth.stretch, noise)
+    function = smooth_angle(time, count, pitch.error_rad, np.pi / steps, teeth.stretch, noise)
     remarks = _remarks(channel, teeth, pitch, stretches, steps)
     return WheelAngle(channel.name, steps, found.form, function, pitch, ~teeth.forward, tuple(remarks))
 
@@ -155,11 +156,11 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     rate = np.gradient(2 * np.pi * turns, time)
     noise = 0.0 if is_angle else float(np.median(np.abs(rate))) / channel.axis.rate_Hz / np.sqrt(12.0)
     count = np.rint(turns * size).astype(np.int64)
-    stretch = np.zeros(time.size, np.int64)
+    stretch = np.zeros(time.size, np.int16)
     if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
-        function = AngleFunction(time, 2 * np.pi * turns, rate, stretch, noise)
+        function = AngleFunction(time, turns, 2 * np.pi, rate.astype(np.float32), stretch, noise)
         return WheelAngle(channel.name, steps, "angle" if is_angle else "counter", function, PitchTable.zero(steps), backward, ())
-    function = smooth_angle(time, count, np.zeros(time.size), 2 * np.pi / size, stretch, noise)
+    function = smooth_angle(time, count, np.zeros(1), 2 * np.pi / size, stretch, noise)
     return WheelAngle(channel.name, steps, "counter", function, PitchTable.zero(steps), backward, ())
 
 
@@ -252,7 +253,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
     """
     channel, wheel = encoder_of(recording)
     radius = rolling_radius(recording, wheel)
-    highest, lowest = float(np.max(wheel.angle.angle_rad)), float(wheel.angle.angle_rad[0])
+    lowest, highest = (float(c) * wheel.angle.unit_rad for c in (wheel.angle.count[0], np.max(wheel.angle.count)))
     middles = lowest + np.pi * np.arange(1.0, 2.0 * max(int((highest - lowest) / (2 * np.pi)), 0), 2.0)
     start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
     rate = wheel.speed_rad_s(time)
