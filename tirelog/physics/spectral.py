@@ -106,4 +106,4 @@ def _gather(grid: FloatArray, index: NDArray[np.int64]) -> FloatArray:
         return grid[0][index]
     if index.shape[0] == 1:
         return grid[:, index[0]]
-    return np.take_along_axis(grid, index, axis=1)
+    return np.take(grid.reshape(-1), index + GRID * np.arange(grid.shape[0])[:, None])
