@@ -60,6 +60,7 @@ def test_nothing_can_be_read(name: str) -> None:
 LOST = {
     "cut in a row": (log()[:-12], 199, "line 201: the last row is cut off"),
     "cut in the last number": (log()[:-3], 199, "line 201: the last row is cut off"),
+    "cut behind the last separator": (log()[: -len("1542.0000") - 1], 199, "line 201: the last row is cut off"),
     "a short row": (log({100: "0.0400,1550.1"}), 200, "1 rows do not parse (first in line 102: not 3 cells)"),
     "a long row": (log({100: "0.0400,1550.1,1542.0,9,9"}), 200, "1 rows do not parse (first in line 102: not 3 cells)"),
     "text for a number": (log({7: "0.0028,ERR,1542.0", 9: "0.0036,ERR,1542.0"}), 200, "2 cells are no numbers (first in line 9: 'ERR')"),

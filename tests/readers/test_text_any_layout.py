@@ -69,6 +69,8 @@ def test_any_layout(layout: dict, seed: int) -> None:
     values = np.round(1550 + rng.standard_normal((layout["rows"], 3)), 4)
     values[rng.random(values.shape) < 0.1] = np.nan
     values[:3] = np.round(1550 + rng.standard_normal((3, 3)), 4)
+    if not layout["last_end"] and layout["lost"] == "" and not layout["trailing"]:
+        values[-1, 2] = 1550.1234  # blank at the very end, it would be a row that is cut off
     names = ["A", "Bé", "C"] if layout["header"] else [f"#{k + 1 + (layout['stamps'] != 'none')}" for k in range(3)]
     reader, block = read(written(layout, values), setup_of({f"c{k}": {"source": name} for k, name in enumerate(names)}))
     for k in range(3):

@@ -195,7 +195,7 @@ def cut_off(layout: Layout, line: str) -> bool:
     elif not layout.ragged and len(cells) < layout.width - (layout.kinds[layout.width - 1] == "blank"):
         return True
     last, column = cells[-1], len(cells) - 1
-    if last.lower() in LOST_WORDS or layout.kinds[min(column, len(layout.kinds) - 1)] != "number":
+    if layout.kinds[min(column, len(layout.kinds) - 1)] != "number" or (last and last.lower() in LOST_WORDS):
         return False
     if not is_number(last, layout.decimal):
         return True
