@@ -133,3 +133,13 @@ def test_inflation_ramp(tmp_path: Path) -> None:
     slope = np.polyfit(pressure, strain, 1)
     assert slope[0] == pytest.approx(1e-8, rel=1e-6)
     assert np.abs(strain - np.polyval(slope, pressure)).max() < 1e-9
+
+
+@pytest.mark.parametrize(("rate", "digits"), [(2500.0, 4), (25000.0, 5), (10.0, 1), (3000.0, 9)])
+def test_stamps_hold_the_clock(tmp_path: Path, rate: float, digits: int) -> None:
+    channels = {"s": {"kind": "fbg_strain", "sampling_rate_Hz": rate}}
+    short = [{"duration_s": 0.5, "speed_m_s": 10.0}]
+    path, *_ = write_log(simulate(scenario_of(tables(channels=channels, manoeuvres=short))), tmp_path / "log.csv")
+    second = path.read_text(encoding="utf-8").splitlines()[4].split(",")[0]
+    assert float(second) == pytest.approx(1.0 / rate, rel=1e-5)
+    assert len(second.split(".")[1]) == digits

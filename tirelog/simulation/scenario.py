@@ -70,7 +70,7 @@ class TrueTire:
     tangential_stiffness_N_m2: float = _within(6.3e5, 1e3, 1e9)
     radial_damping_N_s_m2: float = _within(0.0, 0.0, 1e6)
     tangential_damping_N_s_m2: float = _within(0.0, 0.0, 1e6)
-    width_belt_m: float = _within(0.14, 0.01, 2.0)
+    width_belt_m: float = _within(0.14, 0.0, 2.0)
     tread_stiffness_N_m2: float = _within(8.75e7, 1e5, 1e11)
     torsional_stiffness_N_m2: float | None = _within(None, 1e3, 1e9)
 

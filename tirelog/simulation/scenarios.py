@@ -58,6 +58,11 @@ PAIRS = (
     ("belt_tension", "wear"),
 )
 
+#: the ring that the beam closes to: its own stiffnesses and patch, no hoop force; and, as another form, one under some hoop force
+CLOSED = TrueTire(
+    contact="parabola", flexural_stiffness_N_m2=4.0, radial_stiffness_N_m2=2.0e6, tangential_stiffness_N_m2=3.0e5, width_belt_m=0.0
+)
+TENSE = replace(CLOSED, width_belt_m=0.005)
 #: relative loads, tread ages [km] and water depths [mm] of the logs of a case, in turn
 LOADS = (1.0, 1.2, 0.85, 1.1)
 AGES_KM = (2000.0, 30000.0, 16000.0, 38000.0)
@@ -122,7 +127,7 @@ def case(effects: Iterable[str] | Mapping[str, Mapping[str, float]] = (), *, see
         raise UsageError(f"plan {how.plan!r}{nearest(how.plan, PLANS)}; allowed are {', '.join(PLANS)}; mend it")
     names = dict(effects) if isinstance(effects, Mapping) else {name: {} for name in effects}
     curved = names.pop("ring_curvature", None) is not None
-    tire = TrueTire(contact="parabola", foundation_stiffness_N_m2=2.0e6) if curved else TrueTire()
+    tire = (CLOSED if how.form == "exact" else TENSE) if curved else TrueTire()
     random = np.random.default_rng(seed)
     scenarios = []
     for log in range(how.logs):

@@ -68,6 +68,12 @@ def _digits(sensor: Sensor) -> int:
     return _DIGITS.get(sensor.kind, 6)
 
 
+def _stamp_digits(rate_Hz: float) -> int:
+    """Digits behind the point that hold a sample's step to the last, at most nine."""
+    step = 1.0 / rate_Hz
+    return next((d for d in range(1, 9) if abs(round(step, d) - step) < 1e-9 * step), 9)
+
+
 def _write_text(simulated: Simulated, path: Path, zipped: bool) -> str:
     """Comma-separated with a short preamble; every channel at one rate."""
     import pandas as pd
@@ -78,7 +84,7 @@ def _write_text(simulated: Simulated, path: Path, zipped: bool) -> str:
         raise UsageError("text holds one sampling rate; allowed are .mcap and .h5 for several; give -o another suffix")
     sources = _sources(simulated)
     stamp = next(iter(simulated.stamp_s.values()))
-    columns = {"time_s": pd.Series(stamp).map("{:.7g}".format) if stamp.size and stamp[-1] < 100 else pd.Series(stamp).map("{:.4f}".format)}
+    columns = {"time_s": pd.Series(stamp).map(f"{{:.{_stamp_digits(next(iter(rates)))}f}}".format)}
     for name, sensor in scenario.channels.items():
         shape = f"{{:.{_digits(sensor)}f}}".format
         columns[sources[name]] = pd.Series(simulated.channels[name]).map(shape, na_action="ignore").fillna("")
