@@ -105,7 +105,8 @@ def sniff(head: bytes, name: str) -> Layout:
         returns=returns,
         preamble=tuple(clean[i] for i in full if i < first),
     )
-    return replace(layout, **_counts(layout))
+    counts_at, counts = _counts(layout)
+    return replace(layout, counts_at=counts_at, counts=counts)
 
 
 def _decode(head: bytes, name: str) -> tuple[str, str, int]:
@@ -244,14 +245,14 @@ def _column_kind(cells: list[str], decimal: str) -> str:
     return seen.most_common(1)[0][0] if seen else "blank"
 
 
-def _counts(layout: Layout) -> dict[str, int]:
-    """`counts_at`, `counts` where small whole numbers stand in front that add up to the number of cells behind them, in all rows."""
+def _counts(layout: Layout) -> tuple[int, int]:
+    """(`counts_at`, `counts`) where small whole numbers stand in front that add up to the number of cells behind them, in all rows."""
     rows = layout.rows[:-1] or layout.rows
     for at in range(min(4, layout.width)):
         for number in range(1, min(33, layout.width - at)):
             if all(_adds_up(row, at, number) for row in rows) and any(len(row) > at + number for row in rows):
-                return {"counts_at": at, "counts": number}
-    return {}
+                return at, number
+    return 0, 0
 
 
 def _adds_up(row: tuple[str, ...], at: int, number: int) -> bool:
