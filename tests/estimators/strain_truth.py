@@ -21,7 +21,7 @@ Traction = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Beam:
-    """EJ w'''' + mu c^2 w'' + 2 mu omega_d c w' + k w = p (errata), p a parabola over +-half_length_m, tilted by `tilt` towards the entry."""
+    """EJ w'''' + mu c^2 w'' + 2 mu omega_d c w' + k w = p (errata), p a parabola over +-half_length_m, tilted by `tilt`."""
 
     half_length_m: float = 0.055
     stiffness: float = 4.0
@@ -90,7 +90,7 @@ class Beam:
 
 @dataclass(frozen=True)
 class Ring:
-    """An inextensible ring (P3 Table 2 by default) pressed by `sink_m` onto a flat road through tread springs, one-sidedly; no speed trend."""
+    """An inextensible ring (P3 Table 2 by default) pressed by `sink_m` onto a flat road through tread springs, one-sidedly."""
 
     sink_m: float = 0.03
     tread: float = 8.75e7

@@ -197,6 +197,8 @@ def dissipation(
     per_mean = sigma2 * float((how.coefficients**2).sum())
     step = 1.0 / how.rate_Hz
     lags = np.correlate(how.coefficients, how.coefficients, "full")
+    # the slope's own noise is in `bend` too, and does not belong there
+    bend = np.maximum(bend - means * sigma2 * float((np.convolve(how.coefficients, (0.5, 0.0, -0.5)) ** 2).sum()), 0.0)
     variance = 4.0 * sigma2 * bend * how.rate_Hz**2 + 2.0 * sigma2**2 * means * float((lags**2).sum())
     with np.errstate(invalid="ignore", divide="ignore"):
         factor = np.where(means > 0, (energy - means * per_mean) * step / speed, np.nan)

@@ -33,10 +33,12 @@ MOST_BEND = 1.1e-4
 
 @dataclass(frozen=True)
 class FormTable:
-    """The form at one speed, on an even grid: `columns` (g, c), which of them `form_table` and `shape_table` say."""
+    """The form at one speed, on an even grid: `shift_m` behind the passages' centres, `columns` (g, c), which of them `form_table` and
+    `shape_table` say."""
 
     speed_m_s: float
     half_length_m: float
+    shift_m: float
     first_m: float
     step_m: float
     columns: FloatArray
@@ -53,7 +55,9 @@ def _table(reference: Reference, number: int, half_window_m: float, spectra: Com
     """A table of `spectra` (n, c)."""
     xi, columns = reference.family.on_grid(spectra, TABLE_POINTS, 1.02 * half_window_m)
     shape = reference.shapes[number]
-    return FormTable(reference.speed_m_s[number], shape.half_length_m, float(xi[0]), float(xi[1] - xi[0]), columns)
+    return FormTable(
+        reference.speed_m_s[number], shape.half_length_m, reference.shifts_m[number], float(xi[0]), float(xi[1] - xi[0]), columns
+    )
 
 
 def shape_table(reference: Reference, number: int, half_window_m: float) -> FormTable:
@@ -160,8 +164,8 @@ def normal_equations(
     shift_m: FloatArray | float = 0.0,
 ) -> Normal:
     """The rows of `windows` against `table`; `noise`: standard deviation of a sample of the log; `shift_m`: how far behind the
-    passages' centres the form is put."""
-    xi = windows.distance_m(speed_m_s, acceleration_m_s2) - np.reshape(shift_m, (-1, 1))
+    reference's own place the form is put."""
+    xi = windows.distance_m(speed_m_s, acceleration_m_s2) - table.shift_m - np.reshape(shift_m, (-1, 1))
     good = (np.abs(xi) < half_window_m) & np.isfinite(windows.values)
     known = np.where(good, windows.values, 0.0)
     used = good.sum(axis=1)
@@ -230,7 +234,7 @@ def described(normal: Normal, solution: Solution, table: FormTable) -> PassageFi
     return PassageFits(
         height * nan,
         (whole[:, OFFSET] + normal.middle) * nan,
-        relative[:, SHIFT] * nan,
+        (table.shift_m + relative[:, SHIFT]) * nan,
         2.0 * (table.half_length_m + relative[:, LENGTH]) * nan,
         relative[:, DAMPING] * nan,
         relative[:, TILT] * nan,

@@ -136,7 +136,7 @@ def _samples(
         windows = replace(
             parts[0], row=row, values=np.concatenate([p.values for p in parts]), centre=np.concatenate([p.centre for p in parts])
         )
-        out.append(Sample(windows, speed[row], acceleration[row], np.zeros(row.size)))
+        out.append(Sample(windows, speed[row], acceleration[row]))
     return sorted(out, key=lambda sample: float(np.mean(sample.speed_m_s**2)))
 
 

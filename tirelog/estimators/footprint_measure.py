@@ -158,7 +158,7 @@ def _onsets(
         speed, acceleration = passages.speed_m_s[some.row], np.nan_to_num(passages.acceleration_m_s2[some.row])
         form = forms.tables[number]
         refer = partial(normal_equations, some, form, forms.half_window_m, speed, acceleration, passages.noise)
-        slip = find_onsets(refer, np.nan_to_num(fits.shift_m[which]), form, forms.traction(number, fine=True), forms.scatter)
+        slip = find_onsets(refer, np.nan_to_num(fits.shift_m[which] - form.shift_m), form, forms.traction(number, fine=True), forms.scatter)
         work.slip.put(some.row, slip)
 
 

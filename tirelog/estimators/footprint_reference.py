@@ -50,15 +50,16 @@ class Average:
 class Reference:
     """The log's form at some speeds.
 
-    `speed_m_s` (k,) ascending, `shapes` at each; `inertia`: fall of the tension with the squared speed [s^2/m^2]; `heights` (k,) of the
-    averages that it started from.  After `footprint_refine`: `length_se_m` (k,), the error of a full length from not knowing the form's
-    parameters better; `misfit`, squared residual per degree of `freedom`; `residuals` (k, cells) at `residual_xi_m`, what the form leaves
-    of the passages in units of their height (None where that is noise).
+    `speed_m_s` (k,) ascending, `shapes` at each, `shifts_m` (k,) of the form behind the passages' centres; `inertia`: fall of the tension
+    with the squared speed [s^2/m^2]; `heights` (k,) of the averages that it started from.  After `footprint_refine`: `length_se_m` (k,),
+    the error of a full length from not knowing the form's parameters better; `misfit`, squared residual per degree of `freedom`;
+    `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages in units of their height (None where that is noise).
     """
 
     family: EdgeFamily
     speed_m_s: FloatArray
     shapes: tuple[EdgeShape, ...]
+    shifts_m: FloatArray
     inertia: float
     heights: FloatArray
     length_se_m: FloatArray
@@ -77,8 +78,8 @@ class Reference:
         left = self.residuals
         if left is not None:
             left = np.column_stack([np.interp(speed_m_s, own, column) for column in left.T])
-        heights, errors = (np.interp(speed_m_s, own, column) for column in (self.heights, self.length_se_m))
-        return replace(self, speed_m_s=speed_m_s, shapes=shapes, residuals=left, heights=heights, length_se_m=errors)
+        shifts, heights, errors = (np.interp(speed_m_s, own, column) for column in (self.shifts_m, self.heights, self.length_se_m))
+        return replace(self, speed_m_s=speed_m_s, shapes=shapes, shifts_m=shifts, residuals=left, heights=heights, length_se_m=errors)
 
     def knots(self, slowest_m_s: float, fastest_m_s: float) -> FloatArray:
         """Speeds from slowest to fastest, so close that form and tension are straight in the squared speed between them."""
@@ -236,5 +237,6 @@ def fit_averages(averages: list[Average], radius_m: float, start_length_m: float
     problem, theta = _best(family, some, start_length_m)
     shapes = tuple(problem.shape(theta, i) for i in range(len(some)))
     speed = np.array([a.speed_m_s for a in some])
-    found = Reference(family, speed, shapes, float(theta[2]) / problem.top_speed**2, theta[SHARED + 1 :: 4], np.zeros(speed.size))
+    heights, shifts = theta[SHARED + 1 :: 4], theta[SHARED + 3 :: 4]
+    found = Reference(family, speed, shapes, shifts, float(theta[2]) / problem.top_speed**2, heights, np.zeros(speed.size))
     return found.at_speeds(np.array([a.speed_m_s for a in averages]))

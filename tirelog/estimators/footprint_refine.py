@@ -38,16 +38,15 @@ FOREIGN = 9.0
 
 @dataclass(frozen=True)
 class Sample:
-    """Windows of passages of about one speed, with what is known of each: `speed_m_s`, `acceleration_m_s2`, `shift_m`, shape (n,)."""
+    """Windows of passages of about one speed, with what is known of each: `speed_m_s`, `acceleration_m_s2`, shape (n,)."""
 
     windows: PatchWindows
     speed_m_s: FloatArray
     acceleration_m_s2: FloatArray
-    shift_m: FloatArray
 
     def take(self, which: NDArray[np.bool_]) -> Sample:
         """The rows `which` (mask)."""
-        return Sample(self.windows.take(which), self.speed_m_s[which], self.acceleration_m_s2[which], self.shift_m[which])
+        return Sample(self.windows.take(which), self.speed_m_s[which], self.acceleration_m_s2[which])
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,7 @@ def _class_step(reference: Reference, number: int, sample: Sample, noise: float,
     """The normal equations of one class at the current form, its passages' own numbers eliminated."""
     table = shape_table(reference, number, half_window_m)
     windows = sample.windows
-    xi = windows.distance_m(sample.speed_m_s, sample.acceleration_m_s2) - sample.shift_m[:, None]
+    xi = windows.distance_m(sample.speed_m_s, sample.acceleration_m_s2) - reference.shifts_m[number]
     good = (np.abs(xi) < half_window_m) & np.isfinite(windows.values)
     looked = table.at(xi)
     columns = np.empty((*xi.shape, OWN + SHARED))
@@ -117,15 +116,16 @@ def _tire_columns(reference: Reference, number: int) -> FloatArray:
 
 def _moved(reference: Reference, step: FloatArray, own: list[FloatArray] | None) -> Reference:
     """The reference after a step of the shared parameters, each class' length, damping and tilt at the mean of its passages."""
-    shapes = []
+    shapes, shifts = [], reference.shifts_m.copy()
     for number, shape in enumerate(reference.shapes):
         values = shape.array()
         values[[1, 2, 3]] += _tire_columns(reference, number) @ step
         if own is not None:
             relative = own[number][:, 3:] / own[number][:, [0]]
+            shifts[number] += np.clip(np.median(own[number][:, 2] / own[number][:, 0]), -0.01, 0.01)
             values[[0, 4, 5]] += np.clip(np.median(relative, axis=0), [-0.2 * values[0], -0.2, -0.2], [0.2 * values[0], 0.2, 0.2])
         shapes.append(EdgeShape.of(np.clip(values, LOWEST, HIGHEST)))
-    return replace(reference, shapes=tuple(shapes), inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2)
+    return replace(reference, shapes=tuple(shapes), shifts_m=shifts, inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2)
 
 
 def refine(reference: Reference, samples: list[Sample], noise: float, half_window_m: float, rounds: int = ROUNDS) -> Reference:

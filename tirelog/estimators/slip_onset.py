@@ -100,7 +100,9 @@ def traction_table(reference: Reference, number: int, half_window_m: float, *, f
     shape = reference.shapes[number]
     waves = traction_spectrum(reference.family, shape, onset_grid(shape.half_length_m)[:: 1 if fine else FINE])
     xi, columns = reference.family.on_grid(waves, TABLE_POINTS, 1.02 * half_window_m)
-    return FormTable(reference.speed_m_s[number], shape.half_length_m, float(xi[0]), float(xi[1] - xi[0]), columns)
+    return FormTable(
+        reference.speed_m_s[number], shape.half_length_m, reference.shifts_m[number], float(xi[0]), float(xi[1] - xi[0]), columns
+    )
 
 
 def _waves(table: FormTable, normal: Normal, which: IntArray) -> FloatArray:

@@ -1,0 +1,61 @@
+"""Slip onset against P2's brush on a finite-difference beam.  Seeds from 1000: none was used for tuning."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests.estimators.strain_truth import Beam, Ring
+from tirelog.estimators.footprint import footprint
+from tirelog.estimators.passages import find_passages
+from tirelog.estimators.slip_onset import TOO_SMALL
+from tirelog.recording import Channel, TimeAxis
+
+CALM = {"height": 1.0, "drift": 0.0}
+
+
+def mixed(drive, radius_m, speed, slip, seed):
+    """A log that rolls freely for 25 s and then with `slip` for 8 s: footprint, which rows slip, true onset, true length."""
+    free = Beam(speeds=(speed, speed))
+    driven = dataclasses.replace(free, slip=slip, _cache={})
+    turn = 2 * np.pi * radius_m / speed
+    first = drive([0, 26], [speed, speed], seed=seed, pulse=free, **CALM)
+    second = drive([0, 8], [speed, speed], seed=seed + 50, pulse=driven, **CALM)
+    cut = round(np.floor(25 / turn) * turn * 2500)
+    values = np.r_[first.values[:cut], second.values]
+    channel = Channel.of_array("s", "strain", values, TimeAxis.uniform(values.size, 2500.0), surface="outer")
+    passages = find_passages(channel, radius_m)
+    found = footprint(channel, passages)
+    return found, passages.time_s > cut / 2500 + turn, passages.time_s < cut / 2500 - turn, driven.onset_m
+
+
+@pytest.mark.parametrize(("speed", "slip"), [(8.0, 0.15), (8.0, 0.05), (14.0, 0.1), (14.0, -0.15), (24.0, 0.1)])
+def test_the_onset_is_found_where_p2_puts_it(drive, radius_m, speed, slip):
+    found, slipping, free, onset = mixed(drive, radius_m, speed, slip, 1600)
+    seen = slipping & np.isfinite(found.slip.onset_m)
+    assert seen.sum() > 0.9 * slipping.sum()
+    assert np.median(found.slip.onset_m[seen]) == pytest.approx(onset, abs=0.0015)
+    off = np.abs(found.slip.onset_m[seen] - onset) / found.slip.onset_se_m[seen]
+    assert np.mean(off < 2) > 0.8
+    assert np.mean(np.isfinite(found.slip.onset_m[free])) <= 0.01
+    assert np.nanmedian(found.length_m[slipping]) == pytest.approx(0.11, rel=0.015)
+
+
+def test_slip_too_small_to_tell_has_a_reason_and_stays_ok(drive, radius_m):
+    found, slipping, _, _ = mixed(drive, radius_m, 14.0, 0.0003, 1610)
+    assert not np.isfinite(found.slip.onset_m).any()
+    assert set(found.slip.reason[slipping]) == {TOO_SMALL}
+    assert np.mean([not words for words in found.quality]) > 0.95
+
+
+@pytest.mark.parametrize("speed", [6.0, 14.0, 24.0])
+def test_no_more_than_one_false_find_in_a_hundred_free_passages(drive, radius_m, speed):
+    finds = total = 0
+    for number, truth in enumerate((Beam(speeds=(speed, speed)), Beam(speeds=(speed, speed), damping_1_s=60.0, tilt=0.1), Ring())):
+        made = drive([0, 60], [speed, speed], seed=1620 + number, pulse=truth, **CALM)
+        found = footprint(made.channel, find_passages(made.channel, radius_m))
+        finds += int(np.isfinite(found.slip.onset_m).sum())
+        total += found.length_m.size
+    assert finds <= 0.01 * total
