@@ -3,6 +3,8 @@
 The truth is collocation (no formula of the package) plus noise.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -95,8 +97,6 @@ def test_strain_and_radial_acceleration_together(waves):
     truth = START.with_values(TRUTH)
     rng = np.random.default_rng(1103)
     values = truth.predict(strain.conditions, PHI, observable="radial_acceleration") + rng.standard_normal((len(strain), M))
-    from dataclasses import replace
-
     acceleration = replace(
         strain, observable="radial_acceleration", channel="a", values=values, count=np.ones((len(strain), M), int),
         phi_mean=np.tile(PHI, (len(strain), 1)), noise=np.full(len(strain), 1.0),
@@ -109,8 +109,6 @@ def test_strain_and_radial_acceleration_together(waves):
 
 def test_nuisances_of_every_revolution_are_taken_out(waves):
     """Offsets and amplitudes that scatter from revolution to revolution leave the other parameters alone."""
-    from dataclasses import replace
-
     clean = measured(waves, 1104)
     rng = np.random.default_rng(1105)
     n = len(clean)
@@ -181,3 +179,52 @@ def test_design_gives_prediction_slopes_and_columns(waves):
     slope = ((ahead - behind) / 2e-4)[seen]
     assert np.abs(parts.slope[seen] - slope).max() < 1e-3 * np.abs(slope).max()
     assert NUISANCES == ("offset", "amplitude", "shift")
+
+
+def test_scatter_of_the_load_is_learnt_and_the_errors_hold(waves):
+    """Load that scatters from revolution to revolution and from manoeuvre to manoeuvre: without it in the metric the errors are feigned."""
+    truth, inside, plain_chi2, chi2 = START.with_values(TRUTH), [], [], []
+    for seed in range(1200, 1216):
+        rng = np.random.default_rng(seed)
+        still = measured(waves, seed, noise=2e-6)
+        n, groups = len(still), 8
+        manoeuvre = np.arange(n) * groups // n
+        load = 1.0 + 0.01 * rng.standard_normal((n, 1)) + 0.006 * rng.standard_normal(groups)[manoeuvre][:, None]
+        by_load = truth.load_slope(still.conditions, PHI)
+        stack = replace(still, values=still.values + (load - 1.0) * by_load, manoeuvre=manoeuvre)
+        result = fit(START, [stack], scatter=True, starts=1)
+        inside.append(np.abs(result.values - list(TRUTH.values())) < 2.0 * result.se)
+        chi2.append(result.reduced_chi2)
+        plain_chi2.append(fit(START, [stack], starts=1).reduced_chi2 if seed < 1203 else np.inf)
+    assert min(plain_chi2) > 1.5
+    assert np.mean(inside) >= 0.9
+    assert np.abs(np.mean(chi2) - 1.0) < 0.05
+
+
+def test_without_scatter_nothing_is_learnt(waves):
+    stack = measured(waves, 1300)
+    with_scatter, without = fit(START, [stack], scatter=True), fit(START, [stack])
+    assert np.allclose(with_scatter.values, without.values, atol=1.5 * without.se)
+    assert np.all(with_scatter.se < 1.6 * without.se)
+
+
+def test_numbers_per_revolution_are_fitted():
+    """P4's regressors on a phase shift, and the patch length's half at the reference load."""
+    rng = np.random.default_rng(1400)
+    n = 120
+    drive = Conditions.of(
+        n, speed_m_s=rng.uniform(10.0, 25.0, n), acceleration_m_s2=rng.normal(0.0, 2.0, n), time_s=np.arange(n) * 0.1, load_N=F
+    )
+    wanted = {"offset_rad": 0.011, "per_acceleration_rad_s2_m": 0.004, "speed_trend.linear_rad": 0.03, "speed_trend.quadratic_rad": -0.012}
+    model = Model.new("beam", "phase_shift", radius_m=R).with_effect("speed_trend")
+    model = model.with_parameters({"patch_half_length_m": model.parameters["patch_half_length_m"].fixed()})
+    values = model.predict(drive, values=wanted) + 1e-3 * rng.standard_normal((n, 1))
+    column, zero = np.zeros((n, 1)), np.zeros(n, int)
+    stack = Stack(
+        "phase_shift", "a", "inner", R, values, np.zeros(1), column, column, np.ones((n, 1), int), np.full(n, 1e-3), drive, zero, zero,
+        np.arange(n), np.full(n, "cruise"), ("a.h5",),
+    )  # fmt: skip
+    result = fit(model, [stack])
+    assert set(result.names) == set(wanted)
+    assert np.all(np.abs(result.values - [wanted[name] for name in result.names]) < 4.0 * result.se)
+    assert abs(result.reduced_chi2 - 1.0) < 0.3

@@ -24,6 +24,8 @@ from tirelog.recording import Stack
 
 #: Nuisances of each revolution that can be taken out.
 NUISANCES = ("offset", "amplitude", "shift")
+#: Rounds of expectation and maximisation for the scatter.
+_ROUNDS = 60
 
 
 def weights(stack: Stack) -> FloatArray:
@@ -137,7 +139,7 @@ class _Whitener:
 
 
 def estimate_scatter(metric: Metric, shapes: tuple[FloatArray, ...], residual: FloatArray, manoeuvre: np.ndarray) -> Scatter:
-    """Scatter by moments, from what a prediction leaves of the values (n, m), in a metric without scatter.
+    """Scatter from what a prediction leaves of the values (n, m), in a metric without scatter.
 
     A revolution's coefficients by least squares scatter about their manoeuvre's mean by `within` + their own error.  `between` is how
     the manoeuvres' means scatter less their own error; what `within` leaves in a mean stays in it, since neighbours on one road are
@@ -153,13 +155,22 @@ def estimate_scatter(metric: Metric, shapes: tuple[FloatArray, ...], residual: F
     mean = np.stack([np.bincount(group, b[:, k]) for k in range(b.shape[1])], axis=1) / count[:, None]
     rest = b - mean[group]
     noise = error.mean(axis=0)
-    within = _positive(rest.T @ rest / max(b.shape[0] - groups, 1) - noise)
+    within = _excess(rest * np.sqrt(b.shape[0] / max(b.shape[0] - groups, 1)), error)
     means = mean - mean.mean(axis=0)
     between = ((means**2).sum(axis=0) - np.diag(noise) * (groups - 1) * np.mean(1.0 / count)) / max(groups - 3, 1)
     return Scatter(shapes, within, np.diag(np.maximum(between, 0.0)) if groups > 2 else np.zeros_like(within))
 
 
-def _positive(matrix: FloatArray) -> FloatArray:
-    """The nearest matrix without negative variances."""
-    size, axes = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    return (axes * np.maximum(size, 0.0)) @ axes.T
+def _excess(b: FloatArray, error: FloatArray) -> FloatArray:
+    """The covariance (k, k) of what coefficients `b` (n, k) estimate, each with its own error covariance (n, k, k): by expectation and
+    maximisation, which weighs the good ones and keeps variances positive."""
+    unit = np.sqrt(np.median(np.einsum("nkk->nk", error), axis=0))
+    unit = np.where(unit > 0, unit, 1.0)
+    b, error = b / unit, error / np.outer(unit, unit)
+    found = b.T @ b / max(b.shape[0], 1)
+    for _ in range(_ROUNDS):
+        gain = found @ np.linalg.pinv(found + error, hermitian=True)
+        likely = np.einsum("nkl,nl->nk", gain, b)
+        found = (likely.T @ likely + (found - gain @ found).sum(axis=0)) / b.shape[0]
+        found = 0.5 * (found + found.T)
+    return found * np.outer(unit, unit)
