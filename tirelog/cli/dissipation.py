@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile
+from tirelog.cli.threads import one_thread
 
 
 def dissipation(
@@ -22,6 +23,7 @@ def dissipation(
     plot: Plot = None,
 ) -> None:
     """Tell the strain's dissipation factor and power in each revolution."""
+    one_thread()
     from tirelog.errors import UsageError
     from tirelog.estimators import dissipation_table as tables
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile
+from tirelog.cli.threads import one_thread
 
 
 def footprint(
@@ -21,6 +22,7 @@ def footprint(
     plot: Plot = None,
 ) -> None:
     """Tell contact length, edges and slip onset at each passage of the patch."""
+    one_thread()
     from tirelog.dsp.lowpass import Cutoff
     from tirelog.estimators.footprint_table import footprint_of
 

@@ -44,11 +44,9 @@ def travelled(time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: Floa
 
 @dataclass(frozen=True)
 class AlongTread:
-    """Low-passed windows, (n, m x upsample): `xi_m` from the patch centre, `strain` less the window's ends, `first` and `second` derivative
-    by xi [1/m, 1/m^2]."""
+    """Low-passed windows, (n, m x upsample): `xi_m` from the patch centre, `first` and `second` derivative by xi [1/m, 1/m^2]."""
 
     xi_m: FloatArray
-    strain: FloatArray
     first: FloatArray
     second: FloatArray
 
@@ -62,17 +60,27 @@ def along_tread(
     cutoff_Hz: FloatArray,
     upsample: int = 2,
 ) -> AlongTread:
-    """The windows after the low-pass, with their derivatives along the tread; arguments as of `find_edges`."""
+    """The derivatives along the tread after the low-pass; arguments as of `find_edges`."""
     count = windows.shape[1]
     spectrum = window_spectrum(fill_lost(windows))
-    frequency: FloatArray = np.fft.rfftfreq(count, 1.0 / rate_Hz).astype(np.float64)
-    gains = gain(frequency, cutoff_Hz)
-    strain, first_s, second_s = (derivative(spectrum, gains, rate_Hz, order, count, upsample) for order in (0, 1, 2))
+    gains = gain(_frequencies(count, rate_Hz), cutoff_Hz)
+    first_s, second_s = (derivative(spectrum, gains, rate_Hz, order, count, upsample) for order in (1, 2))
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
     speed = np.maximum(speed_m_s[:, None] + acceleration_m_s2[:, None] * time, 0.05 * np.abs(speed_m_s[:, None]) + 1e-9)
     first = first_s / speed
     second = (second_s - acceleration_m_s2[:, None] * first) / speed**2
-    return AlongTread(travelled(time, speed_m_s[:, None], acceleration_m_s2[:, None]), strain, first, second)
+    return AlongTread(travelled(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second)
+
+
+def lowpassed(windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsample: int = 2) -> FloatArray:
+    """The windows (n, m) after the low-pass, less the line through their ends, (n, m x upsample)."""
+    count = windows.shape[1]
+    gains = gain(_frequencies(count, rate_Hz), cutoff_Hz)
+    return derivative(window_spectrum(fill_lost(windows)), gains, rate_Hz, 0, count, upsample)
+
+
+def _frequencies(count: int, rate_Hz: float) -> FloatArray:
+    return np.asarray(np.fft.rfftfreq(count, 1.0 / rate_Hz), np.float64)
 
 
 def find_edges(
@@ -92,9 +100,9 @@ def find_edges(
     `noise`: standard deviation of a sample; `upsample`: points a sample, so that a parabola through three follows what the low-pass leaves.
     """
     count = windows.shape[1]
-    lowpassed = along_tread(windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample)
-    first, second = lowpassed.first, lowpassed.second
-    frequency: FloatArray = np.fft.rfftfreq(count, 1.0 / rate_Hz).astype(np.float64)
+    tread = along_tread(windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample)
+    first, second = tread.first, tread.second
+    frequency = _frequencies(count, rate_Hz)
     gains = gain(frequency, cutoff_Hz)
     reach = SEARCH * half_length_m / speed_m_s * rate_Hz * upsample
     middle = centre * upsample

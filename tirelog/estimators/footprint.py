@@ -123,19 +123,19 @@ def _assembled(
         work.slip,
         asked_Hz,
         learnt,
-        tuple(_words(passages, work, asked_Hz, nyquist, row) for row in range(n)),
+        _words(passages, work, length, asked_Hz, nyquist),
     )
 
 
-def _words(passages: Passages, work: Measured, asked_Hz: FloatArray, nyquist: float, row: int) -> frozenset[str]:
-    """Quality words of a row: the passage's own, and what the footprint adds."""
-    words = set(passages.quality[row])
-    if asked_Hz[row] > nyquist:
-        words.add("cutoff")
-    if work.fits.inside[row] < LEAST_SAMPLES:
-        words.add("patch_short")
-    if not np.isfinite(work.fits.length_m[row]):
-        words.add("no_length")
-    elif not np.isfinite(work.edges["length_d2_m"][row]) and "cutoff" not in words:
-        words.add("edge_unclear")
-    return frozenset(words)
+def _words(passages: Passages, work: Measured, length_m: FloatArray, asked_Hz: FloatArray, nyquist: float) -> tuple[frozenset[str], ...]:
+    """Quality words of the rows: the passages' own, and what the footprint adds."""
+    with np.errstate(invalid="ignore"):
+        cut = asked_Hz > nyquist
+        short = work.fits.inside < LEAST_SAMPLES
+    unknown = ~np.isfinite(length_m)
+    unclear = ~np.isfinite(work.edges["length_d2_m"]) & ~cut & ~unknown
+    words = list(passages.quality)
+    for name, marked in (("cutoff", cut), ("patch_short", short), ("no_length", unknown), ("edge_unclear", unclear)):
+        for row in np.flatnonzero(marked):
+            words[row] |= {name}
+    return tuple(words)

@@ -23,11 +23,13 @@ LENGTH_TO_WIDTH = 1.25
 #: window of averages and fits in half lengths
 WINDOW = 2.7
 #: classes of speed: at most, each no narrower than this ratio; passages of all and at least of each, in clusters of neighbours
-CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 10, 1.12, 600, 60, 6
+CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 10, 1.12, 480, 48, 6
 #: samples are averaged while they lie closer than this share of the half length
 STEP = 1.0 / 36.0
 #: free rolling, as far as the acceleration tells [m/s^2]
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
+#: rounds for the closed ring, which starts from the straight line's result
+OTHER_ROUNDS = 3
 #: relative error of the speed up to which a passage is learnt from, if there are such
 SURE_SPEED = 0.001
 #: the noise of a sample may be overestimated by this much (variance)
@@ -176,7 +178,7 @@ def learn_reference(channel: Channel, passages: Passages, block_samples: int = B
     start = fit_averages([_average(sample, passages, window) for sample in samples], passages.radius_m, rough)
     straight = refine(start, samples, passages.noise, window)
     ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
-    closed = refine(replace(straight, family=ring), samples, passages.noise, window)
+    closed = refine(replace(straight, family=ring), samples, passages.noise, window, OTHER_ROUNDS)
     both = sorted((straight, closed), key=lambda r: r.misfit)
     height = float(np.median(np.abs(passages.height[rows])))
     wave_number = _wave_number(both[0], channel.axis.rate_Hz, window, passages.noise / max(height, 1e-300))

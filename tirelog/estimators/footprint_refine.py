@@ -147,7 +147,7 @@ def refine(reference: Reference, samples: list[Sample], noise: float, half_windo
                 right += columns.T @ step.right
             best, factor = (misfit, trial, steps, normal), 1.0
             shift = np.linalg.solve(normal, right)
-            if float(shift @ right) < GOOD_ENOUGH:
+            if float(shift @ right) < GOOD_ENOUGH * max(misfit, 1.0):
                 break
         else:
             factor *= 0.3

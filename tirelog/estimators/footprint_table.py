@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,9 @@ from tirelog.estimators.passages import Passages, find_passages
 from tirelog.estimators.speed import STRAIN_KINDS, speed_columns, speed_words
 from tirelog.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.tables import quality_text
+
+#: samples of one channel that are held in memory (64 MB)
+MOST_AT_HAND = 1 << 23
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,8 @@ def strain_channels(recording: Recording) -> list[Channel]:
 def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
     """The strain channels with their passages.  UsageError where none of them passes the patch."""
     turned = False
-    for channel in strain_channels(recording):
+    for stored in strain_channels(recording):
+        channel = at_hand(stored)
         passages = find_passages(channel, recording.setup.tire.radius_m)
         turned |= len(passages) > 0
         yield channel, passages
@@ -53,6 +57,14 @@ def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
             "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
             file=recording.log,
         )
+
+
+def at_hand(channel: Channel, most: int = MOST_AT_HAND) -> Channel:
+    """The channel with its samples in memory if they are not more than `most`: it is read several times over."""
+    if channel.size > most:
+        return channel
+    values = channel.read()
+    return replace(channel, samples=lambda start, stop: values[start:stop])
 
 
 def begin(log: str, passages: Passages) -> dict[str, Any]:

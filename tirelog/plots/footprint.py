@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tirelog.estimators.edges import along_tread
+from tirelog.estimators.edges import along_tread, lowpassed
 from tirelog.estimators.footprint_table import FootprintOfChannel
 from tirelog.estimators.footprint_windows import PatchWindows, gather_windows
 from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, RAW, draw_signal, label, least_and_most, page, robust_range, write
@@ -153,20 +153,22 @@ def _passage(panels: Sequence[Axes], found: FootprintOfChannel, row: int, title:
     speed, acceleration = p.speed_m_s[[row]], np.nan_to_num(p.acceleration_m_s2[[row]])
     length, cutoff = _length(found, row), np.array([_cutoff(found, row)])
     upward = -1.0 if found.channel.surface == "inner" else 1.0
+    known = windows.values[0][np.isfinite(windows.values[0])]
+    edge = max(windows.values.shape[1] // 32, 1)
+    ends = [float(part.mean()) if part.size else 0.0 for part in (known[:edge], known[-edge:])]
     panes = []
     for cut, upsample in ((np.array([1e9]), 1), (cutoff, 4)):
-        panes.append(along_tread(windows.values, windows.rate_Hz, windows.centre, speed, acceleration, cut, upsample))
-    known = windows.values[0][np.isfinite(windows.values[0])]
-    offset = float(known[: max(known.size // 32, 1)].mean()) if known.size else 0.0
-    units = (("strain [µε]", MICRO, "strain"), ("d/dξ [µε/mm]", 1e3, "first"), ("d²/dξ² [µε/mm²]", 1.0, "second"))
-    for axes, (text, scale, name) in zip(panels, units, strict=True):
-        for pane, colour, width, style in ((panes[0], RAW, 0.8, ".-"), (panes[1], COLOURS[0], 1.4, "-")):
-            values = getattr(pane, name)[0] + (offset if name == "strain" else 0.0)
-            axes.plot(1e3 * pane.xi_m[0], upward * scale * values, style, color=colour, lw=width, ms=3)
+        tread = along_tread(windows.values, windows.rate_Hz, windows.centre, speed, acceleration, cut, upsample)
+        strain = lowpassed(windows.values, windows.rate_Hz, cut, upsample)[0]
+        panes.append((1e3 * tread.xi_m[0], (strain + np.linspace(*ends, strain.size), tread.first[0], tread.second[0])))
+    units = (("strain [µε]", MICRO), ("d/dξ [µε/mm]", 1e3), ("d²/dξ² [µε/mm²]", 1.0))
+    for number, (axes, (text, scale)) in enumerate(zip(panels, units, strict=True)):
+        for (xi, curves), colour, width, style in ((panes[0], RAW, 0.8, ".-"), (panes[1], COLOURS[0], 1.4, "-")):
+            axes.plot(xi, upward * scale * curves[number], style, color=colour, lw=width, ms=3)
         _edges(axes, found, row)
-        inside = np.abs(panes[1].xi_m[0]) < WINDOW * 0.5 * length
-        shown = upward * scale * (getattr(panes[1], name)[0] + (offset if name == "strain" else 0.0))
-        label(axes, "", text, xlim=(-1e3 * WINDOW * 0.5 * length, 1e3 * WINDOW * 0.5 * length), ylim=robust_range(shown[inside], share=0.0))
+        xi, curves = panes[1]
+        shown = upward * scale * curves[number][np.abs(xi) < 1e3 * WINDOW * 0.5 * length]
+        label(axes, "", text, xlim=(-1e3 * WINDOW * 0.5 * length, 1e3 * WINDOW * 0.5 * length), ylim=robust_range(shown, share=0.0))
     speed_text = f"{p.time_s[row]:.2f} s, {speed[0]:.1f} m/s, {acceleration[0]:+.1f} m/s², low-pass {cutoff[0]:.0f} Hz"
     panels[0].set_title(f"{title}: {speed_text}", loc="left", fontsize=9)
     panels[2].set_xlabel("ξ from the patch centre [mm]   (entry − … exit +)")
