@@ -3,7 +3,7 @@
 Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what is left -> verdict
     nothing_missing  no candidate alarms and no generic shape is left
     missing          the selected effects remove at least 90 % of the excess, and nothing else of size is left
-    partial          they remove 50 to 90 %, or something repeatable is left
+    partial          they remove 70 to 90 %, or something repeatable is left
     ambiguous        they would be 'missing', and another effect does the same to these data
     unknown          there is repeatable structure that no effect explains (under 50 %)
     too_few          fewer manoeuvres than a test needs: a ranking, no alarm
@@ -12,7 +12,7 @@ Stacks, Model -> base -> first step -> further steps -> share of the excess that
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,7 +22,7 @@ from tirelog.discrepancy.assessment import Assessed
 from tirelog.discrepancy.base import Base, settled
 from tirelog.discrepancy.comparison import comparison_of, start
 from tirelog.discrepancy.leftover import Leftover, describe
-from tirelog.discrepancy.naming import Step, contend, first_step, next_step
+from tirelog.discrepancy.naming import Step, contend, first_step, next_step, regrouped
 from tirelog.discrepancy.results import Candidate, Comparison, plain
 from tirelog.discrepancy.selection import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.discrepancy.separation import advise
@@ -34,7 +34,9 @@ from tirelog.recording import Stack
 
 #: shares of the excess that the selected effects must remove
 EXPLAINED = 0.9
-HALF = 0.5
+MOST = 0.7
+#: and that several must remove together, where the first of them alone does not remove MOST: two wrong names imitate more than one
+TOGETHER = 0.85
 #: a rest is worth a word if it is this share of the excess, and of the squared floor
 REST_SHARE = 0.02
 MOST_EFFECTS = 4
@@ -127,6 +129,11 @@ def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lamb
         named = [s.named.id for s in steps if s.named is not None]
         step = next_step(after, named, excess, extra)
         steps.append(step)
+    named = [s.named.id for s in steps if s.named is not None]
+    if len(named) > 1:
+        progress("looking for what could stand in place of each")
+        groups = regrouped(after, named, extra)
+        steps = [replace(s, group=groups[s.named.id]) if s.named is not None else s for s in steps]
     return Found(base, tuple(steps), after)
 
 
@@ -141,8 +148,12 @@ def conclude(found: Found, stack: Stack) -> Diagnosis:
     few = before.cells.manoeuvres < FEWEST_MANOEUVRES
     groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
     rest = left.significant and excess_after > LEAST_SHARE_OF_FLOOR * floor.square and excess_after > REST_SHARE * excess_before
-    verdict = _verdict(few, found.named, share, bool(groups), rest, left.significant)
+    alone = 1.0 - max(found.steps[0].named.base.square_held - floor.square, 0.0) / excess_before if found.steps[0].named and excess_before else 0.0
+    enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
+    verdict = _verdict(few, found.named, share if enough else 0.0, bool(groups), rest, left.significant)
     selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
+    if found.named and not selected:  # what was named is not claimed: the description is of what the model as it came leaves
+        left, excess_after = describe(before), excess_before
     ranking = _ranking(found, selected, excess_before, floor.square)
     unexplained = _unexplained(left, found, ranking, excess_after, excess_before, floor.square, bool(selected))
     advice, notes = _advice(found, verdict)
@@ -179,7 +190,7 @@ def _verdict(few: bool, named: Sequence[str], share: float, grouped: bool, rest:
         return "too_few"
     if not named:
         return "unknown" if structure else "nothing_missing"
-    if share < HALF:
+    if share < MOST:
         return "unknown"
     if share < EXPLAINED or rest:
         return "partial"

@@ -33,6 +33,7 @@ STARTS: tuple[Mapping[str, float], ...] = (
     {"patch_half_length_m": 1.4, "foundation_stiffness_N_m2": 0.4},
     {"foundation_stiffness_N_m2": 4.0, "flexural_stiffness_N_m2": 0.4},
     {"flexural_stiffness_N_m2": 4.0, "tread_stiffness_N_m2": 0.3},
+    {"flexural_stiffness_N_m2": 8.0, "foundation_stiffness_N_m2": 8.0, "lever_arm_m": 8.0},
 )
 #: cells that a start is judged on
 _FEW = 12
@@ -182,7 +183,7 @@ def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = Tr
     names = free_names(model, cells)
     candidates = starts(model, names) if several else [model]
     if len(candidates) > 1:
-        candidates = _promising(cells, model, names, candidates)
+        candidates = _promising(cells, white, names, candidates)
     problem = Problem(cells, white)
     results, refused = [], None
     for start in candidates:
@@ -196,12 +197,10 @@ def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = Tr
     return finish(problem, best, names, settled)
 
 
-def _promising(cells: Cells, model: Model, names: Sequence[str], candidates: list[Model]) -> list[Model]:
+def _promising(cells: Cells, white: Whitener, names: Sequence[str], candidates: list[Model]) -> list[Model]:
     """The two best of the starts after a few steps on a few cells."""
-    from tirelog.discrepancy.whitening import whitener
-
-    some = take_cells(cells, few_cells(cells))
-    problem = Problem(some, whitener(some))
+    rows = few_cells(cells)
+    problem = Problem(take_cells(cells, rows), Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]))
     reached = []
     for start in candidates:
         try:

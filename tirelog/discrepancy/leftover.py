@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tirelog.discrepancy.assessment import nuisance_basis
 from tirelog.discrepancy.base import Base, thinned
 from tirelog.discrepancy.floor import held_out_losses
-from tirelog.discrepancy.naming import hats
+from tirelog.discrepancy.naming import even_share, hats
 from tirelog.discrepancy.projection import per_manoeuvre, without
 from tirelog.discrepancy.selection import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, Scores, flip_test, gain_and_error
 
@@ -35,9 +35,13 @@ _RINGS_MORE = 1.15
 _RINGS_SHARE = 0.35
 #: share of the energy that makes a parity
 _PARITY = 0.9
-#: half lengths of the patch within which a shape belongs to patch or edges
+#: half lengths of the patch within which a shape belongs to the patch (even or odd), or to the edge of its side (a wake is longer)
 _NEAR = 3.5
+_WAKE = 6.0
 _SOME_CELLS = 24
+#: what one side must explain of both, and more than the other side
+_ONE_SIDED = 0.93
+_MORE = 1.03
 
 
 @dataclass(frozen=True)
@@ -99,6 +103,8 @@ def describe(base: Base) -> Leftover:
     if cells.phi.shape[1] == 1:
         return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi)
     where, parity = place_and_parity(base, shape, phi)
+    side = _one_side(base, basis, residual, free, exponent or 0.0) if where == "patch" else None
+    where, parity = (side, "mixed") if side else (where, parity)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
     return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi)
 
@@ -108,6 +114,22 @@ def _exponent(base: Base, basis: FloatArray, residual: FloatArray, free: FloatAr
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
     explained = [_explained(_score(base, basis, residual, speed**e * free)) for e in FINE_EXPONENTS]
     return FINE_EXPONENTS[int(np.argmax(explained))]
+
+
+def _one_side(base: Base, basis: FloatArray, residual: FloatArray, free: FloatArray, exponent: float) -> str | None:
+    """'entry' or 'exit' where shapes on that side alone, with the base parameters free, explain what shapes on both sides do.
+
+    Patch length, shift and stiffness make a one-sided cause look two-sided once they are fitted; the question takes that back.
+    """
+    reach, phi = _WAKE * half_angle(base), np.nan_to_num(base.cells.phi)
+    factor = (base.cells.conditions.speed_m_s / 20.0)[:, None, None] ** exponent
+
+    def explains(low: float, high: float) -> float:
+        return _explained(_score(base, basis, residual, factor * free * ((phi >= low) & (phi <= high))[..., None]))
+
+    both, sides = explains(-reach, reach), {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)}
+    best, other = sorted(sides, key=lambda name: -sides[name])
+    return best if sides[best] > _ONE_SIDED * both and sides[best] > _MORE * sides[other] else None
 
 
 def _explained(score: Scores) -> float:
@@ -138,10 +160,9 @@ def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[st
     edge = half_angle(base)
     energy = shape**2
     total = energy.sum() + 1e-300
-    mirrored = np.interp(-phi, phi, shape, period=2.0 * np.pi)
-    even = float((((shape + mirrored) / 2.0) ** 2).sum() / total)
+    even = even_share(shape, phi)
     parity = "even" if even > _PARITY else "odd" if even < 1.0 - _PARITY else "mixed"
-    if energy[np.abs(phi) > _NEAR * edge].sum() > 0.5 * total:
+    if energy[np.abs(phi) > (_WAKE if parity == "mixed" else _NEAR) * edge].sum() > 0.5 * total:
         return "away", parity
     if parity != "mixed" or energy[np.abs(phi) < 0.6 * edge].sum() > 0.5 * total:
         return "patch", parity

@@ -29,8 +29,8 @@ from tirelog.physics.effects import Effect
 FloatArray = NDArray[np.float64]
 
 #: candidates whose statistic reaches this share of the largest are refitted, at most so many
-CONTENDER = 0.6
-MOST_CONTENDERS = 5
+CONTENDER = 0.65
+MOST_CONTENDERS = 4
 #: starts of a candidate are tried on so many cells, so many steps
 _TRIAL_CELLS = 24
 _TRIAL_STEPS = 12
@@ -40,17 +40,21 @@ LIKE = 0.90
 _THIRD = 1.0 / 9.0
 #: squared floors that a second effect removes beside free shapes of the first
 SECOND_LEAST = 0.5
+#: share of a contribution's energy that makes it even, or odd
+_SYMMETRIC = 0.95
 #: a rest of the excess that no form of the first effect would leave
 NOT_FORM = 0.12
 
 
 @dataclass(frozen=True)
 class Refitted:
-    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step (1 for the best itself)."""
+    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step (1 for the best itself), in whitened units
+    and in size."""
 
     assessed: Assessed
     base: Base
     likeness: float = 1.0
+    likeness_of_size: float = 1.0
 
     @property
     def id(self) -> str:
@@ -116,14 +120,14 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
         return []
     tried.sort(key=lambda r: float(r.base.held_white.sum()))
     best = tried[0].base
-    return [Refitted(r.assessed, r.base, likeness(base, best, r.base)) for r in tried]
+    return [Refitted(r.assessed, r.base, *likenesses(base, best, r.base)) for r in tried]
 
 
-def likeness(base: Base, best: Base, rival: Base) -> float:
-    """Nonlinear cosine of two refits: the root of what the rival explains over what the best does, the smaller of both metrics."""
+def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
+    """Nonlinear cosines of two refits: the root of what the rival explains over what the best does, whitened and in size."""
     white = (base.fit.chi2 - rival.fit.chi2) / max(base.fit.chi2 - best.fit.chi2, 1e-300)
     size = (base.square_held - rival.square_held) / max(base.square_held - best.square_held, 1e-300)
-    return float(np.sqrt(np.clip(min(white, size), 0.0, 1.0)))
+    return float(np.sqrt(np.clip(white, 0.0, 1.0))), float(np.sqrt(np.clip(size, 0.0, 1.0)))
 
 
 def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
@@ -133,7 +137,8 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
     like = [
         r.id
         for r in contenders[1:]
-        if r.likeness >= TWINS or (r.likeness >= LIKE and r.base.square_held - best.base.square_held < _THIRD * floor)
+        if min(r.likeness, r.likeness_of_size) >= TWINS
+        or (r.likeness_of_size >= LIKE and r.base.square_held - best.base.square_held < _THIRD * floor)
     ]
     return (best.id, *like) if like else ()
 
@@ -170,13 +175,35 @@ def hats(phi: FloatArray) -> FloatArray:
 
 
 def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
-    """Columns (C, m, k): an effect's size per cell times free shapes over the angle."""
+    """Columns (C, m, k): an effect's size per cell times free shapes over the angle.
+
+    A form that is somewhat wrong keeps its symmetry: where the effect's own contribution is even (or odd) about the patch centre, so are the shapes.
+    """
     problem = Problem(base.cells, base.white)
     contribution = np.nan_to_num(base.fit.prediction - problem.predict(base.model.without_effect(effect_id), {}))
     weight = base.plain.weights
-    size, strength, _ = np.linalg.svd(contribution * weight, full_matrices=False)
+    size, strength, shape = np.linalg.svd(contribution * weight, full_matrices=False)
     loading = size[:, 0] * strength[0] / np.maximum(weight.max(axis=1), 1e-300)
-    return loading[:, None, None] * hats(base.cells.phi) / max(float(np.abs(loading).max()), 1e-300)
+    phi = base.cells.phi
+    here, mirrored = hats(phi), hats(-phi)
+    even = even_share(shape[0], np.nanmean(phi, axis=0))
+    if even > _SYMMETRIC:
+        here = _independent(here + mirrored)
+    elif even < 1.0 - _SYMMETRIC:
+        here = _independent(here - mirrored)
+    return loading[:, None, None] * here / max(float(np.abs(loading).max()), 1e-300)
+
+
+def even_share(shape: FloatArray, phi: FloatArray) -> float:
+    """Share of the energy of a shape (m,) at angles (m,) that is even about zero."""
+    mirrored = np.interp(-phi, phi, shape, period=2.0 * np.pi)
+    return float((((shape + mirrored) / 2.0) ** 2).sum() / ((shape**2).sum() + 1e-300))
+
+
+def _independent(columns: FloatArray) -> FloatArray:
+    """Symmetric pairs once: the first half of the hats' columns and the one at zero."""
+    half = columns.shape[-1] // 2 + 1
+    return columns[..., :half]
 
 
 def next_step(base: Base, named: Sequence[str], excess: float, extra: Iterable[Effect] = ()) -> Step:
@@ -193,6 +220,18 @@ def next_step(base: Base, named: Sequence[str], excess: float, extra: Iterable[E
     beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
     accepted = beyond_form or survives(base, named, best)
     return Step(base, tuple(assessed), reasons, tuple(contenders), best if accepted else None, group_of(contenders) if accepted else ())
+
+
+def regrouped(after: Base, named: Sequence[str], extra: Iterable[Effect] = ()) -> dict[str, tuple[str, ...]]:
+    """For each of several named effects the set of those that could stand in its place beside the others."""
+    groups = {}
+    for name in named:
+        without_it = refit(after, after.model.without_effect(name))
+        assessed, reasons = assess_all(without_it, extra)
+        rivals = [a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic][:MOST_CONTENDERS]
+        contenders = contend(without_it, rivals, reasons)
+        groups[name] = group_of(contenders) if contenders and contenders[0].id == name else ()
+    return groups
 
 
 def survives(base: Base, named: Sequence[str], candidate: Refitted) -> bool:
