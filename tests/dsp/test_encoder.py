@@ -147,7 +147,7 @@ def test_the_angle_function_is_exact_for_a_cubic_motion_and_its_inverse():
     count = np.arange(4000)
     time = np.linspace(0, 10, count.size)
     uneven = time + 1e-4 * time**2 + 1e-6 * time**3
-    function = smooth_angle(uneven, count, np.zeros(1), 0.05, np.zeros(count.size, np.int64), 1e-4)
+    function = smooth_angle(uneven.copy(), count, np.zeros(1), 0.05, np.zeros(count.size, np.int64), 1e-4)
     at = np.linspace(0.1, 9.9, 1234)
     angle = 0.05 * (count.size - 1) / 10 * at
     np.testing.assert_allclose(function.at(at + 1e-4 * at**2 + 1e-6 * at**3), angle, atol=1e-9)

@@ -9,11 +9,13 @@ knots the angle is the cubic that has both knots' angles and rates, so it is con
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from tirelog.dsp.encoder_signal import Integers
 from tirelog.recording import FloatArray, IntArray
 
 #: times worked on at once: small enough for the cache
@@ -31,7 +33,7 @@ class AngleFunction:
     loss of the count; `noise_rad` standard deviation of an angle read from it.  The types are small: an hour has millions of knots."""
 
     time_s: FloatArray
-    count: IntArray | FloatArray
+    count: Integers | FloatArray
     unit_rad: float
     rate_rad_s: NDArray[np.float32]
     stretch: NDArray[np.int16]
@@ -44,6 +46,12 @@ class AngleFunction:
     def stretch_at(self, time_s: FloatArray) -> IntArray:
         """Number of the stretch at times, of which NaN counts as the end."""
         return self.stretch[np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 1)].astype(np.int64)
+
+    @cached_property
+    def _climbing(self) -> Integers | FloatArray:
+        """The counts, none below one before it: a wheel that has rolled back has its angles again later."""
+        forward = all(bool(np.all(np.diff(self.count[s : s + PIECE + 1]) >= 0)) for s in range(0, self.count.size, PIECE))
+        return self.count if forward else np.maximum.accumulate(self.count)
 
     def _knot(self, time_s: FloatArray) -> IntArray:
         """The knot before each of the times."""
@@ -69,24 +77,31 @@ class AngleFunction:
             return np.concatenate([self.at(time_s[start : start + PIECE]) for start in range(0, time_s.size, PIECE)])
         knot = self._knot(time_s)
         low, high = int(knot.min()), int(knot.max()) + 1
-        times, angles = self.knots(low, high + 1)
-        h, rise = np.diff(times), np.diff(angles)
-        first, last = self.rate_rad_s[low:high].astype(np.float64), self.rate_rad_s[low + 1 : high + 1].astype(np.float64)
-        safe = np.where(h > 0, h, 1.0)
-        quadratic, cubic = (3 * rise / safe - 2 * first - last) / safe, (first + last - 2 * rise / safe) / safe**2
-        k = knot - low
-        s = time_s - times[k]
-        angle = angles[k] + s * (first[k] + s * (quadratic[k] + s * cubic[k]))
+        if high - low > time_s.size:  # few times, spread over a long log: the cubics of their own knots only
+            start, angle, first, quadratic, cubic = self._cubics(knot)
+        else:
+            start, angle, first, quadratic, cubic = (c[knot - low] for c in self._cubics(np.arange(low, high)))
+        s = time_s - start
+        angle = angle + s * (first + s * (quadratic + s * cubic))
         outside = ~((time_s >= self.time_s[0]) & (time_s <= self.time_s[-1]))
         if outside.any():
             angle[outside] = np.nan
         return angle
 
+    def _cubics(self, at: IntArray) -> tuple[FloatArray, ...]:
+        """(time, angle, rate, and the coefficients of the square and the cube of the time since) of the cubics that begin at the knots."""
+        start, first, last = self.time_s[at], self.rate_rad_s[at].astype(np.float64), self.rate_rad_s[at + 1].astype(np.float64)
+        h, rise = self.time_s[at + 1] - start, (self.count[at + 1] - self.count[at]) * self.unit_rad
+        h = np.where(h > 0, h, 1.0)
+        mean = rise / h
+        return start, np.asarray(self.count[at] * self.unit_rad), first, (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
+
     def time_at(self, angle_rad: FloatArray) -> FloatArray:
         """Time [s] at which a forward-rolling wheel has the angles; NaN outside of the knots."""
-        climbing = np.maximum.accumulate(self.count)
-        wanted = angle_rad / self.unit_rad
-        k = np.clip(np.searchsorted(climbing, wanted, side="right") - 1, 0, climbing.size - 2)
+        climbing, wanted = self._climbing, angle_rad / self.unit_rad
+        # counts up to a whole number are those up to what is wanted; a search for floats would copy millions of counts
+        last = np.floor(np.nan_to_num(np.clip(wanted, -2e9, 2e9))).astype(np.int32) if climbing.dtype == np.int32 else wanted
+        k = np.clip(np.searchsorted(climbing, last, side="right") - 1, 0, climbing.size - 2)
         start, rise = climbing[k], (climbing[k + 1] - climbing[k]).astype(np.float64)
         u = np.where(rise > 0, (wanted - start) / np.where(rise > 0, rise, 1.0), 0.0)
         h = self.time_s[k + 1] - self.time_s[k]
@@ -104,37 +119,39 @@ class AngleFunction:
 
 
 def smooth_angle(
-    time_s: FloatArray, count: IntArray, table_rad: FloatArray, unit_rad: float, stretch: IntArray, noise_rad: float
+    time_s: FloatArray, count: Integers, table_rad: FloatArray, unit_rad: float, stretch: Integers, noise_rad: float
 ) -> AngleFunction:
     """Knots from passages: times, counts and stretches of shape (n,); `table_rad` the pitch error of each count modulo its size; the angle
-    of a count; the standard deviation of one passage (used where the log is too short to show it).
+    of a count; the standard deviation of one passage (used where the log is too short to show it).  `time_s` becomes the knots' array.
 
     Each time is first brought to the nominal angle of its count; then time as a function of the count is a cubic over
     2 REACH + 1 passages.  Left as it is at the ends of a stretch, beside missing passages and where the motion is too uneven for a cubic
     (near standstill).
     """
     n, margin = time_s.size, REACH + 2
-    time, rate = np.empty(n), np.empty(n, np.float32)
-    noises, latest = [], -np.inf
+    rate = np.empty(n, np.float32)
+    noises, latest, before = [], -np.inf, time_s[:0].copy()
     for start in range(0, n, PIECE):
         low, stop, high = max(start - margin, 0), min(start + PIECE, n), min(start + PIECE + margin, n)
         piece = slice(low, high)
         error = table_rad[np.mod(count[piece], table_rad.size)]
-        smoothed, slope, left = _smoothed(time_s[piece], count[piece].astype(np.int64), error, unit_rad, stretch[piece])
-        time[start:stop] = np.maximum.accumulate(np.maximum(smoothed[start - low : stop - low], latest))
+        raw = np.concatenate([before, time_s[start:high]])
+        before = time_s[max(stop - margin, 0) : stop].copy()  # as they were
+        smoothed, slope, left = _smoothed(raw, count[piece].astype(np.int64), error, unit_rad, stretch[piece])
+        time_s[start:stop] = np.maximum.accumulate(np.maximum(smoothed[start - low : stop - low], latest))
         rate[start:stop] = slope[start - low : stop - low]
-        latest = float(time[stop - 1])
+        latest = float(time_s[stop - 1])
         if left.size > 100:
             noises.append(float(np.median(np.abs(left))) / 0.6745)
     kept = float(np.sum(CUBIC_VALUE**2))
     if noises:  # what the cubics leave is the rest of the passages' noise
         noise_rad = float(np.median(noises) / np.sqrt(1 - kept))
     small = count.astype(np.int32) if np.issubdtype(count.dtype, np.integer) else count
-    return AngleFunction(time, small, unit_rad, rate, stretch.astype(np.int16), noise_rad * float(np.sqrt(kept)))
+    return AngleFunction(time_s, small, unit_rad, rate, stretch.astype(np.int16), noise_rad * float(np.sqrt(kept)))
 
 
 def _smoothed(
-    time_s: FloatArray, count: IntArray, error_rad: FloatArray, unit_rad: float, stretch: IntArray
+    time_s: FloatArray, count: Integers, error_rad: FloatArray, unit_rad: float, stretch: Integers
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(times at the nominal angles, rates [rad/s], what smoothing took away [rad]) of one piece."""
     if time_s.size < 2:

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from tirelog.recording import FloatArray, IntArray
+from tirelog.dsp.encoder_signal import Integers
+from tirelog.recording import FloatArray
 
 #: turns that a table needs; fewer leave it zero
 LEAST_TURNS = 4
@@ -42,7 +43,7 @@ class PitchTable:
         return cls(np.zeros(2 * steps), 0.0, 0, 0.0, 0.0)
 
 
-def deviations(time_s: FloatArray, count: IntArray, steps: int) -> tuple[IntArray, FloatArray]:
+def deviations(time_s: FloatArray, count: Integers, steps: int) -> tuple[Integers, FloatArray]:
     """(counts, deviations [rad]) of one stretch of ascending counts, without the turn at each end; and without uneven turns.
 
     `time_s`, `count` shape (n,).  Passages that are missing are bridged for the smoothing and left out of the result.
@@ -73,7 +74,7 @@ def _turn_mean(x: FloatArray, turn: int) -> FloatArray:
     return 0.5 * (wide + np.concatenate([wide[1:], wide[-1:]]))
 
 
-def aligned(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> list[int]:
+def aligned(stretches: list[tuple[FloatArray, Integers]], steps: int) -> list[int]:
     """Half teeth (even numbers) to add to each stretch's counts so that its pitch errors fall on those of the longest one.
 
     After a standstill or a hole the count may have lost teeth; the tone wheel's own pattern gives them back.  Zero where a stretch is
@@ -85,7 +86,7 @@ def aligned(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> list[in
     for table in tables:
         shift = 0
         if table.turns and table.repeats > CLEAR and tables[best].repeats > CLEAR:
-            match = sum(_match(tables[best].error_rad[k::2], table.error_rad[k::2]) for k in (0, 1))
+            match = np.sum([_match(tables[best].error_rad[k::2], table.error_rad[k::2]) for k in (0, 1)], axis=0)
             first = int(np.argmax(match))
             if match[first] > 1.2 * np.max(np.delete(match, first)):
                 shift = 2 * first - (2 * steps if 2 * first > steps else 0)
@@ -98,7 +99,7 @@ def _match(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.fft.irfft(np.fft.rfft(a - a.mean()) * np.conj(np.fft.rfft(b - b.mean())), a.size)
 
 
-def learn(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> PitchTable:
+def learn(stretches: list[tuple[FloatArray, Integers]], steps: int) -> PitchTable:
     """The table from (times, counts) of all stretches."""
     size = 2 * steps
     total, squares, number = np.zeros(size), 0.0, np.zeros(size)
@@ -124,7 +125,7 @@ def learn(stretches: list[tuple[FloatArray, IntArray]], steps: int) -> PitchTabl
     return PitchTable(table, float(np.sqrt(left / turns)), int(turns), float(np.sqrt(left)), share)
 
 
-def steps_that_repeat(stretches: list[tuple[FloatArray, IntArray]], steps: int, most: int = 256) -> tuple[int, float, float]:
+def steps_that_repeat(stretches: list[tuple[FloatArray, Integers]], steps: int, most: int = 256) -> tuple[int, float, float]:
     """(steps a turn with which the deviations repeat best, share of their variance that these explain beyond chance, the same of `steps`).
 
     The passages are smoothed over a few teeth only, so that the turn of the setup is not presumed.  Of multiples the least that explains as

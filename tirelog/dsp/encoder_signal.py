@@ -14,8 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from tirelog.recording import FloatArray, IntArray
@@ -23,7 +25,7 @@ from tirelog.recording import FloatArray, IntArray
 #: samples whose extremes are taken together
 CHUNK = 64
 #: samples a block: small enough for the second-level cache
-BLOCK = 1 << 18
+BLOCK = 1 << 17
 #: the middle level and the amplitude follow the signal within this time; a slower tooth counts as standstill
 FOLLOW_S = 0.3
 #: half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
@@ -36,6 +38,8 @@ STEADY_AMPLITUDE = 0.6
 WINDOW = 0.35
 
 Read = Callable[[int, int], FloatArray]
+#: whole numbers of whatever size
+Integers = NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True)

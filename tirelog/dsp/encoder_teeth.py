@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from tirelog.dsp.encoder_signal import FOLLOW_S, Crossings, Probe, Read
-from tirelog.recording import FloatArray, IntArray
+from tirelog.dsp.encoder_signal import FOLLOW_S, Crossings, Integers, Probe, Read
+from tirelog.recording import FloatArray
 
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth flank
 TURNING_PEAK, PASSED_PEAK = 0.85, 0.95
@@ -44,8 +44,8 @@ class Teeth:
     """
 
     index: FloatArray
-    count: IntArray
-    stretch: IntArray
+    count: Integers
+    stretch: Integers
     forward: np.ndarray
     missing: int
     extra: int
@@ -80,7 +80,7 @@ def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, s
     return Teeth(index, count, stretch, forward, missing, extra)
 
 
-def _directions(index: FloatArray, slow: IntArray, turned: list[int], fastest: float) -> tuple[IntArray, IntArray]:
+def _directions(index: FloatArray, slow: Integers, turned: list[int], fastest: float) -> tuple[Integers, Integers]:
     """(sign of each interval, intervals at which the direction changes).
 
     A turning point starts a stretch backwards, and the next slow place ends it, seen as a turning point or not: a missed one must not turn
@@ -101,7 +101,7 @@ def _directions(index: FloatArray, slow: IntArray, turned: list[int], fastest: f
     return sign, np.array(changes, np.int64)
 
 
-def _regular(index: FloatArray, rising: np.ndarray, slowest: float) -> tuple[FloatArray, np.ndarray, IntArray, int, int]:
+def _regular(index: FloatArray, rising: np.ndarray, slowest: float) -> tuple[FloatArray, np.ndarray, Integers, int, int]:
     """(indices, rising, half teeth of each interval, missing teeth, extra teeth).
 
     A run of intervals that are too long or too short for the motion around it becomes one interval: of as many half teeth as its
@@ -143,7 +143,7 @@ def _all_regular(steps: FloatArray) -> bool:
     return bool(np.all((2 * steps[5:-5] < LONG * around) & (2 * steps[5:-5] > SHORT * around)))
 
 
-def _turning_points(read: Read, found: Probe, index: FloatArray, slow: IntArray) -> list[int]:
+def _turning_points(read: Read, found: Probe, index: FloatArray, slow: Integers) -> list[int]:
     """The intervals of `slow` in which the signal came back before its peak, or passed it, came back and passed it again.
 
     A turn within a sixth of a half tooth of the peak is not seen.  Nothing is inferred where the amplitude falls with speed (an inductive

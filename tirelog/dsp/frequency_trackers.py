@@ -58,7 +58,7 @@ def track(values: FloatArray, rate_Hz: float, steps: int, tracker: Tracker = qui
     """(times [s] from the first sample, wheel speed [rad/s]) of an encoder of `steps` teeth, `values` (n,), window after window."""
     length = max(int(WINDOW_S * rate_Hz), 8)
     count = values.size // length
-    times = (np.arange(count) + 0.5) * length / rate_Hz - 0.5 / rate_Hz
+    times = np.asarray((np.arange(count) + 0.5) * length / rate_Hz - 0.5 / rate_Hz, dtype=np.float64)
     windows = values[: count * length].reshape(count, length)
     speed = np.array([tracker(w - w.mean()) for w in windows]) * rate_Hz / steps
     return times, speed

@@ -214,11 +214,10 @@ def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
     """The columns of the `phase-shift` table for one accelerometer of one log."""
     from tirelog.tables import quality_text
 
-    n, words = p.time_s.size, [set(w) for w in p.words]
+    n, words = p.time_s.size, list(p.words)
     nothing = np.full(n, np.nan)
     cleaned = clean(p, calibration) if calibration else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
-    for k in np.flatnonzero(cleaned.extrapolated):
-        words[k].add("extrapolated")
+    _mark(words, cleaned.extrapolated)
     columns: dict[str, object] = {
         "log": p.log,
         "channel": p.channel,
@@ -249,4 +248,4 @@ def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
 
 def _mark(words: list[set[str]], outside: np.ndarray) -> None:
     for k in np.flatnonzero(outside):
-        words[k].add("extrapolated")
+        words[k] = words[k] | {"extrapolated"}

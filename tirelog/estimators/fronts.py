@@ -12,7 +12,9 @@ Angles [rad] are those of `WheelAngle`.  Everything is worked out for all fronts
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -26,6 +28,10 @@ GRAVITY_M_S2 = 9.80665
 PIECE = 1 << 17
 #: half width of the flank's window: this share of the level over the flank's median slope, within bounds [deg], from a first guess
 FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
+#: passages before and after the middle of the log that the slope is learnt from
+LEARN_FROM = 150
+#: samples are read so much wider, for a place that was a little off [deg]
+MARGIN = 1.0
 #: samples that a flank has at least
 LEAST_SAMPLES = 7
 
@@ -83,20 +89,21 @@ def find_fronts(channel: Channel, wheel: WheelAngle, radius_m: float, limits: tu
     dips, expected, row = _expected(dips.take(np.sign(dips.level) == sign), wheel, turn)
     gravity = gravity_in(dips, sign)
     flanks = _flanks(dips, wheel, channel, radius_m, sign * GRAVITY_M_S2 if gravity else 0.0)
-    window = np.full(2, FIRST_GUESS * DEGREE)
-    for _ in range(3):
-        windows = _windows(channel, flanks, window)
-        place, se, slope, words = _crossings(channel, wheel, flanks, windows, limits)
-        flanks = flanks.moved(place)
-        window = np.clip([FLANK_SHARE / _median(np.abs(s)) for s in np.split(slope, 2)], NARROW * DEGREE, WIDE * DEGREE)
     n = row.size
+    window = np.full(2, FIRST_GUESS * DEGREE)
+    some = slice(max(n // 2 - LEARN_FROM, 0), n // 2 + LEARN_FROM)
+    for _ in range(2):
+        part = flanks.take(np.concatenate([np.arange(n)[some], n + np.arange(n)[some]]))
+        slope = _crossings(channel, wheel, part, _windows(channel, part, window), limits)[2]
+        window = np.clip([FLANK_SHARE / _median(np.abs(s)) for s in np.split(slope, 2)], NARROW * DEGREE, WIDE * DEGREE)
+    place, se, _, words = _crossings(channel, wheel, flanks, _windows(channel, flanks, window), limits)
     form = _form(place[n:] - place[:n], np.hypot(se[:n], se[n:]))
     full = np.full((4, expected.size), np.nan)
     full[:, row] = place[:n], place[n:], se[:n] * form, se[n:] * form
     marks: list[set[str]] = [{"lost_peak"} for _ in expected]
     saturated = np.abs(flanks.level[:n]) * flanks.rate[:n] ** 2 > 0.95 * min(-limits[0], limits[1])
     for k, at in enumerate(row):
-        marks[at] = words[k] | words[n + k] | ({"clipped"} if saturated[k] else set())
+        marks[at] = words.get(k, set()) | words.get(n + k, set()) | ({"clipped"} if saturated[k] else set())
     level = abs(float(np.median(dips.level)))
     return Fronts(expected, full[0], full[1], full[2], full[3], marks, sign, level, gravity, turn)
 
@@ -147,10 +154,13 @@ class _Flanks:
     ahead: FloatArray
     rate: FloatArray
 
+    def take(self, which: IntArray) -> _Flanks:
+        fewer: dict[str, Any] = {k: v[which] for k, v in self.__dict__.items() if isinstance(v, np.ndarray)}
+        return replace(self, **fewer)
+
     def moved(self, angle: FloatArray) -> _Flanks:
         good = np.isfinite(angle) & (np.abs(angle - self.angle) < 3 * DEGREE)
-        values = {**self.__dict__, "angle": np.where(good, angle, self.angle)}
-        return _Flanks(**values)
+        return replace(self, angle=np.where(good, angle, self.angle))
 
 
 def _flanks(dips: Dips, wheel: WheelAngle, channel: Channel, radius_m: float, gravity: float) -> _Flanks:
@@ -189,11 +199,12 @@ def _ranges(channel: Channel, wheel: WheelAngle, flanks: _Flanks, windows: Float
 
 def _crossings(
     channel: Channel, wheel: WheelAngle, flanks: _Flanks, windows: FloatArray, limits: tuple[float, float]
-) -> tuple[FloatArray, FloatArray, FloatArray, list[set[str]]]:
-    """(angle of the half-level crossing, its standard error, the slope there [levels/rad], words) of all fronts."""
-    first, last = _ranges(channel, wheel, flanks, windows)
+) -> tuple[FloatArray, FloatArray, FloatArray, dict[int, set[str]]]:
+    """(angle of the half-level crossing, its standard error, the slope there [levels/rad], words) of all fronts; words only where there
+    are some."""
+    first, last = _ranges(channel, wheel, flanks, windows + MARGIN * DEGREE)
     result = np.full((3, first.size), np.nan)
-    words: list[set[str]] = [set() for _ in first]
+    words: dict[int, set[str]] = defaultdict(set)
     order = np.argsort(first, kind="stable")
     at = 0
     while at < order.size:
@@ -207,17 +218,21 @@ def _crossings(
             stop = int(last[group].max(initial=start))
         if stop <= start:
             continue
-        values = channel.read(start, stop)
-        result[:, group], lost = _solve(values, start, channel, wheel, flanks, windows, first, last, group)
-        for k in group[lost]:
+        values, part = channel.read(start, stop), flanks.take(group)
+        entries = group < flanks.angle.size // 2
+        for _ in range(2):  # the second time around the place that the first has found
+            low, high = (np.clip(edge, first[group], last[group]) for edge in _ranges(channel, wheel, part, windows[group]))
+            result[:, group], lost = _solve(values[: stop - start], start, channel, wheel, part, windows[group], low, high, entries)
+            part = part.moved(result[0, group])
+        for k in group[lost].tolist():
             words[k].add("gap")
         beyond = np.concatenate([[0], np.cumsum((values <= limits[0]) | (values >= limits[1]))])
-        for k in group[beyond[last[group] - start] > beyond[first[group] - start]]:
+        for k in group[beyond[last[group] - start] > beyond[first[group] - start]].tolist():
             words[k].add("clipped")
     short = last - first < 5
-    for k in np.flatnonzero(short):
+    for k in np.flatnonzero(short).tolist():
         words[k].add("edge_of_log" if first[k] < 1 or last[k] >= channel.size - 1 else "gap")
-    return *result, words
+    return result[0], result[1], result[2], words
 
 
 def _form(width: FloatArray, se: FloatArray) -> FloatArray:
@@ -235,34 +250,34 @@ def _form(width: FloatArray, se: FloatArray) -> FloatArray:
 
 def _solve(
     values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: _Flanks, windows: FloatArray, first: IntArray,
-    last: IntArray, group: IntArray,
+    last: IntArray, entries: np.ndarray,
 ) -> tuple[FloatArray, np.ndarray]:  # fmt: skip
-    """Cubic least squares over the fronts `group`, whose samples lie in `values` from index `start`."""
-    sizes = last[group] - first[group]
-    owner = np.repeat(np.arange(group.size), sizes)
-    index = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes) + np.repeat(first[group], sizes)
+    """((3, n) place, standard error and slope, n samples lost) by cubic least squares over n fronts, whose samples [first, last) lie in
+    `values` from index `start`; `entries` (n,) where the signal leaves its level."""
+    n, sizes = first.size, last - first
+    owner = np.repeat(np.arange(n), sizes)
+    index = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes) + np.repeat(first, sizes)
     theta = wheel.angle.at(channel.axis.at(index.astype(np.float64)))
     a = values[index - start]
-    front = group[owner]
-    u = (theta - flanks.angle[front]) / windows[front]
-    phi = theta - flanks.middle[front]
-    a = a - flanks.gravity * np.cos(phi) - np.where(flanks.gravity != 0, np.sign(flanks.gravity) * flanks.ahead[front] * np.sin(phi), 0.0)
-    scale = flanks.rate[front] ** 2 * (flanks.level[front] + flanks.tilt[front] * phi)
+    u = (theta - flanks.angle[owner]) / windows[owner]
+    phi = theta - flanks.middle[owner]
+    a = a - flanks.gravity * np.cos(phi) - np.where(flanks.gravity != 0, np.sign(flanks.gravity) * flanks.ahead[owner] * np.sin(phi), 0.0)
+    scale = flanks.rate[owner] ** 2 * (flanks.level[owner] + flanks.tilt[owner] * phi)
     y = a / scale - 0.5
     good = np.isfinite(y) & np.isfinite(u)
-    lost = np.bincount(owner[~good], minlength=group.size) > 0
+    lost = np.bincount(owner[~good], minlength=n) > 0
     owner, u, y = owner[good], u[good], y[good]
     weight = np.maximum(1.0 - u * u, 0.0)  # a window without edges: which samples fall into it must not matter
-    powers = np.stack([np.bincount(owner, weight * u**k, group.size) for k in range(7)])
-    squares = np.stack([np.bincount(owner, weight**2 * u**k, group.size) for k in range(7)])
-    right = np.stack([np.bincount(owner, weight * y * u**k, group.size) for k in range(4)], axis=-1)
+    powers = np.stack([np.bincount(owner, weight * u**k, n) for k in range(7)])
+    squares = np.stack([np.bincount(owner, weight**2 * u**k, n) for k in range(7)])
+    right = np.stack([np.bincount(owner, weight * y * u**k, n) for k in range(4)], axis=-1)
     left, between = (np.stack([p[k : k + 4] for k in range(4)]).transpose(2, 0, 1) for p in (powers, squares))
-    enough = (np.bincount(owner, minlength=group.size) >= 5) & (powers[0] > 1.0)
+    enough = (np.bincount(owner, minlength=n) >= 5) & (powers[0] > 1.0)
     left[~enough] = np.eye(4)
     inverse = np.linalg.inv(left + 1e-9 * powers[0][:, None, None] * np.eye(4))
     c = np.einsum("nij,nj->ni", inverse, right)
     covariance = inverse @ between @ inverse
-    root = np.zeros(group.size)
+    root = np.zeros(n)
     for _ in range(8):
         value = c[:, 0] + root * (c[:, 1] + root * (c[:, 2] + root * c[:, 3]))
         slope = c[:, 1] + root * (2 * c[:, 2] + root * 3 * c[:, 3])
@@ -270,10 +285,10 @@ def _solve(
     at = np.stack([np.ones_like(root), root, root**2, root**3], axis=-1)
     share = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", at, covariance, at), 0.0))
     slope = c[:, 1] + root * (2 * c[:, 2] + root * 3 * c[:, 3])
-    level = np.abs(flanks.level[group]) * flanks.rate[group] ** 2
-    noise = np.hypot(share, 0.5 * flanks.level_share[group]) * flanks.noise[group] / level
-    falls = np.where(group < flanks.angle.size // 2, slope < 0, slope > 0)
+    level = np.abs(flanks.level) * flanks.rate**2
+    noise = np.hypot(share, 0.5 * flanks.level_share) * flanks.noise / level
+    falls = np.where(entries, slope < 0, slope > 0)
     sure = enough & falls & (np.abs(root) < 1)
-    se = np.hypot(noise / np.abs(np.where(sure, slope, 1.0)) * windows[group], wheel.angle.noise_rad)
-    place = flanks.angle[group] + root * windows[group]
-    return np.where(sure, np.stack([place, se, slope / windows[group]]), np.nan), lost
+    se = np.hypot(noise / np.abs(np.where(sure, slope, 1.0)) * windows, wheel.angle.noise_rad)
+    place = flanks.angle + root * windows
+    return np.where(sure, np.stack([place, se, slope / windows]), np.nan), lost

@@ -148,11 +148,11 @@ def _passages(
     before, time, after = (wheel.angle.time_at(middle + shift) for shift in (-half, 0.0, half))
     speed = radius.radius_m * wheel.speed_rad_s(time)
     acceleration = _acceleration(before, time, after, radius.radius_m)
-    words = [set(w) for w in fronts.words]
+    words = fronts.words
     margin = 15 / DEG
     low, high = wheel.angle.time_at(middle - margin - 0.3), wheel.angle.time_at(middle + margin + 0.3)
-    for own, others in zip(words, wheel.words(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf)), strict=True):
-        own |= others
+    for row, others in wheel.words(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf)).items():
+        words[row] |= others
     for k in np.flatnonzero(~found):
         words[k].add("lost_peak")
     reading = np.where(found, middle, np.nan)

@@ -10,6 +10,7 @@ are taken as they come.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,10 +21,10 @@ from tirelog import units
 from tirelog.dsp.angle import AngleFunction, smooth_angle
 from tirelog.dsp.encoder_counter import counter_knots
 from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchTable, aligned, learn, steps_that_repeat
-from tirelog.dsp.encoder_signal import Probe, crossings, probe
+from tirelog.dsp.encoder_signal import Integers, Probe, crossings, probe
 from tirelog.dsp.encoder_teeth import Teeth, count_teeth
 from tirelog.errors import SetupError
-from tirelog.recording import Channel, FloatArray, IntArray, Recording
+from tirelog.recording import Channel, FloatArray, Recording
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
 SPEED_WINDOW_S = 0.443 / 20.0
@@ -54,8 +55,8 @@ class WheelAngle:
         """Wheel speed [rad/s], low-passed at 20 Hz, at times of shape (n,)."""
         return self.angle.mean_rate(time_s, SPEED_WINDOW_S)
 
-    def words(self, start_s: FloatArray, stop_s: FloatArray) -> list[set[str]]:
-        """What is wrong with the angle within [start, stop], each shape (n,): standstill, reversing, gap."""
+    def words(self, start_s: FloatArray, stop_s: FloatArray) -> dict[int, set[str]]:
+        """What is wrong with the angle within [start, stop], each shape (n,): standstill, reversing, gap; rows with nothing left out."""
         knots = self.angle.time_s
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
         last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
@@ -63,14 +64,11 @@ class WheelAngle:
         back = np.flatnonzero(self.backward)
         still = np.searchsorted(slow, last) > np.searchsorted(slow, first)
         reversing = np.searchsorted(back, last, side="right") > np.searchsorted(back, first)
-        words: list[set[str]] = [set() for _ in first]
-        for row, (a, b) in enumerate(zip(first, last, strict=True)):
-            if still[row]:
-                words[row].add("standstill")
-            elif self.angle.stretch[b] != self.angle.stretch[a]:
-                words[row].add("gap")
-            if reversing[row]:
-                words[row].add("reversing")
+        gap = (self.angle.stretch[last] != self.angle.stretch[first]) & ~still
+        words: dict[int, set[str]] = defaultdict(set)
+        for word, rows in (("standstill", still), ("gap", gap), ("reversing", reversing)):
+            for row in np.flatnonzero(rows):
+                words[int(row)].add(word)
         return words
 
 
@@ -87,7 +85,9 @@ def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
     if quantity == "angle" or found.form == "counter":
         return _counted(channel, quantity == "angle", steps)
     teeth = _teeth(channel, found, steps)
-    time = channel.axis.at(teeth.index)
+    time = teeth.index  # a long log's indices become times where they are
+    for start in range(0, time.size, 1 << 16):
+        time[start : start + (1 << 16)] = channel.axis.at(time[start : start + (1 << 16)])
     count = _realigned(time, teeth, steps)
     stretches = _stretches(time, count, teeth)
     pitch = learn(stretches, steps)
@@ -97,21 +97,21 @@ def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
     return WheelAngle(channel.name, steps, found.form, function, pitch, ~teeth.forward, tuple(remarks))
 
 
-def _stretches(time: FloatArray, count: IntArray, teeth: Teeth) -> list[tuple[FloatArray, IntArray]]:
+def _stretches(time: FloatArray, count: Integers, teeth: Teeth) -> list[tuple[FloatArray, Integers]]:
     """(times, counts) of the stretches in which the wheel rolls forward."""
     pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
     parts = zip(np.split(time, pieces), np.split(count, pieces), strict=True)
     return [(t, c) for t, c in parts if c.size > 1 and (np.diff(c) > 0).all()]
 
 
-def _realigned(time: FloatArray, teeth: Teeth, steps: int) -> IntArray:
+def _realigned(time: FloatArray, teeth: Teeth, steps: int) -> Integers:
     """The counts, with whole teeth that were lost between stretches given back where the pitch errors tell."""
     pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
     if pieces.size == 0:
         return teeth.count
     parts = list(zip(np.split(time, pieces), np.split(teeth.count, pieces), strict=True))
     backward = [not part.all() for part in np.split(teeth.forward, pieces)]
-    moved: list[IntArray] = []
+    moved: list[Integers] = []
     for (_, count), shift, back in zip(parts, aligned(parts, steps), backward, strict=True):
         shifted = count + shift
         while moved and not any(backward) and shifted[0] <= moved[-1][-1]:  # the wheel did not roll back
@@ -259,6 +259,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
+    words = wheel.words(start, stop)
     columns = {
         "log": recording.log,
         "channel": channel.name,
@@ -268,6 +269,6 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
         "period_s": stop - start,
         "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
         "acceleration_m_s2": radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start),
-        "quality": [";".join(sorted(words)) or "ok" for words in wheel.words(start, stop)],
+        "quality": [";".join(sorted(words.get(row, ()))) or "ok" for row in range(time.size)],
     }
     return columns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]

@@ -2,8 +2,8 @@
 
     Passages of each accelerometer, Calibration --> PNG or SVG
 
-Top: fronts in the acceleration over wheel angle (Fig. 7), maps of shift and width over speed (Fig. 9).  Below, a column for each of the first
-accelerometers: speed, shift and width over time, raw (Fig. 8), detrended (Fig. 10), corrected (Figs. 11 to 13).
+Top: fronts in the acceleration over wheel angle (Fig. 7), maps of shift and width over speed (Fig. 9).  Below, a column for each of
+the first accelerometers: speed, shift and width over time, raw (Fig. 8), detrended (Fig. 10), corrected (Figs. 11 to 13).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def plot_phase_shift(logs: Sequence[Passages], calibration: Calibration | None, 
     shown = list(logs[:MOST])
     columns = max(len(shown), 1)
     figure = Figure(figsize=(max(4.2 * columns, 12.0), 13.0), layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=[1.0, 2.2])
+    top, bottom = np.asarray(figure.subfigures(2, 1, height_ratios=[1.0, 2.2]))
     fronts, shifts, widths = top.subplots(1, 3)
     _fronts(fronts, shown)
     _map(shifts, shown, calibration, "shift")
@@ -77,7 +77,8 @@ def _times(panels: Sequence[Axes], p: Passages, cleaned: Cleaned | None) -> None
     speed.plot(p.time_s, p.speed_m_s, color="k", lw=1)
     driven = {True: ", driven", False: ", undriven", None: ""}[p.driven]
     speed.set(ylabel="speed [m/s]", title=f"{Path(p.log).name}: {p.channel}{driven}")
-    for axes, raw, detrended in ((shift, p.shift_deg, cleaned and cleaned.shift_deg), (width, p.width_deg, cleaned and cleaned.width_deg)):
+    detrended_shift, detrended_width = (cleaned.shift_deg, cleaned.width_deg) if cleaned is not None else (None, None)
+    for axes, raw, detrended in ((shift, p.shift_deg, detrended_shift), (width, p.width_deg, detrended_width)):
         axes.plot(p.time_s[p.good], raw[p.good], ".", ms=3, color=RAW, label="measured (Fig. 8)")
         if detrended is not None:
             axes.plot(p.time_s[p.good], detrended[p.good], ".", ms=3, color=DETRENDED, label="detrended (Fig. 10)")
