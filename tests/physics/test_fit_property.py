@@ -228,3 +228,16 @@ def test_numbers_per_revolution_are_fitted():
     assert set(result.names) == set(wanted)
     assert np.all(np.abs(result.values - [wanted[name] for name in result.names]) < 4.0 * result.se)
     assert abs(result.reduced_chi2 - 1.0) < 0.3
+
+
+def test_a_spoilt_revolution_is_set_aside_and_counted(waves):
+    """One revolution in eighty of another tire, such as a passage cut wrongly at standstill."""
+    stack = measured(waves, 1500, repeats=16)
+    values = stack.values.copy()
+    values[7] = 0.5 * np.roll(values[7], 5)
+    spoilt = replace(stack, values=values)
+    result = fit(START, [spoilt], scatter=True)
+    assert result.set_aside == 1
+    assert np.all(np.abs(result.values - list(TRUTH.values())) < 4.0 * result.se)
+    assert abs(result.reduced_chi2 - 1.0) < 0.1
+    assert fit(START, [stack], scatter=True).set_aside == 0

@@ -86,7 +86,8 @@ def fit_page(result: FitResult) -> str:
         (full, f"{value:.6g}", f"+- {se:.2g}" if se < float("inf") else "not determined", _unit(p.unit))
         for full, value, se, p, _ in zip(result.names, result.values, result.se, parameters, names)
     ]
-    lines = [f"{result.revolutions} revolutions, reduced chi-square {result.reduced_chi2:.3f}", _aligned(rows)]
+    aside = f" ({result.set_aside} of them set aside as outliers)" if result.set_aside else ""
+    lines = [f"{result.revolutions} revolutions{aside}, reduced chi-square {result.reduced_chi2:.3f}", _aligned(rows)]
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]
     lines += [f"{name} stands at a bound" for name in result.at_bound]
     return "\n".join([*lines, *result.degenerate])

@@ -51,8 +51,8 @@ def fit(
 
     nuisances   'offset', 'amplitude', 'shift' of every revolution that are taken out; without 'offset' one offset per log is; with
                 'amplitude' the lever arm is held
-    scatter     amplitude, width and baseline of revolutions and manoeuvres scatter: how much is learnt from the residual, and they
-                weigh accordingly (`metric`); with it the errors hold on real drives, and the reduced chi-square is near 1 by making
+    scatter     load, its rise and the baseline of revolutions and manoeuvres scatter: how much is learnt from the residual, they
+                weigh accordingly (`metric`), and the few worst revolutions are set aside; the errors then hold on real drives
     starts      how many starts are compared on a few revolutions before all are used
     ModelError  no data, nothing free, another observable, a condition that an effect needs is not known, or no convergence: never a number.
     """
@@ -69,7 +69,11 @@ def fit(
         rough = _solve(problem, start, max_evaluations, tight=False)
         start, spent = rough.x, spent + rough.evaluations
         held = problem.lever_held_at(rough.point) if "amplitude" in nuisances else problem
-        problem = held.measured_at(problem.with_lever(rough.point), nuisances, scatter=scatter)
+        at = problem.with_lever(rough.point)
+        if scatter:  # outliers show in the metric that knows the ordinary scatter
+            known = held.measured_at(at, nuisances, scatter=True)
+            held = held.without_outliers(known.evaluate(known.values(rough.x)), known.metrics)
+        problem = held.measured_at(at, nuisances, scatter=scatter)
     solution = _solve(problem, start, max_evaluations)
     return summarise(problem, solution.point, spent + solution.evaluations)
 

@@ -18,6 +18,8 @@ from tirelog.physics.spectral import FloatArray
 from tirelog.recording import Stack
 
 LEVER = "lever_arm_m"
+#: Share of the revolutions that may be set aside, and how much worse than the median they must be.
+_FEW, _WORSE = 0.02, 5.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class Problem:
     metrics: Sequence[Metric]
     nonlinear: tuple[str, ...]
     lever_free: bool
+    aside: Sequence[np.ndarray] = ()
 
     def values(self, x: FloatArray) -> dict[str, float]:
         """The nonlinear parameters by name."""
@@ -98,7 +101,24 @@ class Problem:
 
     def measured_at(self, values: Mapping[str, float], nuisances: Sequence[str], *, scatter: bool) -> Problem:
         """The same problem in the metric at these values; with `scatter`, what the residual there shows of it is whitened."""
-        return replace(self, metrics=[_metric(self.model, stack, values, nuisances, scatter) for stack in self.stacks])
+        aside = self.aside or [np.zeros(len(stack), bool) for stack in self.stacks]
+        metrics = [_metric(self.model, stack, values, nuisances, scatter, rows) for stack, rows in zip(self.stacks, aside)]
+        return replace(self, metrics=metrics, aside=aside)
+
+    def without_outliers(self, point: Point, metrics: Sequence[Metric]) -> Problem:
+        """The same problem with the few worst revolutions of the point (in `metrics`) set aside too: at most `_FEW` of all, each above
+        `_WORSE` times the median.
+
+        A start from standstill or a passage that was cut wrongly would else pull everything; a missing effect, that is worse on many
+        revolutions, is left to be seen."""
+        aside = []
+        for already, metric, residual in zip(self.aside, metrics, point.residuals):
+            seen = (metric.weight > 0).sum(axis=1)
+            mean = np.divide((residual**2).sum(axis=1), seen, out=np.zeros(len(seen)), where=seen > 0)
+            worst = np.zeros(len(seen), bool)
+            worst[np.argsort(mean)[len(seen) - int(_FEW * len(seen)) :]] = True
+            aside.append(already | (worst & (mean > _WORSE * np.median(mean))))
+        return replace(self, aside=aside)
 
     @property
     def samples(self) -> int:
@@ -111,13 +131,14 @@ class Problem:
         return sum(metric.removed for metric in self.metrics)
 
 
-def _metric(model: Model, stack: Stack, values: Mapping[str, float], nuisances: Sequence[str], scatter: bool) -> Metric:
+def _metric(model: Model, stack: Stack, values: Mapping[str, float], nuisances: Sequence[str], scatter: bool, aside: np.ndarray) -> Metric:
+    """The stack's metric at these values."""
     if stack.observable not in WAVEFORMS:
-        return Metric(stack, stack.values, stack.values)
+        return Metric(stack, stack.values, stack.values, aside=aside)
     wave, level, slope = parts_on(model, stack, values, slope=True)
-    plain = Metric(stack, wave, slope, nuisances)
+    plain = Metric(stack, wave, slope, nuisances, aside=aside)
     if not scatter:
         return plain
     shapes = scatter_shapes(stack, wave, load_slope_on(model, stack, values))
     found = estimate_scatter(plain, shapes, stack.values - level - wave, stack.manoeuvre)
-    return Metric(stack, wave, slope, nuisances, found)
+    return Metric(stack, wave, slope, nuisances, found, aside)

@@ -26,7 +26,7 @@ class FitResult:
     covariance      (p, p); scaled by the reduced chi-square where that is above 1
     correlations    (name, name, r) with |r| > 0.9;  at_bound, the parameters that stand at a bound
     degenerate      sentences on combinations that share one scale or that the data do not determine
-    reduced_chi2    chi-square over degrees of freedom;  freedom, the latter;  revolutions;  offsets per (log, channel)
+    reduced_chi2    chi-square over degrees of freedom;  freedom, the latter;  revolutions, and how many of them were set aside as outliers
     evaluations     of the model on all revolutions
     """
 
@@ -41,6 +41,7 @@ class FitResult:
     reduced_chi2: float
     freedom: int
     revolutions: int
+    set_aside: int
     evaluations: int
     residuals: tuple[FloatArray, ...] = field(repr=False, default=())
 
@@ -70,6 +71,7 @@ def summarise(problem: Problem, point: Point, evaluations: int) -> FitResult:
         reduced_chi2=chi2,
         freedom=freedom,
         revolutions=sum(len(stack) for stack in problem.stacks),
+        set_aside=sum(int(rows.sum()) for rows in problem.aside),
         evaluations=evaluations,
         residuals=tuple(point.residuals),
     )

@@ -58,15 +58,21 @@ def scatter_shapes(stack: Stack, waveform: FloatArray, by_load: FloatArray) -> t
 
 
 class Metric:
-    """The chain above for one stack, at a waveform and its slope by phi, (n, m) each."""
+    """The chain above for one stack, at a waveform and its slope by phi, (n, m) each; revolutions in `aside` (n,) weigh nothing."""
 
     def __init__(
-        self, stack: Stack, waveform: FloatArray, slope: FloatArray, nuisances: Sequence[str] = (), scatter: Scatter | None = None
+        self,
+        stack: Stack,
+        waveform: FloatArray,
+        slope: FloatArray,
+        nuisances: Sequence[str] = (),
+        scatter: Scatter | None = None,
+        aside: np.ndarray | None = None,
     ) -> None:
         unknown = [kind for kind in nuisances if kind not in NUISANCES]
         if unknown:
             raise ModelError(f"unknown nuisance {unknown[0]!r}; allowed are {', '.join(NUISANCES)}; choose among them")
-        self.weight = weights(stack)
+        self.weight = weights(stack) if aside is None else np.where(aside[:, None], 0.0, weights(stack))
         self._seen = self.weight > 0
         self._log, self._manoeuvre = (np.unique(labels, return_inverse=True)[1] for labels in (stack.log, stack.manoeuvre))
         self._steps: list[_Whitener] = []
@@ -81,7 +87,7 @@ class Metric:
         if stack.observable in WAVEFORMS and "offset" not in nuisances:
             self._then(self._columns([shapes["offset"]]), self._log, None)
             self.offsets = int(self._log.max()) + 1
-        self.removed = self.offsets + len(nuisances) * len(stack)
+        self.removed = self.offsets + len(nuisances) * int(self._seen.any(axis=1).sum())
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """`values` (..., n, m) in the metric."""
@@ -146,10 +152,11 @@ def estimate_scatter(metric: Metric, shapes: tuple[FloatArray, ...], residual: F
     correlated, and few manoeuvres know it badly, so it is widened by (G - 1) / (G - 3) and taken without correlations, which so
     few would only feign.  Negative variances are zero.
     """
-    columns = np.stack([metric(shape) for shape in shapes], axis=-1)
+    used = metric.weight.any(axis=1)
+    columns = np.stack([metric(shape)[used] for shape in shapes], axis=-1)
     error = np.linalg.pinv(np.einsum("nmk,nml->nkl", columns, columns), rcond=1e-9, hermitian=True)
-    b = np.einsum("nkl,nl->nk", error, np.einsum("nmk,nm->nk", columns, metric(residual)))
-    _, group = np.unique(manoeuvre, return_inverse=True)
+    b = np.einsum("nkl,nl->nk", error, np.einsum("nmk,nm->nk", columns, metric(residual)[used]))
+    _, group = np.unique(manoeuvre[used], return_inverse=True)
     count = np.bincount(group).astype(float)
     groups = count.size
     mean = np.stack([np.bincount(group, b[:, k]) for k in range(b.shape[1])], axis=1) / count[:, None]
