@@ -1,6 +1,6 @@
 """Makes every log of sample_data anew from its scenario, with the seeds that stand there, and the table of sha256 in the README.
 
-    python sample_data/make.py
+python sample_data/make.py
 """
 
 from __future__ import annotations
