@@ -65,7 +65,8 @@ class Predicting:
         """What the sensor reads, shape (n, m): revolutions x angles; for a number per revolution (n, 1).
 
         phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2 times it.  `values` replaces values by
-        full name without a check of bounds.  `observable` may also be displacement [m], inward, or contact_pressure [N/m].
+        full name without a check of bounds.  `observable` may also be displacement [m], inward, or contact_pressure [N/m] (its modes carry
+        the load exactly and ripple by some parts in a thousand beside its kinks).
         surface 'outer' (groove, minimum in the patch) or 'inner' (liner, maximum).  ModelError: speed at or above the critical one,
         load not above zero, patch longer than the circumference, a condition that an effect needs is not known.
         """

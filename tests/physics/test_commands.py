@@ -1,0 +1,123 @@
+"""`tirelog model` and `tirelog effects` from the outside: what they write, print and refuse."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tirelog.cli import run
+from tirelog.physics import CATALOGUE, Model
+
+SETUP = """
+[tire]
+unloaded_radius_m = 0.3126
+rolling_radius_m = 0.305
+width_m = 0.215
+static_footprint_length_m = 0.126
+[conditions]
+load_N = 3434.0
+inflation_pressure_Pa = 2.2e5
+[channels.strain_1]
+kind = "fbg_strain"
+source = "CH1"
+unit = "nm"
+reference_wavelength_nm = 1550.0
+surface = "inner"
+gauge_length_m = 0.02
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.toml").write_text(SETUP)
+    return tmp_path
+
+
+def test_new_takes_what_the_setup_knows(here, capsys):
+    assert run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml"]) == 0
+    ring = Model.load(here / "r.toml")
+    assert ring.contact == "flat_road"
+    assert {ring.values[n] for n in ("load_N", "inflation_pressure_Pa", "width_m", "radius_m")} == {3434.0, 2.2e5, 0.215, 0.305}
+    assert run(["model", "new", "--setup", "s.toml", "--set", "line_mass_kg_m=5", "-o", "b.toml"]) == 0
+    beam = Model.load(here / "b.toml")
+    assert beam.values["patch_half_length_m"] == 0.063
+    assert beam.values["reference_load_N"] == 3434.0
+    assert beam.values["line_mass_kg_m"] == 5.0
+    assert "next: tirelog" in capsys.readouterr().err
+
+
+def test_add_remove_and_show(here, capsys):
+    run(["model", "new", "--setup", "s.toml", "-o", "b.toml"])
+    assert run(["model", "add", "b.toml", "viscous_damping", "--set", "damping_rate_1_s=30", "-o", "b2.toml"]) == 0
+    assert Model.load(here / "b2.toml").values["viscous_damping.damping_rate_1_s"] == 30.0
+    assert run(["model", "add", "b2.toml", "gauge_length", "--setup", "s.toml", "-o", "b3.toml"]) == 0
+    gauge = Model.load(here / "b3.toml").parameters["gauge_length.length_m"]
+    assert gauge.value == 0.02
+    assert not gauge.free
+    assert run(["model", "remove", "b2.toml", "viscous_damping", "-o", "b4.toml"]) == 0
+    assert (here / "b4.toml").read_text() == (here / "b.toml").read_text()
+    capsys.readouterr()
+    assert run(["model", "show", "b2.toml"]) == 0
+    assert "viscous_damping: damping of the foundation" in capsys.readouterr().out
+    assert run(["model", "show", "b2.toml", "-o", "p.json"]) == 0
+    rows = json.loads((here / "p.json").read_text())
+    assert [r["value"] for r in rows if r["parameter"] == "viscous_damping.damping_rate_1_s"] == [30.0]
+    assert run(["model", "show", "b2.toml", "--against", "b.toml"]) == 0
+    assert "difference in sigma" in capsys.readouterr().out
+
+
+def test_predict_gives_the_contracts_columns(here):
+    run(["model", "new", "--setup", "s.toml", "-o", "b.toml"])
+    assert run(["model", "predict", "b.toml", "--setup", "s.toml", "--speed", "14", "-o", "w.csv"]) == 0
+    header, *lines = (here / "w.csv").read_text().splitlines()
+    assert header == "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m"
+    table = np.array([[float(x) for x in line.split(",")] for line in lines])
+    assert np.all(np.diff(table[:, 1]) > 0)
+    assert abs(table[np.argmax(table[:, 3]), 0]) < 0.063  # inner surface: a maximum in the patch
+    assert np.allclose(table[:, 0], 0.305 * np.radians(table[:, 1]))
+    assert table[:, 5].mean() * 2 * np.pi * 0.305 == pytest.approx(3434.0, rel=1e-5)
+
+
+def test_effects_lists_the_catalogue(here, capsys):
+    assert run(["effects"]) == 0
+    out = capsys.readouterr().out
+    assert all(f"{e.id}: " in out for e in CATALOGUE)
+    assert run(["effects", "wear"]) == 0
+    assert "distance_km" in capsys.readouterr().out
+    assert run(["effects", "-o", "e.json"]) == 0
+    assert [row["effect"] for row in json.loads((here / "e.json").read_text())] == [e.id for e in CATALOGUE]
+    pytest.importorskip("matplotlib")
+    assert run(["effects", "traction", "--plot", "t.png"]) == 0
+    assert (here / "t.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        (["model", "new", "--carcass", "boat", "-o", "x.toml"], "allowed are beam, ring"),
+        (["model", "new", "--observable", "strian", "-o", "x.toml"], "nearest: strain"),
+        (["model", "new", "--set", "line_mass=5", "-o", "x.toml"], "nearest: line_mass_kg_m"),
+        (["model", "new", "--set", "line_mass_kg_m", "-o", "x.toml"], "NAME=VALUE"),
+        (["model", "new", "--set", "line_mass_kg_m=nan", "-o", "x.toml"], "finite"),
+        (["model", "new", "-o", "nowhere/x.toml"], "folder has to exist"),
+        (["model", "add", "b.toml", "viscous", "-o", "x.toml"], "nearest: viscous_damping"),
+        (["model", "add", "b.toml", "speed_trend", "-o", "x.toml"], "does nothing to strain"),
+        (["model", "add", "none.toml", "wear", "-o", "x.toml"], "cannot be read"),
+        (["model", "remove", "b.toml", "wear", "-o", "x.toml"], "has no effect"),
+        (["model", "predict", "b.toml", "--speed", "80"], "critical speed"),
+        (["model", "predict", "b.toml", "--speed", "8", "--surface", "side"], "outer, inner"),
+        (["effects", "waer"], "nearest: wear"),
+        (["effects", "wear", "--plot", "t.gif"], ".png and .svg"),
+        (["effects", "inflation", "--plot", "t.png"], "not on strain"),
+    ],
+)
+def test_mistakes_are_status_2_and_leave_nothing(here, capsys, command, says):
+    run(["model", "new", "--setup", "s.toml", "-o", "b.toml", "--quiet"])
+    capsys.readouterr()
+    assert run(command) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("tirelog: error: ")
+    assert says in error
+    assert "Traceback" not in error
+    assert sorted(p.name for p in here.iterdir()) == ["b.toml", "s.toml"]
