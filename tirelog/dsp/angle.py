@@ -142,7 +142,7 @@ def smooth_angle(
         rate[start:stop] = slope[start - low : stop - low]
         latest = float(time_s[stop - 1])
         if left.size > 100:
-            noises.append(float(np.median(np.abs(left))) / 0.6745)
+            noises.append(float(np.median(np.abs(left[::5]))) / 0.6745)
     kept = float(np.sum(CUBIC_VALUE**2))
     if noises:  # what the cubics leave is the rest of the passages' noise
         noise_rad = float(np.median(noises) / np.sqrt(1 - kept))
