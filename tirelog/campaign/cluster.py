@@ -19,7 +19,7 @@ def on_cluster(tasks: list[Task], scheduler: str) -> Iterator[Entry]:
     except ImportError:
         raise UsageError("--scheduler needs dask.distributed; it comes with the extra: pip install 'tirelog[cluster]'") from None
     try:
-        client = Client(scheduler, timeout=_TIMEOUT_S, set_as_default=False)
+        client = Client(scheduler, timeout=_TIMEOUT_S)
     except (OSError, ValueError, TypeError) as problem:
         raise UsageError(
             f"--scheduler {scheduler} does not answer ({type(problem).__name__}); allowed is tcp://HOST:PORT; start it first"

@@ -1,0 +1,96 @@
+"""Property: a Dask cluster that loses a worker, and a store elsewhere, give the same results as this machine."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.campaign.conftest import dataset, make_campaign
+from tests.campaign.test_campaign import remove
+from tirelog.cli import run
+
+
+def _kill_after_the_first_rows(pid: int, results: Path) -> None:
+    for _ in range(600):
+        if list(results.rglob("part.parquet")):
+            break
+        time.sleep(0.05)
+    os.kill(pid, signal.SIGKILL)
+
+
+def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    manifest = make_campaign(tmp_path, logs=8)
+    results = tmp_path / "results"
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
+    want = dataset(results)
+    remove(results)
+    with distributed.LocalCluster(n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1") as cluster:
+        victim = next(iter(cluster.workers.values())).pid
+        killer = threading.Thread(target=_kill_after_the_first_rows, args=(victim, results), daemon=True)
+        killer.start()
+        assert run(["campaign", "run", str(manifest), "--quiet", "--scheduler", cluster.scheduler_address]) == 0
+        killer.join()
+    assert dataset(results) == want
+
+
+@pytest.fixture
+def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """An S3 bucket on this machine."""
+    pytest.importorskip("s3fs")
+    server_of = pytest.importorskip("moto.server")
+    server = server_of.ThreadedMotoServer(ip_address="127.0.0.1", port=0)
+    server.start()
+    host, port = server.get_host_and_port()
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    import s3fs
+
+    s3fs.S3FileSystem.clear_instance_cache()
+    name = f"campaign-{port}"
+    s3fs.S3FileSystem().mkdir(name)
+    yield f"s3://{name}"
+    server.stop()
+    s3fs.S3FileSystem.clear_instance_cache()
+
+
+def test_logs_and_tables_in_s3(bucket: str, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import s3fs
+
+    monkeypatch.chdir(tmp_path)
+    store = s3fs.S3FileSystem()
+    store.put("logs/run_1.csv", f"{bucket}/run_1.csv")
+    assert run(["speed", f"{bucket}/run_1.csv", "--setup", "setup.toml", "-o", f"{bucket}/speed.parquet"]) == 0
+    assert run(["speed", "logs/run_1.csv", "--setup", "setup.toml", "-o", "speed.parquet"]) == 0
+    store.get(f"{bucket}/speed.parquet", "there.parquet")
+    here, there = (pd.read_parquet(name).drop(columns="log") for name in ("speed.parquet", "there.parquet"))
+    pd.testing.assert_frame_equal(here, there, check_exact=True)
+
+
+def test_what_is_not_there_and_a_bucket_that_is_not(bucket: str, manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    setup = str(tmp_path / "setup.toml")
+    assert run(["speed", f"{bucket}/nothing.csv", "--setup", setup]) == 4
+    assert "cannot be reached" in capfd.readouterr().err
+    assert run(["speed", str(tmp_path / "logs" / "run_1.csv"), "--setup", setup, "-o", "s3://no-such-bucket/t.csv"]) == 2
+    assert "cannot be reached" in capfd.readouterr().err
+
+
+def test_no_credentials(
+    bucket: str, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    import s3fs
+
+    s3fs.S3FileSystem.clear_instance_cache()
+    assert run(["speed", f"{bucket}/run_1.csv", "--setup", str(tmp_path / "setup.toml")]) == 4
+    assert "credentials" in capfd.readouterr().err
