@@ -12,9 +12,9 @@ LAYERS = [
     {"recording", "dsp", "files"},
     {"setup", "convert", "readers", "spool", "stamps", "clock", "store", "ingest", "tables", "regression", "overview"},
     {"physics"},
-    {"estimators", "plots"},
+    {"estimators"},
     {"discrepancy"},
-    {"campaign", "report"},
+    {"campaign", "report", "plots"},
     {"cli", "__main__"},
 ]
 LAYER = {name: level for level, names in enumerate(LAYERS) for name in names}
