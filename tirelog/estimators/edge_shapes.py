@@ -132,10 +132,14 @@ class EdgeFamily:
         return np.asarray(np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m)))
 
     def on_grid(self, spectra: ComplexArray, points: int, half_window_m: float) -> tuple[FloatArray, FloatArray]:
-        """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as +-`half_window_m`: abscissae (g,), (g, c)."""
+        """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as +-`half_window_m`: abscissae (g,), (g, c).
+
+        What straight lines between the points take off on average, sinc^2(kappa step / 2), is made up for.
+        """
         padded = np.zeros((spectra.shape[1], points // 2 + 1), complex)
         kept = min(self.kappa_1_m.size, points // 2)
-        padded[:, 1 : kept + 1] = spectra[:kept].T * (0.5 * points)
+        straightened = np.sinc(np.arange(1, kept + 1) / points) ** 2
+        padded[:, 1 : kept + 1] = spectra[:kept].T * (0.5 * points / straightened)
         step = 2.0 * np.pi * self.radius_m / points
         reach = min(int(np.ceil(half_window_m / step)), points // 2 - 1)
         values = np.fft.irfft(padded, points, axis=1)

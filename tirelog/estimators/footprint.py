@@ -54,12 +54,19 @@ class Footprint:
     quality: tuple[frozenset[str], ...]
 
 
-def footprint(channel: Channel, passages: Passages, cutoff: Cutoff | None = None, block_samples: int = BLOCK_SAMPLES) -> Footprint:
-    """The footprint at each of `passages` of the strain `channel`; `cutoff` of the low-pass (auto)."""
+def footprint(
+    channel: Channel,
+    passages: Passages,
+    cutoff: Cutoff | None = None,
+    block_samples: int = BLOCK_SAMPLES,
+    like: Learnt | None = None,
+) -> Footprint:
+    """The footprint at each of `passages` of the strain `channel`; `cutoff` of the low-pass (auto); `like`: what another grating of the
+    same wheel has taught, as a start."""
     cutoff = cutoff or Cutoff()
     n = len(passages)
     speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
-    learnt = learn_reference(channel, passages, block_samples)
+    learnt = learn_reference(channel, passages, block_samples, like)
     work = Measured.empty(n)
     nyquist = 0.5 * channel.axis.rate_Hz
     if learnt is None:

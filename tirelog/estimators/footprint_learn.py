@@ -30,6 +30,8 @@ STEP = 1.0 / 36.0
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
 #: rounds for the closed ring, which starts from the straight line's result
 OTHER_ROUNDS = 3
+#: a start from another grating that ends in this many times its misfit is given up
+LIKE_MISFIT = 1.5
 #: relative error of the speed up to which a passage is learnt from, if there are such
 SURE_SPEED = 0.001
 #: the noise of a sample may be overestimated by this much (variance)
@@ -164,8 +166,26 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
     return float(family.kappa_1_m[above[-1]]) if above.size else float(2.0 * np.pi / half_window_m)
 
 
-def learn_reference(channel: Channel, passages: Passages, block_samples: int = BLOCK_SAMPLES) -> Learnt | None:
-    """The form of the passages of `channel`; None where the log has none to learn from."""
+def _start_like(like: Learnt, samples: list[Sample]) -> Reference:
+    """The straight member that another grating has taught, at the speeds of `samples`."""
+    straight = like.other if like.reference.family.closed else like.reference
+    at = straight.at_speeds(np.array([float(np.sqrt(np.mean(s.speed_m_s**2))) for s in samples]))
+    return replace(at, residuals=None, residual_xi_m=None)
+
+
+def _both(start: Reference, samples: list[Sample], noise: float, half_window_m: float) -> tuple[Reference, Reference]:
+    """Both members of the family fitted from the straight one's `start`, the better one first."""
+    straight = refine(start, samples, noise, half_window_m)
+    ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
+    closed = refine(replace(straight, family=ring), samples, noise, half_window_m, OTHER_ROUNDS)
+    return (straight, closed) if straight.misfit <= closed.misfit else (closed, straight)
+
+
+def learn_reference(channel: Channel, passages: Passages, block_samples: int = BLOCK_SAMPLES, like: Learnt | None = None) -> Learnt | None:
+    """The form of the passages of `channel`; None where the log has none to learn from.
+
+    `like`: what another grating of the same wheel has taught: a start that spares the search for one.
+    """
     if passages.template is None or not len(passages):
         return None
     rows = _usable(passages)
@@ -175,11 +195,10 @@ def learn_reference(channel: Channel, passages: Passages, block_samples: int = B
     rough = LENGTH_TO_WIDTH * passages.template.half_width_rad * passages.radius_m
     window = min(WINDOW * rough, 2.9 * passages.radius_m)
     samples = _samples(channel, passages, rows, classes, window, block_samples)
-    start = fit_averages([_average(sample, passages, window) for sample in samples], passages.radius_m, rough)
-    straight = refine(start, samples, passages.noise, window)
-    ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
-    closed = refine(replace(straight, family=ring), samples, passages.noise, window, OTHER_ROUNDS)
-    both = sorted((straight, closed), key=lambda r: r.misfit)
+    both = None if like is None else _both(_start_like(like, samples), samples, passages.noise, window)
+    if both is None or like is None or both[0].misfit > LIKE_MISFIT * max(like.reference.misfit, 1.0):
+        start = fit_averages([_average(sample, passages, window) for sample in samples], passages.radius_m, rough)
+        both = _both(start, samples, passages.noise, window)
     height = float(np.median(np.abs(passages.height[rows])))
     wave_number = _wave_number(both[0], channel.axis.rate_Hz, window, passages.noise / max(height, 1e-300))
     return Learnt(both[0], both[1], window, wave_number, free)

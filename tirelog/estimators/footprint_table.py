@@ -78,8 +78,10 @@ def begin(log: str, passages: Passages) -> dict[str, Any]:
 
 def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOCK_SAMPLES) -> Iterator[FootprintOfChannel]:
     """The footprint of each strain channel of `recording`."""
+    like = None
     for channel, passages in rotating(recording):
-        found = footprint(channel, passages, cutoff, block_samples)
+        found = footprint(channel, passages, cutoff, block_samples, like)
+        like = found.learnt
         words = [own | extra for own, extra in zip(found.quality, speed_words(passages), strict=True)]
         columns = begin(recording.log, passages) | {
             "length_m": found.length_m,

@@ -60,9 +60,9 @@ class PatchWindows:
 
 
 def window_class(reach_samples: FloatArray) -> IntArray:
-    """Half window [samples] of each passage: `reach_samples` rounded up to the next power of 2^(1/2), at least 8."""
-    steps = np.ceil(2.0 * np.log2(np.maximum(reach_samples, 8.0)))
-    return np.ceil(2.0 ** (0.5 * steps)).astype(np.int64)
+    """Half window [samples] of each passage: `reach_samples` rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT)."""
+    two = 2.0 ** np.ceil(np.log2(np.maximum(reach_samples, 8.0)))
+    return np.where(reach_samples <= 0.75 * two, 0.75 * two, two).astype(np.int64)
 
 
 def gather_windows(
@@ -88,7 +88,7 @@ def gather_windows(
 
 def _cut(channel: Channel, samples: FloatArray, low: int, index: FloatArray, nearest: IntArray, size: int, rows: IntArray) -> PatchWindows:
     """Windows of half length `size` out of `samples`, which start at sample `low` of the channel."""
-    columns = nearest[:, None] + np.arange(-size, size + 1)
+    columns = nearest[:, None] + np.arange(-size, size)
     place = columns - low
     values = samples[np.clip(place, 0, samples.size - 1)]
     outside = (place < 0) | (place >= samples.size)
