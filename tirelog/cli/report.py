@@ -3,33 +3,78 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Logs, Quiet, Session, SetupFile
+from tirelog.cli.common import Quiet, Session, SetupFile, say
+from tirelog.cli.compare import ChannelName, Effects
+from tirelog.cli.threads import one_thread
+
+if TYPE_CHECKING:
+    from tirelog.report.build import Report
+
+_FORMATS = ("html", "png")
 
 
 def report(
-    logs: Logs,
+    logs: Annotated[list[str] | None, typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="The page to write, .html.", show_default=False)] = None,
     setup: SetupFile = None,
     table: Annotated[list[Path] | None, typer.Option("--table", help="A table already made; may be repeated.", show_default=False)] = None,
+    campaign: Annotated[Path | None, typer.Option("--campaign", help="A campaign's output folder.", show_default=False)] = None,
+    model: Annotated[Path | None, typer.Option("--model", help="Model file to hold against the logs.", show_default=False)] = None,
+    ladder: Annotated[Path | None, typer.Option("--ladder", help="The ladder kept beside the model.", show_default=False)] = None,
+    channel: ChannelName = None,
+    effects: Effects = None,
+    format: Annotated[str, typer.Option("--format", help="html, or png for slides.")] = "html",
+    figures: Annotated[Path | None, typer.Option("--figures", help="Folder for the pictures.", show_default=False)] = None,
     quiet: Quiet = False,
 ) -> None:
     """Write one offline page: what was recorded, what came of it, where the model fails."""
-    from tirelog.errors import UsageError
-    from tirelog.files import whole_file
-    from tirelog.report.build import build, given_tables
-    from tirelog.report.page import plotting_library, render
+    one_thread()
+    from tirelog.report.build import Asked, build
 
-    if output is None:
-        raise UsageError("nothing to write; allowed is -o PAGE.html; add it")
-    plotting_library()  # before the work: without it there is no page
+    _possible(logs, output, campaign, format, figures)
+    paths = tuple(logs or ())
+    asked = Asked(paths, setup, model, ladder, campaign, tuple(table or ()), channel, effects)
     with Session(setup, quiet) as session:
-        given = given_tables(table or [])
-        made = build(session.all_recordings(logs), given, setup)
-        page = render(made.title, made.sections, made.missing, made.provenance, made.commands)
-        with whole_file(output) as part:
-            part.write_text(page, encoding="utf-8")
-        session.note(f"{output}: {len(made.sections)} sections, {len(page.encode()) / 1e6:.1f} MB")
+        made = build(session.all_recordings(list(paths)) if paths else [], asked, (lambda text: None) if quiet else say)
+        if output is not None:
+            _write_page(made, output, session)
+        if format == "png" and figures is not None:
+            from tirelog.report.pictures import write_pictures
+
+            written = write_pictures([f for section in made.sections for f in section.figures], figures)
+            session.note(f"{figures}: {len(written)} pictures")
+
+
+def _possible(logs: list[str] | None, output: Path | None, campaign: Path | None, format: str, figures: Path | None) -> None:
+    """UsageError, before any work, where nothing could come of it."""
+    from tirelog.errors import UsageError, nearest
+    from tirelog.report.page import plotting_library
+
+    if format not in _FORMATS:
+        raise UsageError(f"--format {format}{nearest(format, _FORMATS)}; allowed are {', '.join(_FORMATS)}; choose one")
+    if not logs and campaign is None:
+        raise UsageError("nothing to report on; allowed are logs, runs and --campaign DIR; give one")
+    if (format == "png") != (figures is not None):
+        raise UsageError("--format png and --figures DIR belong together; give both or neither")
+    if output is None and figures is None:
+        raise UsageError("nothing to write; allowed are -o PAGE.html and --format png --figures DIR; add one")
+    if output is not None:
+        plotting_library()
+    if figures is not None:
+        from tirelog.report.pictures import need_matplotlib
+
+        need_matplotlib()
+
+
+def _write_page(made: Report, output: Path, session: Session) -> None:
+    from tirelog.files import whole_file
+    from tirelog.report.page import render
+
+    page = render(made.title, made.sections, made.missing, made.provenance, made.commands)
+    with whole_file(output) as part:
+        part.write_text(page, encoding="utf-8")
+    session.note(f"{output}: {len(made.sections)} sections, {len(page.encode()) / 1e6:.1f} MB")

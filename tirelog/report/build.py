@@ -1,32 +1,63 @@
-"""From logs and tables to the page: which sections there are, and what is missing.
+"""From logs, tables, a model and a ladder to the page's sections, and what is missing.
 
-open recordings + given tables --makers for what suits and was not given--> frames --sections--> page
+Asked (paths and options) + open recordings
+    --sources--> one table after the other, given or made --> sections of tables
+    --discrepancy--> Diagnosis --> the model against the measurement, the diagnosis; with a ladder its steps and the switches
+whatever cannot be shown --> (what and why, the command that would show it)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import shlex
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from tirelog import __version__
-from tirelog.columns import TABLES
-from tirelog.errors import TirelogError, UsageError
-from tirelog.estimators.makers import MAKERS
+from tirelog.errors import TirelogError
 from tirelog.recording import Recording
-from tirelog.report import sections
+from tirelog.report import model_sections, sections, table_sections
 from tirelog.report.page import Section
-from tirelog.tables import read_table
+from tirelog.report.passage import passage_figures
+from tirelog.report.sources import Tables, given_tables, made_dissipation, made_table, read_ladder
 
-_SECTION: dict[str, Callable[[pd.DataFrame], Section]] = {
-    "footprint": sections.footprint,
-    "dissipation": sections.dissipation,
-    "phase-shift": sections.phase_shift,
-}
+Progress = Callable[[str], None]
+_COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the user gave: paths as typed, so that the commands on the page can be typed again."""
+
+    logs: tuple[str, ...] = ()
+    setup: Path | None = None
+    model: Path | None = None
+    ladder: Path | None = None
+    campaign: Path | None = None
+    tables: tuple[Path, ...] = ()
+    channel: str | None = None
+    effects: Path | None = None
+
+    def command(self, name: str, *more: str, model: bool = False) -> str:
+        """A command line on the same logs."""
+        words = ["tirelog", name, *(self.logs or ("LOG",)), *more]
+        words += ["--setup", str(self.setup)] if self.setup else []
+        if model:
+            words += ["--model", str(self.model or "M")]
+            words += ["--channel", self.channel] if self.channel else []
+            words += ["--effects", str(self.effects)] if self.effects else []
+        return shlex.join(words)
+
+    def report_command(self) -> str:
+        """The page's own command line."""
+        more = [word for path in self.tables for word in ("--table", str(path))]
+        more += ["--ladder", str(self.ladder)] if self.ladder else []
+        more += ["--campaign", str(self.campaign)] if self.campaign else []
+        words = shlex.split(self.command("report", *more, "-o", "report.html", model=self.model is not None))
+        return shlex.join(word for word in words if self.logs or word != "LOG")
 
 
 @dataclass
@@ -39,55 +70,54 @@ class Report:
     provenance: list[str] = field(default_factory=list)
     commands: list[str] = field(default_factory=list)
 
-
-def table_kind(columns: Sequence[str], path: Path) -> str:
-    """Which command made a table, by its columns.  UsageError: none did."""
-    from tirelog.columns import OPTIONAL
-
-    for name in ("speed", "footprint", "dissipation", "phase-shift"):
-        own = set(TABLES[name]) - OPTIONAL
-        if own <= set(columns):
-            return name
-    raise UsageError(
-        "is no table of speed, footprint, dissipation or phase-shift; these can be given with --table; make it anew", file=path
-    )
+    def add(self, section: Section) -> None:
+        self.sections.append(section)
+        if section.command not in self.commands:
+            self.commands.append(section.command)
 
 
-def given_tables(paths: Sequence[Path]) -> dict[str, pd.DataFrame]:
-    """The tables given with --table, by the command that made them; several of one kind are joined."""
-    found: dict[str, list[pd.DataFrame]] = {}
-    for path in paths:
-        frame = read_table(path)
-        found.setdefault(table_kind(list(frame.columns), path), []).append(frame)
-    return {name: pd.concat(frames, ignore_index=True) for name, frames in found.items()}
+def build(recordings: Sequence[Recording], asked: Asked, progress: Progress = lambda text: None) -> Report:
+    """The report on `recordings`.  UsageError, ModelError: a file that was given with an option cannot be used."""
+    tables = given_tables(asked.tables, asked.campaign)
+    climbed = read_ladder(asked.ladder) if asked.ladder else None
+    report = Report(_title(recordings, asked))
+    if recordings:
+        report.add(sections.recorded(recordings, asked.command("info")))
+    else:
+        report.missing.append(("what was recorded, and the signals: no log was given", asked.command("info")))
+    if asked.campaign is not None:
+        report.add(table_sections.campaign(asked.campaign / "summary.csv", "tirelog campaign run MANIFEST"))
+    _tables(report, recordings, tables, asked, progress)
+    _models(report, recordings, climbed, asked, progress)
+    report.commands.append(asked.report_command())
+    report.provenance += _provenance(recordings, asked)
+    return report
 
 
-def made_table(name: str, recordings: Sequence[Recording]) -> pd.DataFrame | None:
-    """A table made by its command's own function from the logs that suit it, or None where none does."""
-    parts = []
-    for recording in recordings:
-        if MAKERS[name].suits(recording):
-            parts += [_frame(columns) for columns, _ in MAKERS[name].rows(recording, {})]
-    return pd.concat(parts, ignore_index=True) if parts else None
-
-
-def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
-    rows = max(np.shape(v)[0] for v in columns.values() if np.ndim(v))
-    return pd.DataFrame({name: np.broadcast_to(np.asarray(v), (rows,)) if np.ndim(v) == 0 else v for name, v in columns.items()})
-
-
-def build(recordings: Sequence[Recording], given: Mapping[str, pd.DataFrame], setup: Path | None) -> Report:
-    """The report on `recordings`, with the tables that were `given` and those that suit the logs."""
+def _title(recordings: Sequence[Recording], asked: Asked) -> str:
     tires = list(dict.fromkeys(r.setup.tire.name for r in recordings if r.setup.tire.name))
-    logs = ", ".join(r.log for r in recordings[:3]) + (f" and {len(recordings) - 3} more" if len(recordings) > 3 else "")
-    report = Report(f"{', '.join(tires) or 'Tire'}: {logs}")
-    option = f" --setup {setup}" if setup else ""
-    paths = " ".join(r.log for r in recordings)
-    report.sections.append(sections.recorded(list(recordings)))
-    for name in ("speed", *_SECTION):
-        command = f"tirelog {name} {paths}{option}"
+    names = list(sections.short_names([r.log for r in recordings]).values()) or [str(asked.campaign)]
+    logs = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    return f"{', '.join(tires) or 'Tire'}: {logs}"
+
+
+def _tables(report: Report, recordings: Sequence[Recording], tables: Tables, asked: Asked, progress: Progress) -> None:
+    """One table after the other, so that no more than two are in memory."""
+    speed: pd.DataFrame | None = None
+    for name in _COMMANDS:
+        command = asked.command(name)
+        lines: pd.DataFrame | None = None
+        remarks: list[str] = []
         try:
-            table = given[name] if name in given else made_table(name, recordings)
+            table = tables.get(name)
+            if table is None:
+                progress(f"making the table {name}")
+            if name == "dissipation":
+                lines = tables.get("dissipation-fit")
+                if table is None:
+                    table, lines, remarks = made_dissipation(recordings)
+            elif table is None:
+                table, remarks = made_table(name, recordings)
         except TirelogError as problem:
             report.missing.append((f"{name}: {problem}", command))
             continue
@@ -95,10 +125,83 @@ def build(recordings: Sequence[Recording], given: Mapping[str, pd.DataFrame], se
             why = "no channel for it" if table is None else "no passage was found"
             report.missing.append((f"{name}: {why}", command))
             continue
-        report.sections.append(sections.drive(list(recordings), table) if name == "speed" else _SECTION[name](table))
-        report.commands.append(command)
-    report.provenance.append(f"tirelog {__version__}")
+        if name == "speed":
+            report.add(sections.drive(recordings, table, command, remarks))
+            speed = table[["log", "channel", "revolution", "acceleration_m_s2"]] if recordings else None
+        elif name == "footprint":
+            passage = [f for recording in recordings[:1] for f in passage_figures(recording, table, speed)]
+            report.add(table_sections.footprint(table, command, remarks, passage))
+        elif name == "dissipation":
+            report.add(table_sections.dissipation(table, command, remarks, lines))
+            if lines is None:
+                report.missing.append(
+                    ("dissipation: the regressions on speed (give the file with --table)", asked.command(name, "--fit", "-o", "fit.csv"))
+                )
+        else:
+            _phase_shift(report, table, command, remarks, asked)
+
+
+def _phase_shift(report: Report, table: pd.DataFrame, command: str, remarks: Sequence[str], asked: Asked) -> None:
+    """The section, and what a calibration would add to it."""
+    report.add(table_sections.phase_shift(table, command, remarks))
+    wanted = {
+        "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
+        "vertical_force_N": "forces by the calibration's maps",
+    }
+    absent = [what for column, what in wanted.items() if column not in table or not table[column].notna().any()]
+    if absent:
+        again = asked.command("phase-shift", "--calibration", "CALIBRATION.toml", "-o", "phase.csv")
+        report.missing.append((f"phase shift: {' and '.join(absent)} (give the table with --table)", again))
+
+
+def _models(report: Report, recordings: Sequence[Recording], climbed: Any, asked: Asked, progress: Progress) -> None:
+    """Comparison, diagnosis, ladder and switches; or what is missing for them."""
+    if climbed is not None:
+        report.add(model_sections.ladder(climbed, asked.command("ladder", model=True)))
+    else:
+        report.missing.append(
+            ("the ladder, the error falling to the floor (then --ladder M.ladder.json)", asked.command("ladder", model=True))
+        )
+    if asked.model is None:
+        report.missing.append(
+            ("the model against the measurement, the diagnosis, switches for effects (then --model M)", _make_model(asked))
+        )
+        return
+    from tirelog.physics.model import Model
+    from tirelog.physics.user_effects import catalogue_with
+    from tirelog.report.diagnosed import model_story
+
+    catalogue = catalogue_with(asked.effects)
+    model = Model.load(asked.model, catalogue=catalogue)
+    if not recordings:
+        report.missing.append(("the model against the measurement: no log was given", asked.command("compare", model=True)))
+        return
+    try:
+        story = model_story(recordings, model, climbed, asked, catalogue, progress)
+    except TirelogError as problem:
+        report.missing.append((f"the model against the measurement: {problem}", asked.command("compare", model=True)))
+        return
+    ladder = [report.sections.pop()] if climbed is not None else []
+    for section in (*story.before_ladder, *ladder, *story.after_ladder):
+        report.add(section)
+    report.missing += story.missing
+
+
+def _make_model(asked: Asked) -> str:
+    setup = asked.setup or (Path(asked.logs[0]).name.split(".")[0] + ".toml" if asked.logs and asked.logs[0] != "-" else "SETUP.toml")
+    return shlex.join(["tirelog", "model", "new", "--carcass", "beam", "--setup", str(setup), "-o", "M.toml"])
+
+
+def _provenance(recordings: Sequence[Recording], asked: Asked) -> list[str]:
+    """Versions, and the bytes of every file that went in."""
+    import hashlib
+
+    said = [f"tirelog {__version__}"]
     for recording in recordings:
         about = recording.provenance
-        report.provenance.append(f"{recording.log}: {about.get('format')}, {about.get('bytes')} bytes, sha256 {about.get('sha256')}")
-    return report
+        said.append(f"{recording.log}: {about.get('format')}, {about.get('bytes')} bytes, sha256 {about.get('sha256')}")
+    for path in (asked.setup, asked.model, asked.ladder, asked.effects, *asked.tables):
+        if path is not None and path.is_file():
+            with path.open("rb") as stream:
+                said.append(f"{path}: sha256 {hashlib.file_digest(stream, 'sha256').hexdigest()}")
+    return said

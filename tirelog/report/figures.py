@@ -1,12 +1,15 @@
-"""Figures as plain data: traces and layout of the plotting library, drawn by the page's script or as PNG.
+"""Figures as plain data: traces and layout of the plotting library, drawn by the page's script or as PNG by `pictures`.
 
 Arrays travel as base64 of float32: a trace of n points costs about 5 n bytes a coordinate.  Long series are decimated by min-max
-buckets first, which keeps every peak.
+buckets first, which keeps every peak.  Names go through `safe`: the plotting library reads a few HTML elements in its
+texts, links among them.
 """
 
 from __future__ import annotations
 
 import base64
+import html
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,8 +19,13 @@ from tirelog.recording import Channel, FloatArray
 
 #: Okabe-Ito: told apart by all forms of colour blindness
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#999999")
+EDGE = "#999999"
+#: blue below zero, red above, light between
+DIVERGING = ((0.0, "#2166ac"), (0.25, "#92c5de"), (0.5, "#f7f7f7"), (0.75, "#f4a582"), (1.0, "#b2182b"))
 BUCKETS = 2000
 SCATTER_POINTS = 6000
+#: a map's colours end at this percentile of the sizes, so that one odd cell does not bleach the rest
+_COLOUR_PERCENTILE = 99.5
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,11 @@ class Figure:
     layout: dict[str, Any] = field(default_factory=dict)
 
 
+def safe(name: str) -> str:
+    """A name of the user's as the plotting library shows it, to the letter."""
+    return html.escape(str(name), quote=False)
+
+
 def packed(values: Any) -> dict[str, str]:
     """Numbers as the plotting library's typed array (float32)."""
     array = np.ascontiguousarray(np.asarray(values, dtype=np.float32))
@@ -40,35 +53,57 @@ def packed(values: Any) -> dict[str, str]:
     return out
 
 
+def unpacked(values: Any) -> Any:
+    """What `packed` was given, float32; anything else as it is."""
+    if not isinstance(values, dict):
+        return values
+    array = np.frombuffer(base64.b64decode(values["bdata"]), np.float32)
+    return array.reshape([int(n) for n in values["shape"].split(",")]) if "shape" in values else array
+
+
 def axis(title: str, **more: Any) -> dict[str, Any]:
     """An axis whose title carries its unit."""
     return {"title": {"text": title}, "automargin": True, **more}
 
 
 def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
-    """A plain layout with axis titles."""
-    return {"xaxis": axis(x), "yaxis": axis(y), **more}
+    """A plain layout with axis titles; `xrange`, `yrange`: what is shown at first; `lines`: abscissae of dashed vertical lines."""
+    axes = {"xaxis": axis(x), "yaxis": axis(y)}
+    for name, key in (("xrange", "xaxis"), ("yrange", "yaxis")):
+        if more.get(name) is not None:
+            axes[key]["range"] = [float(v) for v in more[name]]
+        more.pop(name, None)
+    lines = more.pop("lines", ())
+    if len(lines):
+        style = {"color": EDGE, "width": 1, "dash": "dash"}
+        more["shapes"] = [{"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": float(v), "x1": float(v), "line": style} for v in lines]
+    return {**axes, **more}
 
 
 def line(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
     """A line."""
     style = {"color": COLOURS[colour % len(COLOURS)], "width": 1.5, **more.pop("line", {})}
-    return {"type": "scatter", "mode": "lines", "x": packed(x), "y": packed(y), "name": name, "line": style, **more}
+    return {"type": "scatter", "mode": "lines", "x": packed(x), "y": packed(y), "name": safe(name), "line": style, **more}
 
 
 def dots(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
-    """Points; evenly thinned where there are more than a page can carry."""
-    step = max(1, -(-np.size(x) // SCATTER_POINTS))
+    """Points; evenly thinned where there are more than a page can carry (`thinned` says so)."""
+    step = thinning(np.size(x))
     marker = {"color": COLOURS[colour % len(COLOURS)], "size": 5, "opacity": 0.7, "symbol": ["circle", "square", "diamond"][colour % 3]}
     return {
         "type": "scatter",
         "mode": "markers",
         "x": packed(np.asarray(x)[::step]),
         "y": packed(np.asarray(y)[::step]),
-        "name": name,
-        "marker": marker,
+        "name": safe(name),
+        "marker": {**marker, **more.pop("marker", {})},
         **more,
     }
+
+
+def thinning(points: int) -> int:
+    """Every how many-th of so many points `dots` draws."""
+    return max(1, -(-points // SCATTER_POINTS))
 
 
 def band(x: Any, low: Any, high: Any, name: str, colour: int = 0) -> list[dict[str, Any]]:
@@ -77,14 +112,22 @@ def band(x: Any, low: Any, high: Any, name: str, colour: int = 0) -> list[dict[s
     shade = COLOURS[colour % len(COLOURS)] + "40"
     return [
         line(x, low, name, colour, line=edge, showlegend=False, hoverinfo="skip"),
-        line(x, high, name, colour, line=edge, fill="tonexty", fillcolor=shade, hoverinfo="skip"),
+        line(x, high, name, colour, line=edge, fill="tonexty", fillcolor=shade, hoverinfo="skip", showlegend=False),
     ]
+
+
+def bars(labels: Sequence[str], values: Any, name: str, colour: int = 0, *, across: bool = False, **more: Any) -> dict[str, Any]:
+    """Bars over words; `across`: lying, so that long words stay readable."""
+    words = [safe(label) for label in labels]
+    x, y = (packed(values), words) if across else (words, packed(values))
+    marker = {"color": COLOURS[colour % len(COLOURS)]}
+    return {"type": "bar", "x": x, "y": y, "name": safe(name), "marker": marker, "orientation": "h" if across else "v", **more}
 
 
 def heat(x: Any, y: Any, z: Any, unit: str) -> dict[str, Any]:
     """A signed map: blue below zero, red above, the same reach on both sides."""
-    reach = float(np.nanmax(np.abs(z))) if np.isfinite(z).any() else 1.0
-    bar = {"title": {"text": unit}}
+    known = np.abs(z[np.isfinite(z)])
+    reach = float(np.percentile(known, _COLOUR_PERCENTILE)) if known.size else 1.0
     return {
         "type": "heatmap",
         "x": packed(x),
@@ -92,9 +135,8 @@ def heat(x: Any, y: Any, z: Any, unit: str) -> dict[str, Any]:
         "z": packed(z),
         "zmin": -reach,
         "zmax": reach,
-        "colorscale": "RdBu",
-        "reversescale": True,
-        "colorbar": bar,
+        "colorscale": [list(stop) for stop in DIVERGING],
+        "colorbar": {"title": {"text": unit, "side": "right"}, "thickness": 12},
     }
 
 

@@ -1,0 +1,64 @@
+"""What a model says of the logs: one search for missing effects, told in sections.
+
+recordings, Model --stacks, `diagnose`--> comparison, diagnosis
++ a ladder, or what the diagnosis selected --> top model --`switches`--> effects on and off
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from tirelog.recording import Recording
+from tirelog.report import model_sections
+from tirelog.report.page import Section
+from tirelog.report.switches import MOST_EFFECTS, comparisons, switches, top_of_ladder
+
+if TYPE_CHECKING:
+    from tirelog.physics.effects import Effect
+    from tirelog.physics.model import Model
+    from tirelog.report.build import Asked
+
+
+@dataclass
+class Story:
+    """Sections before and after the ladder's own, and what cannot be shown."""
+
+    before_ladder: list[Section] = field(default_factory=list)
+    after_ladder: list[Section] = field(default_factory=list)
+    missing: list[tuple[str, str]] = field(default_factory=list)
+
+
+def model_story(
+    recordings: Sequence[Recording],
+    model: Model,
+    climbed: Mapping[str, Any] | None,
+    asked: Asked,
+    catalogue: Mapping[str, Effect],
+    progress: Callable[[str], None],
+) -> Story:
+    """The sections of a model.  TirelogError where model and logs do not fit together."""
+    from tirelog.discrepancy import diagnose, stacks_from_logs
+    from tirelog.physics.effects import BY_ID
+
+    stacks = stacks_from_logs(recordings, model.observable, asked.channel)
+    own = [effect for name, effect in catalogue.items() if name not in BY_ID]
+    found = diagnose(stacks, model, effects=own, progress=progress)
+    story = Story()
+    story.before_ladder.append(model_sections.comparison(found.before, asked.command("compare", model=True)))
+    story.before_ladder.append(model_sections.diagnosis(found, asked.command("diagnose", model=True)))
+    top = top_of_ladder(found.before.model, climbed, catalogue) if climbed is not None else found.model
+    effects = [effect.id for effect in top.effects]
+    switched, left_out = effects[-MOST_EFFECTS:], effects[:-MOST_EFFECTS]
+    section = None
+    if switched:
+        results = comparisons(stacks, top, switched, found.before.model, progress)
+        command = asked.report_command()
+        section = switches(results, switched, command, left_out)
+    if section is not None:
+        story.after_ladder.append(section)
+    else:
+        why = "its full model cannot be computed on these logs" if switched else "no effect is in the model, and none was found missing"
+        story.missing.append((f"switches for effects: {why}", asked.command("ladder", model=True)))
+    return story

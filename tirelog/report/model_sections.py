@@ -1,0 +1,246 @@
+"""Sections made of model results: the model against the measurement, the diagnosis, the ladder.
+
+    Comparison, Diagnosis (of `discrepancy`), a ladder as its command keeps it (JSON) --> Section
+
+They carry everything that is shown; this file draws and words it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tirelog.report.figures import Figure, axis, band, bars, dots, heat, layout, line
+from tirelog.report.page import Section, Table
+
+if TYPE_CHECKING:
+    from tirelog.discrepancy import Comparison, Diagnosis
+    from tirelog.discrepancy.results import Map, Waveforms
+
+#: observable -> factor and unit on the page
+_SHOWN = {"strain": (1e6, "µm/m"), "radial_acceleration": (1.0, "m/s²")}
+#: half lengths of the patch that a waveform or map shows at first
+_REACH = 6.0
+_ZONES = {"entry": "around the entry edge", "patch": "inside the patch", "exit": "around the exit edge", "away": "away from the patch"}
+ANGLE = "angle from the patch centre [deg], entry to exit"
+GREY_BAR = "#6b6b6b"
+
+
+def shown(observable: str, unit: str) -> tuple[float, str]:
+    """Factor and unit in which the page shows the observable."""
+    return _SHOWN.get(observable, (1.0, unit))
+
+
+def number(value: Any) -> str:
+    """A number as a table cell; nothing where there is none."""
+    if value is None or (isinstance(value, float) and not np.isfinite(value)):
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def comparison(result: Comparison, command: str) -> Section:
+    """Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and angle and time."""
+    factor, unit = shown(result.observable, result.unit)
+    words = [
+        f"Error of one revolution's value at one angle, on manoeuvres held out from the fit: {result.rmse_heldout * factor:.3g} {unit}; "
+        f"noise floor {result.noise_floor * factor:.3g}, excess {result.excess_heldout * factor:.3g}. On the data of the fit: "
+        f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; {result.revolutions} revolutions, "
+        f"{result.manoeuvres} manoeuvres.",
+        _where(result, factor, unit),
+        *(f"{remark}." for remark in result.remarks),
+    ]
+    figures = [
+        _waveforms(result.waveforms, result, factor, unit),
+        residual_map("residual-speed", "Residual over angle and speed", result.by_speed, result),
+        residual_map("residual-time", "Residual over angle and time", result.by_time, result),
+    ]
+    return Section(
+        "model", "The model against the measurement", command, words, figures, [_errors(result, factor, unit), _parameters(result)]
+    )
+
+
+def _where(result: Comparison, factor: float, unit: str) -> str:
+    """Where the excess is largest, from the comparison's own tables."""
+    angle = max(result.tables["angle"], key=lambda row: row["excess"])
+    speed = max(result.tables["speed"], key=lambda row: row["excess"])
+    regime = max(result.tables["regime"], key=lambda row: row["excess"])
+    if angle["excess"] == 0.0:
+        return "The model fails nowhere by more than the floor."
+    return (
+        f"It fails most {_ZONES.get(angle['angle'], angle['angle'])} (excess {angle['excess'] * factor:.3g} {unit}), "
+        f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime in {regime['regime']} "
+        f"({regime['excess'] * factor:.3g})."
+    )
+
+
+def window(half_angle_rad: float) -> list[float]:
+    """The angles [deg] that a figure shows at first."""
+    reach = min(np.rad2deg(_REACH * half_angle_rad), 180.0) if half_angle_rad > 0 else 180.0
+    return [-reach, reach]
+
+
+def edges(half_angle_rad: float) -> list[float]:
+    """The patch's edges [deg]."""
+    return [-np.rad2deg(half_angle_rad), np.rad2deg(half_angle_rad)] if half_angle_rad > 0 else []
+
+
+def short(label: str) -> str:
+    """A waveform's label with the file name in place of the log's path."""
+    *words, log = label.split(", ")
+    return ", ".join([*words, Path(log).name])
+
+
+def _waveforms(waves: Waveforms, result: Comparison, factor: float, unit: str) -> Figure:
+    traces: list[dict[str, Any]] = []
+    for i, label in enumerate(waves.labels):
+        phi, expected, floor = np.rad2deg(waves.phi_rad[i]), waves.predicted[i] * factor, 2.0 * factor * waves.floor[i]
+        traces += band(phi, expected - floor, expected + floor, f"two floors, {short(label)}", i)
+        traces.append(line(phi, expected, f"model, {short(label)}", i))
+        traces.append(dots(phi, waves.measured[i] * factor, f"measured, {short(label)}", i, marker={"size": 4}))
+    alt = (
+        f"Measured means of like revolutions (points), the model (lines) and two noise floors about it (bands) at "
+        f"{'; '.join(short(label) for label in waves.labels)}; dashed lines: the patch's edges."
+    )
+    shape = layout(
+        ANGLE, f"{result.observable} [{unit}]", xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad), height=520
+    )
+    return Figure("waveforms", "Waveforms", alt, traces, shape)
+
+
+def residual_map(id: str, title: str, found: Map, result: Comparison) -> Figure:
+    """The residual, measured less predicted, over an axis and the angle."""
+    factor, unit = shown(result.observable, result.unit)
+    name = {"speed_m_s": "speed [m/s]", "time_s": "time [s]"}[found.axis_name]
+    phi = np.rad2deg(found.phi_rad)
+    alt = (
+        f"Measured less predicted {result.observable} in {unit} as colour, blue below and red above zero, over the wheel angle and "
+        f"{name.split(' [')[0]} from {found.axis.min():.4g} to {found.axis.max():.4g}."
+    )
+    if phi.size < 2:
+        traces = [dots(found.axis, found.residual[:, 0] * factor, "residual")]
+        return Figure(id, title, alt, traces, layout(name, f"residual [{unit}]"))
+    shape = layout(ANGLE, name, xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad))
+    return Figure(id, title, alt, [heat(phi, found.axis, found.residual * factor, f"residual [{unit}]")], shape)
+
+
+def _errors(result: Comparison, factor: float, unit: str) -> Table:
+    """Errors by part of the data."""
+    rows = []
+    for table in ("angle", "speed", "regime", "conditions"):
+        for row in result.tables[table]:
+            part = Path(row["log"]).name if table == "conditions" else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
+            cells = [number(row[name] * factor) for name in ("rmse", "noise_floor", "excess")]
+            rows.append([{"conditions": "log"}.get(table, table), part, *cells, str(row["revolutions"])])
+    return Table("Where the error is", ["by", "part", f"rmse [{unit}]", f"floor [{unit}]", f"excess [{unit}]", "revolutions"], rows)
+
+
+def _parameters(result: Comparison) -> Table:
+    rows = [
+        [name, number(p["value"]), number(p["se"]) if p["free"] else "fixed", "" if p["unit"] == "1" else p["unit"]]
+        for name, p in result.parameters.items()
+    ]
+    return Table("Parameters of the model as fitted", ["parameter", "value", "standard error", "unit"], rows)
+
+
+def diagnosis(result: Diagnosis, command: str) -> Section:
+    """Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and command."""
+    from tirelog.discrepancy.ranking_errors import removed_errors
+
+    factor, unit = shown(result.before.observable, result.before.unit)
+    words = [
+        f"{result.verdict.replace('_', ' ').capitalize()}. {result.sentence}",
+        f"Held-out error {result.rmse_heldout_before * factor:.3g} {unit} as it came, {result.rmse_heldout_after * factor:.3g} with what "
+        f"was selected; noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
+        *(f"These data cannot tell apart: {', '.join(group)}." for group in result.ambiguous_groups),
+        str(result.unexplained["sentence"]),
+        *(_manoeuvre(row) for row in result.separating_manoeuvres),
+        *result.notes,
+        f"Next: {result.next_command}",
+    ]
+    ranked = result.effects
+    errors = removed_errors(result.found)
+    tables = [
+        Table(
+            "Ranking of the candidates",
+            ["effect", "excess removed alone [%]", "standard error [%]", "p, adjusted", "selected", "strength"],
+            [
+                [c.effect, f"{100 * c.excess_removed:.1f}", number(100 * errors[c.effect]) if c.effect in errors else "",
+                 f"{c.p_adjusted:.2g}", "yes" if c.selected else "", _strengths(c.strengths)]
+                for c in ranked
+            ],
+        )
+    ]  # fmt: skip
+    if result.not_tested:
+        tables.append(Table("Not tested", ["effect", "why"], [[name, why] for name, why in result.not_tested.items()]))
+    figures = [_ranking(ranked, errors)] if ranked else []
+    return Section("diagnosis", "The diagnosis", command, words, figures, tables)
+
+
+def _manoeuvre(row: Mapping[str, Any]) -> str:
+    times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
+    return (
+        f"Drive next, to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} ({row['separation_sigma']:.1f} sigma a run)."
+    )
+
+
+def _strengths(strengths: Mapping[str, Mapping[str, Any]]) -> str:
+    parts = []
+    for name, s in strengths.items():
+        error = f" ± {s['se']:.2g}" if s["se"] is not None else ""
+        parts.append(f"{name} {s['value']:.4g}{error}" + (f" {s['unit']}" if s["unit"] != "1" else ""))
+    return ", ".join(parts)
+
+
+def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
+    """Shares of the excess as lying bars, the best on top; the selected in another colour."""
+    traces = []
+    for colour, selected, name in ((1, True, "selected"), (0, False, "not selected")):
+        some = [c for c in ranked if c.selected == selected][::-1]
+        if some:
+            error = [100.0 * errors.get(c.effect, 0.0) for c in some]
+            bar = bars([c.effect for c in some], [100.0 * c.excess_removed for c in some], name, colour, across=True)
+            traces.append(bar | {"error_x": {"type": "data", "array": error, "visible": True, "color": GREY_BAR, "thickness": 1.5}})
+    best = ", ".join(f"{c.effect} {100 * c.excess_removed:.1f} %" for c in ranked[:5])
+    alt = f"Share of the excess that each effect removes alone: {best}. Error bars, one standard error, where the effect was refitted."
+    order = [c.effect for c in ranked][::-1]
+    y = axis("", type="category", categoryorder="array", categoryarray=order)
+    shape = {"xaxis": axis("share of the excess removed alone [%]", rangemode="tozero"), "yaxis": y, "height": 140 + 24 * len(ranked)}
+    return Figure("ranking", "Which effect is missing", alt, traces, shape)
+
+
+def ladder(climbed: Mapping[str, Any], command: str) -> Section:
+    """The error falling to the floor, from the last ladder that its command kept."""
+    factor, unit = shown(climbed["observable"], climbed["unit"])
+    steps = [step for step in climbed["steps"] if not step["decision"].startswith("not added")]
+    names = [step["effect"] for step in steps]
+    held, fitted, floor = ([step[name] * factor for step in steps] for name in ("rmse_heldout", "rmse_fit", "noise_floor"))
+    marks = {"size": 14, "symbol": "line-ew-open", "color": GREY_BAR, "line": {"width": 3}}
+    traces = [
+        bars(names, held, "held-out error", 0),
+        {**dots(range(len(names)), fitted, "error of the fit"), "x": names, "marker": marks},
+        {**line(range(len(names)), floor, "noise floor", 1), "x": names},
+    ]
+    words = [step["sentence"] for step in climbed["steps"]]
+    if climbed.get("rmse_untouched") is not None:
+        words.append(
+            f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} {unit}, "
+            f"floor there {climbed['floor_untouched'] * factor:.3g}."
+        )
+    alt = "Held-out error falling to the floor: " + ", ".join(f"{n} {h:.3g} {unit}" for n, h in zip(names, held, strict=True))
+    shape = {"xaxis": axis("", type="category"), "yaxis": axis(f"{climbed['observable']} error [{unit}]", rangemode="tozero")}
+    alt += f"; noise floor {floor[-1]:.3g} {unit}."
+    figures = [Figure("ladder-steps", "The error falling to the floor", alt, traces, shape)]
+    return Section("ladder", "The ladder", command, words, figures, [_steps(climbed, factor, unit)])
+
+
+def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> Table:
+    rows = [
+        [str(s["step"]), s["effect"], *(number(s[k] * factor) for k in ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")),
+         number(s["p_adjusted"]), s["decision"], _strengths(s["parameters"])]
+        for s in climbed["steps"]
+    ]  # fmt: skip
+    errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
+    return Table("Steps of the ladder", ["step", "effect", *errors, "p, adjusted", "decision", "parameters"], rows)

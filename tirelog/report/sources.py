@@ -1,0 +1,164 @@
+"""Where the page's tables come from: files given with --table, a campaign's folder, or the commands' own functions.
+
+paths --columns--> kind of table --> `Tables`: nothing is read before it is asked for, and then only the columns that are drawn
+a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last ladder
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from tirelog.columns import OPTIONAL, TABLES
+from tirelog.errors import UsageError
+from tirelog.estimators.makers import MAKERS
+from tirelog.recording import Recording
+from tirelog.tables import read_table
+
+KINDS = ("speed", "footprint", "dissipation", "phase-shift", "dissipation-fit")
+_WORDS = ("log", "channel", "quality", "slip_onset_reason")
+#: columns that no figure draws
+_UNUSED = {
+    "period_s", "speed_se_m_s", "length_se_m", "length_form_se_m", "length_d2_se_m", "length_d1_se_m", "edge_asymmetry", "slip_onset_se_m",
+    "slip_onset_reason", "dissipation_factor_se_1_m", "entry_angle_deg", "exit_angle_deg",
+}  # fmt: skip
+
+
+@dataclass
+class Tables:
+    """Tables by the command that made them: (file, name of the log where the file does not hold it)."""
+
+    files: dict[str, list[tuple[Path, str | None]]] = field(default_factory=dict)
+
+    def add(self, path: Path, log: str | None = None, kind: str | None = None) -> None:
+        """One more file.  UsageError: no table that can be drawn."""
+        self.files.setdefault(kind or table_kind(_columns(path), path), []).append((path, log))
+
+    def get(self, kind: str) -> pd.DataFrame | None:
+        """All rows of a kind, or None where none was given."""
+        parts = [_read(path, log) for path, log in self.files.get(kind, ())]
+        if not parts:
+            return None
+        if len(parts) == 1:
+            return parts[0]
+        words = dict.fromkeys(_WORDS, str)
+        return pd.concat([p.astype({k: v for k, v in words.items() if k in p}) for p in parts], ignore_index=True)
+
+
+def table_kind(columns: Sequence[str], path: Path) -> str:
+    """Which command made a table, by its columns.  UsageError: none did."""
+    for name in KINDS:
+        if set(TABLES[name]) - OPTIONAL <= set(columns):
+            return name
+    raise UsageError(
+        "is no table of speed, footprint, dissipation or phase-shift; these can be given with --table; make it anew", file=path
+    )
+
+
+def _columns(path: Path) -> list[str]:
+    if path.suffix == ".parquet" and path.is_file():
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            return [str(name) for name in pq.read_schema(path).names]
+        except (OSError, pa.ArrowException):
+            pass  # said by read_table, in its words
+    return [str(name) for name in read_table(path).columns]
+
+
+def _read(path: Path, log: str | None) -> pd.DataFrame:
+    """A table's drawn columns, words as categories: an hour of 16 gratings is half a million rows."""
+    if path.suffix == ".parquet":
+        import pyarrow.parquet as pq
+
+        schema = pq.read_schema(path)
+        wanted = [name for name in schema.names if name not in _UNUSED]
+        frame = pq.ParquetFile(path, read_dictionary=[n for n in _WORDS if n in wanted]).read(columns=wanted).to_pandas()
+    else:
+        frame = read_table(path)
+        frame = frame.drop(columns=[name for name in frame.columns if name in _UNUSED])
+        frame = frame.astype({name: "category" for name in _WORDS if name in frame})
+    if log is not None:
+        frame["log"] = pd.Categorical.from_codes(np.zeros(len(frame), np.int8), [log])
+    return frame
+
+
+def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> Tables:
+    """The tables given with --table and those of a campaign's folder.  UsageError: no such table, no campaign."""
+    tables = Tables()
+    for path in paths:
+        tables.add(path)
+    if campaign is None:
+        return tables
+    if not (campaign / "summary.csv").is_file():
+        raise UsageError(
+            "is no campaign's output (no summary.csv in it); give the folder that `tirelog campaign run` writes", file=campaign
+        )
+    for kind in KINDS:
+        for part in sorted(campaign.glob(f"table={kind}/log=*/part.parquet")):
+            tables.add(part, part.parent.name.removeprefix("log="), kind)
+    return tables
+
+
+def made_table(name: str, recordings: Sequence[Recording]) -> tuple[pd.DataFrame | None, list[str]]:
+    """A table made by its command's own function from the logs that suit it, None where none does; and the command's remarks."""
+    parts, said = [], []
+    for recording in recordings:
+        if MAKERS[name].suits(recording):
+            for columns, remarks in MAKERS[name].rows(recording, {}):
+                parts.append(_frame(columns))
+                said += [f"{Path(recording.log).name}: {remark}." for remark in remarks]
+    return (pd.concat(parts, ignore_index=True) if parts else None), said
+
+
+def made_dissipation(recordings: Sequence[Recording]) -> tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]:
+    """The dissipation table, its regressions on speed, and the command's remarks, from one pass over the logs."""
+    from tirelog.estimators.dissipation_table import dissipation_of, regression_columns
+
+    parts, lines, said = [], [], []
+    for recording in recordings:
+        if MAKERS["dissipation"].suits(recording):
+            for found in dissipation_of(recording):
+                parts.append(_frame(found.columns))
+                fitted = regression_columns(recording.log, found)
+                lines += [] if fitted is None else [_frame(fitted)]
+                said += [f"{Path(recording.log).name}: {remark}." for remark in found.remarks]
+    joined = [pd.concat(some, ignore_index=True) if some else None for some in (parts, lines)]
+    return joined[0], joined[1], said
+
+
+def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
+    rows = max(np.shape(v)[0] for v in columns.values() if np.ndim(v))
+    return pd.DataFrame({name: np.broadcast_to(np.asarray(v), (rows,)) if np.ndim(v) == 0 else v for name, v in columns.items()})
+
+
+def read_ladder(path: Path) -> Mapping[str, Any]:
+    """The last ladder of the file that `ladder` keeps beside the model, or a ladder's own JSON.  UsageError: neither."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        climbed = found["ladders"][-1] if "ladders" in found else found
+        needed = (
+            "step",
+            "effect",
+            "decision",
+            "sentence",
+            "rmse_fit",
+            "rmse_heldout",
+            "noise_floor",
+            "excess_heldout",
+            "p_adjusted",
+            "parameters",
+        )
+        whole = bool(climbed["steps"]) and all(name in step for step in climbed["steps"] for name in needed)
+        if whole and isinstance(climbed["observable"], str) and isinstance(climbed["unit"], str):
+            return dict(climbed)
+    except (OSError, ValueError, KeyError, IndexError, TypeError):
+        pass
+    raise UsageError("is no ladder; `tirelog ladder LOG --model M` keeps one beside the model, as M.ladder.json; give that", file=path)

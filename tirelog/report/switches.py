@@ -1,0 +1,160 @@
+"""Effects on and off: for every combination the fitted model, its waveforms, residual map and errors, made before the page is opened.
+
+    stacks, top model --cells once--> for each subset of its effects: `prepare` (fit, floor, held-out error) --comparison_of--> State
+    States --> a section whose figures show one state, and the data by which the page's script changes them
+
+A combination is fitted anew, since a model without an effect bends its other parameters to make up for it: this is the error that the
+model without it really has.  All numbers are those of `compare` on that model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tirelog.errors import ModelError, UsageError, nearest
+from tirelog.report.figures import Figure, bars, dots, layout, line, packed, unpacked
+from tirelog.report.model_sections import ANGLE, edges, residual_map, short, shown, window
+from tirelog.report.page import Section
+
+if TYPE_CHECKING:
+    from tirelog.discrepancy import Comparison
+    from tirelog.physics.effects import Effect
+    from tirelog.physics.model import Model
+    from tirelog.recording import Stack
+
+#: effects that have a switch: 2^5 combinations are fitted
+MOST_EFFECTS = 5
+#: up to so many combinations are fitted from several starts
+_THOROUGH = 4
+
+Progress = Callable[[str], None]
+
+
+def top_of_ladder(model: Model, climbed: Mapping[str, Any], catalogue: Mapping[str, Effect]) -> Model:
+    """The model with the effects that a ladder added and the values it found.  UsageError: an effect that nobody knows."""
+    added = [step for step in climbed["steps"] if step["decision"].startswith("added")]
+    for step in added:
+        name = step["effect"]
+        if name in [e.id for e in model.effects]:
+            continue
+        if name not in catalogue:
+            raise UsageError(
+                f"the ladder has the effect {name!r}{nearest(name, catalogue)}, which is not known here; give it with --effects"
+            )
+        model = model.with_effect(catalogue[name])
+    values = {name: p["value"] for step in added[-1:] for name, p in step["parameters"].items() if name in model.parameters}
+    return model.with_values(values)
+
+
+def comparisons(stacks: Sequence[Stack], top: Model, names: Sequence[str], bare: Model, progress: Progress) -> dict[int, Comparison | str]:
+    """The comparison of each combination of the effects `names` of `top`, by bit mask; why where a combination cannot be computed.
+
+    `bare` gives the carcass's start values of combinations that lack an effect.
+    """
+    from tirelog.discrepancy.base import prepare
+    from tirelog.discrepancy.cells import make_cells
+    from tirelog.discrepancy.comparison import comparison_of
+    from tirelog.discrepancy.stack import joined
+
+    stack = joined(stacks)
+    cells = make_cells(stack)
+    full = (1 << len(names)) - 1
+    own = {p.name: p.value for p in bare.base if p.name in top.parameters}
+    found: dict[int, Comparison | str] = {}
+    for mask in range(full + 1):
+        model = top if mask == full else top.with_values(own)
+        for bit, name in enumerate(names):
+            if not mask & (1 << bit):
+                model = model.without_effect(name)
+        try:
+            found[mask] = comparison_of(prepare(cells, model, several=full < _THOROUGH), stack)
+        except ModelError as problem:
+            found[mask] = problem.message
+        progress(f"effects on and off: {mask + 1} of {full + 1} combinations fitted")
+    return found
+
+
+def switches(found: Mapping[int, Comparison | str], names: Sequence[str], command: str, left_out: Sequence[str] = ()) -> Section | None:
+    """The section with its switches, all effects on at first.  None where the full model cannot be computed."""
+    start = max(found)
+    full = found[start]
+    if isinstance(full, str):
+        return None
+    figures = [
+        _waveforms(full),
+        residual_map("switch-map", "Residual over angle and speed, by switches", full.by_speed, full),
+        _error(full),
+    ]
+    states = {str(mask): _state(result, full, figures, _combination(mask, names)) for mask, result in found.items()}
+    words = ["Turn an effect off and see what the model without it, fitted anew, predicts and leaves."]
+    if left_out:
+        words.append(f"Always on, for want of room: {', '.join(left_out)}.")
+    return Section(
+        "switches", "Effects on and off", command, words, figures, (), {"effects": list(names), "start": start, "states": states}
+    )
+
+
+def _combination(mask: int, names: Sequence[str]) -> str:
+    on = [name for bit, name in enumerate(names) if mask & (1 << bit)]
+    return f"With {', '.join(on)}" if on else "Without any of these effects"
+
+
+def _waveforms(full: Comparison) -> Figure:
+    factor, unit = shown(full.observable, full.unit)
+    traces = []
+    for i, label in enumerate(full.waveforms.labels):
+        phi = np.rad2deg(full.waveforms.phi_rad[i])
+        traces.append(line(phi, full.waveforms.predicted[i] * factor, f"model, {short(label)}", i))
+        traces.append(dots(phi, full.waveforms.measured[i] * factor, f"measured, {short(label)}", i, marker={"size": 4}))
+    alt = "Measured (points) and predicted (lines) waveforms of the chosen combination of effects; its errors stand beside the switches."
+    shape = layout(ANGLE, f"{full.observable} [{unit}]", xrange=window(full.half_angle_rad), lines=edges(full.half_angle_rad), height=460)
+    return Figure("switch-waves", "Prediction, by switches", alt, traces, shape)
+
+
+def _error(full: Comparison) -> Figure:
+    factor, unit = shown(full.observable, full.unit)
+    values = [v * factor for v in (full.rmse, full.rmse_heldout, full.noise_floor)]
+    words = ["fitted", "held out", "noise floor"]
+    shape = layout("", f"error [{unit}]", height=300, showlegend=False)
+    shape["xaxis"] = {"type": "category", "automargin": True}
+    shape["yaxis"]["rangemode"] = "tozero"
+    alt = "Error on the data of the fit, error on held-out manoeuvres, and noise floor of the chosen combination."
+    return Figure("switch-error", "Error, by switches", alt, [bars(words, values, "error")], shape)
+
+
+def _state(result: Comparison | str, full: Comparison, figures: Sequence[Figure], combination: str) -> dict[str, Any]:
+    """What changes when the switches stand so: the text, and values by figure and trace."""
+    waves, map_, error = figures
+    if isinstance(result, str):
+        empty = {
+            f.id: {
+                str(i): {key: packed(np.full(np.shape(unpacked(t[key])), np.nan))}
+                for i, t in enumerate(f.traces)
+                for key in _changing(f, i)
+            }
+            for f in figures
+        }
+        return {"text": f"{combination}: cannot be computed ({result}).", "figures": empty}
+    factor, unit = shown(result.observable, result.unit)
+    text = (
+        f"{combination}: held-out error {result.rmse_heldout * factor:.3g} {unit}, noise floor {result.noise_floor * factor:.3g}, "
+        f"excess {result.excess_heldout * factor:.3g}, reduced chi-square {result.reduced_chi2:.3g}."
+    )
+    changes: dict[str, Any] = {
+        waves.id: {str(2 * i): {"y": packed(y * factor)} for i, y in enumerate(result.waveforms.predicted)},
+        error.id: {"0": {"y": packed([v * factor for v in (result.rmse, result.rmse_heldout, result.noise_floor)])}},
+    }
+    key = "z" if full.by_speed.phi_rad.size > 1 else "y"
+    residual = result.by_speed.residual * factor
+    changes[map_.id] = {"0": {key: packed(residual if key == "z" else residual[:, 0])}}
+    for i, y in enumerate(result.waveforms.measured):
+        changes[waves.id][str(2 * i + 1)] = {"y": packed(y * factor)}
+    return {"text": text, "figures": changes}
+
+
+def _changing(figure: Figure, trace: int) -> list[str]:
+    """Which values of a trace depend on the switches."""
+    return ["z"] if "z" in figure.traces[trace] else ["y"]

@@ -1,0 +1,132 @@
+"""Sections made of one table each: footprint, dissipation, phase shift; and of a campaign's summary.
+
+Rows of the command's own columns (pandas) --> Section; nothing is estimated here.  Rows with a quality word are counted, not drawn.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tirelog.errors import UsageError
+from tirelog.report.figures import Figure, dots, layout, line
+from tirelog.report.page import Section, Table
+from tirelog.report.sections import drawn_of, groups, quality, reach
+
+_METHODS = (("length_m", "best estimate"), ("length_d2_m", "second derivative"), ("length_d1_m", "first derivative"))
+_ASIDE = {"size": 4, "opacity": 0.35}
+
+
+def footprint(table: pd.DataFrame, command: str, remarks: Sequence[str], passage: Sequence[Figure] = ()) -> Section:
+    """Contact lengths by the three methods against speed and time; one passage; slip onsets."""
+    good = table[table["quality"] == "ok"]
+    best = reach(good["length_m"] * 1e3, "mm")
+    figures = []
+    for id, x, label in (("length-speed", "speed_m_s", "speed [m/s]"), ("length-time", "time_s", "time [s]")):
+        traces = [dots(good[x], good[column] * 1e3, name, i, marker=_ASIDE if i else {}) for i, (column, name) in enumerate(_METHODS)]
+        alt = f"Contact length by three methods against {label}; best estimate {best}."
+        figures.append(Figure(id, f"Contact length against {label.split(' [')[0]}", alt, traces, layout(label, "contact length [mm]")))
+    figures += passage
+    onset = good[good["slip_onset_m"].notna()] if "slip_onset_m" in good else good.iloc[:0]
+    if len(onset):
+        traces = [dots(onset["time_s"], onset["slip_onset_m"] * 1e3, "slip onset")]
+        alt = f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the patch centre, entry negative."
+        figures.append(Figure("slip-onset", "Slip onset", alt, traces, layout("time [s]", "slip onset [mm]")))
+    words = [f"Contact length, best estimate: {best} over {len(good)} passages without a mark.", *remarks, *drawn_of(good)]
+    if not len(onset):
+        words.append("No slip onset was seen.")
+    return Section("footprint", "Footprint", command, words, figures, [quality(table, "footprint")])
+
+
+def dissipation(table: pd.DataFrame, command: str, remarks: Sequence[str], lines: pd.DataFrame | None = None) -> Section:
+    """P1 Figs. 9 to 11: specific power and factor in time, with their moving averages; averages against speed, with the regressions."""
+    good = table[table["quality"] == "ok"]
+    steady = good[good["steady"].astype(bool)]
+    figures = []
+    for quantity, column, mean, unit in (
+        ("specific power", "specific_power_m3_s2", "specific_power_mean_m3_s2", "m³/s²"),
+        ("dissipation factor", "dissipation_factor_1_m", "dissipation_factor_mean_1_m", "1/m"),
+    ):
+        title, label = quantity.capitalize(), f"{quantity} [{unit}]"
+        traces = [dots(good["time_s"], good[column], "each revolution", marker={"size": 4, "opacity": 0.5})]
+        traces += [dots(steady["time_s"], steady[mean], "moving average, constant speed", 1)]
+        alt = f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and moving averages (P1 Figs. 9, 10)."
+        figures.append(Figure(f"{column}-time", f"{title} against time", alt, traces, layout("time [s]", label)))
+        over = [dots(rows["speed_m_s"], rows[mean], name, i) for i, (name, rows) in enumerate(groups(steady))]
+        over += _regressions(lines, column)
+        alt = f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, {len(steady)} passages (P1 Fig. 11)."
+        figures.append(Figure(f"{column}-speed", f"{title} against speed", alt, over, layout("speed [m/s]", label)))
+    for column, title, label in (
+        ("power_W", "Dissipated power", "power [W]"),
+        ("rolling_resistance_N", "Rolling resistance", "rolling resistance [N]"),
+    ):
+        if column in good and good[column].notna().any():
+            alt = f"{title} against speed with the setup's viscosity: {reach(good[column], label.split('[')[1][:-1])}."
+            figures.append(Figure(column, title, alt, [dots(good["speed_m_s"], good[column], title.lower())], layout("speed [m/s]", label)))
+    factor = reach(good["dissipation_factor_1_m"], "1/m")
+    words = [f"Dissipation factor: {factor} over {len(good)} passages, {len(steady)} of them at constant speed.", *remarks, *drawn_of(good)]
+    tables = [quality(table, "dissipation")]
+    if lines is not None:
+        header = ["quantity", "channel", "slope", "its error", "value at speed 0", "its error", "revolutions"]
+        names = ("quantity", "channel", "slope", "slope_se", "intercept", "intercept_se", "rows")
+        cells = [[f"{row[n]:.4g}" if isinstance(row[n], float) else str(row[n]) for n in names] for _, row in lines.iterrows()]
+        tables.append(Table("Regressions on the speed in m/s", header, cells))
+    return Section("dissipation", "Dissipation", command, words, figures, tables)
+
+
+def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict]:
+    """The fitted straight lines of a quantity, channel by channel, from `dissipation --fit`."""
+    if lines is None:
+        return []
+    drawn = []
+    for i, (_, row) in enumerate(lines[lines["quantity"] == column].iterrows()):
+        ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
+        y = float(row["intercept"]) + float(row["slope"]) * ends
+        drawn.append(line(ends, y, f"{row['channel']}: {row['slope']:.3g} ± {row['slope_se']:.1g} per m/s", i, line={"width": 2.5}))
+    return drawn
+
+
+def phase_shift(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Section:
+    """P4 Figs. 8 to 13: phase shift and patch width in time and against speed, raw and cleaned; forces where there is a map."""
+    good = table[table["quality"] == "ok"]
+    figures = [
+        Figure("phase-speed", "Speed at the passages", f"Speed against time: {reach(good['speed_m_s'], 'm/s')}.",
+               [dots(rows["time_s"], rows["speed_m_s"], name, i) for i, (name, rows) in enumerate(groups(good))],
+               layout("time [s]", "speed [m/s]")),
+    ]  # fmt: skip
+    for quantity, label in (("phase_shift", "phase shift [deg]"), ("patch_width", "patch width [deg]")):
+        columns = [
+            c for c in (f"{quantity}_deg", f"{quantity}_detrended_deg", f"{quantity}_corrected_deg") if c in good and good[c].notna().any()
+        ]
+        names = [c.removesuffix("_deg").removeprefix(quantity).strip("_") or "measured" for c in columns]
+        for x, axis_label in (("time_s", "time [s]"), ("speed_m_s", "speed [m/s]")):
+            traces = [dots(good[x], good[c], name, i) for i, (c, name) in enumerate(zip(columns, names, strict=True))]
+            title = f"{label.split(' [')[0].capitalize()} against {axis_label.split(' [')[0]}"
+            alt = f"{title}, {', '.join(names)}: measured {reach(good[f'{quantity}_deg'], 'degrees')} (P4 Figs. 8 to 13)."
+            figures.append(Figure(f"{quantity}-{x}", title, alt, traces, layout(axis_label, label)))
+    for name in ("vertical", "longitudinal"):
+        column = f"{name}_force_N"
+        if column in good and good[column].notna().any():
+            alt = f"{name.capitalize()} force by the calibration: {reach(good[column], 'N')}."
+            traces = [dots(good["time_s"], good[column], f"{name} force")]
+            figures.append(Figure(column, f"{name.capitalize()} force", alt, traces, layout("time [s]", f"{name} force [N]")))
+    width, shift = reach(good["patch_width_deg"], "degrees"), reach(good["phase_shift_deg"], "degrees")
+    words = [f"Patch width {width}, phase shift {shift}; negative in braking.", *remarks, *drawn_of(good)]
+    return Section("phase-shift", "Phase shift", command, words, figures, [quality(table, "phase shift")])
+
+
+def campaign(summary: Path, command: str) -> Section:
+    """A campaign's logs and how each ended, from its summary.  UsageError: it is none."""
+    with summary.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.reader(stream))
+    header, body = (rows[0] if rows else []), rows[1:]
+    if "status" not in header:
+        raise UsageError("is no campaign's summary; `tirelog campaign run` writes it; run it again", file=summary)
+    status = header.index("status")
+    counts = {word: sum(row[status] == word for row in body) for word in dict.fromkeys(row[status] for row in body)}
+    words = [f"{len(body)} logs: {', '.join(f'{n} {word}' for word, n in counts.items())}."]
+    return Section("campaign", "The campaign", command, words, (), [Table("Logs of the campaign", header, body)])
