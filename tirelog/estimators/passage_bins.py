@@ -59,20 +59,21 @@ class Dips:
 @dataclass(frozen=True)
 class Bins:
     """Bins of one degree, shape (m,): `first` the first bin's angle [deg]; `mean` [m/s^2] NaN where empty; `count`;
-    `squares` sum of squared deviations; `time_s` mean time."""
+    `squares` sum of squared deviations; `time_s` mean time; `begins` True for the log's first piece."""
 
     first: int
     mean: FloatArray
     count: FloatArray
     squares: FloatArray
     time_s: FloatArray
+    begins: bool
 
 
 def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
     """The channel in degrees of wheel angle, in pieces of CORE bins that overlap their neighbours by OVERLAP on both sides."""
     first, highest = 0, -np.inf
     held: FloatArray = np.zeros((4, 0))
-    offset = 0.0
+    offset, begins = 0.0, True
     for start, values in channel.blocks(PIECE):
         time = channel.axis.time(start, start + values.size)
         theta = angle.coarse(time) / DEGREE
@@ -95,17 +96,17 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
         sums[:, : held.shape[1]] += held
         held = sums
         while held.shape[1] > CORE + 2 * OVERLAP:
-            yield _bins(first, held[:, : CORE + 2 * OVERLAP], offset)
-            first, held = first + CORE, held[:, CORE:]
+            yield _bins(first, held[:, : CORE + 2 * OVERLAP], offset, begins)
+            first, held, begins = first + CORE, held[:, CORE:], False
     if held.shape[1]:
-        yield _bins(first, held, offset)
+        yield _bins(first, held, offset, begins)
 
 
-def _bins(first: int, sums: FloatArray, offset: float) -> Bins:
+def _bins(first: int, sums: FloatArray, offset: float, begins: bool) -> Bins:
     count, total, squares, time = sums
     n = np.where(count > 0, count, np.nan)
     mean = total / n
-    return Bins(first, mean + offset, count, np.maximum(squares - total * mean, 0.0), time / n)
+    return Bins(first, mean + offset, count, np.maximum(squares - total * mean, 0.0), time / n, begins)
 
 
 def find_dips(pieces: Iterator[Bins]) -> tuple[Dips | None, float]:
@@ -156,7 +157,7 @@ def _dips(bins: Bins) -> Dips | None:
     )
     good = (width > NARROWEST) & (width < WIDEST) & deep & (starts > 1) & (stops < m - 1)
     # the last overlap is the next piece's first
-    good &= (entry >= OVERLAP / 2) | (bins.first == 0) | (m < CORE)
+    good &= (entry >= OVERLAP / 2) | bins.begins
     if not good.any():
         return None
     return _levels(bins, mean, rate, lost, entry[good], leave[good])
