@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-
 from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, say
 from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
 

@@ -11,7 +11,13 @@ if TYPE_CHECKING:
     from tirelog.discrepancy import Comparison, Diagnosis
 
 _WIDTH = 110
-_SHOWN = {"strain": (1e6, "microstrain"), "patch_length": (1e3, "mm"), "phase_shift": (57.29577951308232, "deg"), "patch_width": (57.29577951308232, "deg")}  # fmt: skip
+_DEGREE = 57.29577951308232
+_SHOWN = {
+    "strain": (1e6, "microstrain"),
+    "patch_length": (1e3, "mm"),
+    "phase_shift": (_DEGREE, "deg"),
+    "patch_width": (_DEGREE, "deg"),
+}
 
 
 def _console() -> Console:

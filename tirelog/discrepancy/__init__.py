@@ -4,7 +4,8 @@ What flows through it (n revolutions, m angles, C cells, N = C m values, p param
 
     Recording + passages
       -> `align`, `manoeuvres`, `stack`   Stack (n, m): raw bin means at their real angles, with conditions, manoeuvre and regime
-      -> `cells`      Cells (C, m): means of like revolutions (one manoeuvre, a narrow band of speed); each revolution's amplitude, shift and
+      -> `cells`      Cells (C, m): means of like revolutions (one manoeuvre, a narrow band of speed); each revolution's amplitude, shift
+      and
                       baseline taken out before the mean and put back as random effects of the cell
       -> `whitening`  one linear operator per manoeuvre: scales by the noise, removes the shift, shrinks along the random effects
                       (amplitude and baseline of revolutions; load and baseline of manoeuvres)
@@ -19,7 +20,8 @@ What flows through it (n revolutions, m angles, C cells, N = C m values, p param
 Entry points: `stacks_from_logs(recordings)`, `compare(stacks, model)`, `diagnose(stacks, model)`, `ladder(stacks, model)`.
 A stack with one angle (m = 1) is a number per revolution (patch_length, ...): the same machinery without shift and amplitude.
 
-Two scales, never mixed.  *Significance* is judged in whitened units, with the manoeuvre as the unit of replication.  *Size* is judged in the
+Two scales, never mixed.  *Significance* is judged in whitened units, with the manoeuvre as the unit of replication.  *Size* is judged in
+the
 observable's unit: rmse and floor are those of one revolution's value at one angle, so a floor of 1e-6 means what it says on the plot.
 """
 

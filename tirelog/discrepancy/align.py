@@ -3,7 +3,8 @@
     passage times (n,) [s] -> WheelAngle: theta(t) with theta(t_i) = 2 pi i, an interpolating cubic spline (its slope is the speed)
     samples (N,) at theta  -> template T(phi) -> per revolution  y = b + a [T(phi) - s T'(phi)]  -> t_i moved by s
 
-The matched filter uses the whole front around the patch, not its peak: a peak would follow whatever an odd effect does to it.  What is left of
+The matched filter uses the whole front around the patch, not its peak: a peak would follow whatever an odd effect does to it.  What is
+left of
 a shift is a nuisance of every cell (`cells`), so nothing is learnt from absolute position.
 """
 
@@ -61,7 +62,8 @@ def template(phi: FloatArray, values: FloatArray) -> CubicSpline:
 
 
 def front_fit(turn: NDArray[np.int64], phi: FloatArray, values: FloatArray, shape: CubicSpline, n: int) -> tuple[FloatArray, FloatArray]:
-    """Shift [rad] (n,) and amplitude (n,) of each revolution against the template by least squares near the patch; NaN where it cannot be."""
+    """Shift [rad] (n,) and amplitude (n,) of each revolution against the template by least squares near the patch; NaN where it cannot
+    be."""
     near = np.abs(phi) < FRONT_RAD
     turn, phi, values = turn[near], phi[near], values[near]
     columns = (np.ones_like(phi), shape(phi), -shape(phi, 1))
@@ -83,7 +85,8 @@ def front_fit(turn: NDArray[np.int64], phi: FloatArray, values: FloatArray, shap
 
 
 def refine(time_s: FloatArray, values: FloatArray, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
-    """Passage times (n,) after matched filtering; samples (N,) with NaN where lost.  A passage whose front cannot be fitted keeps its time."""
+    """Passage times (n,) after matched filtering; samples (N,) with NaN where lost.  A passage whose front cannot be fitted keeps its
+    time."""
     good = np.isfinite(values)
     time_s, values = time_s[good], values[good]
     for _ in range(rounds):

@@ -27,7 +27,8 @@ _INVISIBLE = 1e-3
 
 @dataclass(frozen=True)
 class Assessed:
-    """A candidate's best variant: statistic, family-wise p, strengths (k,) of the linear fit, held-out gain with its standard error, removed
+    """A candidate's best variant: statistic, family-wise p, strengths (k,) of the linear fit, held-out gain with its standard error,
+    removed
     mean square [unit^2], projected whitened signature (C, m, k)."""
 
     signature: Signature

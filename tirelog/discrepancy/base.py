@@ -82,7 +82,8 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
 
 
 def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
-    """Cells at their mean speeds by this fit; metric and floor with the scatter between manoeuvres and the discrepancy that this fit leaves, and the model fitted in them; twice."""
+    """Cells at their mean speeds by this fit; metric and floor with the scatter between manoeuvres and the discrepancy that this fit
+    leaves, and the model fitted in them; twice."""
     cells = at_mean_speed(raw, fit)
     plain = Plain.of(cells)
     for _ in range(2):

@@ -2,7 +2,8 @@
 
     Stack (n, m)  ->  cell (n,): one manoeuvre, a band of speed  ->  Cells (C, m)
 
-Within a cell each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' + noise   with P the cell's mean waveform at the
+Within a cell each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' + noise   with P the cell's mean
+waveform at the
 revolution's real angles.  The four coefficients are taken out, the rest averaged; they come back as random effects of the cell's mean
 (their covariance over revolutions, neighbours' correlation included, over the number of revolutions), the shift as a free nuisance.
 With one angle only the mean is taken.  Amplitude and width are relative: a load that scatters moves both.
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +66,11 @@ class Cells:
     speed_square: FloatArray
     cell: IntArray
     logs: tuple[str, ...]
+
+    @property
+    def angles(self) -> dict[str, Any]:
+        """Where a model is asked to predict: the arguments of `Model.predict`."""
+        return {"phi_rad": self.phi, "phi_variance": self.phi_variance} if self.phi.shape[1] > 1 else {"phi_rad": None}
 
     @property
     def manoeuvres(self) -> int:
@@ -226,7 +233,8 @@ def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:
 
 
 def _scatter(residual: FloatArray, count: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Per bin: sum of count x residual^2 after the mean and, with enough revolutions, the trend in speed; degrees of freedom.  (m,) each."""
+    """Per bin: sum of count x residual^2 after the mean and, with enough revolutions, the trend in speed; degrees of freedom.  (m,)
+    each."""
     k = residual.shape[0]
     present = (count > 0).sum(axis=0)
     total = np.maximum(count.sum(axis=0), 1e-12)
@@ -248,8 +256,9 @@ def _one_number(stack: Stack, rows: IntArray) -> _Part:
     scatter = np.nanstd(values, axis=0, ddof=1) if good.sum() > 2 else np.full(1, np.nan)
     zero = np.zeros(1)
     return _Part(
-        rows, mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((rows.size, 3)), zero, zero, scatter
-    )
+        rows, mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((rows.size, 3)), zero, zero, scatter,
+        zero, zero,
+    )  # fmt: skip
 
 
 def _noise_profile(parts: list[_Part], m: int) -> FloatArray:

@@ -6,7 +6,6 @@ Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's ba
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-
 from typing import Any
 
 import numpy as np
@@ -26,8 +25,13 @@ from tirelog.recording import Stack
 FloatArray = NDArray[np.float64]
 
 UNITS = {
-    "strain": "1", "radial_acceleration": "m/s^2", "patch_length": "m", "dissipation_factor": "1/m", "phase_shift": "rad", "patch_width": "rad",
-}  # fmt: skip
+    "strain": "1",
+    "radial_acceleration": "m/s^2",
+    "patch_length": "m",
+    "dissipation_factor": "1/m",
+    "phase_shift": "rad",
+    "patch_width": "rad",
+}
 _SHOWN = 4
 _MAP_ROWS = 24
 
@@ -161,11 +165,12 @@ def tables_of(base: Base, stack: Stack) -> dict[str, list[dict[str, Any]]]:
     """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one row each."""
     c = base.cells
     tables = {"angle": _by_angle(base)}
+    band = np.floor(c.conditions.speed_m_s / 2.0) * 2.0 + 1.0
     groups: dict[str, tuple[list[str], Callable[[int], dict[str, Any]]]] = {
-        "speed": ([f"{np.floor(v / 2.0) * 2.0:g}" for v in c.conditions.speed_m_s], lambda i: {"speed_m_s": float(np.floor(c.conditions.speed_m_s[i] / 2) * 2 + 1)}),
+        "speed": ([f"{v:g}" for v in band], lambda i: {"speed_m_s": float(band[i])}),
         "regime": ([str(r) for r in c.regime], lambda i: {"regime": str(c.regime[i])}),
         "conditions": ([str(int(n)) for n in c.log], lambda i: _log_conditions(base, i)),
-    }  # fmt: skip
+    }
     for name, (labels, describe) in groups.items():
         tables[name] = [_row(base, np.array(labels) == label, describe(labels.index(label))) for label in dict.fromkeys(labels)]
     tables["speed"].sort(key=lambda row: row["speed_m_s"])
@@ -249,8 +254,8 @@ def _by_revolution(base: Base, stack: Stack) -> list[dict[str, Any]]:
     return [
         {
             "log": stack.logs[stack.log[i]], "channel": stack.channel, "revolution": int(stack.revolution[i]), "time_s": float(c.time_s[i]),
-            "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]), "manoeuvre": int(stack.manoeuvre[i]), "rmse": float(rmse[i]),
-            "noise_floor": float(floor[i]), "quality": "ok",
+            "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]), "manoeuvre": int(stack.manoeuvre[i]),
+            "rmse": float(rmse[i]), "noise_floor": float(floor[i]), "quality": "ok",
         }
         for i in range(len(stack))
     ]  # fmt: skip

@@ -59,7 +59,8 @@ class Found:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer to "which effect is missing" (contract, Diagnosis).  `before` and `after`: the model as it came and with what was selected."""
+    """The answer to "which effect is missing" (contract, Diagnosis).  `before` and `after`: the model as it came and with what was
+    selected."""
 
     verdict: str
     sentence: str
@@ -96,11 +97,8 @@ class Diagnosis:
         return comparison_of(self.found.after, self.stack) if self.selected else self.before
 
     def to_json(self) -> dict[str, Any]:
-        names = (
-            "verdict", "sentence", "selected", "ambiguous_groups", "separating_manoeuvres", "unexplained", "not_tested", "rmse_heldout_before",
-            "rmse_heldout_after", "noise_floor", "noise_floor_within", "reduced_chi2_before", "reduced_chi2_after", "revolutions", "manoeuvres",
-            "next_command",
-        )  # fmt: skip
+        apart = ("effects", "notes", "found", "stack")
+        names = [name for name in self.__dataclass_fields__ if name not in apart]
         rows = [{name: getattr(c, name) for name in Candidate.__dataclass_fields__} for c in self.effects]
         return plain({name: getattr(self, name) for name in names} | {"effects": rows, "note": " ".join(self.notes)})
 
@@ -148,7 +146,11 @@ def conclude(found: Found, stack: Stack) -> Diagnosis:
     few = before.cells.manoeuvres < FEWEST_MANOEUVRES
     groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
     rest = left.significant and excess_after > LEAST_SHARE_OF_FLOOR * floor.square and excess_after > REST_SHARE * excess_before
-    alone = 1.0 - max(found.steps[0].named.base.square_held - floor.square, 0.0) / excess_before if found.steps[0].named and excess_before else 0.0
+    alone = (
+        1.0 - max(found.steps[0].named.base.square_held - floor.square, 0.0) / excess_before
+        if found.steps[0].named and excess_before
+        else 0.0
+    )
     enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
     verdict = _verdict(few, found.named, share if enough else 0.0, bool(groups), rest, left.significant)
     selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
@@ -159,8 +161,16 @@ def conclude(found: Found, stack: Stack) -> Diagnosis:
     advice, notes = _advice(found, verdict)
     reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items()}
     result = after if selected else before
-    facts = {"verdict": verdict, "selected": selected, "share": share, "groups": groups, "unexplained": unexplained, "ranking": ranking,
-             "manoeuvres": before.cells.manoeuvres, "before": before.square_held, "after": result.square_held, "floor": floor.square}  # fmt: skip
+    facts = {
+        "verdict": verdict,
+        "selected": selected,
+        "share": share,
+        "groups": groups,
+        "unexplained": unexplained,
+        "manoeuvres": before.cells.manoeuvres,
+        "before": before.square_held,
+        "floor": floor.square,
+    }
     return Diagnosis(
         verdict=verdict,
         sentence=sentence_of(facts),
@@ -265,7 +275,8 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
     notes: list[str] = []
     if verdict == "too_few":
         notes.append(
-            f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two mixed logs of a minute have a dozen: drive more of them."
+            f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two mixed logs of a minute have a dozen: "
+            "drive more of them."
         )
         rivals = [(r.id, r.base.model) for r in step.contenders[:3]]
     elif verdict == "ambiguous":

@@ -3,8 +3,8 @@
     Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p), offsets O = W 1_log (C, m, logs)
     offsets are projected out of r and J (they are linear), steps are damped in the scale of the parameters, bounds are kept
 
-Where a parameter stands at a bound and would leave it, it is held.  A fit that stays far above the others is a local minimum: `fit_model` takes the
-best of its starts and says how many agreed.
+Where a parameter stands at a bound and would leave it, it is held.  One start may end in a local minimum: `fit_model` tries several
+on a few cells and takes the best two on to all of them.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ _FEW = 12
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model in the metric `white`: whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p) in the
-    observable's unit, prediction (C, m) without offsets, offset per log, chi-square, errors by name."""
+    """A fitted model in the metric `white`: whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p)
+    in the observable's unit, prediction (C, m) without offsets, offset per log, chi-square, errors by name."""
 
     model: Model
     names: tuple[str, ...]
@@ -84,25 +84,26 @@ class Problem:
         self.cells, self.white = cells, white
         self.offset_columns = log_columns(cells)
         self.offset_basis = orthonormal(white(self.offset_columns)) if self.offset_columns.shape[2] else np.zeros((cells.values.size, 0))
-        self.angles = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance} if cells.phi.shape[1] > 1 else {"phi_rad": None}
 
     def measured_less(self, prediction: FloatArray) -> FloatArray:
         """Whitened residual (C, m), offsets taken out."""
         return without(self.offset_basis, self.white(self.cells.values - prediction))
 
     def predict(self, model: Model, values: Mapping[str, float]) -> FloatArray:
-        return model.predict(self.cells.conditions, surface=self.cells.surface, values=values, **self.angles)
+        return model.predict(self.cells.conditions, surface=self.cells.surface, values=values, **self.cells.angles)
 
     def linearised(self, model: Model, names: Sequence[str], values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """Prediction (C, m) and Jacobian (C, m, p) in the observable's unit."""
-        prediction, slopes = model.linearised(self.cells.conditions, names=names, surface=self.cells.surface, values=values, **self.angles)
+        prediction, slopes = model.linearised(
+            self.cells.conditions, names=names, surface=self.cells.surface, values=values, **self.cells.angles
+        )
         return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
 
     def offsets(self, prediction: FloatArray) -> FloatArray:
         """Offset of each log, (logs,)."""
         columns = self.white(self.offset_columns).reshape(-1, self.offset_columns.shape[2])
         right = self.white(self.cells.values - prediction).reshape(-1)
-        return np.linalg.lstsq(columns, right, rcond=None)[0] if columns.shape[1] else np.zeros(0)
+        return np.asarray(np.linalg.lstsq(columns, right, rcond=None)[0], dtype=np.float64) if columns.shape[1] else np.zeros(0)
 
 
 def _sizes(model: Model, names: Sequence[str]) -> FloatArray:
@@ -117,8 +118,10 @@ def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]
 
 
 def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = MOST_STEPS) -> tuple[Model, float, bool]:
-    """Levenberg-Marquardt from the model's values; the best model, its chi-square, whether it settled.  A point that the physics refuses is a
-    step too far; ModelError only where the start itself is refused."""
+    """Levenberg-Marquardt from the model's values; the best model, its chi-square, whether it settled.
+
+    A point that the physics refuses is a step too far; ModelError only where the start itself is refused.
+    """
     theta = np.array([model.values[n] for n in names])
     low, high = _bounds(model, names)
     values = dict(zip(names, theta, strict=True))

@@ -85,9 +85,10 @@ def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
     """Change of the prediction per relative change of the load, (C, m); where the model does not know what a load does, its amplitude."""
     conditions = cells.conditions
     load = np.where(np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan))
-    angles = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance} if cells.phi.shape[1] > 1 else {"phi_rad": None}
     try:
-        ends = [fit.model.predict(replace(conditions, load_N=load * (1.0 + s * _STEP)), surface=cells.surface, **angles) for s in (1, -1)]
+        ends = [
+            fit.model.predict(replace(conditions, load_N=load * (1.0 + s * _STEP)), surface=cells.surface, **cells.angles) for s in (1, -1)
+        ]
     except ModelError:
         return fit.prediction
     slope = (ends[0] - ends[1]) / (2.0 * _STEP)
@@ -95,18 +96,21 @@ def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
 
 
 def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
-    """The cells with their values moved to the cell's mean speed by the fitted model: a bin's samples have a mean speed of their own, and a
-    waveform that bends with speed does not average to that at the mean.  What amplitude, width, shift and baseline of single revolutions
-    took along with the speed is gone from the values already.  And a wheel that speeds up is slower at the entry edge than at the exit edge.
+    """The cells with their values moved to the cell's mean speed by the fitted model.
+
+    A bin's samples have a mean speed of their own, and a waveform that bends with speed does not average to that at the mean.  What
+    amplitude, width, shift and baseline of single revolutions
+    took along with the speed is gone from the values already.  And a wheel that speeds up is slower at the entry edge than at the exit
+    edge.
     Only for waveforms."""
     if cells.phi.shape[1] == 1:
         return cells
     step = np.clip(np.sqrt(cells.speed_square.mean(axis=1)), 0.05, 1.0)
     speed = cells.conditions.speed_m_s
-    angles = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance}
     try:
         up, down = (
-            fit.model.predict(replace(cells.conditions, speed_m_s=speed + s * step), surface=cells.surface, **angles) for s in (1.0, -1.0)
+            fit.model.predict(replace(cells.conditions, speed_m_s=speed + s * step), surface=cells.surface, **cells.angles)
+            for s in (1.0, -1.0)
         )
     except ModelError:
         return cells
@@ -128,8 +132,11 @@ def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
 
 
 def trend_columns(cells: Cells) -> FloatArray:
-    """What physics may follow, one row a manoeuvre (M, k): each log's level, acceleration, time, and v, v^2 log by log (what follows speed may
-    follow a log's load, pressure, water or age besides); the last of them only where enough manoeuvres are left to show scatter."""
+    """What physics may follow, one row a manoeuvre (M, k): each log's level, acceleration, time, and v, v^2 log by log.
+
+    What follows speed may follow a log's load, pressure, water or age besides.  The last columns come only where enough manoeuvres are left
+    to show scatter.
+    """
     M = cells.manoeuvres
     number = np.bincount(cells.manoeuvre, cells.revolutions, M)
     log = np.zeros(M, np.int64)
@@ -144,7 +151,7 @@ def trend_columns(cells: Cells) -> FloatArray:
     v, a, t = mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.time_s)
     columns = [per_log]
     for more in (v[:, None], a[:, None], np.stack([v**2, t], axis=1), per_log * v[:, None], per_log * (v**2)[:, None]):
-        if sum(x.shape[1] for x in columns) + more.shape[1] <= 0.6 * M:
+        if sum(x.shape[1] for x in (*columns, more)) <= 0.6 * M:
             columns.append(more)
     return np.hstack(columns)
 
@@ -163,9 +170,9 @@ def scatter_between(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray
     inverse = np.stack([solve_scaled(normal.gram, np.broadcast_to(e, normal.right.shape)) for e in np.eye(2)], axis=-1)
     result = []
     for i in range(2):
-        left = coefficients[:, i] - hat @ coefficients[:, i]
+        left = np.asarray(coefficients[:, i] - hat @ coefficients[:, i], dtype=np.float64)
         expected = float(((1.0 - np.diag(hat)) * inverse[:, i, i]).sum())
-        result.append(float(np.sqrt(max((left @ left - expected) / freedom, 0.0))))
+        result.append(float(np.sqrt(max((float(left @ left) - expected) / freedom, 0.0))))
     return result[0], result[1]
 
 

@@ -87,8 +87,7 @@ def _untouched(after: Base, locked: Stack) -> tuple[float, float]:
 
 def _fit_on(after: Base, cells: Any) -> Any:
     """The fitted model's prediction on other cells."""
-    angles: dict[str, Any] = {"phi_rad": cells.phi, "phi_variance": cells.phi_variance} if cells.phi.shape[1] > 1 else {"phi_rad": None}
-    return replace(after.fit, prediction=after.model.predict(cells.conditions, surface=cells.surface, **angles))
+    return replace(after.fit, prediction=after.model.predict(cells.conditions, surface=cells.surface, **cells.angles))
 
 
 def _verdict(found: Found) -> str:

@@ -46,7 +46,8 @@ _MORE = 1.03
 
 @dataclass(frozen=True)
 class Leftover:
-    """`size` held-out mean square that the best free shape removes [unit^2]; `shape` (m,) the residual's leading shape over `phi_rad` (m,)."""
+    """`size` held-out mean square that the best free shape removes [unit^2]; `shape` (m,) the residual's leading one over `phi_rad`
+    (m,)."""
 
     significant: bool
     p: float

@@ -2,10 +2,12 @@
 
     Assessed, by falling statistic -> contenders -> refitted with the base parameters from two strengths -> least held-out loss names
 
-Likeness of two effects on these data is the nonlinear cosine  sqrt( what B explains / what A explains ), each refitted as well as it can: it
+Likeness of two effects on these data is the nonlinear cosine  sqrt( what B explains / what A explains ), each refitted as well as it
+can: it
 needs no noise to be defined, and a rival that could stand for A after all its parameters have moved is found.
 
-A second effect must survive freedom of shape: the first effect's size per cell times free shapes over the angle is projected out, since a real
+A second effect must survive freedom of shape: the first effect's size per cell times free shapes over the angle is projected out, since
+a real
 tire does not follow our forms, and what a form that is somewhat wrong leaves repeats perfectly.
 """
 
@@ -48,7 +50,8 @@ NOT_FORM = 0.12
 
 @dataclass(frozen=True)
 class Refitted:
-    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step (1 for the best itself), in whitened units
+    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step (1 for the best itself), in
+    whitened units
     and in size."""
 
     assessed: Assessed
@@ -177,7 +180,8 @@ def hats(phi: FloatArray) -> FloatArray:
 def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     """Columns (C, m, k): an effect's size per cell times free shapes over the angle.
 
-    A form that is somewhat wrong keeps its symmetry: where the effect's own contribution is even (or odd) about the patch centre, so are the shapes.
+    A form that is somewhat wrong keeps its symmetry: where the effect's own contribution is even (or odd) about the patch centre, so are
+    the shapes.
     """
     problem = Problem(base.cells, base.white)
     contribution = np.nan_to_num(base.fit.prediction - problem.predict(base.model.without_effect(effect_id), {}))

@@ -30,7 +30,8 @@ class Waveforms:
 
 @dataclass(frozen=True)
 class Map:
-    """The residual over an axis (speed [m/s] or time [s], ascending, (k,)) and the angle (m,): `residual` in the observable's unit, `whitened`
+    """The residual over an axis (speed [m/s] or time [s], ascending, (k,)) and the angle (m,): `residual` in the observable's unit,
+    `whitened`
     in standard errors; both (k, m), NaN where there is nothing."""
 
     axis: FloatArray
@@ -77,10 +78,8 @@ class Comparison:
         return excess_of(self.rmse_heldout, self.noise_floor)
 
     def to_json(self) -> dict[str, Any]:
-        names = (
-            "observable", "unit", "rmse", "noise_floor", "noise_floor_within", "noise_floor_between", "excess", "rmse_heldout", "excess_heldout",
-            "reduced_chi2", "fit_percent", "revolutions", "manoeuvres", "parameters",
-        )  # fmt: skip
+        apart = ("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks")
+        names = [name for name in self.__dataclass_fields__ if name not in apart] + ["excess", "excess_heldout"]
         return plain({name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)})
 
 

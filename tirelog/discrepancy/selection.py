@@ -1,11 +1,11 @@
 """Is it there?  Joint sign flips of manoeuvres with the maximum over candidates, leave-one-manoeuvre-out gain, and the size rule.
 
     scores (M, k) of each candidate: inner product of its projected signature with the projected residual, manoeuvre by manoeuvre
-    T = | L^-1 sum of scores |, L L' = Gram of the projected signature (one column: sum / norm, with its sign where only one sign is physical)
+    T = | L^-1 sum of scores |, L L' = Gram of the projected signature (one column: sum / norm; only its sign where one is physical)
     the same signs for all candidates flip a manoeuvre as a whole; p of a candidate = share of flips whose *largest* T reaches its T
 
-If nothing is missing a manoeuvre's scores are as likely to point one way as the other, whatever the correlation inside the manoeuvre: the rate of
-false alarms over all candidates is p.  The smallest p that M manoeuvres allow is 2^-M, or 2^(1-M) where both signs count.
+If nothing is missing a manoeuvre's scores are as likely to point one way as the other, whatever the correlation inside the manoeuvre:
+the rate of false alarms over all candidates is p.  The smallest p that M manoeuvres allow is 2^-M, or 2^(1-M) where both signs count.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
     if manoeuvres <= _EXACT:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1
         return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
-    signs: FloatArray = np.random.default_rng(seed).integers(0, 2, (_RANDOM + 1, manoeuvres)) * 2.0 - 1.0
+    signs = np.asarray(np.random.default_rng(seed).integers(0, 2, (_RANDOM + 1, manoeuvres)) * 2.0 - 1.0, dtype=np.float64)
     signs[0] = 1.0
     return signs
 

@@ -1,7 +1,7 @@
 """Which manoeuvre to drive next, so that rivals part.
 
-    rivals, each refitted -> predictions on a list of allowed manoeuvres -> what no refit of the second can imitate of the first, old and new data
-    together -> separation in standard errors, repeats until it reaches 3
+    rivals, each refitted -> predictions on a list of allowed manoeuvres -> what no refit of the second can imitate of the first, old
+    and new data together -> separation in standard errors, repeats until it reaches 3
 
 Two effects that stay alike in shape on every manoeuvre of the list (cosine above `LIKE`) cannot be parted by driving, and that is said.
 """
@@ -87,7 +87,7 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
     theirs, jacobian = problem.linearised(second, names, {})
     old = base.white(np.concatenate([np.nan_to_num(mine - theirs)[..., None], jacobian, problem.offset_columns], axis=-1))
     old = old.reshape(-1, old.shape[-1])
-    phi: FloatArray = (np.arange(_ANGLES) + 0.5) * (2.0 * np.pi / _ANGLES) - np.pi
+    phi = np.asarray((np.arange(_ANGLES) + 0.5) * (2.0 * np.pi / _ANGLES) - np.pi, dtype=np.float64)
     noise = np.sqrt(base.floor.within * _ANGLES / base.plain.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS))
     result = []
     for manoeuvre in ALLOWED:
@@ -100,10 +100,8 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
         logs = old.shape[1] - 1 - len(names)
         shift = np.gradient(other, phi, axis=1)[..., None] * np.eye(_SPEEDS)[:, None, :]
         between = _load_columns(base, first, conditions, phi, ours)
-        new = np.concatenate(
-            [(ours - other)[..., None], np.moveaxis(slopes, 0, -1), np.zeros((_SPEEDS, _ANGLES, logs)), np.ones((_SPEEDS, _ANGLES, 1)), shift, between],
-            axis=-1,
-        ) / noise  # fmt: skip
+        apart, own = np.zeros((_SPEEDS, _ANGLES, logs)), np.ones((_SPEEDS, _ANGLES, 1))
+        new = np.concatenate([(ours - other)[..., None], np.moveaxis(slopes, 0, -1), apart, own, shift, between], axis=-1) / noise
         new = new.reshape(-1, new.shape[-1])
         both = np.vstack([np.hstack([old, np.zeros((old.shape[0], new.shape[1] - old.shape[1]))]), new])
         basis = orthonormal(both[:, 1:])

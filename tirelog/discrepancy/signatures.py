@@ -58,7 +58,7 @@ def variants(effect: Effect) -> list[dict[str, float]]:
 
 def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) -> Model:
     """The model with the effect at these values, strengths not given at zero, clipped to the bounds."""
-    zero = {name: 0.0 for name in effect.strength}
+    zero = dict.fromkeys(effect.strength, 0.0)
     clipped = {}
     for p in effect.parameters:
         if p.name in {**zero, **values}:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tirelog.discrepancy.align import WheelAngle, refine, split_turns
 from tirelog.discrepancy.manoeuvres import accelerations, regimes, segment
+from tirelog.discrepancy.scalars import SCALARS, SOURCES, scalar_stack
 from tirelog.errors import UsageError
 from tirelog.estimators.passages import Passages, find_passages
 from tirelog.recording import Channel, Conditions, Recording, Stack
@@ -25,7 +26,7 @@ FloatArray = NDArray[np.float64]
 
 ANGLES = 256
 #: observable -> kinds of channel that measure it
-KINDS = {"strain": ("fbg_strain", "strain"), "radial_acceleration": ("radial_acceleration",)}
+KINDS = {"strain": ("fbg_strain", "strain"), "radial_acceleration": ("radial_acceleration",), **SOURCES}
 _SHORTEST_RUN = 5
 _CONDITION_KINDS = {
     "vertical_load": "load_N",
@@ -61,7 +62,11 @@ def stacks_from_logs(
     """One stack per recording, manoeuvres numbered through all of them; UsageError where a log holds fewer than ten whole revolutions."""
     parts: list[Stack] = []
     for recording in recordings:
-        part = stack_channel(recording, observe_channel(recording, observable, channel), observable, angles=angles)
+        source = observe_channel(recording, observable, channel)
+        if observable in SCALARS:
+            part = scalar_stack(recording, source, observable)
+        else:
+            part = stack_channel(recording, source, observable, angles=angles)
         first = 1 + int(parts[-1].manoeuvre.max()) if parts else 0
         parts.append(replace(part, log=np.full(len(part), len(parts)), manoeuvre=part.manoeuvre + first))
     logs = tuple(part.logs[0] for part in parts)
@@ -84,7 +89,7 @@ def stack_channel(recording: Recording, channel: Channel, observable: str, *, an
     acceleration = np.concatenate([accelerations(part[1], part[2] * radius) for part in rows])
     breaks = np.concatenate([np.r_[True, np.zeros(part[0].size - 1, bool)] for part in rows])
     manoeuvre, regime = segment(regimes(acceleration), breaks)
-    grid: FloatArray = (np.arange(angles) + 0.5) * (2.0 * np.pi / angles) - np.pi
+    grid = np.asarray((np.arange(angles) + 0.5) * (2.0 * np.pi / angles) - np.pi, dtype=np.float64)
     return Stack(
         observable=observable,
         channel=channel.name,
@@ -96,7 +101,7 @@ def stack_channel(recording: Recording, channel: Channel, observable: str, *, an
         phi_variance=phi_variance,
         count=count,
         noise=np.full(n, sample_noise(values)),
-        conditions=_conditions(recording, centre, speed * radius, acceleration),
+        conditions=conditions_of(recording, centre, speed * radius, acceleration),
         log=np.zeros(n, np.int64),
         manoeuvre=manoeuvre,
         revolution=ordinal,
@@ -153,7 +158,7 @@ def _rows(turns: Turns, time_s: FloatArray, values: FloatArray, m: int) -> tuple
     )
 
 
-def _conditions(recording: Recording, centre_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> Conditions:
+def conditions_of(recording: Recording, centre_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> Conditions:
     """What each revolution was driven under: the setup's constants, or a channel's mean over the revolution where there is one."""
     given = recording.setup.conditions
     values: dict[str, FloatArray | float] = {

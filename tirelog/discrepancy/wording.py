@@ -31,14 +31,15 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         rest = facts["unexplained"]
         if share >= 0.9:
             return (
-                f"{names} explains {100 * share:.0f} % of the excess; the other {100 * (1 - share):.1f} % repeats and is within what a somewhat "
-                f"different form of {names} would leave."
+                f"{names} explains {100 * share:.0f} % of the excess; the other {100 * (1 - share):.1f} % repeats and is within what "
+                f"a somewhat different form of {names} would leave."
             )
         where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
         return (
             f"{names} explains {100 * share:.0f} % of the excess; the other {100 * (1 - share):.0f} % repeats{where} and has no name yet."
         )
-    return f"{names} {'is' if len(selected) == 1 else 'are'} missing: {'it removes' if len(selected) == 1 else 'they remove'} {100 * share:.0f} % of the excess."
+    one = len(selected) == 1
+    return f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} {100 * share:.0f} % of the excess."
 
 
 def unexplained_sentence(facts: Mapping[str, Any]) -> str:
