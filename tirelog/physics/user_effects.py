@@ -81,7 +81,9 @@ def _hook(acts_on: str, formula: Expression) -> dict[str, Any]:
         return to_modes(np.atleast_2d(_spread(formula(_names(v, drive, site, grid_angles())), grid_angles().size)))
 
     def strain(v: Values, drive: Drive, site: Site, phi_rad: FloatArray) -> FloatArray:
-        return np.atleast_2d(formula(_names(v, drive, site, phi_rad)))
+        empty = np.isnan(phi_rad)  # bins without a sample have no angle, and that is no fault of the formula
+        values = formula(_names(v, drive, site, np.where(empty, 0.0, phi_rad)))
+        return np.atleast_2d(np.where(empty, np.nan, values))
 
     hooks: dict[str, dict[str, Any]] = {
         "contact_pressure": {"pressure": pressure},
