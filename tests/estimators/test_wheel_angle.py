@@ -115,6 +115,7 @@ def test_speed_table_has_a_row_a_turn():
     assert abs(len(columns["quality"]) - turns) <= 1
     true = np.interp(columns["time_s"], drive.time, drive.speed)
     assert np.std(columns["speed_m_s"] - true) < 0.02
+    assert np.isfinite(columns["period_s"]).all()
     calm = (columns["time_s"] > 1) & (columns["time_s"] < 7)
     ratio = (columns["speed_m_s"] - true)[calm].std() / columns["speed_se_m_s"][calm].mean()
     assert 0.5 < ratio < 1.5

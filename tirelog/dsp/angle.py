@@ -105,8 +105,8 @@ class AngleFunction:
         start, rise = climbing[k], (climbing[k + 1] - climbing[k]).astype(np.float64)
         u = np.where(rise > 0, (wanted - start) / np.where(rise > 0, rise, 1.0), 0.0)
         h = self.time_s[k + 1] - self.time_s[k]
-        inside = (u >= 0) & (u <= 1)
-        near = np.where(inside, self.time_s[k] + u * h, self.time_s[0])
+        inside = (u > -1e-9) & (u < 1 + 1e-9)
+        near = np.where(inside, self.time_s[k] + np.clip(u, 0.0, 1.0) * h, self.time_s[0])
         rate = np.where(rise > 0, rise * self.unit_rad / np.where(h > 0, h, 1.0), np.inf)
         near = near - (self.at(near) - angle_rad) / rate
         return np.where(inside, np.clip(near, self.time_s[k], self.time_s[k + 1]), np.nan)
