@@ -176,8 +176,9 @@ def test_accelerometer_without_a_patch():
 @pytest.mark.parametrize("steps", [44, 47, 60, 96])
 def test_wrong_number_of_steps(steps):
     drive = Drive(*STEADY)
-    with pytest.raises(SetupError, match="steps = 48"):
+    with pytest.raises(SetupError, match="steps = 48") as told:
         next(measure(recording(drive, Encoder().signal(drive), Tread().signal(drive), steps=steps)))
+    assert ("pitch table does not repeat" in str(told.value)) == (steps != 96)
 
 
 @pytest.mark.parametrize("factor", [0.1, 2.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.estimators.phase_truth import DYNAMIC, RADIUS_M, RAMP, RATE_HZ, Drive, Encoder, angle_errors, recording
-from tirelog.errors import SetupError
+from tirelog.errors import DataLoss, SetupError
 from tirelog.estimators.wheel_angle import encoder_of, encoder_speed, rolling_radius
 
 
@@ -125,7 +125,7 @@ def test_speed_table_has_a_row_a_turn():
 
 def test_a_dead_encoder_is_an_error():
     drive = Drive((0, 20), (10, 10))
-    with pytest.raises(SetupError, match="no teeth"):
+    with pytest.raises(DataLoss, match="no teeth"):
         wheel_of(drive, 0.2 + 0.01 * np.random.default_rng(8).standard_normal(drive.time.size))
 
 

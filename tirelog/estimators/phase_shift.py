@@ -18,7 +18,7 @@ import numpy as np
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.estimators.accelerometer import limits, without_held
 from tirelog.estimators.fronts import Fronts, find_fronts
-from tirelog.estimators.wheel_angle import NoTeeth, Radius, WheelAngle, encoder_of, rolling_radius
+from tirelog.estimators.wheel_angle import Radius, WheelAngle, encoder_of, rolling_radius
 from tirelog.recording import Channel, FloatArray, IntArray, Recording
 
 DEG = 180 / np.pi
@@ -77,10 +77,7 @@ def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> I
     accelerometers = recording.of_kind("radial_acceleration")
     if not accelerometers:
         raise SetupError(f"{recording.log}: no radial_acceleration channel; phase-shift needs one and a wheel_encoder; add it to the setup")
-    try:
-        encoder, wheel = encoder_of(recording)
-    except NoTeeth as problem:
-        raise DataLoss(f"{recording.log}: {problem.message}") from None
+    encoder, wheel = encoder_of(recording)
     radius = rolling_radius(recording, wheel)
     said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
     for channel in accelerometers:
@@ -119,9 +116,10 @@ def _doubts(channel: Channel, wheel: WheelAngle, fronts: Fronts, radius: Radius,
     turns = fronts.turn_rad / (2 * np.pi)
     if abs(turns - 1) > 0.01:
         steps = wheel.steps * turns
+        table = " and the learnt pitch table does not repeat" if any("does not repeat" in remark for remark in wheel.remarks) else ""
         raise SetupError(
-            f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every {wheel.steps}, and the pitch table does not "
-            f"repeat; the setup's steps must be those of a whole turn; write steps = {round(steps)}"
+            f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every {wheel.steps},{table}; "
+            f"the setup's steps must be those of a whole turn; write steps = {round(steps)}"
         )
     ratio = fronts.level_m / radius.radius_m
     if not LEVEL_RATIO[0] < ratio < LEVEL_RATIO[1]:

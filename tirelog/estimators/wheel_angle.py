@@ -23,7 +23,7 @@ from tirelog.dsp.encoder_counter import counter_knots
 from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchTable, aligned, learn, steps_that_repeat
 from tirelog.dsp.encoder_signal import Integers, Probe, crossings, probe
 from tirelog.dsp.encoder_teeth import Teeth, count_teeth
-from tirelog.errors import SetupError
+from tirelog.errors import DataLoss, SetupError
 from tirelog.recording import Channel, FloatArray, Recording
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
@@ -32,10 +32,6 @@ SPEED_WINDOW_S = 0.443 / 20.0
 STANDSTILL_TURNS_S = 0.1
 #: a table that explains more than this share of the deviations repeats; another number of steps must explain so much more than the setup's
 REPEATS, BETTER = 0.8, 0.2
-
-
-class NoTeeth(SetupError):
-    """An encoder channel in which no teeth pass."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +71,7 @@ class WheelAngle:
 def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
     """The wheel angle from an encoder channel; `unit` is the source's (an angle is taken as it is).
 
-    SetupError: the channel has no `steps`.  NoTeeth: it shows none.
+    SetupError: the channel has no `steps`.  DataLoss: it shows no teeth.
     """
     quantity = units.UNITS[units.canonical(unit) or "1"][0]
     steps = int(channel.settings.get("steps") or 0)
@@ -132,10 +128,10 @@ def _teeth(channel: Channel, found: Probe, steps: int) -> Teeth:
         "check the wiring, the source, and that encoder and accelerometer are not swapped"
     )
     if found.form == "dead":
-        raise NoTeeth(nothing)
+        raise DataLoss(nothing)
     passages = crossings(channel.read, channel.size, channel.axis.rate_Hz, found)
     if passages.index.size < 4 * steps:
-        raise NoTeeth(nothing)
+        raise DataLoss(nothing)
     teeth = count_teeth(channel.read, found, passages, channel.axis.rate_Hz, steps)
     holes = channel.axis.first[1:]
     if holes.size:
@@ -151,7 +147,7 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     size = 2 * np.pi if is_angle else float(steps)
     time, turns, backward = counter_knots(channel, size, is_angle)
     if time.size < 16:
-        raise NoTeeth(f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a turn; check the source")
+        raise DataLoss(f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a turn; check the source")
     steps = steps or 360
     rate = np.gradient(2 * np.pi * turns, time)
     noise = 0.0 if is_angle else float(np.median(np.abs(rate))) / channel.axis.rate_Hz / np.sqrt(12.0)
@@ -237,12 +233,15 @@ def _radius_against(speed: Channel, wheel: WheelAngle, most: int = 20_000) -> tu
 
 
 def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
-    """The recording's encoder channel and its wheel angle.  SetupError: the setup has none."""
+    """The recording's encoder channel and its wheel angle.  SetupError: the setup has none.  DataLoss: it shows no teeth."""
     encoders = recording.of_kind("wheel_encoder")
     if not encoders:
         raise SetupError(f"{recording.log}: no wheel_encoder channel; the wheel angle needs one; add it to the setup")
     unit = recording.setup.channels[encoders[0].name].source_unit if encoders[0].name in recording.setup.channels else "1"
-    return encoders[0], wheel_angle(encoders[0], unit)
+    try:
+        return encoders[0], wheel_angle(encoders[0], unit)
+    except DataLoss as problem:
+        raise DataLoss(problem.message, file=recording.log) from None
 
 
 def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
