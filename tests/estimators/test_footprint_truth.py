@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from tests.estimators.strain_truth import Beam, Ring
 from tirelog.dsp.lowpass import Cutoff
+from tirelog.estimators.edges import find_edges
 from tirelog.estimators.footprint import footprint
 from tirelog.estimators.passages import find_passages
 
@@ -106,3 +108,18 @@ def test_asymmetry_has_the_sign_of_the_sharper_edge(drive, radius_m):
     tilted, _ = measure(drive, radius_m, Beam(tilt=0.3, speeds=(10.0, 10.0)), [0, 20], [10, 10], seed=1452)
     assert abs(np.nanmedian(even.edge_asymmetry)) < 0.02
     assert np.nanmedian(tilted.edge_asymmetry) < -0.05
+
+
+def test_edges_stand_at_the_same_abscissae_when_the_wheel_brakes():
+    """xi = v t + a t^2 / 2: under hard braking at low speed, the derivatives along the tread are those of a steady wheel."""
+    xi, strain = Beam().wave(6.0)
+    wave = CubicSpline(xi, strain)
+    rate, speed = 2500.0, np.array([3.0])
+    found = []
+    for acceleration in (0.0, -8.0):
+        time = (np.arange(400) - 200.0) / rate
+        values = wave(time * (speed + 0.5 * acceleration * time))[None, :]
+        same = np.ones(1)
+        found.append(find_edges(values, rate, 200.0 * same, speed, acceleration * same, 400.0 * same, 0.055 * same, 1e-9, 4))
+    for name in ("entry_m", "exit_m", "length_d1_m"):
+        assert getattr(found[1], name)[0] == pytest.approx(getattr(found[0], name)[0], abs=4e-4), name

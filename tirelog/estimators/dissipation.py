@@ -33,6 +33,8 @@ SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
 OVERSAMPLING = 4.0
 #: a sample off its neighbours' cubic by more than these many sigmas and this share of the passages' height is bridged
 WILD_SIGMAS, WILD_SHARE = 10.0, 0.06
+#: samples worked on at once
+MOST_AT_ONCE = 1 << 18
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a moving average
 STEADY_STEP_M_S, AVERAGED = 0.08, 9
 
@@ -107,7 +109,7 @@ def _energies(channel: Channel, passages: Passages, how: _Filter, block_samples:
     energy, bend = np.zeros(len(passages)), np.zeros(len(passages))
     wild = max(WILD_SIGMAS * passages.noise / np.sqrt(how.averaged), WILD_SHARE * float(np.nanmedian(np.abs(passages.height))))
     half = how.coefficients.size // 2
-    step = max(block_samples // how.averaged, 4 * how.coefficients.size)
+    step = max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size)
     breaks = np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]]) if channel.axis.explicit is None else np.array([0, last])
     for begin, end in pairwise(breaks):
         for start in range(int(begin), int(end), step):

@@ -37,8 +37,8 @@ LEAST_SPEED_M_S = 0.3
 FIT_STEP = 1.0 / 36.0
 #: the low-pass needs this many samples a period of its cut-off; above, samples are averaged
 PLAIN_OVERSAMPLING = 10.0
-#: rows fitted at once, and rows of which slip onsets are tried at once
-ROWS, LOOKED_AT = 2048, 256
+#: rows worked on at once, and rows of which slip onsets are tried at once
+ROWS, LOOKED_AT = 512, 256
 
 
 @dataclass
@@ -100,7 +100,9 @@ def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: Flo
         for key, part in _alike(windows, np.column_stack([for_fit, number])):
             _fit_alike(part.reduced(int(key[0])), passages, forms, int(key[1]), work)
         for key, part in _alike(windows, np.column_stack([for_plain, fine])):
-            _edges_alike(part.reduced(int(key[0])), passages, cutoff_Hz, half_length, 4 if key[1] else 2, work)
+            plain = part.reduced(int(key[0]))
+            for low in range(0, len(plain.row), ROWS):
+                _edges_alike(plain.take(slice(low, low + ROWS)), passages, cutoff_Hz, half_length, 4 if key[1] else 2, work)
 
 
 def _alike(windows: PatchWindows, keys: FloatArray) -> Iterator[tuple[FloatArray, PatchWindows]]:

@@ -16,8 +16,8 @@ from tirelog.estimators.speed import STRAIN_KINDS, speed_columns, speed_words
 from tirelog.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.tables import quality_text
 
-#: samples of one channel that are held in memory (64 MB)
-MOST_AT_HAND = 1 << 23
+#: samples of one channel that are held in memory: an hour at 2.5 kHz, 76 MB
+MOST_AT_HAND = 9_500_000
 
 
 @dataclass(frozen=True)
