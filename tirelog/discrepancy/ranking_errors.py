@@ -13,15 +13,17 @@ if TYPE_CHECKING:
 def removed_errors(found: Found) -> dict[str, float]:
     """Effect -> standard error of the share of the held-out excess mean-square error that it removes alone.
 
-    Known for the candidates that were refitted in the first step; empty where there is no excess to share.
+    The share is a ratio of sums over manoeuvres, gain over excess; its error is that of the sum of (gain - share x excess).  Known for the
+    candidates that were refitted in the first step; empty where there is no excess to share.
     """
-    first = found.steps[0]
-    floor = (found.after if found.named else found.before).floor.square
-    excess = first.before.square_held - floor
-    if excess <= 0.0:
+    base = found.steps[0].before
+    floor = (found.after if found.named else found.before).floor
+    excess = base.held_plain - (base.plain.bias + (floor.square - base.floor.within) * base.plain.weight) / base.held_plain.size
+    if excess.sum() <= 0.0:
         return {}
     errors = {}
-    for rival in first.contenders:
-        _, error = gain_and_error(first.before.held_plain, rival.base.held_plain)
-        errors[rival.id] = error / first.before.plain.weight / excess
+    for rival in found.steps[0].contenders:
+        share = float((base.held_plain - rival.base.held_plain).sum() / excess.sum())
+        _, error = gain_and_error(base.held_plain, rival.base.held_plain + share * excess)
+        errors[rival.id] = error / float(excess.sum())
     return errors

@@ -53,11 +53,12 @@ class Asked:
 
     def report_command(self) -> str:
         """The page's own command line."""
-        more = [word for path in self.tables for word in ("--table", str(path))]
-        more += ["--ladder", str(self.ladder)] if self.ladder else []
-        more += ["--campaign", str(self.campaign)] if self.campaign else []
-        words = shlex.split(self.command("report", *more, "-o", "report.html", model=self.model is not None))
-        return shlex.join(word for word in words if self.logs or word != "LOG")
+        words = ["tirelog", "report", *self.logs]
+        single = {"--setup": self.setup, "--model": self.model, "--ladder": self.ladder, "--campaign": self.campaign,
+                  "--channel": self.channel, "--effects": self.effects}  # fmt: skip
+        words += [word for option, value in single.items() if value is not None for word in (option, str(value))]
+        words += [word for path in self.tables for word in ("--table", str(path))]
+        return shlex.join([*words, "-o", "report.html"])
 
 
 @dataclass
@@ -70,11 +71,6 @@ class Report:
     provenance: list[str] = field(default_factory=list)
     commands: list[str] = field(default_factory=list)
 
-    def add(self, section: Section) -> None:
-        self.sections.append(section)
-        if section.command not in self.commands:
-            self.commands.append(section.command)
-
 
 def build(recordings: Sequence[Recording], asked: Asked, progress: Progress = lambda text: None) -> Report:
     """The report on `recordings`.  UsageError, ModelError: a file that was given with an option cannot be used."""
@@ -82,14 +78,14 @@ def build(recordings: Sequence[Recording], asked: Asked, progress: Progress = la
     climbed = read_ladder(asked.ladder) if asked.ladder else None
     report = Report(_title(recordings, asked))
     if recordings:
-        report.add(sections.recorded(recordings, asked.command("info")))
+        report.sections.append(sections.recorded(recordings, asked.command("info")))
     else:
         report.missing.append(("what was recorded, and the signals: no log was given", asked.command("info")))
     if asked.campaign is not None:
-        report.add(table_sections.campaign(asked.campaign / "summary.csv", "tirelog campaign run MANIFEST"))
+        report.sections.append(table_sections.campaign(asked.campaign / "summary.csv", "tirelog campaign run MANIFEST"))
     _tables(report, recordings, tables, asked, progress)
     _models(report, recordings, climbed, asked, progress)
-    report.commands.append(asked.report_command())
+    report.commands += dict.fromkeys([*(section.command for section in report.sections), asked.report_command()])
     report.provenance += _provenance(recordings, asked)
     return report
 
@@ -126,13 +122,13 @@ def _tables(report: Report, recordings: Sequence[Recording], tables: Tables, ask
             report.missing.append((f"{name}: {why}", command))
             continue
         if name == "speed":
-            report.add(sections.drive(recordings, table, command, remarks))
+            report.sections.append(sections.drive(recordings, table, command, remarks))
             speed = table[["log", "channel", "revolution", "acceleration_m_s2"]] if recordings else None
         elif name == "footprint":
             passage = [f for recording in recordings[:1] for f in passage_figures(recording, table, speed)]
-            report.add(table_sections.footprint(table, command, remarks, passage))
+            report.sections.append(table_sections.footprint(table, command, remarks, passage))
         elif name == "dissipation":
-            report.add(table_sections.dissipation(table, command, remarks, lines))
+            report.sections.append(table_sections.dissipation(table, command, remarks, lines))
             if lines is None:
                 report.missing.append(
                     ("dissipation: the regressions on speed (give the file with --table)", asked.command(name, "--fit", "-o", "fit.csv"))
@@ -143,7 +139,7 @@ def _tables(report: Report, recordings: Sequence[Recording], tables: Tables, ask
 
 def _phase_shift(report: Report, table: pd.DataFrame, command: str, remarks: Sequence[str], asked: Asked) -> None:
     """The section, and what a calibration would add to it."""
-    report.add(table_sections.phase_shift(table, command, remarks))
+    report.sections.append(table_sections.phase_shift(table, command, remarks))
     wanted = {
         "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
         "vertical_force_N": "forces by the calibration's maps",
@@ -157,7 +153,7 @@ def _phase_shift(report: Report, table: pd.DataFrame, command: str, remarks: Seq
 def _models(report: Report, recordings: Sequence[Recording], climbed: Any, asked: Asked, progress: Progress) -> None:
     """Comparison, diagnosis, ladder and switches; or what is missing for them."""
     if climbed is not None:
-        report.add(model_sections.ladder(climbed, asked.command("ladder", model=True)))
+        report.sections.append(model_sections.ladder(climbed, asked.command("ladder", model=True)))
     else:
         report.missing.append(
             ("the ladder, the error falling to the floor (then --ladder M.ladder.json)", asked.command("ladder", model=True))
@@ -182,8 +178,7 @@ def _models(report: Report, recordings: Sequence[Recording], climbed: Any, asked
         report.missing.append((f"the model against the measurement: {problem}", asked.command("compare", model=True)))
         return
     ladder = [report.sections.pop()] if climbed is not None else []
-    for section in (*story.before_ladder, *ladder, *story.after_ladder):
-        report.add(section)
+    report.sections += [*story.before_ladder, *ladder, *story.after_ladder]
     report.missing += story.missing
 
 

@@ -63,7 +63,7 @@ def unpacked(values: Any) -> Any:
 
 def axis(title: str, **more: Any) -> dict[str, Any]:
     """An axis whose title carries its unit."""
-    return {"title": {"text": title}, "automargin": True, **more}
+    return {"title": {"text": title}, "automargin": True, "exponentformat": "power", **more}
 
 
 def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
@@ -117,17 +117,34 @@ def band(x: Any, low: Any, high: Any, name: str, colour: int = 0) -> list[dict[s
 
 
 def bars(labels: Sequence[str], values: Any, name: str, colour: int = 0, *, across: bool = False, **more: Any) -> dict[str, Any]:
-    """Bars over words; `across`: lying, so that long words stay readable."""
+    """Bars over words; `across`: lying, so that long words stay readable.  `error`: standard errors, NaN where there is none."""
     words = [safe(label) for label in labels]
     x, y = (packed(values), words) if across else (words, packed(values))
     marker = {"color": COLOURS[colour % len(COLOURS)]}
-    return {"type": "bar", "x": x, "y": y, "name": safe(name), "marker": marker, "orientation": "h" if across else "v", **more}
+    if "error" in more:
+        key = "error_x" if across else "error_y"
+        more[key] = {"type": "data", "array": packed(more.pop("error")), "visible": True, "color": "#6b6b6b", "thickness": 1.5}
+    return {
+        "type": "bar",
+        "width": 0.6,
+        "x": x,
+        "y": y,
+        "name": safe(name),
+        "marker": marker,
+        "orientation": "h" if across else "v",
+        **more,
+    }
 
 
-def heat(x: Any, y: Any, z: Any, unit: str) -> dict[str, Any]:
-    """A signed map: blue below zero, red above, the same reach on both sides."""
+def colour_reach(z: FloatArray) -> float:
+    """Where the colours of a map end."""
     known = np.abs(z[np.isfinite(z)])
-    reach = float(np.percentile(known, _COLOUR_PERCENTILE)) if known.size else 1.0
+    return float(np.percentile(known, _COLOUR_PERCENTILE)) if known.size else 1.0
+
+
+def heat(x: Any, y: Any, z: Any, unit: str, reach: float | None = None) -> dict[str, Any]:
+    """A signed map: blue below zero, red above, the same reach on both sides."""
+    reach = colour_reach(z) if reach is None else reach
     return {
         "type": "heatmap",
         "x": packed(x),

@@ -54,6 +54,7 @@ def comparison(result: Comparison, command: str) -> Section:
     ]
     figures = [
         _waveforms(result.waveforms, result, factor, unit),
+        _differences(result.waveforms, result, factor, unit),
         residual_map("residual-speed", "Residual over angle and speed", result.by_speed, result),
         residual_map("residual-time", "Residual over angle and time", result.by_time, result),
     ]
@@ -110,8 +111,20 @@ def _waveforms(waves: Waveforms, result: Comparison, factor: float, unit: str) -
     return Figure("waveforms", "Waveforms", alt, traces, shape)
 
 
-def residual_map(id: str, title: str, found: Map, result: Comparison) -> Figure:
-    """The residual, measured less predicted, over an axis and the angle."""
+def _differences(waves: Waveforms, result: Comparison, factor: float, unit: str) -> Figure:
+    """The same waveforms, measured less predicted, where the floor's band can be seen."""
+    traces: list[dict[str, Any]] = []
+    for i, label in enumerate(waves.labels):
+        phi, left, floor = np.rad2deg(waves.phi_rad[i]), (waves.measured[i] - waves.predicted[i]) * factor, 2.0 * factor * waves.floor[i]
+        traces += band(phi, -floor, floor, f"two floors, {short(label)}", i)
+        traces.append(line(phi, left, short(label), i))
+    alt = f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two noise floors as bands about zero."
+    shape = layout(ANGLE, f"residual [{unit}]", xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad), height=460)
+    return Figure("differences", "What the model leaves of these waveforms", alt, traces, shape)
+
+
+def residual_map(id: str, title: str, found: Map, result: Comparison, reach: float | None = None) -> Figure:
+    """The residual, measured less predicted, over an axis and the angle; colours to `reach` in the page's unit."""
     factor, unit = shown(result.observable, result.unit)
     name = {"speed_m_s": "speed [m/s]", "time_s": "time [s]"}[found.axis_name]
     phi = np.rad2deg(found.phi_rad)
@@ -123,7 +136,7 @@ def residual_map(id: str, title: str, found: Map, result: Comparison) -> Figure:
         traces = [dots(found.axis, found.residual[:, 0] * factor, "residual")]
         return Figure(id, title, alt, traces, layout(name, f"residual [{unit}]"))
     shape = layout(ANGLE, name, xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad))
-    return Figure(id, title, alt, [heat(phi, found.axis, found.residual * factor, f"residual [{unit}]")], shape)
+    return Figure(id, title, alt, [heat(phi, found.axis, found.residual * factor, f"residual [{unit}]", reach)], shape)
 
 
 def _errors(result: Comparison, factor: float, unit: str) -> Table:
@@ -189,7 +202,7 @@ def _manoeuvre(row: Mapping[str, Any]) -> str:
 def _strengths(strengths: Mapping[str, Mapping[str, Any]]) -> str:
     parts = []
     for name, s in strengths.items():
-        error = f" ± {s['se']:.2g}" if s["se"] is not None else ""
+        error = f" ± {s['se']:.2g}" if s["se"] is not None and np.isfinite(s["se"]) else ""
         parts.append(f"{name} {s['value']:.4g}{error}" + (f" {s['unit']}" if s["unit"] != "1" else ""))
     return ", ".join(parts)
 
@@ -200,9 +213,8 @@ def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
     for colour, selected, name in ((1, True, "selected"), (0, False, "not selected")):
         some = [c for c in ranked if c.selected == selected][::-1]
         if some:
-            error = [100.0 * errors.get(c.effect, 0.0) for c in some]
-            bar = bars([c.effect for c in some], [100.0 * c.excess_removed for c in some], name, colour, across=True)
-            traces.append(bar | {"error_x": {"type": "data", "array": error, "visible": True, "color": GREY_BAR, "thickness": 1.5}})
+            error = [100.0 * errors.get(c.effect, np.nan) for c in some]
+            traces.append(bars([c.effect for c in some], [100.0 * c.excess_removed for c in some], name, colour, across=True, error=error))
     best = ", ".join(f"{c.effect} {100 * c.excess_removed:.1f} %" for c in ranked[:5])
     alt = f"Share of the excess that each effect removes alone: {best}. Error bars, one standard error, where the effect was refitted."
     order = [c.effect for c in ranked][::-1]

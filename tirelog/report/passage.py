@@ -65,7 +65,7 @@ def _chosen(rows: pd.DataFrame, speed: pd.DataFrame | None) -> tuple[pd.Series, 
         acceleration = pd.Series(known.reindex(rows["revolution"]).to_numpy(float), index=rows.index).fillna(0.0)
     free = acceleration.abs().sort_values(kind="stable").index[: max(len(rows) // 3, 1)]
     chosen = rows.loc[free].sort_values("speed_m_s", kind="stable").iloc[len(free) // 4]
-    return chosen, float(acceleration[chosen.name])
+    return chosen, float(acceleration[rows["revolution"] == chosen["revolution"]].iloc[0])
 
 
 def _measured(recording: Recording, channel: Channel, row: pd.Series, acceleration: float) -> _Passage | None:
@@ -101,11 +101,16 @@ def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
         ("strain", "Strain", "strain [µm/m]", ((raw, 1e6 * turned * p.strain),)),
         (
             "first",
-            "First derivative",
+            "First derivative of the strain",
             "dε/dξ [µm/m per mm]",
             ((raw, 1e3 * turned * p.raw.first[0]), (smooth, 1e3 * turned * p.smooth.first[0])),
         ),
-        ("second", "Second derivative", "d²ε/dξ² [µm/m per mm²]", ((raw, turned * p.raw.second[0]), (smooth, turned * p.smooth.second[0]))),
+        (
+            "second",
+            "Second derivative of the strain",
+            "d²ε/dξ² [µm/m per mm²]",
+            ((raw, turned * p.raw.second[0]), (smooth, turned * p.smooth.second[0])),
+        ),
     ):
         traces = [
             line(x, y, words, colour, line={"width": width})
@@ -120,7 +125,7 @@ def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
         ends = (low - room, high + room)
         traces += _edge_lines(p, ends)
         alt = (
-            f"{title} of the strain along the tread, entry at the left: {which}, {state}. Contact length {1e3 * length:.1f} mm, "
+            f"{title} along the tread, entry at the left: {which}, {state}. Contact length {1e3 * length:.1f} mm, "
             f"edges at {1e3 * p.edges_m[0]:.1f} and {1e3 * p.edges_m[1]:.1f} mm from the patch centre."
         )
         shape = layout("ξ from the patch centre [mm], entry to exit", label, xrange=(-reach, reach), yrange=ends)
@@ -132,7 +137,10 @@ def _edge_lines(p: _Passage, ends: tuple[float, float]) -> list[dict[str, Any]]:
     """The edges as upright lines: best estimate (table), extrema of the second and the first derivative, slip onset."""
     d = p.by_derivative
     middle = 0.5 * (p.edges_m[0] + p.edges_m[1])
-    lines = [("edges, best estimate", p.edges_m, 1, "solid"), ("extrema of d²ε/dξ²", (float(d.entry_m[0]), float(d.exit_m[0])), 2, "dash")]
+    lines: list[tuple[str, tuple[float, ...], int, str]] = [
+        ("edges, best estimate", p.edges_m, 1, "solid"),
+        ("extrema of d²ε/dξ²", (float(d.entry_m[0]), float(d.exit_m[0])), 2, "dash"),
+    ]
     onset = p.row.get("slip_onset_m")
     if onset is not None and np.isfinite(float(onset)):
         lines.append(("slip onset", (middle + float(onset),), 3, "dot"))

@@ -67,8 +67,8 @@ def _drawn(figure: Figure) -> Any:
     axes.grid(alpha=0.25, lw=0.5)
     handles, labels = axes.get_legend_handles_labels()
     if labels:
-        axes.legend(handles, labels, fontsize=7)
-        for text in axes.get_legend().get_texts():
+        legend = axes.legend(handles, labels, fontsize=7)
+        for text in legend.get_texts():
             text.set_parse_math(False)
     return canvas
 
@@ -99,10 +99,10 @@ def _trace(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:
 def _bars(axes: Axes, trace: dict[str, Any], name: str) -> None:
     colour = trace["marker"]["color"]
     if trace["orientation"] == "h":
-        error = trace.get("error_x", {}).get("array")
-        axes.barh([html.unescape(word) for word in trace["y"]], trace["x"], xerr=error, color=colour, label=name)
+        error = unpacked(trace["error_x"]["array"]) if "error_x" in trace else None
+        axes.barh([html.unescape(word) for word in trace["y"]], trace["x"], trace["width"], xerr=error, color=colour, label=name)
     else:
-        axes.bar([html.unescape(word) for word in trace["x"]], trace["y"], color=colour, label=name)
+        axes.bar([html.unescape(word) for word in trace["x"]], trace["y"], trace["width"], color=colour, label=name)
 
 
 def _heat(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:

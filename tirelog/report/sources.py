@@ -86,7 +86,7 @@ def _read(path: Path, log: str | None) -> pd.DataFrame:
         frame = frame.drop(columns=[name for name in frame.columns if name in _UNUSED])
         frame = frame.astype({name: "category" for name in _WORDS if name in frame})
     if log is not None:
-        frame["log"] = pd.Categorical.from_codes(np.zeros(len(frame), np.int8), [log])
+        frame["log"] = pd.Categorical([log]).repeat(len(frame))
     return frame
 
 

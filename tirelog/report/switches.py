@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.errors import ModelError, UsageError, nearest
-from tirelog.report.figures import Figure, bars, dots, layout, line, packed, unpacked
+from tirelog.report.figures import Figure, bars, colour_reach, dots, layout, line, packed, unpacked
 from tirelog.report.model_sections import ANGLE, edges, residual_map, short, shown, window
 from tirelog.report.page import Section
 
@@ -83,11 +83,12 @@ def switches(found: Mapping[int, Comparison | str], names: Sequence[str], comman
     full = found[start]
     if isinstance(full, str):
         return None
-    figures = [
-        _waveforms(full),
-        residual_map("switch-map", "Residual over angle and speed, by switches", full.by_speed, full),
-        _error(full),
-    ]
+    factor, _ = shown(full.observable, full.unit)
+    known = [result for result in found.values() if not isinstance(result, str)]
+    reach = max(colour_reach(result.by_speed.residual * factor) for result in known)
+    highest = max(max(result.rmse, result.rmse_heldout, result.noise_floor) for result in known) * factor
+    title = "Residual over angle and speed, by switches"
+    figures = [_waveforms(full), residual_map("switch-map", title, full.by_speed, full, reach), _error(full, highest)]
     states = {str(mask): _state(result, full, figures, _combination(mask, names)) for mask, result in found.items()}
     words = ["Turn an effect off and see what the model without it, fitted anew, predicts and leaves."]
     if left_out:
@@ -114,13 +115,13 @@ def _waveforms(full: Comparison) -> Figure:
     return Figure("switch-waves", "Prediction, by switches", alt, traces, shape)
 
 
-def _error(full: Comparison) -> Figure:
+def _error(full: Comparison, highest: float) -> Figure:
+    """Three bars on an axis that holds those of every combination."""
     factor, unit = shown(full.observable, full.unit)
     values = [v * factor for v in (full.rmse, full.rmse_heldout, full.noise_floor)]
     words = ["fitted", "held out", "noise floor"]
-    shape = layout("", f"error [{unit}]", height=300, showlegend=False)
+    shape = layout("", f"error [{unit}]", yrange=(0.0, 1.05 * highest), height=300, showlegend=False)
     shape["xaxis"] = {"type": "category", "automargin": True}
-    shape["yaxis"]["rangemode"] = "tozero"
     alt = "Error on the data of the fit, error on held-out manoeuvres, and noise floor of the chosen combination."
     return Figure("switch-error", "Error, by switches", alt, [bars(words, values, "error")], shape)
 

@@ -15,7 +15,7 @@ import pandas as pd
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure, dots, layout, line
 from tirelog.report.page import Section, Table
-from tirelog.report.sections import drawn_of, groups, quality, reach
+from tirelog.report.sections import drawn_of, groups, quality, reach, short_names
 
 _METHODS = (("length_m", "best estimate"), ("length_d2_m", "second derivative"), ("length_d1_m", "first derivative"))
 _ASIDE = {"size": 4, "opacity": 0.35}
@@ -83,10 +83,12 @@ def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict]:
     if lines is None:
         return []
     drawn = []
+    names = short_names([str(log) for log in lines["log"].unique()])
     for i, (_, row) in enumerate(lines[lines["quantity"] == column].iterrows()):
+        who = f"{names[str(row['log'])]}: {row['channel']}" if len(names) > 1 else row["channel"]
         ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
         y = float(row["intercept"]) + float(row["slope"]) * ends
-        drawn.append(line(ends, y, f"{row['channel']}: {row['slope']:.3g} ± {row['slope_se']:.1g} per m/s", i, line={"width": 2.5}))
+        drawn.append(line(ends, y, f"{who}: {row['slope']:.3g} ± {row['slope_se']:.1g} per m/s", i, line={"width": 2.5}))
     return drawn
 
 

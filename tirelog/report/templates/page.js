@@ -9,7 +9,7 @@
     const ink = style.getPropertyValue("--ink").trim(), grid = style.getPropertyValue("--line").trim();
     const out = Object.assign({
       margin: { l: 60, r: 20, t: 10, b: 50 }, font: { color: ink, family: "system-ui, sans-serif" },
-      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", legend: { orientation: "h", y: -0.25 }, height: 380,
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", legend: { orientation: "h", yanchor: "top", y: -0.22, traceorder: "normal" }, height: 380,
       modebar: { bgcolor: "rgba(0,0,0,0)", color: ink, activecolor: ink }
     }, layout);
     for (const key of Object.keys(out)) {
