@@ -160,7 +160,7 @@ def _passage(panels: Sequence[Axes], found: FootprintOfChannel, row: int, title:
     for cut, upsample in ((np.array([1e9]), 1), (cutoff, 4)):
         tread = along_tread(windows.values, windows.rate_Hz, windows.centre, speed, acceleration, cut, upsample)
         strain = lowpassed(windows.values, windows.rate_Hz, cut, upsample)[0]
-        panes.append((1e3 * tread.xi_m[0], (strain + np.linspace(*ends, strain.size), tread.first[0], tread.second[0])))
+        panes.append((1e3 * tread.xi_m[0], (strain + np.linspace(ends[0], ends[1], strain.size), tread.first[0], tread.second[0])))
     units = (("strain [µε]", MICRO), ("d/dξ [µε/mm]", 1e3), ("d²/dξ² [µε/mm²]", 1.0))
     for number, (axes, (text, scale)) in enumerate(zip(panels, units, strict=True)):
         for (xi, curves), colour, width, style in ((panes[0], RAW, 0.8, ".-"), (panes[1], COLOURS[0], 1.4, "-")):
