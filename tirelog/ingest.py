@@ -177,8 +177,10 @@ def _write(
     writer = RunWriter(path, setup, reader.groups, compress=compress)
     lost: dict[str, int] = {}
     try:
+        whole = True
         for number, block in enumerate(reader.blocks()):
             if number == blocks:
+                whole = False
                 summary.remarks.append(f"only the first {sum(summary.samples.values())} samples were looked at")
                 break
             for name, values in block.values.items():
@@ -202,7 +204,7 @@ def _write(
             summary.repairs[name] = dict(clock.repairs)
             summary.remarks += clock.remarks
         summary.remarks += _setup_remarks(setup, set(lost))
-        if blocks is None:
+        if whole:
             summary.sha256, summary.bytes = stream.finish(), stream.size
         writer.finish(axes, flags, summary.provenance(setup))
     finally:

@@ -31,6 +31,8 @@ from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
 FORMAT_VERSION = 1
 CHUNK = 1 << 15
 _CHUNKS_AT_ONCE = 4
+#: samples beyond a slice that are looked at for the readings of a twin grating on either side of a lost one
+_TWIN_REACH = 4096
 _CACHE_BYTES = 1 << 20  # of each dataset; the default of HDF5 2 is 8 MB, which many channels multiply
 _LOST = np.iinfo(np.int32).min
 
@@ -301,13 +303,27 @@ def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channe
     plain: Callable[[int, int], FloatArray] = strain.samples
 
     def samples(start: int, stop: int) -> FloatArray:
-        if twin.axis is strain.axis:
-            change = twin.read(start, stop)
-        else:
-            at = twin.axis.index(strain.axis.time(start, stop))
-            low, high = int(at.min(initial=0.0)), int(at.max(initial=0.0)) + 2
-            near = twin.read(low, high)
-            change = np.interp(at, low + np.arange(near.size), near)
-        return plain(start, stop) - expansion_1_K * change
+        at = np.arange(start, stop) if twin.axis is strain.axis else twin.axis.index(strain.axis.time(start, stop))
+        low = max(int(at.min(initial=0.0)) - _TWIN_REACH, 0)
+        near = twin.read(low, int(at.max(initial=0.0)) + 2 + _TWIN_REACH)
+        return plain(start, stop) - expansion_1_K * _bridged(near, at - low)
 
     return Channel(**{**strain.__dict__, "samples": samples})
+
+
+def _bridged(values: FloatArray, at: FloatArray) -> FloatArray:
+    """`values` at fractional indices, straight over lost samples: temperature is slow.
+
+    Between the nearest readings on either side within reach, else as the one that is, else NaN: what comes out depends on the sample alone
+    and not on the slice that is read, so block sizes do not matter.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    if not known.size:
+        return np.full(at.shape, np.nan)
+    after = np.searchsorted(known, at)
+    left, right = known[np.maximum(after - 1, 0)], known[np.minimum(after, known.size - 1)]
+    has_left, has_right = (after > 0) & (at - left <= _TWIN_REACH), (after < known.size) & (right - at <= _TWIN_REACH)
+    share = np.where(right > left, (at - left) / np.maximum(right - left, 1), 1.0)
+    both = values[left] + share * (values[right] - values[left])
+    one = np.where(has_left, values[left], np.where(has_right, values[right], np.nan))
+    return np.where(has_left & has_right, both, one)
