@@ -146,3 +146,15 @@ def test_a_lone_gap_is_bridged_by_the_cubic_through_its_neighbours():
     filled, count = bridged(holed, 10.0)
     np.testing.assert_allclose(filled, cubic, atol=1e-9)
     assert count == 3
+
+
+@pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8])
+def test_a_log_of_few_revolutions_has_all_its_rows(drive, radius_m, seconds):
+    """Where the log cuts a patch off, or tells no speed, the factor is unknown: NaN, and never a part of it."""
+    made = drive([0, seconds], [10, 10], seed=1740, pulse=Beam(speeds=(10.0, 10.0)), **CALM)
+    (table,) = dissipation_of(Recording("a.csv", {"s": made.channel}, Setup(Tire(rolling_radius_m=radius_m, section_area_m2=1e-3))))
+    factor = table.columns["dissipation_factor_1_m"]
+    assert factor.size == len(table.passages) > 0
+    known = np.isfinite(factor)
+    np.testing.assert_allclose(factor[known], Beam().dissipation_factor(10.0), rtol=0.01)
+    assert "ok" not in table.columns["quality"][~known]

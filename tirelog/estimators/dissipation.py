@@ -189,9 +189,9 @@ def dissipation(
     `words`: the quality words that the speeds already have; `averaged`: revolutions of a moving average.
     """
     n = len(passages)
-    if not n:
-        empty = np.zeros(0)
-        return Dissipation(empty, empty, empty, np.zeros(0, bool), empty, empty, np.zeros(0, np.int64), ())
+    if not np.isfinite(passages.speed_m_s).any():
+        nan = np.full(n, np.nan)
+        return Dissipation(nan, nan, nan, np.zeros(n, bool), nan, nan, np.full(n, -1), tuple(words))
     how = _filter(channel, passages)
     energy, bend, means = _energies(channel, passages, how, block_samples)
     speed = passages.speed_m_s
@@ -203,7 +203,10 @@ def dissipation(
     bend = np.maximum(bend - means * sigma2 * float((np.convolve(how.coefficients, (0.5, 0.0, -0.5)) ** 2).sum()), 0.0)
     variance = 4.0 * sigma2 * bend * how.rate_Hz**2 + 2.0 * sigma2**2 * means * float((lags**2).sum())
     with np.errstate(invalid="ignore", divide="ignore"):
-        factor = np.where(means > 0, (energy - means * per_mean) * step / speed, np.nan)
+        # a revolution whose patch the log cuts off has no energy of its own
+        reach = passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz
+        whole = (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
+        factor = np.where(whole, (energy - means * per_mean) * step / speed, np.nan)
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
