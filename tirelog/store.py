@@ -303,7 +303,9 @@ def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channe
     plain: Callable[[int, int], FloatArray] = strain.samples
 
     def samples(start: int, stop: int) -> FloatArray:
-        at = np.arange(start, stop) if twin.axis is strain.axis else twin.axis.index(strain.axis.time(start, stop))
+        at = np.arange(start, stop, dtype=np.float64)
+        if twin.axis is not strain.axis:
+            at = twin.axis.index(strain.axis.time(start, stop))
         low = max(int(at.min(initial=0.0)) - _TWIN_REACH, 0)
         near = twin.read(low, int(at.max(initial=0.0)) + 2 + _TWIN_REACH)
         return plain(start, stop) - expansion_1_K * _bridged(near, at - low)

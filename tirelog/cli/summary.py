@@ -18,9 +18,8 @@ def print_summary(recording: Recording) -> None:
 
     console = Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else _WIDTH)
     about = recording.provenance
-    console.print(
-        f"{recording.log}: {about.get('format', 'log')}, {about.get('bytes', 0):,} bytes, sha256 {str(about.get('sha256', ''))[:12]}"
-    )
+    size = f", {about['bytes']:,} bytes, sha256 {about['sha256'][:12]}" if about.get("sha256") else ""
+    console.print(f"{recording.log}: {about.get('format', 'log')}{size}")
     if about.get("start"):
         console.print(f"started {about['start']}")
     rows = channel_rows(recording)
