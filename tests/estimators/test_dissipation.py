@@ -148,7 +148,7 @@ def test_a_lone_gap_is_bridged_by_the_cubic_through_its_neighbours():
     assert count == 3
 
 
-@pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8])
+@pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8, 3.0])
 def test_a_log_of_few_revolutions_has_all_its_rows(drive, radius_m, seconds):
     """Where the log cuts a patch off, or tells no speed, the factor is unknown: NaN, and never a part of it."""
     made = drive([0, seconds], [10, 10], seed=1740, pulse=Beam(speeds=(10.0, 10.0)), **CALM)

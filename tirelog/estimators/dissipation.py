@@ -33,6 +33,8 @@ SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
 OVERSAMPLING = 4.0
 #: a sample off its neighbours' cubic by more than these many sigmas and this share of the passages' height is bridged
 WILD_SIGMAS, WILD_SHARE = 10.0, 0.06
+#: the patch with its shoulders, in half windows of the passages
+SHOULDERS = 1.6
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 18
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a moving average
@@ -204,7 +206,7 @@ def dissipation(
     variance = 4.0 * sigma2 * bend * how.rate_Hz**2 + 2.0 * sigma2**2 * means * float((lags**2).sum())
     with np.errstate(invalid="ignore", divide="ignore"):
         # a revolution whose patch the log cuts off has no energy of its own
-        reach = passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz
+        reach = SHOULDERS * passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz + how.margin
         whole = (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
         factor = np.where(whole, (energy - means * per_mean) * step / speed, np.nan)
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
