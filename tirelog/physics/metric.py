@@ -5,9 +5,9 @@
 
 Free nuisances (an offset, amplitude or small shift of each revolution) are projected out.  Scatter is what a real drive adds from
 revolution to revolution and from manoeuvre to manoeuvre: the load is a little higher, rises a little over the turn, the baseline
-moves: D a + phi D b + rms c with D = dP / d ln F from the model, random with covariances that are estimated from the residual.  Its
-directions stay in, at the weight they deserve: (1 + U Lambda U^T)^(-1/2).  (Amplitude and width of the waveform instead of D leave
-a reduced chi-square of 1.7 on a road of 1 % roughness, D alone 1.09, D and phi D 1.01.)
+moves: D (a + b phi + c phi^2) + rms d with D = dP / d ln F from the model, random with covariances that are estimated from the
+residual.  Its directions stay in, at the weight they deserve: (1 + U Lambda U^T)^(-1/2).  (Amplitude and width of the waveform
+instead of D leave a reduced chi-square of 1.7 on a road of 1 % roughness, D alone 1.09, with phi D 1.016, with phi^2 D 1.012.)
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def weights(stack: Stack) -> FloatArray:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Covariances (3, 3) of load, its rise over the turn [1/rad], and baseline (relative; the baseline to the waveform's rms): of a
-    revolution about its manoeuvre, and of manoeuvres; and the columns (n, m, 3) they belong to."""
+    """Covariances (4, 4) of load, its rise [1/rad] and bend [1/rad^2] over the turn, and baseline (relative; the baseline to the
+    waveform's rms): of a revolution about its manoeuvre, and of manoeuvres; and the shapes, (n, m) each, that they belong to."""
 
     shapes: tuple[FloatArray, ...]
 
@@ -52,9 +52,10 @@ class Scatter:
 
 
 def scatter_shapes(stack: Stack, waveform: FloatArray, by_load: FloatArray) -> tuple[FloatArray, ...]:
-    """What scatter adds per unit of load, its rise and baseline, (n, m) each; `by_load` is D."""
+    """What scatter adds per unit of load, its rise and bend, and baseline, (n, m) each; `by_load` is D."""
     rms = np.sqrt(np.nanmean(waveform**2, axis=1, keepdims=True))
-    return by_load, np.nan_to_num(stack.phi_mean) * by_load, np.broadcast_to(rms, waveform.shape)
+    phi = np.nan_to_num(stack.phi_mean)
+    return by_load, phi * by_load, phi**2 * by_load, np.broadcast_to(rms, waveform.shape)
 
 
 class Metric:
