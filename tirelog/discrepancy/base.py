@@ -78,7 +78,7 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     model = model.resolved(cells.conditions)
     rough = (_FIRST_DISCREPANCY**2) * float(np.nanmean(cells.values**2))
     fit = fit_model(cells, whitener(cells, rough), model, several=several)
-    return _with_scatter(cells, fit, rough)
+    return _with_scatter(fit.cells, fit, rough)
 
 
 def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
@@ -94,6 +94,7 @@ def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
         discrepancy = _discrepancy(cells, plain, fit, floor)
         white = whitener(cells, discrepancy).with_manoeuvres(cells.manoeuvre, columns, np.array([load_sd, baseline_sd]))
         fit = fit_model(cells, white, fit.model, several=False)
+        cells = fit.cells
     held_white, held_plain = held_out_losses(cells, white, plain, fit)
     return Base(cells, white, plain, floor, fit, held_white, held_plain, discrepancy, raw)
 
@@ -107,14 +108,15 @@ def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
 
 def settled(base: Base) -> Base:
     """The same model with the scatter between manoeuvres measured anew: once an effect is in, less is taken for scatter."""
-    return _with_scatter(base.raw or base.cells, base.fit, base.discrepancy)
+    raw = base.raw or base.cells
+    return _with_scatter(replace(raw, phi=base.cells.phi, moved=base.cells.moved), base.fit, base.discrepancy)
 
 
 def refit(base: Base, model: Model) -> Base:
     """Another model (an effect more, other start values) on the same cells, metric and floor."""
     fit = fit_model(base.cells, base.white, model.resolved(base.cells.conditions), several=False)
-    held_white, held_plain = held_out_losses(base.cells, base.white, base.plain, fit)
-    return replace(base, fit=fit, held_white=held_white, held_plain=held_plain)
+    held_white, held_plain = held_out_losses(fit.cells, base.white, base.plain, fit)
+    return replace(base, cells=fit.cells, fit=fit, held_white=held_white, held_plain=held_plain)
 
 
 def thinned(base: Base, most: int) -> Base:

@@ -43,6 +43,7 @@ class Cells:
     revolutions    (C,)  in the cell;  conditions: means;  log, manoeuvre (C,) integers, manoeuvre 0 ... M-1;  regime (C,)
     within         (C, m) mean square of single revolutions about their cell, shift taken out, noise and random effects in it
     speed_mean, speed_square (C, m)  mean and mean square of a bin's samples' speed about the cell's mean speed [m/s], [m^2/s^2]
+    moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does that)
     cell           (n,) the cell of each revolution of the stack
     """
 
@@ -64,6 +65,7 @@ class Cells:
     within: FloatArray
     speed_mean: FloatArray
     speed_square: FloatArray
+    moved: FloatArray
     cell: IntArray
     logs: tuple[str, ...]
 
@@ -141,6 +143,7 @@ def make_cells(stack: Stack) -> Cells:
         within=(noise[None, :] / per_revolution + spread) if m > 1 else (sd**2 * number[:, None]),
         speed_mean=np.stack([part.speed_mean for part in parts]),
         speed_square=np.stack([part.speed_square for part in parts]),
+        moved=np.zeros(C),
         cell=cell,
         logs=stack.logs,
     )

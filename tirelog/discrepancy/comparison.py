@@ -243,7 +243,9 @@ def _by_revolution(base: Base, stack: Stack) -> list[dict[str, Any]]:
     """One row a revolution: rms of measured less predicted, the offset of its log and its own shift taken out."""
     cell = base.cells.cell
     waves = stack.phi_rad.size > 1
-    angles: dict[str, Any] = {"phi_rad": stack.phi_mean, "phi_variance": stack.phi_variance} if waves else {"phi_rad": None}
+    angles: dict[str, Any] = (
+        {"phi_rad": stack.phi_mean - base.cells.moved[cell][:, None], "phi_variance": stack.phi_variance} if waves else {"phi_rad": None}
+    )
     predicted = base.model.predict(stack.conditions, surface=stack.surface, **angles) + base.offset_of_cell[cell][:, None]
     left = np.where(np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan)
     direction = base.plain.direction[cell]

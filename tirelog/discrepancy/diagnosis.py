@@ -22,7 +22,7 @@ from tirelog.discrepancy.assessment import Assessed
 from tirelog.discrepancy.base import Base, settled
 from tirelog.discrepancy.comparison import comparison_of, start
 from tirelog.discrepancy.leftover import Leftover, describe
-from tirelog.discrepancy.naming import Step, contend, first_step, next_step, regrouped
+from tirelog.discrepancy.naming import Step, contend, first_step, next_step, regrouped, without_needless
 from tirelog.discrepancy.results import Candidate, Comparison, plain
 from tirelog.discrepancy.selection import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.discrepancy.separation import advise
@@ -46,15 +46,16 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Found:
-    """What the search came to: the base before, the steps, the base with all that was named."""
+    """What the search came to: the base before, the steps, the base with all that was named, and what later names made needless."""
 
     before: Base
     steps: tuple[Step, ...]
     after: Base
+    dropped: tuple[str, ...] = ()
 
     @property
     def named(self) -> tuple[str, ...]:
-        return tuple(step.named.id for step in self.steps if step.named is not None)
+        return tuple(step.named.id for step in self.steps if step.named is not None and step.named.id not in self.dropped)
 
 
 @dataclass(frozen=True)
@@ -128,11 +129,14 @@ def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lamb
         step = next_step(after, named, excess, extra)
         steps.append(step)
     named = [s.named.id for s in steps if s.named is not None]
-    if len(named) > 1:
-        progress("looking for what could stand in place of each")
-        groups = regrouped(after, named, extra)
-        steps = [replace(s, group=groups[s.named.id]) if s.named is not None else s for s in steps]
-    return Found(base, tuple(steps), after)
+    if len(named) < 2:
+        return Found(base, tuple(steps), after)
+    progress("looking for what could stand in place of each")
+    after, dropped = without_needless(after, named)
+    after = settled(after) if dropped else after
+    groups = regrouped(after, [name for name in named if name not in dropped], extra)
+    steps = [replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps]
+    return Found(base, tuple(steps), after, dropped)
 
 
 def conclude(found: Found, stack: Stack) -> Diagnosis:

@@ -17,7 +17,7 @@ from tirelog.discrepancy.base import Base
 from tirelog.discrepancy.cells import make_cells
 from tirelog.discrepancy.comparison import UNITS, start
 from tirelog.discrepancy.diagnosis import EXPLAINED, Found, Progress, search
-from tirelog.discrepancy.fitting import Problem, log_columns
+from tirelog.discrepancy.fitting import Problem, centred, log_columns
 from tirelog.discrepancy.floor import Plain, at_mean_speed
 from tirelog.discrepancy.naming import Step
 from tirelog.discrepancy.projection import Normal, solve_scaled
@@ -71,6 +71,8 @@ def locked_away(stack: Stack) -> tuple[Stack, Stack | None]:
 def _untouched(after: Base, locked: Stack) -> tuple[float, float]:
     """rmse of the model on the locked manoeuvres, offsets as fitted on the others, and the floor there."""
     cells = make_cells(locked)
+    for _ in range(3):
+        cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
     cells = at_mean_speed(cells, _fit_on(after, cells))
     fit = _fit_on(after, cells)
     plain = Plain.of(cells)
@@ -109,6 +111,11 @@ def _steps(found: Found) -> Iterable[LadderStep]:
         step = found.steps[number - 1] if number else None
         yield _row(number, base, last, step)
         last = base
+    if found.dropped:
+        row = _row(len(bases), found.after, last, None)
+        names = ", ".join(found.dropped)
+        yield replace(row, effect=names, decision="removed", sentence=f"{names} removed: what came later has made it needless.")
+        bases.append(found.after)
     final = found.steps[-1]
     if final.named is None and final.assessed:
         best = final.contenders[0].assessed if final.contenders else final.assessed[0]

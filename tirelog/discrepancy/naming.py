@@ -226,6 +226,21 @@ def next_step(base: Base, named: Sequence[str], excess: float, extra: Iterable[E
     return Step(base, tuple(assessed), reasons, tuple(contenders), best if accepted else None, group_of(contenders) if accepted else ())
 
 
+def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str, ...]]:
+    """The base without those named effects that the others have made needless, and their names: a first name may have stood in for two."""
+    dropped: list[str] = []
+    for name in named:
+        if len(named) - len(dropped) == 1:
+            break
+        try:
+            less = refit(after, after.model.without_effect(name))
+        except ModelError:
+            continue
+        if not worth_it(less, after):
+            after, dropped = less, [*dropped, name]
+    return after, tuple(dropped)
+
+
 def regrouped(after: Base, named: Sequence[str], extra: Iterable[Effect] = ()) -> dict[str, tuple[str, ...]]:
     """For each of several named effects the set of those that could stand in its place beside the others."""
     groups = {}
