@@ -11,6 +11,7 @@ import pytest
 from tests.cli.conftest import SETUP, pulse_rows
 from tirelog.cli import run
 
+SAMPLES = Path(__file__).parents[2] / "sample_data"
 HOSTILE = "<img src=x onerror=alert(1)>"
 
 
@@ -42,3 +43,21 @@ def browser() -> Iterator[Any]:
         browser = playwright.chromium.launch(executable_path=path, args=flags)
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def model_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of two logs that lack an effect, a model of one effect, and the ladder climbed on them, in a folder with a hostile name."""
+    folder = tmp_path_factory.mktemp("model") / "a <b>&amp; b"
+    folder.mkdir()
+    logs = []
+    for name in ("hidden_1", "hidden_2"):
+        for suffix in (".csv.gz", ".toml"):
+            shutil.copy(SAMPLES / f"{name}{suffix}", folder)
+        logs.append(str(folder / f"{name}.csv.gz"))
+    plain, model, page = (str(folder / name) for name in ("plain.toml", "M.toml", "page.html"))
+    assert run(["model", "new", "--carcass", "beam", "--setup", str(folder / "hidden_1.toml"), "-o", plain]) == 0
+    assert run(["model", "add", plain, "viscous_damping", "-o", model]) == 0
+    assert run(["ladder", *logs, "--model", model, "-o", str(folder / "ladder.json"), "--quiet"]) == 0
+    assert run(["report", *logs, "--model", model, "--ladder", str(folder / "M.ladder.json"), "-o", page, "--quiet"]) == 0
+    return Path(page)

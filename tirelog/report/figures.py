@@ -55,7 +55,7 @@ def packed(values: Any) -> dict[str, str]:
 
 def unpacked(values: Any) -> Any:
     """What `packed` was given, float32; anything else as it is."""
-    if not isinstance(values, dict):
+    if not (isinstance(values, dict) and "bdata" in values):
         return values
     array = np.frombuffer(base64.b64decode(values["bdata"]), np.float32)
     return array.reshape([int(n) for n in values["shape"].split(",")]) if "shape" in values else array

@@ -4,23 +4,44 @@
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 
-  function styled(layout) {
-    const style = getComputedStyle(document.documentElement);
+  const NARROW = 520;
+
+  // lines of at most so many letters: a phone has no room for a long axis title
+  function broken(text, letters) {
+    const lines = [""];
+    for (const word of text.split(" ")) {
+      const last = lines[lines.length - 1];
+      if (last && last.length + 1 + word.length > letters) { lines.push(word); } else { lines[lines.length - 1] = last ? last + " " + word : word; }
+    }
+    return lines.join("<br>");
+  }
+
+  function styled(figure, width) {
+    const style = getComputedStyle(document.documentElement), layout = figure.layout, narrow = width < NARROW;
     const ink = style.getPropertyValue("--ink").trim(), grid = style.getPropertyValue("--line").trim();
     const out = Object.assign({
       margin: { l: 60, r: 20, t: 10, b: 50 }, font: { color: ink, family: "system-ui, sans-serif" },
-      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", legend: { orientation: "h", yanchor: "top", y: -0.22, traceorder: "normal" }, height: 380,
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", height: 380,
+      legend: { orientation: "h", yanchor: "top", y: -0.22, traceorder: "normal" },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: ink, activecolor: ink }
     }, layout);
     for (const key of Object.keys(out)) {
       if (/^[xy]axis/.test(key)) { out[key] = Object.assign({ gridcolor: grid, zerolinecolor: grid, linecolor: grid }, out[key]); }
     }
+    if (narrow) {
+      const named = figure.traces.filter(function (trace) { return trace.name && trace.showlegend !== false; }).length;
+      out.legend = { orientation: "h", yanchor: "bottom", y: 1.02, traceorder: "normal" };
+      out.height += named > 1 ? 19 * named : 0;
+      if (out.xaxis.title) { out.xaxis.title = { text: broken(out.xaxis.title.text, 32) }; }
+    }
     return out;
   }
 
   function draw(id) {
-    const figure = data.figures[id];
-    return Plotly.react(document.getElementById(id), figure.traces, styled(figure.layout), config);
+    const figure = data.figures[id], place = document.getElementById(id), width = place.clientWidth;
+    place.dataset.narrow = String(width < NARROW);
+    const shown = Object.assign({ displayModeBar: width < NARROW ? false : "hover" }, config);
+    return Plotly.react(place, figure.traces, styled(figure, width), shown);
   }
 
   // a figure is drawn when it comes near the window, so that a long page opens at once
@@ -32,6 +53,12 @@
   for (const id of Object.keys(data.figures)) { near.observe(document.getElementById(id)); }
   window.addEventListener("beforeprint", function () { Object.keys(data.figures).forEach(show); });
   dark.addEventListener("change", function () { seen.forEach(draw); });
+  window.addEventListener("resize", function () {
+    for (const id of seen) {
+      const place = document.getElementById(id);
+      if (place.dataset.narrow !== String(place.clientWidth < NARROW)) { draw(id); }
+    }
+  });
 
   // switches: each combination of effects has its prediction, residual map and error in the data
   for (const [section, spec] of Object.entries(data.switches)) {
