@@ -59,14 +59,14 @@ def run(
         failed = [entry for task in tasks if (entry := ledger.entry(task.name)) is not None and (entry.error or entry.losses)]
         if not quiet:
             say(f"note: {len(open_tasks)} of {len(tasks)} logs worked on, {len(tasks) - len(open_tasks)} were done; {summary}")
+        unmade = []
         if campaign.models:
             from tirelog.campaign.models import run_models
 
-            run_models(campaign, ledger, say if not quiet else lambda text: None)
-    for entry in failed:
-        if entry.error:
-            say(f"error: {entry.error}")
-    if failed:
+            unmade = run_models(campaign, ledger, tasks, say if not quiet else lambda text: None)
+    for error in [entry.error for entry in failed if entry.error] + unmade:
+        say(f"error: {error}")
+    if failed or unmade:
         raise typer.Exit(int(ExitStatus.INPUT_LOST))
 
 
