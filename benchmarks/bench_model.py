@@ -83,7 +83,7 @@ def recovery(seeds: range) -> None:
         chi2.append(result.reduced_chi2)
     inside = np.abs(pulls) < 2.0
     print(
-        f"{len(seeds)} logs fitted: {100 * inside.mean():.1f} % of the parameters within 2 se (goal 95 %), by parameter {inside.mean(axis=0)}"
+        f"{len(seeds)} logs: {100 * inside.mean():.1f} % of the parameters within 2 se (goal 95 %), each {inside.mean(axis=0)}"
     )
     print(f"reduced chi-square {min(chi2):.3f} to {max(chi2):.3f} (goal 0.9 to 1.1)")
 
