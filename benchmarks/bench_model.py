@@ -82,9 +82,7 @@ def recovery(seeds: range) -> None:
         pulls.append((result.values - [truth[name] for name in result.names]) / result.se)
         chi2.append(result.reduced_chi2)
     inside = np.abs(pulls) < 2.0
-    print(
-        f"{len(seeds)} logs: {100 * inside.mean():.1f} % of the parameters within 2 se (goal 95 %), each {inside.mean(axis=0)}"
-    )
+    print(f"{len(seeds)} logs: {100 * inside.mean():.1f} % of the parameters within 2 se (goal 95 %), each {inside.mean(axis=0)}")
     print(f"reduced chi-square {min(chi2):.3f} to {max(chi2):.3f} (goal 0.9 to 1.1)")
 
 
