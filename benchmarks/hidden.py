@@ -36,8 +36,8 @@ LARGER = {"sensor_lag": {"lag_s": 1.5e-3}, "pressure_offset": {"offset": 0.3}}
 TWINS = {
     "gauge_length": {"length_m": 0.016},
     "rough_contact": {"length": 0.05},
-    "hysteresis": {"loss_factor": 0.02},
-    "viscous_damping": {"damping_rate_1_s": 12.0},
+    "hysteresis": {"loss_factor": 0.012},
+    "viscous_damping": {"damping_rate_1_s": 8.0},
 }
 AT_ONE_SPEED = ("hysteresis", "viscous_damping")
 

@@ -22,7 +22,7 @@ from tirelog.discrepancy.assessment import Assessed
 from tirelog.discrepancy.base import Base, settled
 from tirelog.discrepancy.comparison import comparison_of, start
 from tirelog.discrepancy.leftover import Leftover, describe
-from tirelog.discrepancy.naming import Step, contend, first_step, next_step, regrouped, without_needless
+from tirelog.discrepancy.naming import Step, contend, first_step, group_of, next_step, regrouped, without_needless
 from tirelog.discrepancy.results import Candidate, Comparison, plain
 from tirelog.discrepancy.selection import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.discrepancy.separation import advise
@@ -120,7 +120,8 @@ def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lamb
     step = first_step(base, extra)
     if base.cells.manoeuvres < FEWEST_MANOEUVRES:
         contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
-        return Found(base, (Step(base, step.assessed, step.reasons, contenders, None, step.group),), base)
+        group = group_of(contenders) if contenders else ()
+        return Found(base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base)
     steps, after, excess = [step], base, base.excess
     while step.named is not None and len(steps) < MOST_EFFECTS:
         progress(f"named {step.named.id}; looking for another")
