@@ -13,7 +13,8 @@ def write(path: Path, minutes: float, seed: int = 1) -> None:
     channels = [f"CH{i // 4 + 1}_FBG{i % 4 + 1}" for i in range(GRATINGS)]
     setup = SETUP_TIRE + '[log]\ntime = "time_s"\nsampling_rate_Hz = 2500.0\n'
     for name in channels:
-        setup += f'[channels.{name}]\nkind = "fbg_strain"\nsource = "{name}"\nunit = "nm"\nreference_wavelength_nm = 1550.0\nstrain_gain = 1.27\n'
+        setup += f'[channels.{name}]\nkind = "fbg_strain"\nsource = "{name}"\nunit = "nm"\n'
+        setup += "reference_wavelength_nm = 1550.0\nstrain_gain = 1.27\n"
     path.with_suffix(".toml").write_text(setup)
     rng = np.random.default_rng(seed)
     step, travelled = 50_000, 0.0

@@ -50,7 +50,9 @@ _ALL = [
     Column("length_d1_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
     Column("entry_time_s", "s", "float", "time at which the sensor enters the patch", 1e-6),
     Column("exit_time_s", "s", "float", "time at which the sensor leaves the patch", 1e-6),
-    Column("edge_asymmetry", "", "float", "(exit - entry) / (exit + entry) of the second derivative's extrema: positive where the exit edge is the sharper", 1e-4, 1e-4),
+    Column(
+        "edge_asymmetry", "", "float", "(exit - entry) / (exit + entry) of the edges' second derivatives, above 0: exit sharper", 1e-4, 1e-4
+    ),
     Column("slip_onset_m", "m", "float", "abscissa where adhesion turns to slip, entry -L to exit +L", 1e-5, 1e-3),
     Column("slip_onset_se_m", "m", "float", "its standard error", 1e-5, 1e-2),
     _text("slip_onset_reason", "why there is no slip onset; empty where there is one"),
@@ -125,8 +127,8 @@ def _revolutions(*own: str) -> tuple[str, ...]:
 TABLES: dict[str, tuple[str, ...]] = {
     "speed": _revolutions("period_s", "speed_se_m_s", "acceleration_m_s2"),
     "footprint": _revolutions(
-        "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m", "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s",
-        "edge_asymmetry", "slip_onset_m", "slip_onset_se_m", "slip_onset_reason",
+        "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m", "length_d1_m", "length_d1_se_m",
+        "entry_time_s", "exit_time_s", "edge_asymmetry", "slip_onset_m", "slip_onset_se_m", "slip_onset_reason",
     ),
     "dissipation": _revolutions(
         "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2", "steady", "dissipation_factor_mean_1_m",

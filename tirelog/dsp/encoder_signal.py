@@ -28,6 +28,8 @@ CHUNK = 64
 BLOCK = 1 << 17
 #: the middle level and the amplitude follow the signal within this time; a slower tooth counts as standstill
 FOLLOW_S = 0.3
+#: longer where the amplitude does not follow the speed, so that a wheel that begins to turn shows a whole swing
+FOLLOW_STEADY_S = 1.2
 #: half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
 HYSTERESIS = 0.4
 #: a signal whose range is within so many standard deviations of its noise does not move
@@ -49,13 +51,15 @@ class Probe:
 
     `form`: 'sine', 'square' (two levels), 'counter' (monotone whole numbers, or an angle) or 'dead' (no teeth).
     `amplitude` is half of the range, `noise` the standard deviation of one sample, in the channel's unit.  A swing below `least` is
-    no tooth: noise at a standstill, or part of a period where the sensor's amplitude does not follow the speed.
+    no tooth: noise at a standstill, or part of a period where the sensor's amplitude does not follow the speed.  Levels are taken
+    from a window of `follow_s`.
     """
 
     form: str
     amplitude: float
     noise: float
     least: float = 0.0
+    follow_s: float = 0.3
 
 
 @dataclass(frozen=True)
@@ -93,13 +97,15 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 4096) -> Probe:
     moving = np.array(amplitudes) > 0.3 * amplitude
     usual = float(np.quantile(np.array(amplitudes)[moving], 0.25))
     steady = usual > STEADY_AMPLITUDE * amplitude
-    least = max(STILL_SIGMA * noise, 0.75 * usual if steady else 0.01 * amplitude)
-    return Probe("square" if np.median(np.array(squares)[moving]) > 0.7 else "sine", amplitude, noise, least)
+    least = max(STILL_SIGMA * noise, 0.7 * usual if steady else 0.01 * amplitude)
+    form = "square" if np.median(np.array(squares)[moving]) > 0.7 else "sine"
+    return Probe(form, amplitude, noise, least, FOLLOW_STEADY_S if steady else FOLLOW_S)
 
 
 def crossings(read: Read, size: int, rate_Hz: float, found: Probe, block: int | None = None) -> Crossings:
     """Tooth passages of a 'sine' or 'square' channel of `size` samples at `rate_Hz`."""
-    margin = CHUNK * (int(0.85 * rate_Hz) // CHUNK + 4)  # eight half periods and half of the time that the levels follow
+    # eight slow half periods, half of the time that the levels follow, and the chunks in which spikes are sought
+    margin = CHUNK * (int((0.6 + 0.5 * found.follow_s) * rate_Hz) // CHUNK + 8)
     block = max((block or BLOCK) // CHUNK, 1) * CHUNK
     indices, rising, breaks = [], [], []
     last: tuple[int, int] | None = None
@@ -151,12 +157,13 @@ def _levels(x: Singles, rate_Hz: float, found: Probe) -> tuple[Singles, Singles,
     """`x` as chunks (c, CHUNK), its middle level (c,) and its half hysteresis (c,), infinite where the signal does not move."""
     pad = -x.size % CHUNK
     chunks = (np.concatenate([x, np.full(pad, x[-1])]) if pad else x).reshape(-1, CHUNK)
-    span = 2 * int(np.ceil(0.5 * FOLLOW_S * rate_Hz / CHUNK)) + 1
+    span = 2 * int(np.ceil(0.5 * found.follow_s * rate_Hz / CHUNK)) + 1
     high = maximum_filter1d(_without_spikes(_extremes(chunks, np.maximum)), span, mode="nearest")
     low = -maximum_filter1d(_without_spikes(-_extremes(chunks, np.minimum)), span, mode="nearest")
     half = (high - low) / 2
     moving = half > found.least
-    return chunks, (high + low) / 2, np.where(moving, np.float32(HYSTERESIS) * half, np.float32(np.inf))
+    hysteresis = np.where(moving, np.float32(HYSTERESIS) * half, np.float32(np.inf)).astype(np.float32)
+    return chunks, (high + low) / np.float32(2), hysteresis
 
 
 def _changes(

@@ -35,7 +35,7 @@ class Decimated:
 
     def index(self, bucket: IntArray | FloatArray) -> FloatArray:
         """The middle of buckets [samples], by their numbers."""
-        return bucket * float(self.bucket) + 0.5 * (self.bucket - 1)
+        return np.asarray(bucket * float(self.bucket) + 0.5 * (self.bucket - 1), dtype=np.float64)
 
 
 def bucket_samples(rate_Hz: float) -> int:

@@ -140,8 +140,8 @@ def search(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) ->
     if channel.kind != "radial_acceleration":
         return find_pulses(data), data
     level = np.maximum(_level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise))
-    pulses = find_pulses(replace(data, values=data.values / level, noise=data.noise / float(np.median(level))))
-    scale = level[np.round((pulses.middle - data.index(0)) / data.bucket).astype(np.int64)].astype(np.float64)
+    pulses = find_pulses(replace(data, values=(data.values / level).astype(np.float32), noise=data.noise / float(np.median(level))))
+    scale = level[np.round((pulses.middle - data.index(np.zeros(1))) / data.bucket).astype(np.int64)].astype(np.float64)
     return replace(pulses, height=pulses.height * scale, base=pulses.base * scale), data
 
 

@@ -54,7 +54,7 @@ class RawBlock:
 
 @dataclass
 class ReadReport:
-    """What the reader met.  `losses` make status 3; `remarks` are said once; `counts` go into the provenance (bad rows, error codes, ...)."""
+    """What the reader met.  `losses` make status 3; `remarks` are said once; `counts` (bad rows, ...) go into the provenance."""
 
     format: str = ""
     start: str | None = None  # absolute start of the log, ISO 8601, where the file tells it
