@@ -240,3 +240,16 @@ def test_missing_and_glitching_teeth():
         signal[start : start + 3] += random.choice([-3.0, 3.0])
     shift, _, _ = front_errors(next(measure(recording(drive, signal, tread.signal(drive)))), drive, tread)
     assert shift.std() < 0.02
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 0.4])
+def test_teeth_lost_in_a_hole_are_given_back(pitch_deg):
+    """By the tone wheel's own pattern, or, where it has none, by the patch."""
+    drive, tread = Drive(*DYNAMIC), Tread(seed=17_000)
+    signal = Encoder(pitch_deg=pitch_deg, wobble=0.0).signal(drive)
+    signal[104_000:109_100] = np.nan
+    passages = next(measure(recording(drive, signal, tread.signal(drive))))
+    shift, _, _ = front_errors(passages, drive, tread)
+    assert shift[passages.good[np.isfinite(passages.width_deg)]].std() < 0.02
+    assert any("gap" in w or "standstill" in w for w in passages.words)
+    assert any("whole teeth back" in remark for remark in passages.remarks) == (pitch_deg == 0)

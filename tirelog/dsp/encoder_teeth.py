@@ -24,6 +24,8 @@ TURNING_PEAK, PASSED_PEAK = 0.85, 0.95
 PIECE = 1 << 15
 #: half teeth that take longer than this are looked at for a turning point
 SLOW_S = 0.06
+#: half teeth shorter than this on both sides of a long interval: the wheel did not stand
+ROLLING_S = 0.02
 #: slow intervals within so many of each other are one place; a car does not roll backwards faster than so many turns a second
 SAME_PLACE, FASTEST_BACK_Hz = 12, 4.0
 #: intervals on each side that say how long one should be
@@ -62,6 +64,7 @@ def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, s
     hole = np.zeros(n - 1, bool)
     if passages.breaks.size:
         broken = np.clip(np.searchsorted(index, passages.breaks) - 1, 0, n - 2)
+        _bridge(halves, intervals, broken[still[broken]], ROLLING_S * rate_Hz)
         hole[broken[halves[broken] != 1]] = True
     slow = np.flatnonzero(intervals > SLOW_S * rate_Hz)
     del intervals
@@ -78,6 +81,16 @@ def count_teeth(read: Read, found: Probe, passages: Crossings, rate_Hz: float, s
     wrong = np.mod(count[heads], 2) != (rising[heads] != forward[heads])
     count += wrong.astype(np.int32)[stretch]
     return Teeth(index, count, stretch, forward, missing, extra)
+
+
+def _bridge(halves: Integers, intervals: FloatArray, still: Integers, rolling: float) -> None:
+    """Half teeth of long intervals over holes in the signal that begin and end in full motion: the mean of both speeds says how many, near
+    enough that no turn is lost."""
+    for at in still.tolist():
+        before, after = intervals[max(at - NEIGHBOURS, 0) : at], intervals[at + 1 : at + 1 + NEIGHBOURS]
+        if before.size and after.size and max(np.median(before), np.median(after)) < rolling:
+            length = intervals[at] * 0.5 * (1 / np.median(before) + 1 / np.median(after))
+            halves[at] = min(2 * round((length - 1) / 2) + 1, np.iinfo(halves.dtype).max)
 
 
 def _directions(index: FloatArray, slow: Integers, turned: list[int], fastest: float) -> tuple[Integers, Integers]:

@@ -122,7 +122,7 @@ def _doubts(channel: Channel, wheel: WheelAngle, fronts: Fronts, radius: Radius,
             f"the setup's steps must be those of a whole turn; write steps = {round(steps)}"
         )
     ratio = fronts.level_m / radius.radius_m
-    if not LEVEL_RATIO[0] < ratio < LEVEL_RATIO[1]:
+    if share < 0.01 and not LEVEL_RATIO[0] < ratio < LEVEL_RATIO[1]:
         said.append(
             f"channel {channel.name}: the level outside the patch is {ratio:.3g} times Omega^2 R: the sampling rate is wrong by a factor "
             f"{ratio**0.5:.3g}, or a unit by {ratio:.3g}; angles do not depend on it, speeds do"

@@ -131,7 +131,8 @@ def _teeth(channel: Channel, found: Probe, steps: int) -> Teeth:
         raise DataLoss(nothing)
     passages = crossings(channel.read, channel.size, channel.axis.rate_Hz, found)
     if passages.index.size < 4 * steps:
-        raise DataLoss(nothing)
+        few = f"channel {channel.name}: {passages.index.size} tooth passages, fewer than two turns"
+        raise DataLoss(f"{few}; a wheel angle needs two turns of {steps} steps; give a longer log" if passages.index.size else nothing)
     teeth = count_teeth(channel.read, found, passages, channel.axis.rate_Hz, steps)
     holes = channel.axis.first[1:]
     if holes.size:
