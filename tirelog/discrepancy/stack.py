@@ -81,6 +81,7 @@ def stack_channel(recording: Recording, channel: Channel, observable: str, *, an
     rows = [_rows(turns, time_s, values, angles) for turns in _runs(passages, time_s, values)]
     n = sum(part[0].size for part in rows)
     if n < 10:
+        refuse_swapped_surface(recording, channel, radius)
         raise UsageError(
             f"{n} whole revolutions in channel {channel.name}; at least ten are needed to see what repeats; give a longer log",
             file=recording.log,
@@ -107,6 +108,19 @@ def stack_channel(recording: Recording, channel: Channel, observable: str, *, an
         revolution=ordinal,
         regime=regime,
         logs=(recording.log,),
+    )
+
+
+def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float) -> None:
+    """UsageError where the patch is found once the channel is taken for one of the other surface."""
+    other = {"outer": "inner", "inner": "outer"}[channel.surface]
+    if channel.kind == "radial_acceleration" or len(find_passages(replace(channel, surface=other), radius)) < 10:
+        return
+    extremum = "a minimum, as the outer surface (groove)" if other == "outer" else "a maximum, as the inner surface (liner)"
+    raise UsageError(
+        f"channel {channel.name} shows {extremum} does in the patch, and its setup says {channel.surface}; the two must agree; "
+        f'write surface = "{other}"',
+        file=recording.log,
     )
 
 

@@ -1,0 +1,89 @@
+"""Input that cannot be diagnosed is said to be so."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tirelog.discrepancy import compare, diagnose, stacks_from_logs
+from tirelog.errors import ModelError, UsageError
+from tirelog.physics.model import Model
+from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenario import Manoeuvre
+from tirelog.simulation.scenarios import Case, case
+
+
+def recordings(manoeuvres, **more):
+    logs = case((), seed=201, how=Case(plan="short", logs=1))
+    return [to_recording(simulate(replace(log, manoeuvres=manoeuvres, **more)), "log") for log in logs]
+
+
+@pytest.fixture(scope="module")
+def one_cruise():
+    return recordings((Manoeuvre(5.0, 14.0),))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Model.new("beam", radius_m=0.305)
+
+
+def test_fewer_than_ten_revolutions():
+    with pytest.raises(UsageError, match="at least ten"):
+        stacks_from_logs(recordings((Manoeuvre(1.0, 10.0),)))
+
+
+def test_one_manoeuvre_is_too_few_and_ranks(one_cruise, model):
+    result = diagnose(stacks_from_logs(one_cruise), model)
+    assert result.verdict == "too_few"
+    assert result.selected == ()
+    assert "manoeuvres" in " ".join(result.notes)
+    assert result.effects
+
+
+def test_model_of_another_observable(one_cruise, model):
+    with pytest.raises(UsageError, match="predicts radial_acceleration"):
+        compare(stacks_from_logs(one_cruise), Model.new("beam", "radial_acceleration", radius_m=0.305))
+
+
+def test_no_channel_for_the_observable(one_cruise):
+    with pytest.raises(UsageError, match="no channel"):
+        stacks_from_logs(one_cruise, "radial_acceleration")
+
+
+def test_surface_swapped_is_found_and_said(one_cruise):
+    swapped = [replace(r, channels={name: replace(c, surface="inner") for name, c in r.channels.items()}) for r in one_cruise]
+    with pytest.raises(UsageError, match='write surface = "outer"'):
+        stacks_from_logs(swapped)
+
+
+def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, model):
+    (stack,) = stacks_from_logs(one_cruise)
+    unknown = replace(stack.conditions, distance_km=np.full(len(stack), np.nan))
+    result = diagnose([replace(stack, conditions=unknown)], model)
+    assert result.not_tested["wear"] == "needs distance_km"
+    assert "viscous_damping" in [c.effect for c in result.effects]
+
+
+def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(one_cruise, model, monkeypatch):
+    from tirelog.discrepancy import naming
+
+    def refuse(base, few, candidate):
+        if candidate.id == asked[0]:
+            raise ModelError("the fit with it failed")
+        return refit(base, few, candidate)
+
+    refit = naming.refit_candidate
+    monkeypatch.setattr(naming, "refit_candidate", refuse)
+    stack = stacks_from_logs(one_cruise)
+    asked = ["nothing"]
+    first = diagnose(stack, model).effects[0].effect
+    asked[0] = first
+    result = diagnose(stack, model)
+    assert "failed" in result.not_tested[first]
+    assert len(result.effects) > 3
+
+
+def test_no_logs(model):
+    with pytest.raises(UsageError, match="at least one log"):
+        compare([], model)
