@@ -74,7 +74,8 @@ def _write_page(made: Report, output: Path, session: Session) -> None:
     from tirelog.files import whole_file
     from tirelog.report.page import render
 
-    page = render(made.title, made.sections, made.missing, made.provenance, made.commands)
-    with whole_file(output) as part:
-        part.write_text(page, encoding="utf-8")
-    session.note(f"{output}: {len(made.sections)} sections, {len(page.encode()) / 1e6:.1f} MB")
+    parts = render(made.title, made.sections, made.missing, made.provenance, made.commands)
+    with whole_file(output) as part, part.open("w", encoding="utf-8") as stream:
+        stream.writelines(parts)
+        size = stream.tell()
+    session.note(f"{output}: {len(made.sections)} sections, {size / 1e6:.1f} MB")

@@ -70,7 +70,7 @@ def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
     """A plain layout with axis titles; `xrange`, `yrange`: what is shown at first; `lines`: abscissae of dashed vertical lines."""
     axes = {"xaxis": axis(x), "yaxis": axis(y)}
     for name, key in (("xrange", "xaxis"), ("yrange", "yaxis")):
-        if more.get(name) is not None:
+        if more.get(name) is not None and np.isfinite(more[name]).all():
             axes[key]["range"] = [float(v) for v in more[name]]
         more.pop(name, None)
     lines = more.pop("lines", ())

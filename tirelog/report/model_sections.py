@@ -116,7 +116,7 @@ def _differences(waves: Waveforms, result: Comparison, factor: float, unit: str)
     traces: list[dict[str, Any]] = []
     for i, label in enumerate(waves.labels):
         phi, left, floor = np.rad2deg(waves.phi_rad[i]), (waves.measured[i] - waves.predicted[i]) * factor, 2.0 * factor * waves.floor[i]
-        traces += band(phi, -floor, floor, f"two floors, {short(label)}", i)
+        traces = band(phi, -floor, floor, f"two floors, {short(label)}", i) + traces  # bands first, lines above them
         traces.append(line(phi, left, short(label), i))
     alt = f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two noise floors as bands about zero."
     shape = layout(ANGLE, f"residual [{unit}]", xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad), height=460)

@@ -68,8 +68,8 @@ def _json(data: Any) -> str:
 
 def render(
     title: str, sections: Sequence[Section], missing: Sequence[tuple[str, str]], provenance: Sequence[str], commands: Sequence[str]
-) -> str:
-    """The page.  `missing`: (what cannot be shown, the command that would); all texts are plain text."""
+) -> list[str]:
+    """The page, in parts to be written one after the other.  `missing`: (what cannot be shown, the command that would); plain text all."""
     library, script, style = plotting_library(), _file("page.js"), _file("page.css")
     policy = (
         f"default-src 'none'; script-src {_hash(library)} {_hash(script)}; style-src 'unsafe-inline'; img-src data: blob:; "
@@ -83,7 +83,7 @@ def render(
     contents = "".join(f'<li><a href="#{s.id}">{e(s.title)}</a></li>' for s in sections)
     body = "".join(_section(s) for s in sections)
     absent = "".join(f"<li>{e(what)}: <code>{e(command)}</code></li>" for what, command in missing)
-    return (
+    head = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">'
@@ -94,9 +94,9 @@ def render(
         + (f"<h3>Not shown</h3><ul>{absent}</ul>" if absent else "")
         + f"<h3>Glossary</h3><dl>{_glossary()}</dl><h3>Provenance</h3><ul>{''.join(f'<li>{e(p)}</li>' for p in provenance)}</ul>"
         f"<h3>Commands that repeat it</h3><pre>{e(chr(10).join(commands))}</pre></section></main>"
-        f'<script type="application/json" id="data">{_json(data)}</script>'
-        f"<script>{library}</script><script>{script}</script></body></html>\n"
+        '<script type="application/json" id="data">'
     )
+    return [head, _json(data), "</script><script>", library, f"</script><script>{script}</script></body></html>\n"]
 
 
 def _section(section: Section) -> str:
@@ -126,11 +126,15 @@ _WORDS = (
     ("revolution", "one turn of the wheel, patch centre to patch centre"),
     ("contact length", "length of tread that touches the road, entry edge to exit edge"),
     ("dissipation factor", "integral of the squared strain gradient over a revolution (P1)"),
+    ("slip onset", "place in the patch where adhesion turns to slip, entry negative, exit positive"),
+    ("quality", "'ok', or words that say what is wrong inside a row's patch window; such rows are counted and not drawn"),
     ("phase shift", "wheel angle at the middle of the patch signal minus its value in the zero stretch; negative in braking"),
     ("effect", "one physical mechanism that can be in a model or missing from it"),
     ("noise floor", "the error that no model can remove: scatter of revolutions and of like manoeuvres"),
     ("excess error", "sqrt(rmse^2 - floor^2): what a better model could still remove"),
     ("held out", "data that the fit has not seen"),
+    ("manoeuvre", "a stretch of one regime (cruise, drive, coast, brake); what repeats from one to the next is no chance"),
+    ("residual", "measured less predicted"),
 )
 
 

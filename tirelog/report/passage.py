@@ -61,7 +61,7 @@ def _chosen(rows: pd.DataFrame, speed: pd.DataFrame | None) -> tuple[pd.Series, 
     acceleration = pd.Series(0.0, index=rows.index)
     if speed is not None:
         known = speed[(speed["log"] == rows["log"].iloc[0]) & (speed["channel"] == rows["channel"].iloc[0])]
-        known = known.set_index("revolution")["acceleration_m_s2"]
+        known = known.drop_duplicates("revolution").set_index("revolution")["acceleration_m_s2"]
         acceleration = pd.Series(known.reindex(rows["revolution"]).to_numpy(float), index=rows.index).fillna(0.0)
     free = acceleration.abs().sort_values(kind="stable").index[: max(len(rows) // 3, 1)]
     chosen = rows.loc[free].sort_values("speed_m_s", kind="stable").iloc[len(free) // 4]

@@ -6,6 +6,7 @@ Figure --unpacked arrays--> matplotlib axes --> FOLDER/ID.png, each whole or not
 from __future__ import annotations
 
 import html
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 _DASHES = {"dash": "--", "dot": ":", "solid": "-"}
 _SYMBOLS = {"circle": "o", "square": "s", "diamond": "D", "line-ew-open": "_"}
 _DPI = 150
+#: letters of a title in one line
+_TITLE = 90
 
 
 def write_pictures(figures: Sequence[Figure], folder: Path) -> list[Path]:
@@ -63,7 +66,7 @@ def _drawn(figure: Figure) -> Any:
         set_label(html.unescape(described.get("title", {}).get("text", "")))
         if "range" in described:
             set_limits(*described["range"])
-    axes.set_title(figure.title, loc="left", fontsize=10, parse_math=False)
+    axes.set_title("\n".join(textwrap.wrap(figure.title, _TITLE)), loc="left", fontsize=10, parse_math=False)
     axes.grid(alpha=0.25, lw=0.5)
     handles, labels = axes.get_legend_handles_labels()
     if labels:

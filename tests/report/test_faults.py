@@ -1,0 +1,87 @@
+"""Faults: what cannot be used is said before the work, what cannot be shown is named, and nothing is left half-written."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tests.cli.conftest import Command, folder, tirelog
+from tests.report.test_page import data, numbers
+
+__all__ = ["folder", "tirelog"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["log.csv"], "nothing to write"),
+        (["-o", "page.html"], "nothing to report on"),
+        (["log.csv", "--format", "png", "-o", "page.html"], "belong together"),
+        (["log.csv", "--figures", "slides"], "belong together"),
+        (["log.csv", "--format", "pgn", "--figures", "slides"], "nearest: png"),
+        (["log.csv", "--campaign", "nowhere", "-o", "page.html"], "no campaign's output"),
+        (["log.csv", "--ladder", "log.toml", "-o", "page.html"], "is no ladder"),
+        (["log.csv", "--ladder", "nowhere.json", "-o", "page.html"], "is no ladder"),
+        (["log.csv", "--table", "log.csv", "-o", "page.html"], "is no table of"),
+        (["log.csv", "--model", "log.toml", "-o", "page.html"], "log.toml"),
+    ],
+)
+def test_unusable_input_ends_with_status_2(folder: Path, tirelog: Command, arguments: list[str], said: str) -> None:
+    outcome = tirelog("report", *arguments)
+    assert outcome.status == 2
+    assert said in outcome.err
+    assert not (folder / "page.html").exists()
+    assert not (folder / "slides").exists()
+
+
+def test_a_ladder_without_its_steps_is_none(folder: Path, tirelog: Command) -> None:
+    (folder / "M.ladder.json").write_text(json.dumps({"ladders": [{"observable": "strain", "unit": "1", "steps": [{"step": 0}]}]}))
+    outcome = tirelog("report", "log.csv", "--ladder", "M.ladder.json", "-o", "page.html")
+    assert outcome.status == 2
+    assert "is no ladder" in outcome.err
+
+
+def test_a_model_that_does_not_suit_the_log_is_named(folder: Path, tirelog: Command) -> None:
+    assert tirelog("model", "new", "--carcass", "ring", "--observable", "radial_acceleration", "-o", "M.toml").status == 0
+    outcome = tirelog("report", "log.csv", "--model", "M.toml", "-o", "page.html")
+    assert outcome.status == 0
+    page = (folder / "page.html").read_text()
+    assert "the model against the measurement: " in page
+    assert '<section id="diagnosis">' not in page
+
+
+def test_no_picture_is_left_half_written(folder: Path, tirelog: Command) -> None:
+    slides = folder / "slides"
+    slides.mkdir()
+    (slides / "acceleration.png").mkdir()  # where a picture should go there is a folder
+    outcome = tirelog("report", "log.csv", "--format", "png", "--figures", "slides")
+    assert outcome.status == 2
+    assert not [p for p in slides.iterdir() if p.name.endswith(".part")]
+    assert all(p.stat().st_size > 1000 for p in slides.glob("*.png") if p.is_file())
+
+
+def test_a_hostile_channel_of_a_table_is_no_link_in_a_figure(folder: Path, tirelog: Command) -> None:
+    assert tirelog("speed", "log.csv", "-o", "speed.csv").status == 0
+    rows = pd.read_csv(folder / "speed.csv")
+    rows["channel"] = '<a href="https://evil.example">x</a>'
+    rows.to_csv(folder / "speed.csv", index=False)
+    assert tirelog("report", "log.csv", "--table", "speed.csv", "-o", "page.html").status == 0
+    names = [t["name"] for t in data(folder / "page.html")["figures"]["speed"]["traces"]]
+    assert names == ['&lt;a href="https://evil.example"&gt;x&lt;/a&gt;']
+    assert '<a href="https://evil' not in (folder / "page.html").read_text()
+
+
+def test_a_campaign_s_tables_are_drawn_without_its_logs(folder: Path, tirelog: Command) -> None:
+    manifest = '[campaign]\nname = "c"\noutput = "results"\n[[logs]]\nglob = "*.csv"\n[tables.speed]\n[tables.footprint]\n'
+    (folder / "manifest.toml").write_text(manifest)
+    assert tirelog("campaign", "run", "manifest.toml", "--quiet").status == 0
+    outcome = tirelog("report", "--campaign", "results", "-o", "page.html")
+    assert outcome.status == 0, outcome.err
+    part = next((folder / "results").glob("table=speed/log=*/part.parquet"))
+    rows = pd.read_parquet(part)
+    drawn = numbers(data(folder / "page.html")["figures"]["speed"]["traces"][0]["y"])
+    assert drawn == pytest.approx(rows["speed_m_s"].to_numpy(), rel=1e-6)
+    page = (folder / "page.html").read_text()
+    assert "1 logs: 1 done" in page
+    assert "what was recorded, and the signals: no log was given" in page
