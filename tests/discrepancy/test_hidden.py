@@ -43,7 +43,8 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     strength = result.effects[0].strengths["amplitude"]
     assert strength["value"] == pytest.approx(0.7, rel=0.05)
     answer = json.loads(json.dumps(result.to_json()))
-    keys = "verdict selected effects ambiguous_groups separating_manoeuvres unexplained rmse_heldout_before rmse_heldout_after noise_floor revolutions"
+    keys = "verdict selected effects ambiguous_groups separating_manoeuvres unexplained rmse_heldout_before "
+    keys += "rmse_heldout_after noise_floor revolutions"
     assert set(keys.split()) <= set(answer)
 
 
