@@ -68,15 +68,40 @@ def _array(name: str, values: Any, rows: int, rounded: bool) -> pa.Array:
     if values.ndim == 0:
         values = np.broadcast_to(values, (rows,))
     if kind == "text":
-        return pa.array([None if v is None else str(v) for v in values.tolist()], pa.string())
-    if kind == "float":
-        floats = values.astype(np.float64)
-        if rounded:
+        return _text_array(values.tolist())
+    if kind == "float" or values.dtype.kind == "f":
+        floats = np.ascontiguousarray(values, dtype=np.float64)
+        if rounded and kind == "float":
             floats = _digits(floats, 12 if column and column.unit == "s" else 9)
-        return pa.array(floats, pa.float64(), from_pandas=True)
-    if values.dtype.kind == "f":
-        return pa.array(values, pa.float64(), from_pandas=True).cast({"int": pa.int64(), "bool": pa.bool_()}[kind])
-    return pa.array(values.astype({"int": np.int64, "bool": np.bool_}[kind]))
+        known = ~np.isnan(floats)
+        array = _plain_array(pa.float64(), floats, known)
+        return array if kind == "float" else array.cast({"int": pa.int64(), "bool": pa.bool_()}[kind])
+    if kind == "bool":
+        return _plain_array(pa.bool_(), np.packbits(values.astype(np.bool_), bitorder="little"), np.ones(rows, bool))
+    return _plain_array(pa.int64(), np.ascontiguousarray(values, dtype=np.int64), np.ones(rows, bool))
+
+
+def _plain_array(type: pa.DataType, data: np.ndarray, known: np.ndarray) -> pa.Array:
+    """Numbers (or packed bits) as an arrow array, null where not `known`.
+
+    Out of buffers: `pa.array` would import pandas to ask whether it was given a pandas object, which takes as long as all the rest.
+    """
+    lost = known.size - int(np.count_nonzero(known))
+    valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
+    return pa.Array.from_buffers(type, known.size, [valid, pa.py_buffer(data)], lost)
+
+
+def _text_array(values: Sequence[Any]) -> pa.Array:
+    """Texts as an arrow array, null where None; out of buffers for the same reason."""
+    encoded = {value: str(value).encode() for value in set(values) if value is not None}
+    encoded[None] = b""
+    parts = [encoded[value] for value in values]
+    offsets = np.zeros(len(parts) + 1, np.int32)
+    np.cumsum([len(part) for part in parts], out=offsets[1:])
+    known = np.array([value is not None for value in values], bool)
+    lost = known.size - int(np.count_nonzero(known))
+    valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
+    return pa.StringArray.from_buffers(known.size, pa.py_buffer(offsets), pa.py_buffer(b"".join(parts)), valid, lost)
 
 
 class TableWriter(AbstractContextManager["TableWriter"]):
@@ -161,11 +186,11 @@ class TableWriter(AbstractContextManager["TableWriter"]):
 
 def _quoting(table: pa.Table) -> str:
     """Quotes only where a text needs them (arrow's own "needed" quotes every text)."""
-    import pyarrow.compute as pc
-
     for column in table.columns:
-        if pa.types.is_string(column.type) and pc.any(pc.match_substring_regex(column, '[",\r\n]')).as_py():
-            return "needed"
+        if pa.types.is_string(column.type):
+            for data in (chunk.buffers()[2] for chunk in column.chunks):
+                if data is not None and any(mark in data.to_pybytes() for mark in (b'"', b",", b"\r", b"\n")):
+                    return "needed"
     return "none"
 
 

@@ -20,7 +20,6 @@ from tirelog.estimators.passage_kinematics import TURN_RAD
 from tirelog.estimators.passage_marks import with_words
 from tirelog.estimators.passages import Passages, find_passages
 from tirelog.estimators.speed_radius import calibrate_radius
-from tirelog.estimators.wheel_angle import encoder_speed
 from tirelog.recording import FloatArray, Recording
 from tirelog.tables import quality_text
 
@@ -78,6 +77,8 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[list[Ma
         )
     channels = recording.of_kind(*STRAIN_KINDS)
     if not channels and recording.of_kind("wheel_encoder"):
+        from tirelog.estimators.wheel_angle import encoder_speed  # only here: it needs more of scipy
+
         columns, remarks = encoder_speed(_without_rolling_radius(recording) if calibrate else recording)
         return [columns], remarks
     channels = channels or recording.of_kind("radial_acceleration")
