@@ -19,7 +19,7 @@ def main() -> None:
         result = diagnose(stacks, Model.new("beam", radius_m=0.305))
         wall, used = time.perf_counter() - begun, time.process_time() - cpu
         tested = len(result.effects) + len(result.not_tested)
-        print(f"{result.revolutions} revolutions x {stacks[0].phi_rad.size} angles x {tested} candidates: {wall:.1f} s wall, {used:.1f} s cpu")
+        print(f"{result.revolutions} revolutions x {stacks[0].phi_rad.size} angles x {tested} candidates: {wall:.1f} s, {used:.1f} s cpu")
         print(f"    hidden: {' '.join(effects) or 'nothing'}; said: {result.verdict} {' '.join(result.selected)}")
 
 

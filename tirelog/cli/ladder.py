@@ -57,15 +57,19 @@ def ladder(
 
 def _bars(result: Ladder) -> None:
     """The held-out error as bars that shrink, the floor marked, on standard error."""
+    from tirelog.cli.discrepancy_page import shown
+
+    factor, unit = shown(result.observable, result.unit)
     largest = max(step.rmse_heldout for step in result.steps)
     for step in result.steps:
         length = max(1, round(_BAR * step.rmse_heldout / largest))
         floor = min(_BAR - 1, round(_BAR * step.noise_floor / largest))
         bar = "".join("|" if i == floor else "#" if i < length else " " for i in range(_BAR))
-        sys.stderr.write(f"{step.step:2d} {step.effect:18s} {bar} {step.rmse_heldout:.3g} {result.unit if result.unit != '1' else ''}\n")
+        sys.stderr.write(f"{step.step:2d} {step.effect:18s} {bar} {step.rmse_heldout * factor:.3g} {unit}\n")
         sys.stderr.write(f"   {step.sentence}\n")
     if result.rmse_untouched is not None:
-        sys.stderr.write(f"   on manoeuvres that nothing had touched: {result.rmse_untouched:.3g}, floor {result.floor_untouched:.3g}\n")
+        error, floor_there = result.rmse_untouched * factor, (result.floor_untouched or 0.0) * factor
+        sys.stderr.write(f"   on manoeuvres that nothing had touched: {error:.3g} {unit}, floor {floor_there:.3g}\n")
 
 
 def _remember(result: Ladder, model: Path) -> None:

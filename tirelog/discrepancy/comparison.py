@@ -6,6 +6,7 @@ Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's ba
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -136,7 +137,7 @@ def _waveforms(base: Base) -> Waveforms:
     chosen = chosen[np.argsort(c.conditions.speed_m_s[chosen])]
     columns = scatter_columns(c, base.fit)
     between = (base.floor.load_sd * columns[..., 0]) ** 2 + (base.floor.baseline_sd * columns[..., 1]) ** 2
-    labels = tuple(f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {c.logs[c.log[i]]}" for i in chosen)
+    labels = tuple(f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {PurePath(c.logs[c.log[i]]).name}" for i in chosen)
     offset = base.offset_of_cell[:, None]
     return Waveforms(c.phi[chosen], c.values[chosen], (base.fit.prediction + offset)[chosen], np.sqrt(c.within + between)[chosen], labels)
 

@@ -219,7 +219,9 @@ def _ranking(found: Found, selected: Sequence[str], excess: float, floor: float)
     rows: list[tuple[Assessed, float, Mapping[str, Any]]] = []
     for a in first.assessed:
         removed = refitted[a.id].base.square_held if a.id in refitted else first.before.square_held - a.removed
-        share = (first.before.square_held - removed) / excess if excess > LEAST_SHARE_OF_FLOOR * floor else 0.0
+        unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and a.id not in refitted
+        shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
+        share = (first.before.square_held - removed) / excess if shared else 0.0
         rows.append((a, float(np.clip(share, 0.0, 1.0)), _strengths(found, a, refitted)))
     later = [s.named for s in found.steps[1:] if s.named is not None]
     p = {r.id: r.assessed.p for r in later}
