@@ -273,7 +273,7 @@ def _unexplained(
         "nearest_effect": nearest.effect if nearest and not selected else None,
         "nearest_share": nearest.excess_removed if nearest and not selected else None,
     }
-    return facts | {"sentence": unexplained_sentence(facts)}
+    return facts | {"sentence": unexplained_sentence(facts, found.before.cells.manoeuvres < FEWEST_MANOEUVRES)}
 
 
 def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]]:

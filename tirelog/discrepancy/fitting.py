@@ -113,9 +113,11 @@ class Problem:
 
     def offsets(self, prediction: FloatArray) -> FloatArray:
         """Offset of each log, (logs,)."""
+        if not self.offset_columns.shape[2]:
+            return np.zeros(0)
         columns = self.white(self.offset_columns).reshape(-1, self.offset_columns.shape[2])
         right = self.white(self.cells.values - prediction).reshape(-1)
-        return np.asarray(np.linalg.lstsq(columns, right, rcond=None)[0], dtype=np.float64) if columns.shape[1] else np.zeros(0)
+        return np.asarray(np.linalg.lstsq(columns, right, rcond=None)[0], dtype=np.float64)
 
 
 def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:

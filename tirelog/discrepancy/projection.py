@@ -20,7 +20,7 @@ _RANK = 1e-7
 
 def orthonormal(columns: FloatArray) -> FloatArray:
     """Orthonormal basis (N, r) of the span of columns (..., k) with all leading axes flattened; scale-free in each column."""
-    flat = columns.reshape(-1, columns.shape[-1])
+    flat = columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
     norm = np.linalg.norm(flat, axis=0)
     flat = flat[:, norm > 0] / norm[norm > 0]
     if not flat.shape[1]:

@@ -121,11 +121,13 @@ def _load_columns(base: Base, model: Model, conditions: Conditions, phi: FloatAr
 
 def advise(base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3) -> tuple[list[dict[str, Any]], list[str]]:
     """The best manoeuvres for the first rival against each other one, and notes where no drive on the list parts them."""
+    if base.cells.phi.shape[1] == 1:
+        return [], ["the list of manoeuvres is searched for waveforms only: compare the rivals there."]
     rows, notes = [], []
     name, model = rivals[0]
     floor = np.sqrt(base.floor.square)
     for other, rival in rivals[1:]:
-        found = separations(base, model, rival) if base.cells.phi.shape[1] > 1 else []
+        found = separations(base, model, rival)
         useful = [row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0]
         if not useful:
             notes.append(

@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 
 #: shape parameters are tried at these factors of their probe
 _FACTORS = (0.5, 2.0)
+#: a change below this share of the waveform is rounding
+_NOTHING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,12 +75,13 @@ def signatures_of(problem: Problem, model: Model, effect: Effect, prediction: Fl
         raise ModelError(f"needs {', '.join(lacking)}")
     own = {p.name: p for p in effect.parameters}
     result = []
+    size = float(np.nanmax(np.abs(prediction)))
     for shape in variants(effect):
         columns, names = [], []
         for name in effect.strength:
             added = with_candidate(model, effect, {**shape, name: own[name].probe}).resolved(problem.cells.conditions)
             change = (problem.predict(added, {}) - prediction) / own[name].probe
-            if np.nanmax(np.abs(change)) > 0.0:
+            if np.nanmax(np.abs(change)) * abs(own[name].probe) > _NOTHING * size:
                 columns.append(change)
                 names.append(name)
         if columns:

@@ -45,6 +45,8 @@ class Whitener:
 
     def __call__(self, x: FloatArray) -> FloatArray:
         """Whitened x, shape (C, m) or (C, m, k); NaN in empty bins is allowed."""
+        if x.size == 0:
+            return x
         flat = x.ndim == 2
         x = x[..., None] if flat else x
         x = np.where(self.inverse_sd[..., None] > 0, x * self.inverse_sd[..., None], 0.0)

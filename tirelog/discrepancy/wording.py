@@ -42,8 +42,10 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     return f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} {100 * share:.0f} % of the excess."
 
 
-def unexplained_sentence(facts: Mapping[str, Any]) -> str:
+def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
     """What remains, in physical words."""
+    if few:
+        return "Whether what remains repeats cannot be tested on so few manoeuvres."
     if not facts["significant"]:
         return "What remains does not repeat from manoeuvre to manoeuvre, or is too small to matter."
     parts = []
