@@ -107,3 +107,21 @@ def test_the_keyboard_reaches_the_results(opened: Any) -> None:
     page, _, _ = opened
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.className") == "skip"
+
+
+def test_paper_is_white_and_no_wider_than_a4_whatever_the_screen_is(browser: Any, page_file: Path) -> None:
+    context = browser.new_context(color_scheme="dark", viewport={"width": 1440, "height": 900})
+    page = context.new_page()
+    page.goto(page_file.as_uri())
+    page.wait_for_selector("html[data-ready=true]", timeout=30_000)
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    page.wait_for_function("document.querySelectorAll('.plot .main-svg').length >= 8", timeout=30_000)
+    fill = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
+    widths = page.evaluate("[...document.querySelectorAll('.plot .main-svg')].map(s => s.getBoundingClientRect().width)")
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    page.wait_for_function("document.querySelector('#speed .main-svg').getBoundingClientRect().width > 700", timeout=30_000)
+    after = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
+    context.close()
+    assert fill == "rgb(0, 0, 0)"
+    assert max(widths) <= 680
+    assert after == "rgb(232, 232, 232)"

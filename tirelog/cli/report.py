@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,6 +34,7 @@ def report(
 ) -> None:
     """Write one offline page: what was recorded, what came of it, where the model fails."""
     one_thread()
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # the default one keeps what is freed: 50 MB for an hour's tables
     from tirelog.report.build import Asked, build
 
     _possible(logs, output, campaign, format, figures)

@@ -123,7 +123,8 @@ def _tables(report: Report, recordings: Sequence[Recording], tables: Tables, ask
             continue
         if name == "speed":
             report.sections.append(sections.drive(recordings, table, command, remarks))
-            speed = table[["log", "channel", "revolution", "acceleration_m_s2"]] if recordings else None
+            speed = table.loc[_first(table, recordings), ["log", "channel", "revolution", "acceleration_m_s2"]]
+            del table  # an hour of 16 gratings is half a million rows
         elif name == "footprint":
             passage = [f for recording in recordings[:1] for f in passage_figures(recording, table, speed)]
             report.sections.append(table_sections.footprint(table, command, remarks, passage))
@@ -135,6 +136,11 @@ def _tables(report: Report, recordings: Sequence[Recording], tables: Tables, ask
                 )
         else:
             _phase_shift(report, table, command, remarks, asked)
+
+
+def _first(table: pd.DataFrame, recordings: Sequence[Recording]) -> pd.Series:
+    """The rows of the log of which a passage is shown."""
+    return table["log"] == (recordings[0].log if recordings else "")
 
 
 def _phase_shift(report: Report, table: pd.DataFrame, command: str, remarks: Sequence[str], asked: Asked) -> None:

@@ -26,6 +26,8 @@ BUCKETS = 2000
 SCATTER_POINTS = 6000
 #: a map's colours end at this percentile of the sizes, so that one odd cell does not bleach the rest
 _COLOUR_PERCENTILE = 99.5
+#: samples that are decimated at once
+_BLOCK = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ def decimated(channel: Channel, buckets: int = BUCKETS) -> tuple[FloatArray, Flo
     size = max(1, -(-channel.size // buckets))
     at: list[FloatArray] = []
     values: list[FloatArray] = []
-    for start, block in channel.blocks(size * max(1, (1 << 20) // size)):
+    for start, block in channel.blocks(size * max(1, _BLOCK // size)):
         rows = -(-block.size // size)
         padded = np.full(rows * size, np.nan)
         padded[: block.size] = block

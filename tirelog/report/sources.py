@@ -7,7 +7,7 @@ a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last ladder
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -42,14 +42,8 @@ class Tables:
 
     def get(self, kind: str) -> pd.DataFrame | None:
         """All rows of a kind, or None where none was given."""
-        parts = [_read(path, log) for path, log in self.files.get(kind, ())]
-        if not parts:
-            return None
-        if len(parts) == 1:
-            return parts[0]
-        words = {name: pd.api.types.union_categoricals([p[name] for p in parts]) for name in _WORDS if all(name in p for p in parts)}
-        numbers = pd.concat([p.drop(columns=list(words)) for p in parts], ignore_index=True)
-        return numbers.assign(**words)
+        parts = [part for path, log in self.files.get(kind, ()) for part in _read(path, log)]
+        return _joined(parts) if parts else None
 
 
 def table_kind(columns: Sequence[str], path: Path) -> str:
@@ -74,24 +68,37 @@ def _columns(path: Path) -> list[str]:
     return [str(name) for name in read_table(path).columns]
 
 
-def _read(path: Path, log: str | None) -> pd.DataFrame:
-    """A table's drawn columns, words as categories, numbers as exact as a picture: an hour of 16 gratings is half a million rows."""
+def _read(path: Path, log: str | None) -> Iterator[pd.DataFrame]:
+    """A table's drawn columns, part by part; an hour of 16 gratings is half a million rows."""
     if path.suffix == ".parquet":
         import pyarrow.parquet as pq
 
-        schema = pq.read_schema(path)
-        wanted = [name for name in schema.names if name not in _UNUSED]
-        frame = pq.ParquetFile(path, read_dictionary=[n for n in _WORDS if n in wanted]).read(columns=wanted)
-        frame = frame.to_pandas(split_blocks=True, self_destruct=True)
-    else:
-        frame = read_table(path)
-        frame = frame.drop(columns=[name for name in frame.columns if name in _UNUSED])
-        frame = frame.astype({name: "category" for name in _WORDS if name in frame})
-    lighter = [name for name in frame if frame[name].dtype == np.float64 and not str(name).endswith("time_s")]
-    frame = frame.astype(dict.fromkeys(lighter, np.float32))
+        wanted = [name for name in _columns(path) if name not in _UNUSED]
+        with pq.ParquetFile(path, read_dictionary=[name for name in _WORDS if name in wanted]) as file:
+            for group in range(file.num_row_groups):
+                yield _lighter(file.read_row_group(group, columns=wanted, use_threads=False).to_pandas(), log)
+        return
+    frame = read_table(path)
+    yield _lighter(frame.drop(columns=[name for name in frame.columns if name in _UNUSED]), log)
+
+
+def _lighter(frame: pd.DataFrame, log: str | None) -> pd.DataFrame:
+    """Words as categories, numbers as exact as a picture, times as they are; `log` in its column where it is not there."""
+    kinds: dict[str, Any] = {name: "category" for name in _WORDS if name in frame}
+    kinds |= {str(name): np.float32 for name in frame if frame[name].dtype == np.float64 and not str(name).endswith("time_s")}
+    frame = frame.astype(kinds)
     if log is not None:
         frame["log"] = pd.Categorical([log]).repeat(len(frame))
     return frame
+
+
+def _joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Parts as one table; words stay categories."""
+    if len(parts) == 1:
+        return parts[0]
+    words = {name: pd.api.types.union_categoricals([p[name] for p in parts]) for name in _WORDS if all(name in p for p in parts)}
+    numbers = pd.concat([p.drop(columns=list(words)) for p in parts], ignore_index=True)
+    return numbers.assign(**words)
 
 
 def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> Tables:

@@ -18,12 +18,13 @@ from tirelog.report.page import Section, Table
 from tirelog.report.sections import drawn_of, groups, quality, reach, short_names
 
 _METHODS = (("length_m", "best estimate"), ("length_d2_m", "second derivative"), ("length_d1_m", "first derivative"))
+_DRAWN = ("log", "channel", "time_s", "speed_m_s", "slip_onset_m", *(name for name, _ in _METHODS))
 _ASIDE = {"size": 4, "opacity": 0.35}
 
 
 def footprint(table: pd.DataFrame, command: str, remarks: Sequence[str], passage: Sequence[Figure] = ()) -> Section:
     """Contact lengths by the three methods against speed and time; one passage; slip onsets."""
-    good = table[table["quality"] == "ok"]
+    good = table.loc[table["quality"] == "ok", [name for name in _DRAWN if name in table]]
     best = reach(good["length_m"] * 1e3, "mm")
     figures = []
     for id, x, label in (("length-speed", "speed_m_s", "speed [m/s]"), ("length-time", "time_s", "time [s]")):

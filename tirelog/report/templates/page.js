@@ -4,7 +4,8 @@
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
   const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
 
-  const NARROW = 520;
+  const NARROW = 520, PAPER = 660;
+  let printing = false;  // paper is white whatever the screen is, and as wide as A4 between its margins
 
   // lines of at most so many letters: a phone has no room for a long axis title
   function broken(text, letters) {
@@ -18,7 +19,8 @@
 
   function styled(figure, width) {
     const style = getComputedStyle(document.documentElement), layout = figure.layout, narrow = width < NARROW;
-    const ink = style.getPropertyValue("--ink").trim(), grid = style.getPropertyValue("--line").trim();
+    const ink = printing ? "#000000" : style.getPropertyValue("--ink").trim();
+    const grid = printing ? "#d0d0d0" : style.getPropertyValue("--line").trim();
     const out = Object.assign({
       margin: { l: 60, r: 20, t: 10, b: 50 }, font: { color: ink, family: "system-ui, sans-serif" },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", height: 380,
@@ -28,6 +30,7 @@
     for (const key of Object.keys(out)) {
       if (/^[xy]axis/.test(key)) { out[key] = Object.assign({ gridcolor: grid, zerolinecolor: grid, linecolor: grid }, out[key]); }
     }
+    if (printing) { out.width = PAPER; }
     if (narrow) {
       const named = figure.traces.filter(function (trace) { return trace.name && trace.showlegend !== false; }).length;
       out.legend = { orientation: "h", yanchor: "bottom", y: 1.02, traceorder: "normal" };
@@ -38,7 +41,7 @@
   }
 
   function draw(id) {
-    const figure = data.figures[id], place = document.getElementById(id), width = place.clientWidth;
+    const figure = data.figures[id], place = document.getElementById(id), width = printing ? PAPER : place.clientWidth;
     place.dataset.narrow = String(width < NARROW);
     const shown = Object.assign({ displayModeBar: width < NARROW ? false : "hover" }, config);
     return Plotly.react(place, figure.traces, styled(figure, width), shown);
@@ -51,7 +54,8 @@
     for (const entry of entries) { if (entry.isIntersecting) { show(entry.target.id); near.unobserve(entry.target); } }
   }, { rootMargin: "600px" });
   for (const id of Object.keys(data.figures)) { near.observe(document.getElementById(id)); }
-  window.addEventListener("beforeprint", function () { Object.keys(data.figures).forEach(show); });
+  window.addEventListener("beforeprint", function () { printing = true; Object.keys(data.figures).forEach(function (id) { seen.add(id); draw(id); }); });
+  window.addEventListener("afterprint", function () { printing = false; seen.forEach(draw); });
   dark.addEventListener("change", function () { seen.forEach(draw); });
   window.addEventListener("resize", function () {
     for (const id of seen) {
