@@ -1,10 +1,11 @@
 """One block of whole lines to arrays.  Pure functions without state, so that several blocks are parsed at once.
 
-    block (bytes) --text_table: as wide a table as the layout says--> Parsed
+    block (bytes) --text_fixed: a rectangle of bytes, where rows are alike to the byte--> Parsed
+                  --text_table: as wide a table as the layout says--> Parsed
                   --text_flat:  cell by cell, where rows differ or cells are no numbers--> Parsed
 
-Both leave the numbers to the same library, so both give the same values; the table is several times as fast and refuses what it
-cannot read, the other way then says which line and which cell it was.
+The later two leave the numbers to the same library and the first rounds as correctly, so all give the same values; each is several times
+as fast as the next and refuses what it cannot read, the last then says which line and which cell it was.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from contextlib import suppress
 import numpy as np
 import pyarrow as pa
 
+from tirelog.readers.text_fixed import fixed
 from tirelog.readers.text_flat import flat
 from tirelog.readers.text_rows import Parsed, Plan, concatenated, normalized
 from tirelog.readers.text_table import Irregular, table
@@ -43,7 +45,8 @@ def _as_table(plan: Plan, ends: int, block: bytes) -> Parsed | None:
     """The block by the fast way, None where that refuses it."""
     if not plan.columns.peaks and not plan.layout.ragged:
         with suppress(Irregular, pa.ArrowInvalid):
-            return table(plan, normalized(plan.layout, block), ends + (not block.endswith(b"\n")))
+            block, lines = normalized(plan.layout, block), ends + (not block.endswith(b"\n"))
+            return fixed(plan, block, lines) or table(plan, block, lines)
     return None
 
 
