@@ -115,11 +115,11 @@ def test_paper_is_white_and_no_wider_than_a4_whatever_the_screen_is(browser: Any
     page.goto(page_file.as_uri())
     page.wait_for_selector("html[data-ready=true]", timeout=30_000)
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-    page.wait_for_function("document.querySelectorAll('.plot .main-svg').length >= 8", timeout=30_000)
+    page.wait_for_function("() => document.querySelectorAll('.plot .main-svg').length >= 8", timeout=30_000)
     fill = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
     widths = page.evaluate("[...document.querySelectorAll('.plot .main-svg')].map(s => s.getBoundingClientRect().width)")
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
-    page.wait_for_function("document.querySelector('#speed .main-svg').getBoundingClientRect().width > 700", timeout=30_000)
+    page.wait_for_function("() => document.querySelector('#speed .main-svg').getBoundingClientRect().width > 700", timeout=30_000)
     after = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
     context.close()
     assert fill == "rgb(0, 0, 0)"

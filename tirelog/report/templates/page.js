@@ -30,7 +30,7 @@
     for (const key of Object.keys(out)) {
       if (/^[xy]axis/.test(key)) { out[key] = Object.assign({ gridcolor: grid, zerolinecolor: grid, linecolor: grid }, out[key]); }
     }
-    if (printing) { out.width = PAPER; }
+    if (printing) { out.width = PAPER; } else { out.width = undefined; out.autosize = true; }
     if (narrow) {
       const named = figure.traces.filter(function (trace) { return trace.name && trace.showlegend !== false; }).length;
       out.legend = { orientation: "h", yanchor: "bottom", y: 1.02, traceorder: "normal" };
@@ -55,7 +55,7 @@
   }, { rootMargin: "600px" });
   for (const id of Object.keys(data.figures)) { near.observe(document.getElementById(id)); }
   window.addEventListener("beforeprint", function () { printing = true; Object.keys(data.figures).forEach(function (id) { seen.add(id); draw(id); }); });
-  window.addEventListener("afterprint", function () { printing = false; seen.forEach(draw); });
+  window.addEventListener("afterprint", function () { printing = false; seen.forEach(function (id) { draw(id); Plotly.Plots.resize(document.getElementById(id)); }); });
   dark.addEventListener("change", function () { seen.forEach(draw); });
   window.addEventListener("resize", function () {
     for (const id of seen) {
