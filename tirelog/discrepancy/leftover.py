@@ -18,6 +18,7 @@ from tirelog.discrepancy.assessment import nuisance_basis
 from tirelog.discrepancy.base import Base, thinned
 from tirelog.discrepancy.floor import held_out_losses
 from tirelog.discrepancy.naming import even_share, hats
+from tirelog.discrepancy.pressure_shapes import pressure_columns
 from tirelog.discrepancy.projection import per_manoeuvre, without
 from tirelog.discrepancy.selection import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, Scores, flip_test, gain_and_error
 
@@ -46,7 +47,8 @@ _MORE = 1.03
 
 @dataclass(frozen=True)
 class Leftover:
-    """`size` held-out mean square that the best free shape removes [unit^2]; `shape` (m,) the residual's leading one over `phi_rad`
+    """`size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` where a
+    change of the contact pressure explains it best; `shape` (m,) the residual's leading one over `phi_rad`
     (m,)."""
 
     significant: bool
@@ -59,6 +61,7 @@ class Leftover:
     frequency_Hz: float | None
     shape: FloatArray
     phi_rad: FloatArray
+    in_pressure: bool = False
 
 
 def _factors(base: Base) -> dict[str, FloatArray]:
@@ -100,21 +103,24 @@ def describe(base: Base) -> Leftover:
     shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
     if p[best] > ALARM_P or gain < GAIN_SIGMAS * error or size < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
-    exponent = _exponent(base, basis, residual, free) if name.startswith("speed") else None
+    exponent, in_pressure = _exponent(base, basis, residual, free) if name.startswith("speed") else (None, False)
     if cells.phi.shape[1] == 1:
         return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi)
     where, parity = place_and_parity(base, shape, phi)
     side = _one_side(base, basis, residual, free, exponent or 0.0) if where == "patch" else None
     where, parity = (side, "mixed") if side else (where, parity)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
-    return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi)
+    return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi, in_pressure)
 
 
-def _exponent(base: Base, basis: FloatArray, residual: FloatArray, free: FloatArray) -> float:
-    """The exponent of speed with which free shapes explain most."""
+def _exponent(base: Base, basis: FloatArray, residual: FloatArray, free: FloatArray) -> tuple[float, bool]:
+    """The exponent of speed with which free shapes explain most, and whether these are shapes of the pressure rather than of the
+    observable."""
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
-    explained = [_explained(_score(base, basis, residual, speed**e * free)) for e in FINE_EXPONENTS]
-    return FINE_EXPONENTS[int(np.argmax(explained))]
+    kinds = [free] if free.shape[-1] == 1 else [pressure_columns(base), free]
+    explained = [[_explained(_score(base, basis, residual, speed**e * columns)) for e in FINE_EXPONENTS] for columns in kinds]
+    best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
+    return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
 
 
 def _one_side(base: Base, basis: FloatArray, residual: FloatArray, free: FloatArray, exponent: float) -> str | None:

@@ -60,6 +60,8 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
         parts.append(f"growing as speed to the power {facts['speed_exponent']:g}")
     elif facts["follows"]:
         parts.append(f"following {facts['follows']}")
+    if facts["in_pressure"] and not facts["frequency_Hz"]:
+        parts.append("as a change of the contact pressure would be")
     near = ""
     if facts["nearest_effect"]:
         near = f" The nearest effect is {facts['nearest_effect']}, which explains {100 * facts['nearest_share']:.0f} %."
