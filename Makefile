@@ -1,29 +1,34 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-SETUP := .venv/.set-up
-
 .PHONY: demo test bench lint hidden
 
-$(SETUP): pyproject.toml
+# each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
+.venv/bin/python:
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable ".[dev]"
-	touch $(SETUP)
 
-demo: $(SETUP)
+.venv/.demo: pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install --quiet --editable ".[plot,report]"
+	touch $@
+
+.venv/.dev: pyproject.toml | .venv/bin/python
+	$(BIN)/python -m pip install --quiet --editable ".[dev]"
+	touch $@
+
+demo: .venv/.demo
 	$(BIN)/python sample_data/demo.py
 
-test: $(SETUP)
+test: .venv/.dev
 	$(BIN)/python -m pytest -n 2
 
-bench: $(SETUP)
+bench: .venv/.dev
 	$(BIN)/python -m benchmarks
 
-hidden: $(SETUP)
+hidden: .venv/.dev
 	$(BIN)/python -m benchmarks.hidden
 
-lint: $(SETUP)
+lint: .venv/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
