@@ -57,13 +57,19 @@ def bridged(values: FloatArray, wild: float) -> tuple[FloatArray, int]:
     leave theirs, replaced: by that cubic where the neighbours are there, else linearly.  Second: how many were replaced."""
     lost = np.isnan(values)
     if values.size >= 5:
-        inner = values[2:-2] - (4.0 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6.0
-        bend = np.zeros(values.size)
-        bend[2:-2] = np.abs(np.nan_to_num(inner))
+        # in place: this is the longest step of a whole channel
+        bend = values[1:-3] + values[3:-1]
+        bend *= -4.0
+        bend += values[:-4]
+        bend += values[4:]
+        bend /= 6.0
+        bend += values[2:-2]
+        np.abs(bend, out=bend)
         high = np.flatnonzero(bend > wild)
         if high.size:
-            largest = (bend[high] >= bend[high - 1]) & (bend[high] >= bend[high + 1])
-            lost[high[largest]] = True
+            around = np.nan_to_num(np.pad(bend, 1))
+            largest = (around[high + 1] >= around[high]) & (around[high + 1] >= around[high + 2])
+            lost[high[largest] + 2] = True
     gone = np.flatnonzero(lost)
     if not gone.size or gone.size == values.size:
         return (np.zeros_like(values) if gone.size else values), int(gone.size)

@@ -59,13 +59,14 @@ def along_tread(
     acceleration_m_s2: FloatArray,
     cutoff_Hz: FloatArray,
     upsample: int = 2,
+    columns: slice = slice(None),
 ) -> AlongTread:
-    """The derivatives along the tread after the low-pass; arguments as of `find_edges`."""
+    """The derivatives along the tread after the low-pass, at `columns` of those there are; other arguments as of `find_edges`."""
     count = windows.shape[1]
     spectrum = window_spectrum(fill_lost(windows))
     gains = gain(_frequencies(count, rate_Hz), cutoff_Hz)
-    first_s, second_s = (derivative(spectrum, gains, rate_Hz, order, count, upsample) for order in (1, 2))
-    time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
+    first_s, second_s = (derivative(spectrum, gains, rate_Hz, order, count, upsample)[:, columns] for order in (1, 2))
+    time = (np.arange(count * upsample)[columns] / upsample - centre[:, None]) / rate_Hz
     speed = np.maximum(speed_m_s[:, None] + acceleration_m_s2[:, None] * time, 0.05 * np.abs(speed_m_s[:, None]) + 1e-9)
     first = first_s / speed
     second = (second_s - acceleration_m_s2[:, None] * first) / speed**2
@@ -77,6 +78,15 @@ def lowpassed(windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsamp
     count = windows.shape[1]
     gains = gain(_frequencies(count, rate_Hz), cutoff_Hz)
     return derivative(window_spectrum(fill_lost(windows)), gains, rate_Hz, 0, count, upsample)
+
+
+def _columns(middle: FloatArray, reach: FloatArray, count: int) -> slice:
+    """The columns, of `count`, in which any row's extrema are looked for, with neighbours for their parabolas."""
+    low, high = float(np.min(middle - reach)), float(np.max(middle + reach))
+    if not np.isfinite(low + high):
+        return slice(0, count)
+    start = min(max(int(low) - 3, 0), max(count - 8, 0))
+    return slice(start, max(min(int(high) + 4, count), start + 8))
 
 
 def _frequencies(count: int, rate_Hz: float) -> FloatArray:
@@ -100,12 +110,13 @@ def find_edges(
     `noise`: standard deviation of a sample; `upsample`: points a sample, so that a parabola through three follows what the low-pass leaves.
     """
     count = windows.shape[1]
-    tread = along_tread(windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample)
+    reach = SEARCH * half_length_m / speed_m_s * rate_Hz * upsample
+    looked_at = _columns(centre * upsample, reach, count * upsample)
+    tread = along_tread(windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample, looked_at)
     first, second = tread.first, tread.second
     frequency = _frequencies(count, rate_Hz)
     gains = gain(frequency, cutoff_Hz)
-    reach = SEARCH * half_length_m / speed_m_s * rate_Hz * upsample
-    middle = centre * upsample
+    middle = centre * upsample - looked_at.start
     d1 = least(first, middle - reach, middle), least(-first, middle, middle + reach)
     inner = [np.where(np.isfinite(e.place), e.place, middle) for e in d1]
     d2 = least(second, middle - reach, inner[0]), least(second, inner[1], middle + reach)
