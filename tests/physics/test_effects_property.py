@@ -320,3 +320,20 @@ def test_regressors_add_their_terms():
     assert np.allclose(width.predict(DRIVE)[:, 0], 2 * width.half_length_m(DRIVE) / 0.3126, rtol=1e-12)
     length = Model.new("beam", "patch_length")
     assert np.allclose(length.predict(DRIVE)[:, 0], 2 * length.half_length_m(DRIVE), rtol=1e-12)
+
+
+@pytest.mark.parametrize("acts_on", ["strain", "contact_pressure"])
+def test_bins_without_a_sample_have_no_value_and_spoil_no_other(acts_on):
+    """An angle bin that no sample fell into has no angle (NaN); a user's formula must not be blamed for it."""
+    from tirelog.physics.parameters import Parameter
+
+    q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
+    effect = effect_by_expression("mine", acts_on, "q * exp(-(xi / 0.1)**2)", (q,))
+    model = Model.new("beam").with_effect(effect).with_values({"mine.q": 1e-6 if acts_on == "strain" else 100.0})
+    phi = np.tile(PHI, (N, 1))
+    full = model.predict(DRIVE, phi)
+    phi[2, 5] = np.nan
+    holed = model.predict(DRIVE, phi)
+    assert np.isnan(holed[2, 5])
+    holed[2, 5] = full[2, 5]
+    np.testing.assert_array_equal(holed, full)
