@@ -1,0 +1,102 @@
+"""Tires, roads, speeds and steps that the coupled ring cannot take: one sentence each, with what is allowed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tirelog.errors import ModelError
+from tirelog.physics.coupled_ring import CoupledRing
+from tirelog.physics.coupled_ring_motion import Drive, State, Stepper, simulate
+from tirelog.physics.modes import natural_modes
+from tirelog.physics.road import MeasuredRoad, SineRoad, cleat, load_road, step
+
+TIRE = CoupledRing(EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, modes=30)
+
+
+def stepper(tire=TIRE, speed=20.0, **more):
+    return Stepper(tire, State.rolling(tire, 1000.0, speed), Drive(lambda time: 1000.0, lambda time: speed), **more)
+
+
+@pytest.mark.parametrize("name", ["rho_A", "m_h", "J_h", "EI", "k_w", "k_t", "R"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_what_has_no_mass_or_stiffness_does_not_move(name, value):
+    with pytest.raises(ModelError, match=rf"{name} = .*; .*allowed; "):
+        replace(TIRE, **{name: value})
+
+
+def test_negative_damping():
+    with pytest.raises(ModelError, match="c_w = -1"):
+        replace(TIRE, c_w=-1.0)
+
+
+@pytest.mark.parametrize("step_s", [0.0, -1e-4, 1e-3, np.nan])
+def test_an_unstable_step(step_s):
+    with pytest.raises(ModelError, match=r"not stable for this tire; .*allowed; give a shorter step"):
+        stepper(step_s=step_s)
+
+
+@pytest.mark.parametrize("speed", [150.0, -150.0, np.nan])
+def test_speed_beyond_the_critical_one(speed):
+    with pytest.raises(ModelError, match="beyond the critical one, 127"):
+        stepper(speed=speed)
+    with pytest.raises(ModelError, match="beyond the critical one"):
+        natural_modes(TIRE, speed_m_s=speed)
+
+
+def test_a_load_that_lifts():
+    with pytest.raises(ModelError, match="does not press"):
+        natural_modes(TIRE, load_N=-5.0)
+
+
+def test_no_range_of_frequencies():
+    with pytest.raises(ModelError, match="above zero"):
+        natural_modes(TIRE, to_Hz=0.0)
+
+
+def test_an_obstacle_larger_than_the_tire_takes():
+    for road in (step(1.0, 0.4, 0.3), cleat(1.0, 0.1, 0.3, 0.1), SineRoad(0.05, 0.7)):
+        with pytest.raises(ModelError, match=r"rises .* m within one tire diameter; up to .*; give a lower"):
+            stepper(road=road)
+    stepper(road=cleat(1.0, 0.02, 0.05))
+
+
+def test_a_wall():
+    with pytest.raises(ModelError, match="slope of 40; up to 3 is allowed"):
+        step(1.0, 0.04, 0.001)
+    with pytest.raises(ModelError, match="ramps"):
+        cleat(1.0, 0.01, 0.02, 0.02)
+
+
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [(((0.0,), (0.0,)), "two points"), (((0.0, 0.0), (0.0, 1.0)), "does not grow"), (((0.0, 1.0), (0.0, np.nan)), "finite")],
+)
+def test_profiles_that_are_none(points, said):
+    with pytest.raises(ModelError, match=said):
+        MeasuredRoad(*points)
+
+
+def test_profile_files(tmp_path):
+    path = tmp_path / "road.txt"
+    path.write_text("# distance, height\n0, 0\n1.0, 0.01  # bump\n\n2.0 0\n")
+    height, slope = load_road(path).profile(np.array([-1.0, 0.5, 1.5, 3.0]))
+    assert height == pytest.approx([0.0, 0.005, 0.005, 0.0])
+    assert slope == pytest.approx([0.0, 0.01, -0.01, 0.0])
+    path.write_text("0, 0\n1, bump\n")
+    with pytest.raises(ModelError, match=r"road\.txt:2: .*no point of a road profile"):
+        load_road(path)
+    path.write_text("0 0\n0 1\n")
+    with pytest.raises(ModelError, match=r"road\.txt: .*does not grow"):
+        load_road(path)
+    path.write_bytes(b"\xff\xfe\x00")
+    for file in (path, tmp_path / "none.txt"):
+        with pytest.raises(ModelError, match="cannot be read"):
+            load_road(file)
+
+
+def test_a_ring_torn_from_its_sidewall():
+    torn = stepper(step_s=1e-4)
+    torn.state.hub_rate = 3000j
+    with pytest.raises(ModelError, match="left its sidewall"):
+        simulate(torn, 0.1)
