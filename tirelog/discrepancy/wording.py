@@ -74,8 +74,12 @@ def next_command(verdict: str, selected: Sequence[str], *, model: Model, logs: S
     stem = file.removesuffix(".toml")
     given = " ".join(logs)
     if verdict in ("missing", "partial", "ambiguous") and selected:
-        longer = f"{stem}+{'+'.join(selected)}.toml"
-        return f"tirelog model add {file} {' '.join(selected)} -o {longer} && tirelog model fit {given} --model {longer} -o {longer}"
+        adds = []
+        for effect in selected:
+            longer = f"{stem}+{effect}.toml"
+            adds.append(f"tirelog model add {file} {effect} -o {longer}")
+            file, stem = longer, f"{stem}+{effect}"
+        return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
     if verdict == "unknown":
         return f"tirelog compare {given} --model {file} --plot residual.png"
     if verdict == "too_few":
