@@ -112,6 +112,14 @@ _ALL = [
     Column("displacement_m", "m", "float", "radial displacement, inward positive", 1e-10, 1e-6),
     Column("radial_acceleration_m_s2", "m/s^2", "float", "radial acceleration, outward positive", 1e-4, 1e-6),
     Column("contact_pressure_N_m", "N/m", "float", "contact pressure per length of tread", 1e-3, 1e-6),
+    # model modes
+    _text("support", "air, or road: the standing patch under the model's load"),
+    Column("frequency_Hz", "Hz", "float", "natural frequency that an observer beside the tire hears", 1e-6, 1e-6),
+    Column("damping_ratio", "", "float", "share of the critical damping", 1e-8, 1e-5),
+    _text("shape", "rigid vertical, longitudinal or whirl, rotational, or n-lobe, by kinetic energy"),
+    _integer("lobes", "n of the shape: 0 rotational, 1 rigid"),
+    _text("direction", "with or against the rotation for a travelling wave, standing else"),
+    Column("share", "", "float", "share of the kinetic energy in that n", 1e-4, 1e-3),
 ]
 
 COLUMNS: dict[str, Column] = {column.name: column for column in _ALL}
@@ -148,6 +156,7 @@ TABLES: dict[str, tuple[str, ...]] = {
         "longitudinal_force_N", "longitudinal_force_se_N",
     ),
     "predict": ("xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2", "contact_pressure_N_m"),
+    "modes": ("support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction", "share"),
 }  # fmt: skip
 
 #: columns that stand in a table only where the setup or calibration gives what they need
