@@ -1,4 +1,4 @@
-"""`tirelog model new | show | add | remove | fit | predict`."""
+"""`tirelog model new | show | add | remove | fit | predict | modes`."""
 
 from __future__ import annotations
 
@@ -234,3 +234,47 @@ def predict(
         columns[column] = read.predict(conditions, phi, surface=surface or "outer", observable=observable)[0]
     with Session(None).table("predict", output, format) as table:
         table.write(columns)
+
+
+@app.command()
+def modes(
+    model: Model_,
+    speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,
+    load: Annotated[float | None, typer.Option(help="Load [N] on the road; default the model's.", show_default=False)] = None,
+    hub_mass: Annotated[float, typer.Option(help="Mass m_h [kg] of hub and rim.")] = 20.0,
+    hub_inertia: Annotated[float, typer.Option(help="Moment of inertia J_h [kg m^2] of hub and rim about the axle.")] = 0.8,
+    to_frequency: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 300.0,
+    effects: EffectsFile = None,
+    output: Output = None,
+    format: Format = None,
+) -> None:
+    """Natural frequencies, damping and shapes of a ring model, in the air and (with contact = "flat_road") on the road.
+
+    The ring moves on the sidewall of a hub with the mass given; the model's effects are not in it.
+    """
+    from dataclasses import asdict
+
+    from tirelog.columns import TABLES
+    from tirelog.errors import ModelError
+    from tirelog.physics.modes import natural_modes, of_model
+
+    read = _load(model, effects)
+    if read.carcass != "ring":
+        raise ModelError(
+            f'a {read.carcass} has no natural modes here; carcass = "ring" is allowed; make one with --carcass ring', file=model
+        )
+    tire = of_model(read.values, hub_mass_kg=hub_mass, hub_inertia_kg_m2=hub_inertia)
+    supports: dict[str, float | None] = {"air": None}
+    if read.contact == "flat_road":
+        supports["road"] = read.values["load_N"] if load is None else load
+    elif load is not None:
+        raise ModelError(
+            '--load needs a tread to stand on; contact = "flat_road" is allowed; leave it out, or make such a model', file=model
+        )
+    found = [
+        {"support": support, "speed_m_s": speed, **asdict(mode)}
+        for support, stands in supports.items()
+        for mode in natural_modes(tire, speed_m_s=speed, load_N=stands, to_Hz=to_frequency)
+    ]
+    with Session(None).table("modes", output, format) as table:
+        table.write({name: [row[name] for row in found] for name in TABLES["modes"]})

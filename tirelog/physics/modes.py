@@ -12,6 +12,7 @@ itself a wave of n lobes is n Omega / 2 pi away.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,6 +61,26 @@ def natural_modes(tire: CoupledRing, *, speed_m_s: float = 0.0, load_N: float | 
     heard = (values.imag > 2.0 * np.pi * _SLOWEST) & (values.imag <= 2.0 * np.pi * to_Hz)
     found = [_mode(value, vector[:size], M, turning=speed_m_s != 0.0) for value, vector in zip(values[heard], vectors[:, heard].T)]
     return sorted(found, key=lambda mode: (mode.frequency_Hz, mode.lobes))
+
+
+def of_model(values: Mapping[str, float], *, hub_mass_kg: float, hub_inertia_kg_m2: float) -> CoupledRing:
+    """The coupled ring with a ring model's numbers by name (contract, "Model file"); ModelError where they cannot move.
+
+    A model without a tread has one that does not matter in the air.
+    """
+    return CoupledRing(
+        EI=values["flexural_stiffness_N_m2"],
+        k_w=values["radial_stiffness_N_m2"],
+        k_v=values["tangential_stiffness_N_m2"],
+        c_w=values["radial_damping_N_s_m2"],
+        c_v=values["tangential_damping_N_s_m2"],
+        pb=values["inflation_pressure_Pa"] * values["width_m"],
+        R=values["radius_m"],
+        k_t=values.get("tread_stiffness_N_m2", 1e8),
+        rho_A=values["line_mass_kg_m"],
+        m_h=hub_mass_kg,
+        J_h=hub_inertia_kg_m2,
+    )
 
 
 def enough_modes(tire: CoupledRing, to_Hz: float, speed_m_s: float) -> CoupledRing:
@@ -114,7 +135,8 @@ def _mode(value: complex, q: ComplexArray, M: FloatArray, *, turning: bool) -> M
     rigid, rotational = energy[:4].sum(), energy[4:6].sum()
     groups = np.concatenate([[rotational, rigid], lobes])
     main = int(np.argmax(groups))
-    frequency, damping = value.imag / (2.0 * np.pi), -value.real / abs(value)
+    # rounded: what is not damped is 0, not the eigenvalue solver's noise
+    frequency, damping = float(value.imag) / (2.0 * np.pi), round(-float(value.real) / abs(value), 12) + 0.0
     share = float(groups[main])
     if main == 0:
         return Mode(frequency, damping, "rotational", 0, "standing", share)

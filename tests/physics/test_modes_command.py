@@ -1,0 +1,71 @@
+"""`tirelog model modes` from the outside."""
+
+import json
+import re
+
+import pytest
+
+from tirelog.cli import run
+
+
+@pytest.fixture
+def ring(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run(["model", "new", "--carcass", "ring", "--set", "load_N=1000", "--set", "radius_m=0.3", "-o", "ring.toml", "--quiet"])
+    return "ring.toml"
+
+
+def rows(capsys, *arguments):
+    capsys.readouterr()
+    assert run(["model", "modes", *arguments, "--format", "json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_in_the_air_and_on_the_road(ring, capsys):
+    table = rows(capsys, ring)
+    assert list(table[0]) == ["support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction", "share"]
+    air = [row for row in table if row["support"] == "air"]
+    road = [row for row in table if row["support"] == "road"]
+    assert {"rigid vertical", "rigid longitudinal", "rotational", "2-lobe", "3-lobe"} <= {row["shape"] for row in air}
+    assert road[0]["shape"] == "rigid vertical"
+    assert road[0]["frequency_Hz"] < air[0]["frequency_Hz"]
+    assert all(row["frequency_Hz"] <= 300.0 for row in table)
+    assert {row["direction"] for row in table} == {"standing"}
+
+
+def test_speed_splits_and_load_stiffens(ring, capsys):
+    turning = [r for r in rows(capsys, ring, "--speed", "20") if r["support"] == "air" and r["shape"] == "2-lobe"]
+    assert [r["direction"] for r in turning] == ["against", "with"]
+    light, heavy = (rows(capsys, ring, "--load", load) for load in ("500", "4000"))
+    first = [next(r["frequency_Hz"] for r in table if r["support"] == "road") for table in (light, heavy)]
+    assert first[0] < first[1]
+
+
+def test_no_mode_so_low_is_a_table_without_rows(ring, capsys):
+    capsys.readouterr()
+    assert run(["model", "modes", ring, "--to-frequency", "1"]) == 0
+    assert capsys.readouterr().out.strip().count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--speed", "500"), "beyond the critical one"),
+        (("--hub-mass", "0"), "m_h = 0"),
+        (("--load", "-3"), "does not press"),
+        (("--to-frequency", "0"), "above zero"),
+    ],
+)
+def test_what_cannot_ring(ring, capsys, arguments, said):
+    assert run(["model", "modes", ring, *arguments]) == 2
+    assert re.search(r"tirelog: error: .*" + said + ".*; ", capsys.readouterr().err)
+
+
+def test_a_beam_has_none_and_a_ring_without_tread_only_the_air(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    run(["model", "new", "-o", "beam.toml", "--quiet"])
+    assert run(["model", "modes", "beam.toml"]) == 2
+    assert "a beam has no natural modes" in capsys.readouterr().err
+    run(["model", "new", "--carcass", "ring", "--contact", "prescribed", "-o", "bare.toml", "--quiet"])
+    assert {row["support"] for row in rows(capsys, "bare.toml")} == {"air"}
+    assert run(["model", "modes", "bare.toml", "--load", "1000"]) == 2
