@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 
 MOST_STEPS = 25
 _SETTLED = 1e-4
+#: dampings tried for one step
+_TRIALS = 8
 #: starts: factors on the start values of some parameters
 STARTS: tuple[Mapping[str, float], ...] = (
     {},
@@ -149,45 +151,55 @@ def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = M
     """
     theta = np.array([model.values[n] for n in names])
     low, high = _bounds(model, names)
-    values = dict(zip(names, theta, strict=True))
-    problem.centre(model, values)
-    prediction, jacobian = problem.linearised(model, names, values)
-    residual = problem.measured_less(prediction)
-    chi2, damping, settled = float((residual**2).sum()), 1e-3, not len(names)
+    values, damping, settled = dict(zip(names, theta, strict=True)), 1e-3, not len(names)
+    jacobian, residual = _at(problem, model, names, values)
+    chi2 = float((residual**2).sum())
     for _ in range(steps if len(names) else 0):
         size = _sizes(model.with_values(dict(zip(names, np.clip(theta, low, high), strict=True))), names)
         slope = without(problem.offset_basis, problem.white(jacobian * size)).reshape(-1, len(names))
         gram, gradient = slope.T @ slope, slope.T @ residual.reshape(-1)
         free = ~(((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0)))
-        better = False
-        for _ in range(8):
-            step = np.zeros(theta.size)
-            square = gram[np.ix_(free, free)]
-            square = square + damping * np.diag(np.diag(square) + 1e-9 * np.trace(gram))
-            step[free] = np.linalg.lstsq(square, gradient[free], rcond=1e-12)[0]
-            new = np.clip(theta + np.clip(step, -1.0, 1.0) * size, low, high)
-            try:
-                trial = problem.measured_less(problem.predict(model, dict(zip(names, new, strict=True))))
-                reached = float((trial**2).sum())
-            except ModelError:
-                reached = np.inf
+        for _ in range(_TRIALS):
+            new = np.clip(theta + _damped(gram, gradient, free, damping) * size, low, high)
+            reached = _chi2_at(problem, model, dict(zip(names, new, strict=True)))
             if reached < chi2:
-                better = True
                 break
             damping = max(damping, 1e-6) * 8.0
-        if not better:
+        else:
             settled = True
             break
         drop, theta, damping = chi2 - reached, new, damping / 10.0
         values = dict(zip(names, theta, strict=True))
-        problem.centre(model, values)
-        prediction, jacobian = problem.linearised(model, names, values)
-        residual = problem.measured_less(prediction)
+        jacobian, residual = _at(problem, model, names, values)
         chi2 = float((residual**2).sum())
         if drop < _SETTLED * chi2 and drop < 0.3:
             settled = True
             break
     return model.with_values(values), chi2, settled
+
+
+def _at(problem: Problem, model: Model, names: Sequence[str], values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Jacobian in the observable's unit and whitened residual at a point, the cells centred there."""
+    problem.centre(model, values)
+    prediction, jacobian = problem.linearised(model, names, values)
+    return jacobian, problem.measured_less(prediction)
+
+
+def _chi2_at(problem: Problem, model: Model, values: Mapping[str, float]) -> float:
+    """Chi-square at a point; infinite where the physics refuses it."""
+    try:
+        return float((problem.measured_less(problem.predict(model, values)) ** 2).sum())
+    except ModelError:
+        return float("inf")
+
+
+def _damped(gram: FloatArray, gradient: FloatArray, free: NDArray[np.bool_], damping: float) -> FloatArray:
+    """A damped step of the free parameters in units of their sizes, at most one size each."""
+    step = np.zeros(gradient.size)
+    square = gram[np.ix_(free, free)]
+    square = square + damping * np.diag(np.diag(square) + 1e-9 * np.trace(gram))
+    step[free] = np.linalg.lstsq(square, gradient[free], rcond=1e-12)[0]
+    return np.clip(step, -1.0, 1.0)
 
 
 def starts(model: Model, names: Sequence[str]) -> list[Model]:
