@@ -269,7 +269,8 @@ def _channel(
 
     def samples(start: int, stop: int) -> FloatArray:
         raw = _read(dataset, start, stop, name, losses)
-        values = raw.astype(np.float64) * scale
+        values = raw.astype(np.float64)
+        values *= scale
         values += offset
         if counts:
             values[raw == _LOST] = np.nan

@@ -14,7 +14,7 @@ import numpy as np
 
 from tirelog.estimators.dissipation import AVERAGED, STEADY_STEP_M_S, Dissipation, dissipation
 from tirelog.estimators.footprint_table import begin, rotating
-from tirelog.estimators.passages import Passages
+from tirelog.estimators.passages import Passages, released
 from tirelog.estimators.speed import speed_words
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray, Recording
 from tirelog.tables import quality_text
@@ -60,6 +60,7 @@ def dissipation_of(
         }
         columns |= _with_viscosity(recording, found, passages.speed_m_s)
         columns["quality"] = np.array([quality_text(sorted(words)) for words in found.quality], object)
+        channel = released(channel)
         yield DissipationOfChannel(channel, passages, found, columns, () if said else _remarks(recording))
         said = True
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,10 @@ import numpy as np
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
 from tirelog.estimators.footprint import Footprint, footprint
-from tirelog.estimators.passages import Passages, find_passages
+from tirelog.estimators.passages import Passages, find_passages, held, released
 from tirelog.estimators.speed import STRAIN_KINDS, speed_columns, speed_words
 from tirelog.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.tables import quality_text
-
-#: samples of one channel that are held in memory: an hour at 2.5 kHz, 76 MB
-MOST_AT_HAND = 9_500_000
 
 
 @dataclass(frozen=True)
@@ -47,24 +44,17 @@ def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
     """The strain channels with their passages.  UsageError where none of them passes the patch."""
     turned = False
     for stored in strain_channels(recording):
-        channel = at_hand(stored)
+        channel = held(stored)
         passages = find_passages(channel, recording.setup.tire.radius_m)
         turned |= len(passages) > 0
         yield channel, passages
+        del channel  # before the next one takes its place in memory
     if not turned:
         raise UsageError(
             "the wheel does not turn in this log: no grating passes the patch; allowed are logs with at least one passage; "
             "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
             file=recording.log,
         )
-
-
-def at_hand(channel: Channel, most: int = MOST_AT_HAND) -> Channel:
-    """The channel with its samples in memory if they are not more than `most`: it is read several times over."""
-    if channel.size > most:
-        return channel
-    values = channel.read()
-    return replace(channel, samples=lambda start, stop: values[start:stop])
 
 
 def begin(log: str, passages: Passages) -> dict[str, Any]:
@@ -99,6 +89,7 @@ def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOC
             "slip_onset_reason": found.slip.reason,
             "quality": np.array([quality_text(sorted(w)) for w in words], object),
         }
+        channel = released(channel)
         yield FootprintOfChannel(channel, passages, found, columns, _remarks(recording, channel, found, cutoff))
 
 

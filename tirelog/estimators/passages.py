@@ -11,6 +11,7 @@ are fitted, a block at a time at places fixed by the passages, so the rows do no
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -28,8 +29,8 @@ from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
 #: fewer samples in a window are too few for a waveform
 FEWEST = 6
-#: a channel up to this length is read once and held (32 MB)
-HELD_SAMPLES = 1 << 22
+#: a channel up to this length is read once and held: an hour at 2.5 kHz, 76 MB
+HELD_SAMPLES = 9_500_000
 
 
 @dataclass(frozen=True)
@@ -118,12 +119,30 @@ def patch_sign(channel: Channel) -> float:
     return 1.0 if channel.surface == "inner" else -1.0
 
 
-def _held(channel: Channel) -> Channel:
-    """The channel, in memory where it is short: it is gone through more than once."""
-    if channel.size > HELD_SAMPLES:
+@dataclass(frozen=True)
+class _Held:
+    """The samples of a channel in memory, and where they were `stored`."""
+
+    values: FloatArray
+    stored: Callable[[int, int], FloatArray]
+
+    def __call__(self, start: int, stop: int) -> FloatArray:
+        return self.values[start:stop]
+
+
+def held(channel: Channel) -> Channel:
+    """The channel, in memory where it is short: it is gone through more than once.  Read block by block, so that it is there only once."""
+    if channel.size > HELD_SAMPLES or isinstance(channel.samples, _Held):
         return channel
-    values = channel.read()
-    return replace(channel, samples=lambda start, stop: values[start:stop])
+    values = np.empty(channel.size)
+    for start, some in channel.blocks():
+        values[start : start + some.size] = some
+    return replace(channel, samples=_Held(values, channel.samples))
+
+
+def released(channel: Channel) -> Channel:
+    """The channel without the memory that `held` took."""
+    return replace(channel, samples=channel.samples.stored) if isinstance(channel.samples, _Held) else channel
 
 
 def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_SAMPLES) -> Passages:
@@ -131,7 +150,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
 
     The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
     """
-    channel = _held(channel)
+    channel = held(channel)
     sign = patch_sign(channel)
     pulses, data = search(channel, sign, block_samples)
     if not len(pulses):
