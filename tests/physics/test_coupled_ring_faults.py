@@ -100,3 +100,11 @@ def test_a_ring_torn_from_its_sidewall():
     torn.state.hub_rate = 3000j
     with pytest.raises(ModelError, match="left its sidewall"):
         simulate(torn, 0.1)
+
+
+def test_a_road_that_comes_up_to_the_axle():
+    sunk = stepper(step_s=1e-4)
+    sunk.state.centre -= 0.1j
+    sunk.state.hub -= 0.1j
+    with pytest.raises(ModelError, match=r"reaches the tire beyond .* rad"):
+        sunk.step()

@@ -12,14 +12,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tirelog.errors import ModelError
 from tirelog.physics.coupled_ring import CoupledRing
 from tirelog.physics.road import Road
 from tirelog.physics.spectral import ComplexArray, FloatArray
 
 #: Nodes whose undeformed place is less than this above the road are looked at [share of R].
 NEAR = 0.04
-#: Angle from the patch centre [rad] beyond which nothing touches.
-FAR = 0.6
+#: Angle from the patch centre [rad] beyond which nothing may touch.
+FAR = 0.8
 
 
 @dataclass
@@ -27,21 +28,20 @@ class RoadForces:
     """What the road does to the tire, totals and modes.
 
     force [N] as s + i z; torque [N m] that turns the ring, sum f . r'; modes E_n (N - 1,) [N/m]; energy [J] of the tread's springs
-    (bristles included); `nodes` that were looked at, their angle phi [rad] and vertical force per length p [N/m].
+    (bristles included); angle phi [rad] of the nodes that were looked at, and the vertical force per length p [N/m] on them.
     """
 
     force: complex
     torque: float
     modes: ComplexArray
     energy: float
-    nodes: slice
     phi: FloatArray
     pressure: FloatArray
 
 
 @dataclass
 class Tread:
-    """The tread of a coupled ring on a road; holds the bristles' deflections (M,) between steps."""
+    """The tread of a coupled ring on a road; holds the bristles' deflections (M,) between steps, and sums what sliding takes, `lost` [J]."""
 
     tire: CoupledRing
     road: Road
@@ -89,7 +89,7 @@ class Tread:
         q = parts[:, : n.size] + 1j * parts[:, n.size :]
         total = complex(f_s.sum(), f_z.sum()) * self._pitch
         torque = self._pitch * float(tire.R * f_t.sum() + f_r @ bend)
-        return RoadForces(total, torque, turn.conj() * (q[0] + 1j * n * q[1]), energy, near, phi, f_z)
+        return RoadForces(total, torque, turn.conj() * (q[0] + 1j * n * q[1]), energy, phi, f_z)
 
     def _near(self, centre: complex, psi: float) -> tuple[slice, FloatArray, FloatArray, FloatArray]:
         """The stretch of nodes that may touch, their angles in (-pi, pi] with sine and cosine; nodes count on past M."""
@@ -102,6 +102,10 @@ class Tread:
         if close.size == 0:
             return slice(0, 0), *np.zeros((3, 0))
         first, end = int(close[0]), int(close[-1]) + 1
+        if first == 0 or end == offset.size:
+            raise ModelError(
+                f"the road reaches the tire beyond {FAR:g} rad to either side; a shorter patch is allowed; lower the load or the obstacle"
+            )
         start = int(offset[first]) % self.nodes
         return slice(start, start + end - first), phi[first:end], sin[first:end], cos[first:end]
 

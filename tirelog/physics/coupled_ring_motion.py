@@ -91,7 +91,6 @@ class Motion:
     energy_J: FloatArray
     V: ComplexArray
     V_rate: ComplexArray
-    last: State
 
     def strain(self, theta_rad: float, lever_m: float) -> FloatArray:
         """Strain (k,) at the belt's own angle theta, `lever_m` toward the axle positive: (y / R^2) (w + w''), w outward (errata)."""
@@ -249,4 +248,4 @@ def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
         shapes.append((s.V, s.V_rate))
     columns = dict(zip(_COLUMNS, np.array(rows).T))
     V, rates = (np.array(each) for each in zip(*shapes))
-    return Motion(stepper.tire, V=V, V_rate=rates, last=stepper.state, **columns)
+    return Motion(stepper.tire, V=V, V_rate=rates, **columns)
