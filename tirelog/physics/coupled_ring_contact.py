@@ -41,7 +41,10 @@ class RoadForces:
 
 @dataclass
 class Tread:
-    """The tread of a coupled ring on a road; holds the bristles' deflections (M,) between steps, and sums what sliding takes, `lost` [J]."""
+    """The tread of a coupled ring on a road; holds the bristles' deflections (M,) between steps.
+
+    `lost` [J] sums what sliding takes.
+    """
 
     tire: CoupledRing
     road: Road
