@@ -30,9 +30,8 @@ def main() -> None:
             print(f"{table:10} from the run  {steps[-1]}")
         ours = Cost(sum(s.wall_s for s in steps), sum(s.cpu_s for s in steps), max(s.peak_MB for s in steps))
         print(f"all four                 {ours}")
-        print(
-            f"plain / tirelog: {plain.wall_s / ours.wall_s:.2f} x wall, {plain.cpu_s / ours.cpu_s:.2f} x cpu, {plain.peak_MB / ours.peak_MB:.1f} x memory"
-        )
+        ratios = plain.wall_s / ours.wall_s, plain.cpu_s / ours.cpu_s, plain.peak_MB / ours.peak_MB
+        print("plain / tirelog: {:.2f} x wall, {:.2f} x cpu, {:.1f} x memory".format(*ratios))
         direct = cost([TIRELOG, "speed", str(log), "-o", str(folder / "direct.csv")])
         print(f"speed from the text      {direct}   plain / tirelog {plain.wall_s / direct.wall_s:.2f} x wall")
     for arguments in (["--help"], ["speed", "--help"]):
