@@ -99,7 +99,7 @@ class Tread:
         R, pitch = self.tire.R, 2.0 * np.pi / self.nodes
         middle = round(-psi / pitch)
         offset = np.arange(middle - self._reach, middle + self._reach + 1)
-        phi = offset * pitch + psi
+        phi: FloatArray = np.asarray(offset * pitch + psi, dtype=np.float64)
         sin, cos = np.sin(phi), np.cos(phi)
         close = np.flatnonzero(centre.imag - R * cos - self.road.profile(-(centre.real + R * sin))[0] < NEAR * R)
         if close.size == 0:
