@@ -30,7 +30,7 @@ def test_table_of_the_readme() -> None:
 def test_size_and_nothing_unnamed() -> None:
     files = [p for p in FOLDER.rglob("*") if p.is_file()]
     assert sum(p.stat().st_size for p in files) < 10e6
-    known = {name for name, _, _ in TABLE} | {"README.md", "make.py"} | {f"{s}.toml" for s in LOGS.values()}
+    known = {name for name, _, _ in TABLE} | {"README.md", "make.py", "demo.py"} | {f"{s}.toml" for s in LOGS.values()}
     assert {p.name for p in files if p.parent in (FOLDER, FOLDER / "scenarios")} - known == set()
 
 

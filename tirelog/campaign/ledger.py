@@ -65,7 +65,10 @@ class Ledger:
                     "another campaign run works in this folder; one at a time is allowed; wait for it", file=self.output
                 ) from None
             self._sweep()
-            yield
+            try:
+                yield
+            finally:
+                self._sweep()  # a worker that died has left what it was writing
 
     def _sweep(self) -> None:
         """Remove what a kill left half-written."""
