@@ -74,13 +74,10 @@ def _bars(result: Ladder) -> None:
 
 def _remember(result: Ladder, model: Path) -> None:
     """The ladder, appended to the history beside the model file (MODEL.ladder.json)."""
+    from tirelog.cli.history import history_file, read_history
     from tirelog.files import whole_file
 
-    history = model.with_suffix(".ladder.json")
-    try:
-        past = json.loads(history.read_text(encoding="utf-8"))["ladders"]
-    except (OSError, ValueError, KeyError, TypeError):
-        past = []
+    past = read_history(model)
     entry = {"climbed": datetime.now(UTC).isoformat(timespec="seconds")} | result.to_json()
-    with whole_file(history) as part:
+    with whole_file(history_file(model)) as part:
         part.write_text(json.dumps({"ladders": [*past, entry]}, indent=1) + "\n", encoding="utf-8")

@@ -93,17 +93,22 @@ def _from_setup(model: Model, setup: Setup | None) -> dict[str, float]:
 def show(
     model: Model_,
     against: Annotated[Path | None, typer.Option(help="Another model: differences in sigma.", show_default=False)] = None,
+    history: Annotated[bool, typer.Option("--history", help="The ladders climbed from this model.")] = False,
     effects: EffectsFile = None,
     output: Output = None,
     format: Format = None,
 ) -> None:
     """Show a model to read, or its parameters as a table; with --against the difference of two models in sigma."""
+    from tirelog.cli.history import history_page, history_rows
     from tirelog.cli.model_page import difference_page, difference_rows, model_page, parameter_rows
 
     read = _load(model, effects)
-    rows = parameter_rows(read) if against is None else difference_rows(read, _load(against, effects))
+    if history:
+        rows: dict[str, Any] = history_rows(model)
+    else:
+        rows = parameter_rows(read) if against is None else difference_rows(read, _load(against, effects))
     if format is None and output is None:
-        typer.echo(model_page(read) if against is None else difference_page(rows))
+        typer.echo(history_page(rows) if history else model_page(read) if against is None else difference_page(rows))
         return
     with Session(None).table("model", output, format) as table:
         table.write(rows)
