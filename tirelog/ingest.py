@@ -229,10 +229,7 @@ def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
         for name, channel in setup.channels.items()
         if name in read and channel.kind == "fbg_strain" and channel.temperature_channel not in read
     ]
-    remarks = [f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"] if alone else []
-    if setup.tire.rolling_radius_m is None and setup.tire.unloaded_radius_m is not None:
-        remarks.append("the setup has no rolling_radius_m: the unloaded radius stands in, and speeds come out a few per cent high")
-    return remarks
+    return [f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"] if alone else []
 
 
 @contextmanager

@@ -26,6 +26,7 @@ def dissipation(
     one_thread()
     from tirelog.errors import UsageError
     from tirelog.estimators import dissipation_table as tables
+    from tirelog.estimators.speed import radius_remarks
 
     if not steady_step > 0 or average < 1:
         raise UsageError("--steady-step is above 0 m/s and --average at least 1 revolution; mend the number")
@@ -35,6 +36,8 @@ def dissipation(
     name = "dissipation-fit" if fit else "dissipation"
     with Session(setup, quiet) as session, session.table(name, output, format) as table:
         for recording in session.recordings(logs):
+            for remark in radius_remarks(recording):
+                session.note(f"{recording.log}: {remark}")
             for found in tables.dissipation_of(recording, steady_step, average):
                 columns = found.columns
                 if fit:

@@ -25,11 +25,14 @@ def footprint(
     one_thread()
     from tirelog.dsp.lowpass import Cutoff
     from tirelog.estimators.footprint_table import footprint_of
+    from tirelog.estimators.speed import radius_remarks
 
     setting = Cutoff.parse(cutoff)
     kept = []
     with Session(setup, quiet) as session, session.table("footprint", output, format) as table:
         for recording in session.recordings(logs):
+            for remark in radius_remarks(recording):
+                session.note(f"{recording.log}: {remark}")
             for found in footprint_of(recording, setting):
                 table.write(found.columns)
                 for remark in found.remarks:

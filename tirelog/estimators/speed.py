@@ -91,7 +91,7 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[list[Ma
         )
     found = [find_passages(channel, recording.setup.tire.radius_m) for channel in channels]
     if not calibrate:
-        return [speed_columns(recording.log, passages) for passages in found], _radius_remarks(recording)
+        return [speed_columns(recording.log, passages) for passages in found], radius_remarks(recording)
     radius = calibrate_radius(references[0], found)
     found = [replace(passages, radius_m=radius.radius_m) for passages in found]
     return [speed_columns(recording.log, passages, radius.radius_se_m) for passages in found], [str(radius)]
@@ -103,7 +103,7 @@ def _without_rolling_radius(recording: Recording) -> Recording:
     return replace(recording, setup=replace(setup, tire=replace(setup.tire, rolling_radius_m=None)))
 
 
-def _radius_remarks(recording: Recording) -> list[str]:
+def radius_remarks(recording: Recording) -> list[str]:
     """Said where the setup has no rolling radius."""
     tire = recording.setup.tire
     if tire.rolling_radius_m is not None:
