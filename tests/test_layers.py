@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: lower layers first; a module imports its own layer and those below
 LAYERS = [
-    {"errors", "columns", "units", "remote"},
+    {"errors", "columns", "units", "remote", "compiled"},
     {"recording", "dsp", "files"},
     {"setup", "convert", "readers", "spool", "stamps", "clock", "store", "ingest", "tables", "regression", "overview"},
     {"physics"},
@@ -47,6 +47,6 @@ def test_imports_point_down() -> None:
 
 def test_help_imports_no_science() -> None:
     code = "import sys; from tirelog.cli import run; run(['speed', '--help']); print(sorted(set(sys.modules) & {%r}))"
-    heavy = "', '".join(["numpy", "scipy", "pandas", "pyarrow", "h5py", "matplotlib", "mcap", "tomlkit"])
+    heavy = "', '".join(["numpy", "numba", "scipy", "pandas", "pyarrow", "h5py", "matplotlib", "mcap", "tomlkit"])
     out = subprocess.run([sys.executable, "-c", code.replace("%r", f"'{heavy}'")], capture_output=True, text=True, check=True).stdout
     assert out.splitlines()[-1] == "[]"
