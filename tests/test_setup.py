@@ -113,3 +113,12 @@ def test_the_setup_beside_a_compressed_log(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(GOOD)
     assert setup_beside(tmp_path / "drive.csv.gz") == tmp_path / name
     assert setup_beside(tmp_path / "other.csv") is None
+
+
+def test_the_road_of_a_log() -> None:
+    road = parse_setup(GOOD + '[road]\nkind = "cleat"\nheight_m = 0.01\nlength_m = 0.04\nposition_m = 12.5\n').road
+    assert (road.kind, road.height_m, road.length_m, road.position_m, road.time_s) == ("cleat", 0.01, 0.04, 12.5, None)
+    assert parse_setup(GOOD).road.kind == "flat"
+    for text, said in (('kind = "cleet"', "nearest: cleat"), ("heigth_m = 0.1", "nearest: height_m"), ("length_m = 0.0", "above 0")):
+        with pytest.raises(SetupError, match=said):
+            parse_setup(f"{GOOD}[road]\n{text}\n")

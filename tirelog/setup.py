@@ -37,6 +37,7 @@ KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
     "longitudinal_force": (("force",), "N", "N"),
 }
 SURFACES = ("outer", "inner")
+ROADS = ("flat", "step", "cleat", "sine", "profile")
 
 
 def _number(low: float, high: float, *, above: bool = True, default: Any = None) -> Any:
@@ -119,6 +120,29 @@ class LogSetup:
 
 
 @dataclass(frozen=True)
+class RoadSetup:
+    """[road]: what the wheel rolled over in this log; lengths in m along the direction of driving.
+
+    kind        flat; step (height_m, over a ramp of ramp_m); cleat (height_m, length_m at its foot, ramps of ramp_m within it); sine
+                (amplitude_m (1 - cos(2 pi x / wavelength_m))); profile (file: two columns, distance and height, beside the setup)
+    time_s      when the wheel's centre stands over the obstacle's beginning; searched for in the log where it is not given
+    position_m  the same as a distance driven since the log's start
+    spacing_m   after which the obstacle comes again (a drum's circumference)
+    """
+
+    kind: str = "flat"
+    height_m: float | None = _number(-1.0, 1.0)
+    length_m: float | None = _number(0.0, 100.0)
+    ramp_m: float | None = _number(0.0, 100.0)
+    amplitude_m: float | None = _number(-1.0, 1.0)
+    wavelength_m: float | None = _number(0.0, 1e4)
+    file: str | None = None
+    time_s: float | None = _number(0.0, 1e7, above=False)
+    position_m: float | None = _number(-1e6, 1e6)
+    spacing_m: float | None = _number(0.0, 1e6)
+
+
+@dataclass(frozen=True)
 class Setup:
     """A whole setup file.  `text` is the file as it stood, for the run's provenance; `file` its path, for messages."""
 
@@ -126,6 +150,7 @@ class Setup:
     conditions: LogConditions = LogConditions()
     channels: Mapping[str, ChannelSetup] = field(default_factory=dict)
     log: LogSetup = LogSetup()
+    road: RoadSetup = RoadSetup()
     text: str = ""
     file: str | None = None
 
@@ -222,6 +247,14 @@ def _channel(name: str, data: Any, source: _Source, names: list[str]) -> Channel
     return channel
 
 
+def _road(data: Any, source: _Source) -> RoadSetup:
+    """The road, of a kind that there is; what the kind asks for is checked where the road is built."""
+    road = _table(RoadSetup, data, source, "road")
+    if road.kind not in ROADS:
+        raise source.error(f"kind {road.kind!r}{nearest(road.kind, ROADS)}; allowed are {', '.join(ROADS)}; mend it", "road", "kind")
+    return road
+
+
 def parse_setup(text: str, file: str | None = None) -> Setup:
     """The setup in `text`.  SetupError, with file and line, for anything that is not allowed."""
     source = _Source(text, file)
@@ -230,7 +263,7 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
     except tomllib.TOMLDecodeError as problem:
         line = re.search(r"line (\d+)", str(problem))
         raise SetupError(f"not TOML: {problem}; mend the line", file=file or "setup", line=int(line[1]) if line else None) from None
-    sections = ("tire", "conditions", "channels", "log")
+    sections = ("tire", "conditions", "channels", "log", "road")
     for key in data:
         if key not in sections:
             raise source.error(f"unknown table [{key}]{nearest(key, sections)}; allowed are {', '.join(sections)}; mend or remove it", key)
@@ -244,6 +277,7 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
         _table(LogConditions, data.get("conditions", {}), source, "conditions"),
         channels,
         _table(LogSetup, data.get("log", {}), source, "log"),
+        _road(data.get("road", {}), source),
         text,
         file,
     )
