@@ -7,7 +7,7 @@ rows of constant speed --straight lines in the speed, errors by stretch--> Regre
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,31 +38,42 @@ def dissipation_of(
     recording: Recording, steady_step_m_s: float = STEADY_STEP_M_S, averaged: int = AVERAGED, block_samples: int = BLOCK_SAMPLES
 ) -> Iterator[DissipationOfChannel]:
     """The dissipation of each strain channel of `recording`."""
-    tire = recording.setup.tire
     said = False
     for channel, passages in rotating(recording):
-        found = dissipation(
-            channel,
-            passages,
-            tire.area_m2,
-            speed_words(passages),
-            steady_step_m_s=steady_step_m_s,
-            averaged=averaged,
-            block_samples=block_samples,
-        )
-        columns = begin(recording.log, passages) | {
-            "dissipation_factor_1_m": found.factor_1_m,
-            "dissipation_factor_se_1_m": found.factor_se_1_m,
-            "specific_power_m3_s2": found.specific_power_m3_s2,
-            "steady": found.steady,
-            "dissipation_factor_mean_1_m": found.factor_mean_1_m,
-            "specific_power_mean_m3_s2": found.specific_power_mean_m3_s2,
-        }
-        columns |= _with_viscosity(recording, found, passages.speed_m_s)
-        columns["quality"] = np.array([quality_text(sorted(words)) for words in found.quality], object)
-        channel = released(channel)
-        yield DissipationOfChannel(channel, passages, found, columns, () if said else _remarks(recording))
+        found = dissipation_of_channel(recording, channel, passages, steady_step_m_s, averaged, block_samples)
+        yield replace(found, remarks=()) if said else found
         said = True
+
+
+def dissipation_of_channel(
+    recording: Recording,
+    channel: Channel,
+    passages: Passages,
+    steady_step_m_s: float = STEADY_STEP_M_S,
+    averaged: int = AVERAGED,
+    block_samples: int = BLOCK_SAMPLES,
+) -> DissipationOfChannel:
+    """The dissipation of one strain channel of `recording`."""
+    found = dissipation(
+        channel,
+        passages,
+        recording.setup.tire.area_m2,
+        speed_words(passages),
+        steady_step_m_s=steady_step_m_s,
+        averaged=averaged,
+        block_samples=block_samples,
+    )
+    columns = begin(recording.log, passages) | {
+        "dissipation_factor_1_m": found.factor_1_m,
+        "dissipation_factor_se_1_m": found.factor_se_1_m,
+        "specific_power_m3_s2": found.specific_power_m3_s2,
+        "steady": found.steady,
+        "dissipation_factor_mean_1_m": found.factor_mean_1_m,
+        "specific_power_mean_m3_s2": found.specific_power_mean_m3_s2,
+    }
+    columns |= _with_viscosity(recording, found, passages.speed_m_s)
+    columns["quality"] = np.array([quality_text(sorted(words)) for words in found.quality], object)
+    return DissipationOfChannel(released(channel), passages, found, columns, _remarks(recording))
 
 
 def _with_viscosity(recording: Recording, found: Dissipation, speed_m_s: FloatArray) -> dict[str, FloatArray]:

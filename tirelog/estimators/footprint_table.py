@@ -11,6 +11,7 @@ import numpy as np
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
 from tirelog.estimators.footprint import Footprint, footprint
+from tirelog.estimators.footprint_learn import Learnt
 from tirelog.estimators.passages import Passages, find_passages, held, released
 from tirelog.estimators.speed import STRAIN_KINDS, speed_columns, speed_words
 from tirelog.recording import BLOCK_SAMPLES, Channel, Recording
@@ -70,27 +71,40 @@ def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOC
     """The footprint of each strain channel of `recording`."""
     like = None
     for channel, passages in rotating(recording):
-        found = footprint(channel, passages, cutoff, block_samples, like)
-        like = found.learnt
-        words = [own | extra for own, extra in zip(found.quality, speed_words(passages), strict=True)]
-        columns = begin(recording.log, passages) | {
-            "length_m": found.length_m,
-            "length_se_m": found.length_se_m,
-            "length_form_se_m": found.form_se_m,
-            "length_d2_m": found.length_d2_m,
-            "length_d2_se_m": found.length_d2_se_m,
-            "length_d1_m": found.length_d1_m,
-            "length_d1_se_m": found.length_d1_se_m,
-            "entry_time_s": found.entry_time_s,
-            "exit_time_s": found.exit_time_s,
-            "edge_asymmetry": found.edge_asymmetry,
-            "slip_onset_m": found.slip.onset_m,
-            "slip_onset_se_m": found.slip.onset_se_m,
-            "slip_onset_reason": found.slip.reason,
-            "quality": np.array([quality_text(sorted(w)) for w in words], object),
-        }
-        channel = released(channel)
-        yield FootprintOfChannel(channel, passages, found, columns, _remarks(recording, channel, found, cutoff))
+        found = footprint_of_channel(recording, channel, passages, cutoff, like, block_samples)
+        like = like or found.footprint.learnt  # the first that could be learnt: no channel depends on the order of the others
+        yield found
+
+
+def footprint_of_channel(
+    recording: Recording,
+    channel: Channel,
+    passages: Passages,
+    cutoff: Cutoff,
+    like: Learnt | None = None,
+    block_samples: int = BLOCK_SAMPLES,
+) -> FootprintOfChannel:
+    """The footprint of one strain channel of `recording`; `like`: the form learnt from another of its channels, None for the first."""
+    found = footprint(channel, passages, cutoff, block_samples, like)
+    words = [own | extra for own, extra in zip(found.quality, speed_words(passages), strict=True)]
+    columns = begin(recording.log, passages) | {
+        "length_m": found.length_m,
+        "length_se_m": found.length_se_m,
+        "length_form_se_m": found.form_se_m,
+        "length_d2_m": found.length_d2_m,
+        "length_d2_se_m": found.length_d2_se_m,
+        "length_d1_m": found.length_d1_m,
+        "length_d1_se_m": found.length_d1_se_m,
+        "entry_time_s": found.entry_time_s,
+        "exit_time_s": found.exit_time_s,
+        "edge_asymmetry": found.edge_asymmetry,
+        "slip_onset_m": found.slip.onset_m,
+        "slip_onset_se_m": found.slip.onset_se_m,
+        "slip_onset_reason": found.slip.reason,
+        "quality": np.array([quality_text(sorted(w)) for w in words], object),
+    }
+    channel = released(channel)
+    return FootprintOfChannel(channel, passages, found, columns, _remarks(recording, channel, found, cutoff))
 
 
 def _remarks(recording: Recording, channel: Channel, found: Footprint, cutoff: Cutoff) -> tuple[str, ...]:
