@@ -9,6 +9,7 @@ import resource
 import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ import numpy as np
 from tirelog import __version__
 from tirelog.campaign.ledger import Entry
 from tirelog.errors import ExitStatus, TirelogError, UsageError
-from tirelog.estimators.makers import MAKERS
+from tirelog.estimators.makers import MAKERS, tables_of
 from tirelog.ingest import open_recording
 from tirelog.recording import Recording
 from tirelog.setup import parse_setup
@@ -54,8 +55,7 @@ def make_tables(task: Task) -> Entry:
             if task.tables and not suited:
                 raise UsageError(f"has no channel for {', '.join(task.tables)}; see tirelog info; narrow the glob", file=task.log)
             entry.remarks += [f"no channel for {name}" for name in task.tables if name not in suited]
-            for name, options in suited.items():
-                _make(name, options, recording, task, entry)
+            _make(suited, recording, task, entry)
             entry.losses = list(recording.losses)
         entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
     except TirelogError as problem:
@@ -75,16 +75,20 @@ def part_path(output: str | Path, table: str, name: str) -> Path:
     return Path(output) / f"table={table}" / f"log={name}" / "part.parquet"
 
 
-def _make(name: str, options: Mapping[str, Any], recording: Recording, task: Task, entry: Entry) -> None:
-    """One table of one log.  The column `log` is the partition, so that readers of the dataset get it from the folder's name."""
-    path = part_path(task.output, name, task.name)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    words: dict[str, int] = {}
-    with TableWriter(name, path, "parquet", metadata={"key": task.key, "log": task.log, "version": __version__}) as writer:
-        for columns, remarks in MAKERS[name].rows(recording, options):
+def _make(wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: Task, entry: Entry) -> None:
+    """The tables of one log.  The column `log` is the partition, so that readers of the dataset get it from the folder's name."""
+    metadata = {"key": task.key, "log": task.log, "version": __version__}
+    with ExitStack() as open_tables:
+        writers: dict[str, TableWriter] = {}
+        for name in wanted:
+            path = part_path(task.output, name, task.name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            writers[name] = open_tables.enter_context(TableWriter(name, path, "parquet", metadata=metadata))
+            entry.quality[name] = {}
+        for name, columns, remarks in tables_of(recording, wanted):
             entry.remarks += [remark for remark in remarks if remark not in entry.remarks]
+            words = entry.quality[name]
             for word, n in zip(*np.unique(np.asarray(columns["quality"], dtype=str), return_counts=True), strict=True):
                 words[str(word)] = words.get(str(word), 0) + int(n)
-            writer.write({key: value for key, value in columns.items() if key != "log"})
-        entry.rows[name] = writer.rows
-    entry.quality[name] = words
+            writers[name].write({key: value for key, value in columns.items() if key != "log"})
+        entry.rows |= {name: writer.rows for name, writer in writers.items()}

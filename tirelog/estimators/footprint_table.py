@@ -51,11 +51,16 @@ def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
         yield channel, passages
         del channel  # before the next one takes its place in memory
     if not turned:
-        raise UsageError(
-            "the wheel does not turn in this log: no grating passes the patch; allowed are logs with at least one passage; "
-            "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
-            file=recording.log,
-        )
+        raise not_turning(recording)
+
+
+def not_turning(recording: Recording) -> UsageError:
+    """The error of a command that needs passages on a log without any."""
+    return UsageError(
+        "the wheel does not turn in this log: no grating passes the patch; allowed are logs with at least one passage; "
+        "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
+        file=recording.log,
+    )
 
 
 def begin(log: str, passages: Passages) -> dict[str, Any]:

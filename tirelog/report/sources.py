@@ -17,7 +17,7 @@ import pandas as pd
 
 from tirelog.columns import OPTIONAL, TABLES
 from tirelog.errors import UsageError
-from tirelog.estimators.makers import MAKERS
+from tirelog.estimators.makers import MAKERS, tables_of
 from tirelog.recording import Recording
 from tirelog.tables import read_table
 
@@ -123,7 +123,7 @@ def made_table(name: str, recordings: Sequence[Recording]) -> tuple[pd.DataFrame
     parts, said = [], []
     for recording in recordings:
         if MAKERS[name].suits(recording):
-            for columns, remarks in MAKERS[name].rows(recording, {}):
+            for _, columns, remarks in tables_of(recording, {name: {}}):
                 parts.append(_frame(columns))
                 said += [f"{Path(recording.log).name}: {remark}." for remark in remarks]
     return (pd.concat(parts, ignore_index=True) if parts else None), said
