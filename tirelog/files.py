@@ -22,6 +22,7 @@ _ADVICE = {
     errno.ENOSPC: "the disk is full; make room or give another path",
     errno.EDQUOT: "the quota is used up; make room or give another path",
     errno.EISDIR: "it is a folder; give the path of a file",
+    errno.EEXIST: "it is a file; give the path of a folder",
 }
 
 
@@ -62,3 +63,12 @@ def whole_file(path: Path | str) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def make_folder(path: Path | str) -> None:
+    """The folder for several output files, made where it is missing; a remote address needs none.  OutputError: it cannot be made."""
+    if address(path) is None:
+        try:
+            Path(path).mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            raise output_error(path, problem) from None

@@ -16,6 +16,7 @@ COMMANDS = (
     ("footprint", "footprint"),
     ("dissipation", "dissipation"),
     ("phase-shift", "phase_shift"),
+    ("tables", "tables"),
     ("inflation", "inflation"),
     ("simulate", "simulate"),
     ("effects", "effects"),

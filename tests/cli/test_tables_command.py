@@ -1,0 +1,78 @@
+"""Property: `tirelog tables` writes what the single commands write, whatever the number of workers; and its refusals."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import RATE_HZ, SETUP, Command, pulse_rows
+
+THREE = ("speed", "footprint", "dissipation")
+GRATINGS = 4
+
+
+@pytest.fixture
+def several(folder: Path) -> Path:
+    """The folder with a second log of several gratings, the first of them lost, so that no form can be learnt from it."""
+    rows = [row.split(",") for row in pulse_rows(6.0, 13.0)]
+    lines = ["time_s," + ",".join(f"G{k}" for k in range(GRATINGS))]
+    shift = int(RATE_HZ * 0.03)
+    for i in range(GRATINGS * shift, len(rows)):
+        lines.append(",".join([rows[i][0], *("0" if k == 0 else rows[i - k * shift][1] for k in range(GRATINGS))]))
+    (folder / "more.csv").write_text("\n".join(lines) + "\n")
+    channel = '[channels.G{0}]\nkind = "fbg_strain"\nsource = "G{0}"\nunit = "nm"\nreference_wavelength_nm = 1550.0\n'
+    setup = SETUP[: SETUP.index("[channels")] + '[log]\ntime = "time_s"\n' + "".join(channel.format(k) for k in range(GRATINGS))
+    (folder / "more.toml").write_text(setup)
+    return folder
+
+
+@pytest.mark.parametrize("workers", ["1", "3"])
+def test_the_rows_are_those_of_the_single_commands(several: Path, tirelog: Command, workers: str) -> None:
+    assert tirelog("tables", "log.csv", "more.csv", "-o", "made/now", "--workers", workers).status == 0
+    for name in THREE:
+        assert tirelog(name, "log.csv", "more.csv", "-o", f"{name}.csv").status == 0
+        assert (several / "made" / "now" / f"{name}.csv").read_bytes() == (several / f"{name}.csv").read_bytes()
+    assert sorted(p.name for p in (several / "made" / "now").iterdir()) == sorted(f"{name}.csv" for name in THREE)
+
+
+def test_one_table_in_another_format(several: Path, tirelog: Command) -> None:
+    assert tirelog("tables", "more.csv", "-o", "made", "--table", "speed", "--format", "parquet").status == 0
+    assert tirelog("speed", "more.csv", "-o", "speed.parquet").status == 0
+    assert tirelog("check", "made/speed.parquet", "--against", "speed.parquet").status == 0
+    assert [p.name for p in (several / "made").iterdir()] == ["speed.parquet"]
+
+
+def test_a_remark_is_said_once(several: Path, tirelog: Command) -> None:
+    setup = (several / "log.toml").read_text().replace("rolling_radius_m = 0.305\n", "")
+    (several / "log.toml").write_text(setup)
+    said = tirelog("tables", "log.csv", "-o", "made").err
+    assert said.count("no rolling radius in the setup") == 1
+
+
+def test_a_log_without_rotation_leaves_nothing(folder: Path, tirelog: Command) -> None:
+    rows = [f"{k / RATE_HZ:.4f},1550.0001,1542.0" for k in range(5000)]
+    (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(rows) + "\n")
+    outcome = tirelog("tables", "log.csv", "-o", "made")
+    assert (outcome.status, list((folder / "made").glob("*"))) == (2, [])
+    assert "the wheel does not turn" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--table", "sped"], "nearest: speed"),
+        (["--table", "phase-shift"], "no channel for phase-shift"),
+        (["--format", "xlsx"], "allowed are csv"),
+        (["--workers", "0"], "--workers"),
+    ],
+)
+def test_usage(folder: Path, tirelog: Command, arguments: list[str], words: str) -> None:
+    outcome = tirelog("tables", "log.csv", "-o", "made", *arguments)
+    assert outcome.status == 2
+    assert words in outcome.err.replace("\n", " ")
+
+
+def test_a_file_where_the_folder_should_be(folder: Path, tirelog: Command) -> None:
+    (folder / "made").write_text("")
+    outcome = tirelog("tables", "log.csv", "-o", "made")
+    assert outcome.status == 2
+    assert "it is a file; give the path of a folder" in outcome.err

@@ -1,0 +1,59 @@
+"""`tirelog tables LOG... -o FOLDER`: what `speed`, `footprint`, `dissipation` and `phase-shift` write, in one go.
+
+The log is read once and each channel's passages are found once, two channels at a time; the rows are those of the single commands.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tirelog.cli.common import Logs, Quiet, Session, SetupFile
+from tirelog.cli.threads import one_thread
+
+
+def tables(
+    logs: Logs,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write FOLDER/NAME.csv into.", show_default=False)],
+    setup: SetupFile = None,
+    table: Annotated[
+        list[str] | None, typer.Option("--table", help="One of the tables; without it all that the logs have channels for.")
+    ] = None,
+    format: Annotated[str, typer.Option("--format", help="csv, ndjson, parquet or json.")] = "csv",
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Channels worked on at a time.")] = 2,
+    quiet: Quiet = False,
+) -> None:
+    """Make several tables in one go, each log read once."""
+    one_thread()
+    from tirelog.errors import UsageError, nearest
+    from tirelog.estimators.makers import MAKERS, tables_of
+    from tirelog.files import make_folder
+    from tirelog.tables import TableWriter, table_format
+
+    for name in table or ():
+        if name not in MAKERS:
+            raise UsageError(f"--table {name}{nearest(name, MAKERS)}; allowed are {', '.join(MAKERS)}; choose among them")
+    suffix = table_format(None, format)
+    with Session(setup, quiet) as session, ExitStack() as open_tables:
+        writers: dict[str, TableWriter] = {}
+        for recording in session.recordings(logs):
+            suited = [name for name in table or MAKERS if MAKERS[name].suits(recording)]
+            for name in set(table or ()) - set(suited):
+                session.note(f"{recording.log}: no channel for {name}")
+            if not suited:
+                raise UsageError(
+                    f"no channel for {' or '.join(table or MAKERS)}; see `tirelog info`; name one in the setup", file=recording.log
+                )
+            told = set()
+            for name, columns, remarks in tables_of(recording, {name: {} for name in suited}, workers):
+                if name not in writers:
+                    make_folder(output)
+                    writers[name] = open_tables.enter_context(session.table(name, output / f"{name}.{suffix}", format))
+                writers[name].write(columns)
+                for remark in remarks:
+                    if remark not in told:
+                        told.add(remark)
+                        session.note(f"{recording.log}: {remark}")
