@@ -55,10 +55,10 @@ def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
 @app.command()
 def new(
     output: Target,
-    carcass: Annotated[str, typer.Option(help="beam or ring.")] = "beam",
+    carcass: Annotated[str, typer.Option(help="beam, ring or coupled_ring.")] = "beam",
     setup: SetupFile = None,
     observable: Annotated[str, typer.Option(help="What the model predicts, as in the model file.")] = "strain",
-    contact: Annotated[str | None, typer.Option(help="prescribed or flat_road; a ring stands on a flat road by default.")] = None,
+    contact: Annotated[str | None, typer.Option(help="prescribed or flat_road; rings stand on a flat road by default.")] = None,
     sets: Sets = [],  # noqa: B006  (typer reads it, nothing writes it)
     quiet: Quiet = False,
 ) -> None:
@@ -246,8 +246,12 @@ def modes(
     model: Model_,
     speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,
     load: Annotated[float | None, typer.Option(help="Load [N] on the road; default the model's.", show_default=False)] = None,
-    hub_mass: Annotated[float, typer.Option(help="Mass m_h [kg] of hub and rim.")] = 20.0,
-    hub_inertia: Annotated[float, typer.Option(help="Moment of inertia J_h [kg m^2] of hub and rim about the axle.")] = 0.8,
+    hub_mass: Annotated[
+        float | None, typer.Option(help="Mass m_h [kg] of hub and rim; default the model's, else 20.", show_default=False)
+    ] = None,
+    hub_inertia: Annotated[
+        float | None, typer.Option(help="Moment of inertia J_h [kg m^2] about the axle; default the model's, else 0.8.", show_default=False)
+    ] = None,
     to_frequency: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 300.0,
     effects: EffectsFile = None,
     output: Output = None,
@@ -261,12 +265,14 @@ def modes(
 
     from tirelog.columns import TABLES
     from tirelog.errors import ModelError
+    from tirelog.physics.carcass import steady_carcass
     from tirelog.physics.modes import natural_modes, of_model
 
     read = _load(model, effects)
-    if read.carcass != "ring":
+    if steady_carcass(read.carcass) != "ring":
         raise ModelError(
-            f'a {read.carcass} has no natural modes here; carcass = "ring" is allowed; make one with --carcass ring', file=model
+            f'a {read.carcass} has no natural modes here; carcass = "ring" or "coupled_ring" is allowed; make one with --carcass ring',
+            file=model,
         )
     tire = of_model(read.values, hub_mass_kg=hub_mass, hub_inertia_kg_m2=hub_inertia)
     supports: dict[str, float | None] = {"air": None}

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tirelog.discrepancy.fitting import Problem
 from tirelog.errors import ModelError
+from tirelog.physics.carcass import steady_carcass
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.model import Model, ModelEffect
 
@@ -46,7 +47,7 @@ def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect
         for effect in known.values()
         if effect.id not in held
         and model.observable in effect.observables
-        and not (effect.id == "ring_curvature" and model.carcass == "ring")
+        and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
     ]
 
 

@@ -10,7 +10,7 @@ STRAIN, ACCELERATION = "strain", "radial_acceleration"
 WAVEFORMS = (STRAIN, ACCELERATION)
 SCALARS = ("patch_length", "dissipation_factor", "phase_shift", "patch_width")
 OBSERVABLES = (*WAVEFORMS, *SCALARS)
-CARCASSES = ("beam", "ring")
+CARCASSES = ("beam", "ring", "coupled_ring")
 CONTACTS = ("prescribed", "flat_road")
 
 
@@ -43,6 +43,19 @@ _RING = (
     _p("inflation_pressure_Pa", "Pa", "p0, where the log does not measure it", 1.2e5, 0.0, 2e6, free=False),
     _p("width_m", "m", "b", 0.14, 0.01, 2.0, free=False),
 )
+#: What the coupled ring has beside the ring: it rolls with damping, on a hub that has mass, with bristles that cling to the road.
+_COUPLED = (
+    _p("hub_mass_kg", "kg", "m_h, hub and rim (and what moves with them)", 20.0, 1e-3, 1e5, free=False),
+    _p("hub_inertia_kg_m2", "kg m^2", "J_h, hub and rim about the axle", 0.8, 1e-5, 1e5, free=False),
+    _p("added_mass_kg", "kg", "of the rigid ring beside the belt's 2 pi R rho A: tread, the sidewall's share", 0.0, 0.0, 1e3, free=False),
+    _p("sidewall_stiffness_ratio", "1", "k_s of the rigid ring over the foundation's pi R (k_w + k_v)", 1.0, 0.01, 100.0, free=False),
+    _p("wind_up_stiffness_ratio", "1", "k_theta over the foundation's 2 pi R^3 k_v", 1.0, 0.01, 100.0, free=False),
+    _p("sidewall_damping_ratio", "1", "damping of the rigid ring's motions over what the foundation's gives", 1.0, 0.0, 100.0, free=False),
+    _p("bristle_stiffness_N_m2", "N/m^2", "c_x, tread along the road", 1.9e6, 0.0, 1e10, free=False),
+    _p("friction", "1", "mu of the bristles on the road", 0.8, 0.0, 5.0, free=False),
+)
+#: Damping [N s/m^2] that a new coupled ring starts with: without any it would ring for ever.
+_ROLLS_WITH = 60.0
 _TREAD = (_p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),)
 #: For `phase_shift` and `patch_width`: the level, and what follows the force (P4 III).
 _LEVEL = tuple(
@@ -56,7 +69,7 @@ _LEVEL = tuple(
 
 def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tuple[Parameter, ...]:
     """The parameters of a model without effects, in the order of the file."""
-    structure = _BEAM if carcass == "beam" else _RING
+    structure = _BEAM if carcass == "beam" else _RING if carcass == "ring" else _coupled()
     patch = _TREAD if flat_road else _PATCH
     level = _LEVEL if observable in ("phase_shift", "patch_width") else ()
     chosen = (*structure, *patch, *_LOAD, *level)
@@ -66,3 +79,14 @@ def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tup
     reads = ("patch_half_length_m", "tread_stiffness_N_m2", "offset_rad", "per_acceleration_rad_s2_m")
     held = (p if observable == ACCELERATION or p.name in reads else p.fixed() for p in chosen)
     return tuple(p.fixed() if p.name == "lever_arm_m" else p for p in held)
+
+
+def _coupled() -> tuple[Parameter, ...]:
+    """The ring's parameters and the coupled ring's own."""
+    damped = (replace(p, value=_ROLLS_WITH, probe=_ROLLS_WITH) if p.name.endswith("damping_N_s_m2") else p for p in _RING)
+    return (*damped, *_COUPLED)
+
+
+def steady_carcass(carcass: str) -> str:
+    """The carcass whose steady waveform it has: a coupled ring that rolls steadily on a flat road is the ring."""
+    return "ring" if carcass == "coupled_ring" else carcass

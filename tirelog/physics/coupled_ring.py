@@ -15,9 +15,14 @@ length to second order, w + v' = -(w' - v)^2 / (2 R); then every term in Omega^2
     U = k_s |a|^2 / 2 + k_theta (psi - psi_h)^2 / 2 + 2 pi R sum Z_n |V_n|^2 + contact,        a = C - H
 
     m_n = rho A (1 + n^2),  gamma_n = rho A n (n^2 - 1),  Z_n undamped as in `ring.modal_impedance`,
-    m_r = 2 pi R rho A,  J_r = m_r R^2,  k_s = pi R (k_v + k_w),  k_theta = 2 pi R^3 k_v
+    m_r = 2 pi R rho A + m_a,  J_r = m_r R^2,  k_s = a_s pi R (k_v + k_w),  k_theta = a_theta 2 pi R^3 k_v
 
-Damping acts on what moves against the turning sidewall (Rayleigh); c_n = c_v + c_w n^2, c_s = pi R (c_v + c_w), c_theta = 2 pi R^3 c_v:
+The rigid ring is the belt's own n = 0 and 1; m_a and the ratios a_s, a_theta, a_c (1 where nothing else is known) give it the mass of
+the tread and the sidewall's stiffness where they are known apart from the flexible modes'.
+
+Damping acts on what moves against the turning sidewall (Rayleigh):
+
+    c_n = c_v + c_w n^2,  c_s = a_c pi R (c_v + c_w),  c_theta = a_c 2 pi R^3 c_v
 
     D = 2 pi R sum c_n |dV_n/dt + i n Omega V_n|^2 + c_s |da/dt - Omega_h x a|^2 / 2 + c_theta (Omega - Omega_h)^2 / 2
 
@@ -55,7 +60,8 @@ from tirelog.physics.spectral import ComplexArray, FloatArray
 class CoupledRing:
     """A tire on its hub: the ring's constants as in `ring.RingCarcass`, rho A [kg/m], hub m_h [kg] and J_h [kg m^2], tread and brush.
 
-    c_x [N/m^2] the bristles' stiffness along the road, mu its friction; modes N, the largest n.  ModelError for what cannot move.
+    c_x [N/m^2] the bristles' stiffness along the road, mu its friction; modes N, the largest n; m_a [kg], a_s, a_theta, a_c as above.
+    ModelError for what cannot move.
     """
 
     EI: float
@@ -72,11 +78,15 @@ class CoupledRing:
     c_x: float = 1.9e6
     mu: float = 0.8
     modes: int = 60
+    m_a: float = 0.0
+    a_s: float = 1.0
+    a_theta: float = 1.0
+    a_c: float = 1.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            may_vanish = field.name in ("c_w", "c_v", "pb", "c_x", "mu")
+            may_vanish = field.name in ("c_w", "c_v", "pb", "c_x", "mu", "m_a", "a_c")
             if not (np.isfinite(value) and (value > 0.0 or (may_vanish and value == 0.0))):
                 raise ModelError(
                     f"coupled ring with {field.name} = {value:g}; a finite number {'of at least' if may_vanish else 'above'} zero is "
@@ -116,7 +126,7 @@ class CoupledRing:
 
     @property
     def m_r(self) -> float:
-        return 2.0 * np.pi * self.R * self.rho_A
+        return 2.0 * np.pi * self.R * self.rho_A + self.m_a
 
     @property
     def J_r(self) -> float:
@@ -124,19 +134,19 @@ class CoupledRing:
 
     @property
     def k_s(self) -> float:
-        return np.pi * self.R * (self.k_v + self.k_w)
+        return self.a_s * np.pi * self.R * (self.k_v + self.k_w)
 
     @property
     def c_s(self) -> float:
-        return np.pi * self.R * (self.c_v + self.c_w)
+        return self.a_c * np.pi * self.R * (self.c_v + self.c_w)
 
     @property
     def k_theta(self) -> float:
-        return 2.0 * np.pi * self.R**3 * self.k_v
+        return self.a_theta * 2.0 * np.pi * self.R**3 * self.k_v
 
     @property
     def c_theta(self) -> float:
-        return 2.0 * np.pi * self.R**3 * self.c_v
+        return self.a_c * 2.0 * np.pi * self.R**3 * self.c_v
 
     # ---- bounds -----------------------------------------------------------------------------------------------------------------
 

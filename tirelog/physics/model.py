@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ModelError, nearest
-from tirelog.physics.carcass import CARCASSES, CONTACTS, OBSERVABLES, carcass_parameters
+from tirelog.physics.carcass import CARCASSES, CONTACTS, OBSERVABLES, carcass_parameters, steady_carcass
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.prediction import Predicting
 from tirelog.recording import Conditions
+
+COUPLED_STANDS = 'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or take carcass = "ring"'
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class ModelEffect:
 class Model(Predicting):
     """A forward model; immutable: every change gives another one.
 
-    observable  what it predicts; carcass 'beam' or 'ring'; contact 'prescribed' (patch_half_length_m) or 'flat_road' (ring only)
+    observable  what it predicts; carcass beam, ring or coupled_ring; contact 'prescribed' (patch_half_length_m) or 'flat_road' (rings)
     base        parameters of carcass and load; effects with theirs, distinct ids
     document    the TOML it was read from, so that comments survive; path where it lies
     """
@@ -75,12 +77,14 @@ class Model(Predicting):
         """A model without effects, at its start values or those given.  A ring stands on a flat road unless `contact` says otherwise."""
         _one_of("carcass", carcass, CARCASSES)
         _one_of("observable", observable, OBSERVABLES)
-        contact = contact or ("flat_road" if carcass == "ring" else "prescribed")
+        contact = contact or ("prescribed" if carcass == "beam" else "flat_road")
         _one_of("contact", contact, CONTACTS)
         if carcass == "beam" and contact == "flat_road":
             raise ModelError(
                 'contact = "flat_road" needs the geometry of a ring; "prescribed" is allowed for a beam; take carcass = "ring"'
             )
+        if carcass == "coupled_ring" and contact == "prescribed":
+            raise ModelError(COUPLED_STANDS)
         base = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
         return cls(observable, carcass, contact, base).with_values(values)
 
@@ -145,7 +149,7 @@ class Model(Predicting):
                 f"effect {added.id!r} does nothing to {self.observable}; it is for {', '.join(added.effect.observables)}; "
                 f"choose another effect"
             )
-        if added.id == "ring_curvature" and self.carcass == "ring":
+        if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
             raise ModelError('the carcass is a ring already; ring_curvature is for carcass = "beam"; leave it out')
 
     def resolved(self, conditions: Conditions) -> Model:

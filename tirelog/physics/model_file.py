@@ -21,7 +21,7 @@ from tirelog.errors import ModelError, nearest
 from tirelog.files import whole_file
 from tirelog.physics.carcass import CARCASSES, CONTACTS, OBSERVABLES, carcass_parameters
 from tirelog.physics.effects import Effect
-from tirelog.physics.model import Model, ModelEffect
+from tirelog.physics.model import COUPLED_STANDS, Model, ModelEffect
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.user_effects import EXPRESSION_ACTS_ON, catalogue_with, effect_by_expression
 
@@ -99,6 +99,8 @@ def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, 
     contact = _word(numbers if "contact" in numbers else head, "contact", CONTACTS, default, source)
     if carcass == "beam" and contact == "flat_road":
         raise source.error('contact = "flat_road" needs a ring; "prescribed" is allowed for a beam; correct it', "contact")
+    if carcass == "coupled_ring" and contact == "prescribed":
+        raise source.error(COUPLED_STANDS, "contact" if "contact" in {**head, **numbers} else "patch_half_length_m")
     return contact
 
 

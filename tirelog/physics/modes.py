@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,17 @@ from tirelog.physics.coupled_ring import CoupledRing
 from tirelog.physics.spectral import ComplexArray, FloatArray
 
 _RIGID = ("hub longitudinal", "hub vertical", "rigid longitudinal", "rigid vertical", "hub rotational", "rotational")
+#: A coupled ring model's names for what a ring model does not have.
+_OWN = {
+    "m_h": "hub_mass_kg",
+    "J_h": "hub_inertia_kg_m2",
+    "m_a": "added_mass_kg",
+    "a_s": "sidewall_stiffness_ratio",
+    "a_theta": "wind_up_stiffness_ratio",
+    "a_c": "sidewall_damping_ratio",
+    "c_x": "bristle_stiffness_N_m2",
+    "mu": "friction",
+}
 _RINGS = 6
 #: Slower than this [Hz] is no vibration but a tire that rolls away.
 _SLOWEST = 0.05
@@ -63,11 +75,13 @@ def natural_modes(tire: CoupledRing, *, speed_m_s: float = 0.0, load_N: float | 
     return sorted(found, key=lambda mode: (mode.frequency_Hz, mode.lobes))
 
 
-def of_model(values: Mapping[str, float], *, hub_mass_kg: float, hub_inertia_kg_m2: float) -> CoupledRing:
-    """The coupled ring with a ring model's numbers by name (contract, "Model file"); ModelError where they cannot move.
+def of_model(values: Mapping[str, float], *, hub_mass_kg: float | None = None, hub_inertia_kg_m2: float | None = None) -> CoupledRing:
+    """The coupled ring with a ring or coupled ring model's numbers by name (contract, "Model file"); ModelError where they cannot move.
 
-    A model without a tread has one that does not matter in the air.
+    A ring has no hub of its own: 20 kg and 0.8 kg m^2 without the two; a model without a tread has one that does not matter in the air.
     """
+    own: dict[str, Any] = {name: values[key] for name, key in _OWN.items() if key in values}
+    own |= {name: given for name, given in (("m_h", hub_mass_kg), ("J_h", hub_inertia_kg_m2)) if given is not None}
     return CoupledRing(
         EI=values["flexural_stiffness_N_m2"],
         k_w=values["radial_stiffness_N_m2"],
@@ -78,8 +92,7 @@ def of_model(values: Mapping[str, float], *, hub_mass_kg: float, hub_inertia_kg_
         R=values["radius_m"],
         k_t=values.get("tread_stiffness_N_m2", 1e8),
         rho_A=values["line_mass_kg_m"],
-        m_h=hub_mass_kg,
-        J_h=hub_inertia_kg_m2,
+        **own,
     )
 
 

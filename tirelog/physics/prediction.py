@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics.carcass import SCALARS
+from tirelog.physics.carcass import SCALARS, steady_carcass
 from tirelog.physics.effects import Drive
 from tirelog.physics.pipeline import hub_forces, loaded_site, waveform
 from tirelog.physics.scalars import scalar
@@ -209,7 +209,7 @@ class Predicting:
         drive = Drive.of(conditions)
         for start in range(0, len(conditions), BLOCK):
             rows = slice(start, min(start + BLOCK, len(conditions)))
-            yield rows, Task(self.carcass, self.contact == "flat_road", base, active, drive.take(rows))
+            yield rows, Task(steady_carcass(self.carcass), self.contact == "flat_road", base, active, drive.take(rows))
 
     def half_length_m(self, conditions: Conditions) -> FloatArray:
         """L of the patch, shape (n,), after the effects on the load."""
@@ -219,8 +219,8 @@ class Predicting:
         return out[:, 0]
 
     def hub_forces(self, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
-        """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.  For a ring (P3, errata)."""
-        if self.carcass != "ring":
+        """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.  For rings (P3, errata)."""
+        if steady_carcass(self.carcass) != "ring":
             raise ModelError('a beam has no hub; hub forces are for carcass = "ring"; make such a model')
         out = np.empty((2, len(conditions)))
         for rows, task in self._tasks(conditions, self.values):
