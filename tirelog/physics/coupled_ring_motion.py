@@ -21,9 +21,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tirelog.errors import ModelError
-from tirelog.physics import contact, ring
 from tirelog.physics.coupled_ring import CoupledRing
 from tirelog.physics.coupled_ring_contact import RoadForces, Tread
+from tirelog.physics.coupled_ring_steady import steady_rolling
 from tirelog.physics.road import FlatRoad, Road, check_climbable
 from tirelog.physics.spectral import ComplexArray, FloatArray
 
@@ -49,18 +49,14 @@ class State:
 
     @classmethod
     def rolling(cls, tire: CoupledRing, load_N: float, speed_m_s: float, *, height_m: float = 0.0) -> State:
-        """On a flat road of that height at x = 0, rolling freely: the steady ring under the contact of `contact.solve_contact`."""
+        """On a flat road of that height at x = 0, rolling freely and steadily (`steady_rolling`)."""
         tire.check_speed(speed_m_s)
-        omega = speed_m_s / tire.R
-        touching = contact.solve_contact(tire.carcass, load_N)
-        p = np.exp(-1j * np.outer(np.arange(tire.modes + 2.0), touching.phi_rad)) @ touching.pressure_N_m * (contact.STEP / (2.0 * np.pi))
-        q_v, q_w = ring.road_loads(p[None, :].astype(np.complex128))
-        V = (q_v + 1j * np.arange(p.size) * q_w)[0, 2:-1] / ring.modal_impedance(tire.n, tire.carcass, omega)
-        # the road's force i F stands on the sidewall: k_s a + c_s (0 - i Omega a) = i F, Omega x a = i Omega a in the complex plane
-        a = 1j * load_N / complex(tire.k_s, -tire.c_s * omega)
-        centre = 1j * (tire.R - touching.drop_m + load_N / tire.k_s + height_m)
+        steady = steady_rolling(tire, load_N, speed_m_s)
+        centre, a, omega = 1j * (steady.centre_m + height_m), steady.displacement, steady.omega
+        # what the sidewall's damping takes from the hub is held by the wind-up
+        wound = tire.c_s * omega * abs(a) ** 2 / tire.k_theta
         rate = complex(-speed_m_s)
-        return cls(centre - a, centre, rate, rate, 0.0, 0.0, omega, omega, V, np.zeros_like(V))
+        return cls(centre - a, centre, rate, rate, wound, 0.0, omega, omega, steady.V, np.zeros_like(steady.V))
 
 
 @dataclass(frozen=True)
