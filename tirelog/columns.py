@@ -112,6 +112,16 @@ _ALL = [
     Column("displacement_m", "m", "float", "radial displacement, inward positive", 1e-10, 1e-6),
     Column("radial_acceleration_m_s2", "m/s^2", "float", "radial acceleration, outward positive", 1e-4, 1e-6),
     Column("contact_pressure_N_m", "N/m", "float", "contact pressure per length of tread", 1e-3, 1e-6),
+    # model predict over a road
+    Column("sensor_deg", "deg", "float", "the sensor's angle on the belt at the start, 0 under the wheel", 1e-9),
+    Column("distance_m", "m", "float", "distance driven since the start", 1e-6),
+    Column("load_N", "N", "float", "load on the axle", 1e-3),
+    Column("wheel_angle_deg", "deg", "float", "angle that the ring has turned since the start", 1e-3, 1e-6),
+    Column("hub_displacement_m", "m", "float", "height of the hub above that at the start", 1e-7, 1e-3),
+    Column("road_vertical_N", "N", "float", "vertical force of the road on the tire, up", 1.0, 1e-3),
+    Column("road_longitudinal_N", "N", "float", "force of the road on the tire along it, backwards", 1.0, 1e-3),
+    Column("spindle_vertical_N", "N", "float", "vertical force of the sidewall on the hub, up", 1.0, 1e-3),
+    Column("spindle_longitudinal_N", "N", "float", "force of the sidewall on the hub along the road, backwards", 1.0, 1e-3),
     # model modes
     _text("support", "air, or road: the standing patch under the model's load"),
     Column("frequency_Hz", "Hz", "float", "natural frequency that an observer beside the tire hears", 1e-6, 1e-6),
@@ -156,6 +166,10 @@ TABLES: dict[str, tuple[str, ...]] = {
         "longitudinal_force_N", "longitudinal_force_se_N",
     ),
     "predict": ("xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2", "contact_pressure_N_m"),
+    "passage": (
+        "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg", "hub_displacement_m", "road_vertical_N",
+        "road_longitudinal_N", "spindle_vertical_N", "spindle_longitudinal_N", "strain", "radial_acceleration_m_s2",
+    ),
     "modes": ("support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction", "share"),
 }  # fmt: skip
 

@@ -255,6 +255,19 @@ def _road(data: Any, source: _Source) -> RoadSetup:
     return road
 
 
+def parse_road(words: str) -> RoadSetup:
+    """[road] in one line, as a command takes it: `cleat,height_m=0.01,length_m=0.04`.  SetupError as for a setup file."""
+    kind, *pairs = (word.strip() for word in words.split(","))
+    given: dict[str, Any] = {"kind": kind}
+    for pair in pairs:
+        key, _, value = (part.strip() for part in pair.partition("="))
+        try:
+            given[key] = value if key == "file" else float(value)
+        except ValueError:
+            raise SetupError(f"{pair!r} in the road {words!r}; KEY=NUMBER is allowed, such as height_m=0.01; correct it") from None
+    return _road(given, _Source("", "--road"))
+
+
 def parse_setup(text: str, file: str | None = None) -> Setup:
     """The setup in `text`.  SetupError, with file and line, for anything that is not allowed."""
     source = _Source(text, file)

@@ -8,7 +8,7 @@ from tirelog.physics import Model
 from tirelog.physics.model_file import parse
 from tirelog.recording import Conditions
 
-RING = dict(radial_damping_N_s_m2=60.0, tangential_damping_N_s_m2=60.0)
+RING = {"radial_damping_N_s_m2": 60.0, "tangential_damping_N_s_m2": 60.0}
 
 
 @pytest.mark.parametrize("observable", ["strain", "radial_acceleration", "patch_length"])

@@ -209,11 +209,30 @@ def predict(
         str | None, typer.Option(help="outer or inner; default the setup's strain channel, else outer.", show_default=False)
     ] = None,
     points: Annotated[int, typer.Option(min=8, max=100_000, help="Angles over the revolution.")] = 1024,
+    road: Annotated[
+        str | None,
+        typer.Option(
+            help="Drive a coupled_ring over it: KIND,KEY=VALUE,... (step, cleat, sine, profile; keys as in a setup's [road]) or setup.",
+            show_default=False,
+        ),
+    ] = None,
+    load_step: Annotated[list[str], typer.Option(metavar="TIME:LOAD", help="The load [N] steps at that time [s]; several times.")] = [],  # noqa: B006
+    speed_ramp: Annotated[
+        list[str], typer.Option(metavar="FROM:TO:SPEED", help="The speed [m/s] goes to that between two times; several times.")
+    ] = [],  # noqa: B006
+    duration: Annotated[
+        float | None, typer.Option(help="Time driven [s]; default half a second past the last event.", show_default=False)
+    ] = None,
+    step: Annotated[float | None, typer.Option(help="Step of the motion [s]; default the longest good one.", show_default=False)] = None,
+    sensor: Annotated[list[float], typer.Option(help="Sensor's angle on the belt [deg] at the start, 0 under the wheel.")] = [],  # noqa: B006
     effects: EffectsFile = None,
     output: Output = None,
     format: Format = None,
 ) -> None:
-    """One revolution as the model sees it, from half a turn before the patch centre to half a turn after."""
+    """One revolution as the model sees it, from half a turn before the patch centre to half a turn after.
+
+    With --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle and what sensors read.
+    """
     import numpy as np
 
     from tirelog.recording import Conditions
@@ -232,6 +251,20 @@ def predict(
         strain = [c.surface for c in given.channels.values() if c.kind in ("fbg_strain", "strain") and c.surface]
         surface = surface or (strain[0] if strain else None)
     conditions = Conditions.of(1, **{name: value for name, value in known.items() if value is not None})
+    if road is not None or load_step or speed_ramp:
+        from tirelog.cli.passage import course_of, road_words, rows
+        from tirelog.physics.coupled_ring_transient import drive
+
+        weight = conditions.load_N[0] if conditions.known("load_N") else read.values["load_N"]
+        words = road_words(road or "flat", given)
+        folder = setup.parent if setup is not None and road == "setup" else None
+        course = course_of(words, folder, speed, float(weight), load_step, speed_ramp, duration)
+        passage = drive(read, conditions, course, step_s=step)
+        for remark in passage.remarks:
+            say(f"note: {remark}")
+        with Session(None).table("passage", output, format) as table:
+            table.write(rows(passage, sensor or [180.0], surface or "outer"))
+        return
     phi = np.linspace(-np.pi, np.pi, points, endpoint=False) + np.pi / points
     columns: dict[str, Any] = {"xi_m": phi * read.parameters["radius_m"].value, "phi_deg": np.degrees(phi)}
     wanted = {"displacement_m": "displacement", "strain": "strain", "radial_acceleration_m_s2": "radial_acceleration"}

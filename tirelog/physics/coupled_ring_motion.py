@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -73,6 +74,7 @@ class Motion:
     """Columns over time, each (k,) or (k, N - 1): the road's forces, the spindle's, the spin, and the belt.
 
     force_s_N, force_z_N  of the road on the tire, s backwards; spindle_s_N, spindle_z_N  of the sidewall on the hub
+    hub_rate, centre_rate  velocities (k,) of hub and ring, s + i z
     """
 
     tire: CoupledRing
@@ -87,6 +89,8 @@ class Motion:
     energy_J: FloatArray
     V: ComplexArray
     V_rate: ComplexArray
+    hub_rate: ComplexArray
+    centre_rate: ComplexArray
 
     def strain(self, theta_rad: float, lever_m: float) -> FloatArray:
         """Strain (k,) at the belt's own angle theta, `lever_m` toward the axle positive: (y / R^2) (w + w''), w outward (errata)."""
@@ -228,7 +232,7 @@ class Stepper:
 def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
     """Moves on for `duration_s` and keeps every `every`-th step; ModelError where the ring turns inside out or flies apart."""
     rows: list[list[float]] = []
-    shapes: list[tuple[ComplexArray, ComplexArray]] = []
+    shapes: list[tuple[Any, ...]] = []
     for index in range(max(round(duration_s / stepper.step_s), 1)):
         stepper.step()
         if index % every:
@@ -241,7 +245,7 @@ def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
             )
         hub = (s.omega, s.psi, s.hub.imag, stepper.energy())
         rows.append([stepper.time_s, force.real, force.imag, spindle.real, spindle.imag, *hub])
-        shapes.append((s.V, s.V_rate))
+        shapes.append((s.V, s.V_rate, s.hub_rate, s.centre_rate))
     columns = dict(zip(_COLUMNS, np.array(rows).T))
-    V, rates = (np.array(each) for each in zip(*shapes))
-    return Motion(stepper.tire, V=V, V_rate=rates, **columns)
+    V, V_rate, hub_rate, centre_rate = (np.array(each) for each in zip(*shapes))
+    return Motion(stepper.tire, V=V, V_rate=V_rate, hub_rate=hub_rate, centre_rate=centre_rate, **columns)

@@ -1,5 +1,7 @@
 """The road under a moving tire: height and slope over the distance driven.
 
+    `setup.RoadSetup` (a log's [road], or words of a command) --`road_of`--> Road
+
 Heights stand over `x` [m], the distance in the direction of driving, shapes as asked.  Every profile is continuous: a step and a cleat
 have a ramp, since tread that presses along the road's normal has no answer to a wall.  What is steeper than `STEEPEST` is refused, and
 `check_climbable` refuses what is higher than the tire can climb.
@@ -9,12 +11,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import ModelError
+from tirelog.setup import RoadSetup
 
 FloatArray = NDArray[np.float64]
 
@@ -22,6 +25,8 @@ FloatArray = NDArray[np.float64]
 STEEPEST = 3.0
 #: Largest rise within one tire diameter, as a share of the radius: the ring's displacements are small ones.
 HIGHEST = 0.2
+#: Ramp [m] of a step or cleat that names none, as far as its length and the steepest slope allow.
+RAMP = 0.01
 
 
 class Road(Protocol):
@@ -80,6 +85,60 @@ class MeasuredRoad:
         return np.interp(x_m, self.distance_m, self.height_m), slopes[np.searchsorted(self.distance_m, x_m, side="right")]
 
 
+@dataclass(frozen=True)
+class Placed:
+    """A road that begins at `at_m`, and comes again every `spacing_m` where that is above zero."""
+
+    road: Road
+    at_m: float
+    spacing_m: float = 0.0
+
+    def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        x = x_m - self.at_m
+        # a turn ahead of the first obstacle there is none
+        return self.road.profile(np.where(x > 0.0, np.mod(x, self.spacing_m), x) if self.spacing_m > 0.0 else x)
+
+
+def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) -> Road:
+    """The road in words, its obstacle beginning at `at_m`; ModelError where its kind lacks a number, or cannot be rolled over.
+
+    A profile's file is sought in `folder`, where it is not an absolute path.
+    """
+    if words.kind == "flat":
+        return FlatRoad()
+    if words.kind == "profile":
+        if words.file is None:
+            raise ModelError('road profile without a file; file = "PATH" is allowed (distance and height, a point a line); name it')
+        road = load_road((folder or Path()) / words.file)
+        return Placed(road, at_m, _spaced(words, road.distance_m[-1]))
+    if words.kind == "sine":
+        amplitude, wavelength = _needed(words, "amplitude_m", "wavelength_m")
+        return Placed(SineRoad(amplitude, wavelength), at_m)
+    if words.kind == "step":
+        (height,) = _needed(words, "height_m")
+        return Placed(step(0.0, height, words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)), at_m)
+    height, length = _needed(words, "height_m", "length_m")
+    ramp = words.ramp_m or min(max(RAMP, 1.01 * abs(height) / STEEPEST), 0.49 * length)
+    return Placed(cleat(0.0, height, length, ramp), at_m, _spaced(words, length))
+
+
+def _needed(words: RoadSetup, *names: str) -> tuple[float, ...]:
+    values = [getattr(words, name) for name in names]
+    lacking = [name for name, value in zip(names, values) if value is None]
+    if lacking:
+        raise ModelError(f"road of kind {words.kind} without {' and '.join(lacking)}; a number in m is allowed; give it")
+    return tuple(cast(list[float], values))
+
+
+def _spaced(words: RoadSetup, length_m: float) -> float:
+    spacing = words.spacing_m or 0.0
+    if 0.0 < spacing <= length_m:
+        raise ModelError(
+            f"road that comes again after {spacing:g} m although it is {length_m:g} m long; a longer spacing is allowed; correct spacing_m"
+        )
+    return spacing
+
+
 def step(at_m: float, height_m: float, ramp_m: float = 0.01) -> MeasuredRoad:
     """A change of level that begins at `at_m`."""
     return MeasuredRoad((at_m, at_m + ramp_m), (0.0, height_m))
@@ -119,6 +178,8 @@ def load_road(path: str | Path) -> MeasuredRoad:
 
 def check_climbable(road: Road, radius_m: float) -> None:
     """ModelError where a measured profile rises by more than the tire can take within one of its diameters."""
+    if isinstance(road, Placed):
+        road = road.road
     if not isinstance(road, MeasuredRoad):
         if isinstance(road, SineRoad) and 2.0 * abs(road.amplitude_m) > HIGHEST * radius_m and road.wavelength_m < 4.0 * radius_m:
             _too_high(2.0 * abs(road.amplitude_m), radius_m)

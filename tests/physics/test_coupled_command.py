@@ -1,0 +1,117 @@
+"""`tirelog model predict` of a coupled ring driven in time, from the outside."""
+
+import io
+import re
+
+import numpy as np
+import pandas
+import pytest
+
+from tirelog.cli import run
+
+SETUP = """
+[tire]
+unloaded_radius_m = 0.305
+width_m = 0.215
+[conditions]
+load_N = 3434.0
+inflation_pressure_Pa = 2.2e5
+[channels.liner]
+kind = "strain"
+source = "x"
+surface = "inner"
+"""
+CLEAT = ("--road", "cleat,height_m=0.008,length_m=0.04,position_m=0.5", "--duration", "0.1")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.toml").write_text(SETUP)
+    assert run(["model", "new", "--carcass", "coupled_ring", "--setup", "s.toml", "-o", "m.toml", "--quiet"]) == 0
+    return tmp_path
+
+
+def table(capsys, *arguments, speed="20"):
+    capsys.readouterr()
+    assert run(["model", "predict", "m.toml", "--setup", "s.toml", "--speed", speed, *arguments]) == 0
+    return pandas.read_csv(io.StringIO(capsys.readouterr().out))
+
+
+def test_without_a_road_it_is_one_steady_revolution(folder, capsys):
+    one = table(capsys)
+    assert list(one)[:2] == ["xi_m", "phi_deg"]
+    assert one.strain.max() > 3.0 * abs(one.strain.min())  # the liner, as the setup says
+
+
+def test_a_cleat(folder, capsys):
+    passed = table(capsys, *CLEAT, "--sensor", "90", "--sensor", "180")
+    assert list(passed) == [
+        "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg", "hub_displacement_m", "road_vertical_N",
+        "road_longitudinal_N", "spindle_vertical_N", "spindle_longitudinal_N", "strain", "radial_acceleration_m_s2",
+    ]  # fmt: skip
+    assert set(passed.sensor_deg) == {90.0, 180.0}
+    one = passed[passed.sensor_deg == 90.0]
+    calm = one.distance_m < 0.4
+    assert one.road_vertical_N[calm].to_numpy() == pytest.approx(3434.0, rel=1e-3)
+    assert one.road_vertical_N.max() > 1.3 * 3434.0
+    assert one.distance_m.to_numpy() == pytest.approx(20.0 * one.time_s.to_numpy(), abs=1e-9)
+    assert np.ptp(one.hub_displacement_m) > 1e-4
+
+
+def test_the_road_of_the_setup_and_of_a_file(folder, capsys):
+    (folder / "bump.txt").write_text("0 0\n0.02 0.008\n0.04 0.0\n")
+    (folder / "s.toml").write_text(SETUP + '[road]\nkind = "profile"\nfile = "bump.txt"\nposition_m = 0.5\n')
+    by_setup = table(capsys, "--road", "setup", "--duration", "0.05")
+    by_words = table(capsys, "--road", "profile,file=bump.txt,position_m=0.5", "--duration", "0.05")
+    assert by_setup.equals(by_words)
+    assert by_setup.road_vertical_N.max() > 3600.0
+
+
+def test_a_step_of_load_and_a_ramp_of_speed(folder, capsys):
+    both = table(capsys, "--load-step", "0.05:4000", "--speed-ramp", "0.05:0.1:21", "--duration", "0.15")
+    assert both.load_N.iloc[0] == 3434.0
+    assert both.load_N.iloc[-1] == 4000.0
+    assert both.speed_m_s.iloc[-1] == 21.0
+    assert both.spindle_vertical_N.max() > 4000.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--road", "cleat,height_m=0.01,length_m=0.04", "--step", "1e-3"), "step of 0.001 s is not stable for this tire"),
+        (("--road", "cleat,height_m=0.4,length_m=0.9"), "rises 0.4 m within one tire diameter; up to 0.061 m is allowed"),
+        (("--road", "step,height_m=0.02,ramp_m=0.001"), "slope of 20; up to 3 is allowed"),
+        (("--road", "cleat,height_m=0.01"), "cleat without length_m"),
+        (("--road", "cleet,height_m=0.01"), "nearest: cleat"),
+        (("--road", "cleat,hight_m=0.01"), "nearest: height_m"),
+        (("--road", "cleat,height_m=high"), "KEY=NUMBER is allowed"),
+        (("--road", "setup"), "the setup has no"),
+        (("--road", "profile,file=none.txt"), "none.txt: road profile cannot be read"),
+        (("--road", "flat", "--duration", "1e4"), "up to 100 s is allowed"),
+        (("--load-step", "0.1"), "TIME:LOAD"),
+        (("--load-step", "0.1:-5"), "zero and above is allowed"),
+        (("--speed-ramp", "0.2:0.1:30"), "goes back in time"),
+        (("--speed-ramp", "0.1:0.2:500"), "beyond the critical one"),
+    ],
+)
+def test_what_cannot_be_driven(folder, capsys, arguments, said):
+    assert run(["model", "predict", "m.toml", "--setup", "s.toml", "--speed", "20", *arguments]) == 2
+    assert re.search(r"tirelog: error: .*" + said + ".*; ", capsys.readouterr().err)
+
+
+def test_a_speed_beyond_the_critical_one_and_a_mass_that_is_none(folder, capsys):
+    assert run(["model", "predict", "m.toml", "--speed", "500", "--road", "flat"]) == 2
+    assert "beyond the critical one, 136.4 m/s" in capsys.readouterr().err
+    text = (folder / "m.toml").read_text()
+    for mass in ("hub_mass_kg = 20.0", "line_mass_kg_m = 3.15"):
+        name = mass.split()[0]
+        (folder / "none.toml").write_text(text.replace(mass, f"{name} = 0.0"))
+        assert run(["model", "predict", "none.toml", "--speed", "20", "--road", "flat"]) == 2
+        assert re.search(rf"none\.toml:\d+: {name} = 0 .*lies outside its bounds; allowed is", capsys.readouterr().err)
+
+
+def test_a_ring_does_not_move(folder, capsys):
+    run(["model", "new", "--carcass", "ring", "-o", "ring.toml", "--quiet"])
+    assert run(["model", "predict", "ring.toml", "--speed", "20", *CLEAT]) == 2
+    assert "--carcass coupled_ring" in capsys.readouterr().err

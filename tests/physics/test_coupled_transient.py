@@ -1,0 +1,148 @@
+"""What holds for every transient of a coupled ring model: where nothing happens it is the steady ring, and sensors read one motion."""
+
+import numpy as np
+import pytest
+
+from tirelog.errors import ModelError
+from tirelog.physics import Model
+from tirelog.physics.coupled_ring_steady import steady_rolling
+from tirelog.physics.coupled_ring_transient import Course, Schedule, drive
+from tirelog.physics.road import FlatRoad, Placed, road_of
+from tirelog.recording import Conditions
+from tirelog.setup import RoadSetup, parse_road
+
+SPEED, LOAD = 20.0, 3434.0
+MODEL = Model.new("coupled_ring", load_N=LOAD, radius_m=0.305, inflation_pressure_Pa=2.2e5, width_m=0.215)
+AT_20 = Conditions.of(1, speed_m_s=SPEED)
+CLEAT = road_of(RoadSetup(kind="cleat", height_m=0.008, length_m=0.04), 0.5)
+
+
+def course(road=None, duration=0.12, speed=SPEED, load=LOAD):
+    schedules = (value if isinstance(value, Schedule) else Schedule.constant(value) for value in (speed, load))
+    return Course(*schedules, road or FlatRoad(), duration)
+
+
+def steady_at(transient, model, theta, observable):
+    phi = np.mod(transient.motion.psi_rad + theta + np.pi, 2.0 * np.pi) - np.pi
+    return model.predict(AT_20, phi, observable=observable)[0]
+
+
+def test_a_flat_road_gives_the_steady_ring():
+    """4e-5 of the waveform's range rms; at single samples 2e-4, where nodes of the tread step on the road."""
+    model = MODEL.with_effect("pressure_offset", offset=0.1)
+    transient = drive(model, AT_20, course())
+    read, steady = transient.sensed("strain", -1.2), steady_at(transient, model, -1.2, "strain")
+    assert np.ptp(steady) > 5e-4
+    assert np.std(read - steady) < 1e-4 * np.ptp(steady)
+    assert np.abs(read - steady).max() < 2e-4 * np.ptp(steady)
+    assert transient.remarks == ("pressure_offset acts on the steady waveform alone; what the road adds is computed without it",)
+    read, steady = (f("radial_acceleration", -1.2) for f in (transient.sensed, lambda o, a: steady_at(transient, model, a, o)))
+    assert np.std(read - steady) < 2e-3 * np.ptp(steady)
+
+
+def test_acceleration_is_the_motion_of_the_sensor():
+    """Second differences of the place r = C + (R + w) e_r + v e_t, along e_r, less those of steady rolling."""
+    transient = drive(MODEL, AT_20, course(CLEAT), step_s=5e-5)
+    m, n, R, theta = transient.motion, transient.motion.tire.n, 0.305, -1.0
+    phi = m.psi_rad + theta
+    e_r, e_t = np.sin(phi) - 1j * np.cos(phi), np.cos(phi) + 1j * np.sin(phi)
+    turn = np.exp(1j * np.outer(phi, n))
+    v = 2.0 * np.sum(m.V * turn, axis=1).real
+    w = 2.0 * np.sum(-1j * n * m.V * turn, axis=1).real
+    dt = m.time_s[1] - m.time_s[0]
+    centre = np.concatenate([[0.0], np.cumsum(0.5 * (m.centre_rate[1:] + m.centre_rate[:-1]) * dt)])
+    place = centre + (R + w) * e_r + v * e_t
+    felt = np.diff(place, 2) / dt**2
+    along = (felt * np.conj(e_r[1:-1])).real
+    read = transient.sensed("radial_acceleration", theta)[1:-1]
+    smooth = np.ones(15) / 15.0  # V'' is taken over two steps of the grid
+    read, along = (np.convolve(x, smooth, "valid") for x in (read, along))
+    assert np.ptp(along) > 2000.0
+    assert np.std(read - along) < 0.05 * np.std(along)
+
+
+def test_a_step_of_load_ends_in_the_steady_ring_of_that_load():
+    model = MODEL.with_values({"hub_mass_kg": 1.0, "radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0})
+    ends = drive(model, AT_20, course(duration=0.8, load=Schedule((0.0, 0.1, 0.11), (LOAD, LOAD, 1.2 * LOAD))))
+    last = ends.motion.time_s > 0.7
+    heavy = steady_rolling(ends.motion.tire, 1.2 * LOAD, SPEED)
+    mean = ends.motion.V[last].mean(axis=0)
+    assert np.abs(ends.steady - heavy.V).max() > 0.1 * np.abs(heavy.V).max()
+    # the traction that overcomes the drag is not in `steady_rolling`
+    assert np.abs(mean - heavy.V).max() < 2e-3 * np.abs(heavy.V).max()
+    assert ends.motion.spindle_z_N[last].mean() == pytest.approx(1.2 * LOAD, rel=1e-3)
+    phi = np.mod(ends.motion.psi_rad - 1.0 + np.pi, 2.0 * np.pi) - np.pi
+    expected, before = (model.predict(Conditions.of(1, speed_m_s=SPEED, load_N=F), phi)[0] for F in (1.2 * LOAD, LOAD))
+    # 40 modes of 1024 follow the load
+    assert np.std((ends.sensed("strain", -1.0) - expected)[last]) < 0.15 * np.std((expected - before)[last])
+
+
+def test_a_ramp_of_speed_spins_the_wheel():
+    transient = drive(MODEL, AT_20, course(duration=0.7, speed=Schedule((0.0, 0.1, 0.3), (SPEED, SPEED, 22.0))))
+    omega = transient.motion.omega_rad_s
+    assert omega[-1] / omega[0] == pytest.approx(1.1, rel=2e-3)
+    level = np.abs(transient.sensed("radial_acceleration", 3.0))
+    late, early = (np.median(level[s]) for s in (slice(-300, None), slice(0, 300)))
+    assert late / early == pytest.approx(1.21, rel=0.03)
+    pulled = (transient.motion.time_s > 0.15) & (transient.motion.time_s < 0.3)
+    # the road turns the free wheel, J Omega' / R, against what the tire's drag takes
+    J = 0.8 + transient.motion.tire.J_r
+    assert transient.motion.force_s_N[pulled].mean() == pytest.approx(J * 10.0 / 0.305**2, rel=0.15)
+
+
+def test_sensor_effects_act_on_the_whole_reading():
+    plain, long, late = (
+        drive(m, AT_20, course(CLEAT)).sensed("strain", -1.7)
+        for m in (MODEL, MODEL.with_effect("gauge_length", length_m=0.06), MODEL.with_effect("sensor_lag", lag_s=1e-3))
+    )
+    steady = drive(MODEL, AT_20, course())
+    added = np.abs(plain - steady.sensed("strain", -1.7)).max()
+    assert added > 5e-5
+    gauged = MODEL.with_effect("gauge_length", length_m=0.06)
+    assert 0.2 * added < np.abs(long - steady_at(steady, gauged, -1.7, "strain")).max() < 0.95 * added
+    shift = np.argmax(np.correlate(late - late.mean(), plain - plain.mean(), "full")) - (plain.size - 1)
+    assert 0 < shift * 2e-4 < 2e-3
+
+
+def test_a_longer_lag_is_no_echo_from_the_end():
+    late = drive(MODEL.with_effect("sensor_lag", lag_s=5e-3), AT_20, course(CLEAT)).sensed("strain", -1.7)
+    steady = MODEL.with_effect("sensor_lag", lag_s=5e-3)
+    flat = drive(steady, AT_20, course()).sensed("strain", -1.7)
+    begin = slice(0, 50)
+    assert np.abs(late - flat)[begin].max() < 1e-3 * np.ptp(flat)
+
+
+@pytest.mark.parametrize("effect", [("hysteresis", {"loss_factor": 0.1}), ("stiffening", {"cubic_1_m2": 1e3})])
+def test_what_has_no_linear_motion_is_refused(effect):
+    name, values = effect
+    with pytest.raises(ModelError, match=f"{name}.*no linear motion in time; .*allowed.*; leave it out"):
+        drive(MODEL.with_effect(name, **values), AT_20, course())
+
+
+def test_effects_on_the_structure_change_the_tire_that_moves():
+    damped = MODEL.with_effect("viscous_damping", damping_rate_1_s=50.0)
+    tight = MODEL.with_effect("belt_tension", tension_N=500.0)
+    plain = drive(MODEL, AT_20, course()).motion.tire
+    assert drive(damped, AT_20, course()).motion.tire.c_w == pytest.approx(60.0 + 2.0 * 3.15 * 50.0)
+    assert drive(tight, AT_20, course()).motion.tire.pb == pytest.approx(plain.pb + 500.0 / 0.305)
+
+
+def test_courses_that_cannot_be_driven():
+    for made, said in (
+        (course(road_of(parse_road("cleat,height_m=0.01,length_m=0.04"), 0.05)), "begins under the standing tire"),
+        (course(speed=Schedule((0.0, 0.1), (SPEED, 500.0))), "beyond the critical one"),
+        (course(load=Schedule((0.0, 0.1), (LOAD, -1.0))), "zero and above"),
+    ):
+        with pytest.raises(ModelError, match=said):
+            drive(MODEL, AT_20, made)
+    with pytest.raises(ModelError, match=r"a ring does not move in time; .*coupled_ring"):
+        drive(Model.new("ring"), AT_20, course())
+
+
+def test_a_drum_brings_the_cleat_again():
+    road = road_of(parse_road("cleat,height_m=0.008,length_m=0.04,spacing_m=2.0"), 0.5)
+    assert isinstance(road, Placed)
+    height, _ = road.profile(np.array([-1.5, -1.48, 0.49, 0.52, 1.0, 2.52, 4.52]))
+    assert height == pytest.approx([0.0, 0.0, 0.0, 0.008, 0.0, 0.008, 0.008])
+    with pytest.raises(ModelError, match="longer spacing is allowed"):
+        road_of(parse_road("cleat,height_m=0.008,length_m=0.04,spacing_m=0.03"))
