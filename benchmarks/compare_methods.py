@@ -17,12 +17,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from tirelog.discrepancy.assessment import assess, nuisance_basis
+from tirelog.discrepancy.assessment import assess, nuisance
 from tirelog.discrepancy.base import Base, prepare
 from tirelog.discrepancy.cells import make_cells
 from tirelog.discrepancy.fitting import Problem
 from tirelog.discrepancy.naming import first_step
-from tirelog.discrepancy.projection import without
 from tirelog.discrepancy.signatures import all_signatures, candidate_effects
 from tirelog.discrepancy.stack import joined, stacks_from_logs
 from tirelog.physics.model import Model
@@ -38,8 +37,8 @@ class Seen:
     """One case as every rule sees it: residual (N,), columns (N, K) of unit norm with the effect of each, manoeuvre (N,)."""
 
     def __init__(self, base: Base) -> None:
-        basis = nuisance_basis(base)
-        residual = without(basis, base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
+        known = nuisance(base)
+        residual = known.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
         found, _ = all_signatures(Problem(base.cells, base.white), base.model, candidate_effects(base.model), base.fit.prediction)
         best, _ = assess(base, found)
         self.residual = residual.reshape(-1)

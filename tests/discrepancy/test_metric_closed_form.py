@@ -1,10 +1,13 @@
 """Whitening and held-out solutions against dense linear algebra."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tests.discrepancy.toy import stack
 from tirelog.discrepancy.cells import make_cells
-from tirelog.discrepancy.projection import Normal, left_out, orthonormal, solve_scaled, without
+from tirelog.discrepancy.offsets import Levelled, Nuisance, Offsets
+from tirelog.discrepancy.projection import orthonormal, solve_scaled, without
 from tirelog.discrepancy.whitening import whitener
 
 
@@ -32,28 +35,44 @@ def test_random_effects_of_manoeuvres_tie_their_cells_together():
         np.testing.assert_allclose(after, before / np.sqrt(1.0 + 0.01**2 * size), rtol=1e-9)
 
 
-def test_left_out_solutions_are_those_of_the_other_manoeuvres():
+def test_left_out_solutions_are_those_of_the_other_manoeuvres_with_an_offset_a_log():
     random = np.random.default_rng(0)
     columns, residual = random.standard_normal((12, 5, 3)), random.standard_normal((12, 5))
-    manoeuvre = np.repeat(np.arange(4), 3)
-    normal = Normal.of(columns, residual, manoeuvre)
-    theta = left_out(normal, np.zeros(3, bool))
-    for m in range(4):
+    offset = 1.0 + 0.2 * random.standard_normal((12, 5))
+    manoeuvre, log = np.repeat(np.arange(6), 2), np.repeat([4, 4, 7], 4)  # numbers as they come, two manoeuvres or more each
+    levelled = Levelled.of(columns, residual, offset, manoeuvre, log)
+    theta, level = levelled.left_out()
+    loss = levelled.loss(theta, level)
+    dense = np.concatenate([columns, offset[..., None] * (log[:, None, None] == np.unique(log))], axis=-1)
+    for m in range(6):
         keep, out = manoeuvre != m, manoeuvre == m
-        wanted = np.linalg.lstsq(columns[keep].reshape(-1, 3), residual[keep].reshape(-1), rcond=None)[0]
-        np.testing.assert_allclose(theta[m], wanted, rtol=1e-9)
-        loss = ((residual[out] - columns[out] @ wanted) ** 2).sum()
-        np.testing.assert_allclose(normal.loss(theta)[m], loss, rtol=1e-9)
+        wanted = np.linalg.lstsq(dense[keep].reshape(-1, 5), residual[keep].reshape(-1), rcond=None)[0]
+        np.testing.assert_allclose(theta[m], wanted[:3], rtol=1e-9)
+        np.testing.assert_allclose(level[m], wanted[3 + np.searchsorted([4, 7], log[out][0])], rtol=1e-9)
+        np.testing.assert_allclose(loss[m], ((residual[out] - dense[out] @ wanted) ** 2).sum(), rtol=1e-9)
 
 
 def test_an_offset_that_only_the_held_out_manoeuvre_shows_is_fitted_there():
     random = np.random.default_rng(1)
-    columns = np.zeros((4, 6, 2))
-    columns[..., 0] = random.standard_normal((4, 6))
-    columns[3, :, 1] = 1.0
-    residual = 2.0 * columns[..., 0] + 5.0 * columns[..., 1]
-    theta = left_out(Normal.of(columns, residual, np.arange(4)), np.array([False, True]))
-    np.testing.assert_allclose(theta[3], [2.0, 5.0], rtol=1e-9)
+    columns, log = random.standard_normal((4, 6, 1)), np.array([0, 0, 0, 1])
+    residual = 2.0 * columns[..., 0] + np.array([1.0, 1.0, 1.0, 5.0])[:, None]
+    theta, level = Levelled.of(columns, residual, np.ones((4, 6)), np.arange(4), log).left_out()
+    np.testing.assert_allclose([theta[3, 0], level[3], level[0]], [2.0, 5.0, 1.0], rtol=1e-9)
+
+
+def test_offsets_are_projected_out_like_a_column_a_log():
+    random = np.random.default_rng(5)
+    cells = make_cells(stack(1, manoeuvres=4, m=32))
+    cells = replace(cells, log=cells.manoeuvre // 2)
+    white = whitener(cells).with_manoeuvres(cells.manoeuvre, random.standard_normal((*cells.phi.shape, 2)), np.array([0.1, 0.2]))
+    dense = white(np.repeat((cells.log[:, None, None] == np.arange(2)).astype(float), 32, axis=1))
+    other, x = random.standard_normal((*cells.phi.shape, 3)), random.standard_normal(cells.phi.shape)
+    offsets = Offsets.of(cells, white)
+    np.testing.assert_allclose(offsets.without(x), without(orthonormal(dense), x), atol=1e-10)
+    level = np.linalg.lstsq(dense.reshape(-1, 2), x.reshape(-1), rcond=None)[0]
+    np.testing.assert_allclose(offsets.fit(x), level, rtol=1e-8)
+    both = without(orthonormal(np.concatenate([dense, other], axis=-1)), x)
+    np.testing.assert_allclose(Nuisance.of(offsets, np.concatenate([other, dense[..., :1]], axis=-1)).without(x), both, atol=1e-9)
 
 
 def test_projection_leaves_nothing_in_the_span_and_ignores_scale():

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.base import Base
-from tirelog.discrepancy.fitting import log_columns
 from tirelog.discrepancy.floor import held_out_losses
-from tirelog.discrepancy.projection import orthonormal, per_manoeuvre, without
+from tirelog.discrepancy.offsets import Nuisance, Offsets
+from tirelog.discrepancy.projection import orthonormal, per_manoeuvre
 from tirelog.discrepancy.selection import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, Scores, flip_test, gain_and_error
 from tirelog.discrepancy.signatures import Signature
 
@@ -49,23 +49,23 @@ class Assessed:
         return self.p <= ALARM_P and self.gain > GAIN_SIGMAS * self.gain_error and self.removed > LEAST_SHARE_OF_FLOOR * floor_square
 
 
-def nuisance_basis(base: Base, more: FloatArray | None = None) -> FloatArray:
-    """Orthonormal basis (N, r) of the whitened base Jacobian, the logs' offsets and `more` (C, m, k), in whitened units already."""
-    parts = [base.white(base.fit.jacobian), base.white(log_columns(base.cells))] + ([] if more is None else [more])
-    return orthonormal(np.concatenate(parts, axis=-1))
+def nuisance(base: Base, more: FloatArray | None = None) -> Nuisance:
+    """The whitened base Jacobian, the logs' offsets and `more` (C, m, k), in whitened units already."""
+    parts = [base.white(base.fit.jacobian)] + ([] if more is None else [more])
+    return Nuisance.of(Offsets.of(base.cells, base.white), np.concatenate(parts, axis=-1))
 
 
 def assess(
     base: Base, signatures: Sequence[Signature], more: FloatArray | None = None, seed: int = 0
 ) -> tuple[list[Assessed], dict[str, str]]:
     """Every candidate's best variant, by falling statistic; and why some show nothing.  `more`: whitened columns to project out besides."""
-    basis = nuisance_basis(base, more)
-    residual = without(basis, base.white(np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)))
+    other = nuisance(base, more)
+    residual = other.without(base.white(np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)))
     kept, scores, projected = [], [], []
     reasons: dict[str, str] = {}
     for signature in signatures:
         white = base.white(signature.columns)
-        left = without(basis, white)
+        left = other.without(white)
         visible = np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) / np.linalg.norm(white.reshape(-1, white.shape[-1]), axis=0)
         if not np.any(visible > _INVISIBLE):
             reasons[signature.effect.id] = "does here only what the model's own parameters do"

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.base import Base, prepare
-from tirelog.discrepancy.cells import make_cells
+from tirelog.discrepancy.cells import cells_of
 from tirelog.discrepancy.floor import Plain, scatter_columns
 from tirelog.discrepancy.leftover import half_angle
+from tirelog.discrepancy.pieces import Pieces, pieces_of
 from tirelog.discrepancy.results import Comparison, Map, Waveforms, excess_of
 from tirelog.discrepancy.stack import joined
 from tirelog.errors import UsageError
@@ -37,28 +38,41 @@ _SHOWN = 4
 _MAP_ROWS = 24
 
 
-def start(stacks: Sequence[Stack], model: Model) -> Base:
-    """The base of every question: cells of all stacks, the model fitted.  UsageError where model and stacks do not fit together."""
-    if not stacks:
+#: what every question is asked of: one stack a log, or the pieces of all logs where their revolutions are too many to keep
+Measured = Sequence[Stack] | Pieces
+
+
+def measured_pieces(measured: Measured) -> Pieces:
+    """The pieces of all logs.  UsageError: there is none."""
+    if not len(measured):
         raise UsageError("no stack to compare with; at least one log is needed; give one")
-    for stack in stacks:
-        if stack.observable != model.observable:
-            raise UsageError(
-                f"the model predicts {model.observable}, the log gives {stack.observable}; both must be the same; take a model for "
-                f"{stack.observable} (model new) or another log",
-                file=stack.logs[0],
-            )
-    return prepare(make_cells(joined(stacks)), model)
+    return measured if isinstance(measured, Pieces) else pieces_of(joined(measured))
 
 
-def compare(stacks: Sequence[Stack], model: Model) -> Comparison:
-    """The model's free parameters fitted to all stacks, and the error on manoeuvres left out."""
-    base = start(stacks, model)
-    return comparison_of(base, joined(stacks))
+def single_revolutions(measured: Measured) -> Stack | None:
+    """All stacks as one, or None where only the pieces are left."""
+    return None if isinstance(measured, Pieces) else joined(measured)
 
 
-def comparison_of(base: Base, stack: Stack) -> Comparison:
-    """Everything to show of a fitted base."""
+def start(measured: Measured, model: Model) -> Base:
+    """The base of every question: cells of all logs, the model fitted.  UsageError where model and logs do not fit together."""
+    pieces = measured_pieces(measured)
+    if pieces.observable != model.observable:
+        raise UsageError(
+            f"the model predicts {model.observable}, the log gives {pieces.observable}; both must be the same; take a model for "
+            f"{pieces.observable} (model new) or another log",
+            file=pieces.logs[0],
+        )
+    return prepare(cells_of(pieces), model)
+
+
+def compare(measured: Measured, model: Model) -> Comparison:
+    """The model's free parameters fitted to all logs, and the error on manoeuvres left out."""
+    return comparison_of(start(measured, model), single_revolutions(measured))
+
+
+def comparison_of(base: Base, stack: Stack | None) -> Comparison:
+    """Everything to show of a fitted base; the table by revolution is empty where the revolutions are not kept."""
     measured = base.cells.values - base.offset_of_cell[:, None]
     spread = base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum()) + base.floor.within
     waveform = base.model.observable not in SCALARS
@@ -162,7 +176,7 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 # ---- tables ---------------------------------------------------------------------------------------------------------------------------
 
 
-def tables_of(base: Base, stack: Stack) -> dict[str, list[dict[str, Any]]]:
+def tables_of(base: Base, stack: Stack | None) -> dict[str, list[dict[str, Any]]]:
     """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one row each."""
     c = base.cells
     tables = {"angle": _by_angle(base)}
@@ -175,7 +189,7 @@ def tables_of(base: Base, stack: Stack) -> dict[str, list[dict[str, Any]]]:
     for name, (labels, describe) in groups.items():
         tables[name] = [_row(base, np.array(labels) == label, describe(labels.index(label))) for label in dict.fromkeys(labels)]
     tables["speed"].sort(key=lambda row: row["speed_m_s"])
-    tables["revolution"] = _by_revolution(base, stack)
+    tables["revolution"] = _by_revolution(base, stack) if stack is not None else []
     return tables
 
 

@@ -20,13 +20,12 @@ import numpy as np
 
 from tirelog.discrepancy.assessment import Assessed
 from tirelog.discrepancy.base import Base, settled
-from tirelog.discrepancy.comparison import comparison_of, start
+from tirelog.discrepancy.comparison import Measured, comparison_of, single_revolutions, start
 from tirelog.discrepancy.leftover import Leftover, describe
 from tirelog.discrepancy.naming import Step, contend, first_step, group_of, next_step, regrouped, without_needless
 from tirelog.discrepancy.results import Candidate, Comparison, plain
 from tirelog.discrepancy.selection import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.discrepancy.separation import advise
-from tirelog.discrepancy.stack import joined
 from tirelog.discrepancy.wording import next_command, sentence_of, unexplained_sentence
 from tirelog.physics.effects import Effect
 from tirelog.physics.model import Model
@@ -82,7 +81,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     next_command: str
     found: Found
-    stack: Stack
+    stack: Stack | None
 
     @property
     def model(self) -> Model:
@@ -104,15 +103,15 @@ class Diagnosis:
         return plain({name: getattr(self, name) for name in names} | {"effects": rows, "note": " ".join(self.notes)})
 
 
-def diagnose(stacks: Sequence[Stack], model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Diagnosis:
+def diagnose(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Diagnosis:
     """Which effect is missing.  `effects`: the user's own candidates beside the catalogue; `progress` hears what is being done."""
     extra = tuple(effects)
     progress("fitting the model")
-    base = start(stacks, model)
+    base = start(measured, model)
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
     found = search(base, extra, progress)
     progress("describing what is left")
-    return conclude(found, joined(stacks))
+    return conclude(found, single_revolutions(measured))
 
 
 def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None) -> Found:
@@ -140,7 +139,7 @@ def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lamb
     return Found(base, tuple(steps), after, dropped)
 
 
-def conclude(found: Found, stack: Stack) -> Diagnosis:
+def conclude(found: Found, stack: Stack | None) -> Diagnosis:
     """The verdict and everything that is said with it."""
     before, after = found.before, found.after
     floor = after.floor if found.named else before.floor

@@ -1,6 +1,6 @@
 """The base model's parameters from cells: damped least squares in whitened space, several starts, one free offset per log.
 
-    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p), offsets O = W 1_log (C, m, logs)
+    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p), offsets o = W 1 (C, m), each log's its own
     offsets are projected out of r and J (they are linear), steps are damped in the scale of the parameters, bounds are kept
 
 Where a parameter stands at a bound and would leave it, it is held.  One start may end in a local minimum: `fit_model` tries several
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.cells import Cells
-from tirelog.discrepancy.projection import orthonormal, without
+from tirelog.discrepancy.offsets import Offsets
 from tirelog.discrepancy.whitening import Whitener
 from tirelog.errors import ModelError
 from tirelog.physics.model import Model
@@ -67,14 +67,6 @@ class Fit:
         return self.chi2 / self.freedom
 
 
-def log_columns(cells: Cells) -> FloatArray:
-    """One column per log, 1 in its cells: (C, m, logs).  A number per revolution has no offset of its own: (C, m, 0)."""
-    if cells.phi.shape[1] == 1:
-        return np.zeros((*cells.values.shape, 0))
-    logs = np.unique(cells.log)
-    return np.repeat((cells.log[:, None, None] == logs).astype(float), cells.values.shape[1], axis=1)
-
-
 def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
     """What the fit moves: the free parameters, without those that nothing in these cells can show."""
     held = set()
@@ -89,8 +81,7 @@ class Problem:
 
     def __init__(self, cells: Cells, white: Whitener) -> None:
         self.cells, self.white = cells, white
-        self.offset_columns = log_columns(cells)
-        self.offset_basis = orthonormal(white(self.offset_columns)) if self.offset_columns.shape[2] else np.zeros((cells.values.size, 0))
+        self.offsets = Offsets.of(cells, white)
 
     def centre(self, model: Model, values: Mapping[str, float]) -> None:
         """Moves the cells' angles to where the model has its patch: a lag or a lopsided load shifts its waveform beyond what is linear."""
@@ -101,7 +92,7 @@ class Problem:
 
     def measured_less(self, prediction: FloatArray) -> FloatArray:
         """Whitened residual (C, m), offsets taken out."""
-        return without(self.offset_basis, self.white(self.cells.values - prediction))
+        return self.offsets.without(self.white(self.cells.values - prediction))
 
     def predict(self, model: Model, values: Mapping[str, float]) -> FloatArray:
         return model.predict(self.cells.conditions, surface=self.cells.surface, values=values, **self.cells.angles)
@@ -113,13 +104,9 @@ class Problem:
         )
         return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
 
-    def offsets(self, prediction: FloatArray) -> FloatArray:
+    def offset_of_logs(self, prediction: FloatArray) -> FloatArray:
         """Offset of each log, (logs,)."""
-        if not self.offset_columns.shape[2]:
-            return np.zeros(0)
-        columns = self.white(self.offset_columns).reshape(-1, self.offset_columns.shape[2])
-        right = self.white(self.cells.values - prediction).reshape(-1)
-        return np.asarray(np.linalg.lstsq(columns, right, rcond=None)[0], dtype=np.float64)
+        return self.offsets.fit(self.white(self.cells.values - prediction))
 
 
 def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
@@ -156,7 +143,7 @@ def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = M
     chi2 = float((residual**2).sum())
     for _ in range(steps if len(names) else 0):
         size = _sizes(model.with_values(dict(zip(names, np.clip(theta, low, high), strict=True))), names)
-        slope = without(problem.offset_basis, problem.white(jacobian * size)).reshape(-1, len(names))
+        slope = problem.offsets.without(problem.white(jacobian * size)).reshape(-1, len(names))
         gram, gradient = slope.T @ slope, slope.T @ residual.reshape(-1)
         free = ~(((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0)))
         for _ in range(_TRIALS):
@@ -267,9 +254,9 @@ def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) 
     """Everything about the fitted point."""
     prediction, jacobian = problem.linearised(model, names, {})
     residual = problem.measured_less(prediction)
-    slope = without(problem.offset_basis, problem.white(jacobian)).reshape(-1, len(names))
+    slope = problem.offsets.without(problem.white(jacobian)).reshape(-1, len(names))
     chi2 = float((residual**2).sum())
-    freedom = max(problem.white.values - problem.white.removed - problem.offset_basis.shape[1] - len(names), 1.0)
+    freedom = max(problem.white.values - problem.white.removed - problem.offsets.count - len(names), 1.0)
     errors = _errors(slope, max(1.0, chi2 / freedom))
     return Fit(
         model.with_values({n: model.values[n] for n in names}, se=dict(zip(names, errors, strict=True))),
@@ -279,7 +266,7 @@ def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) 
         residual,
         prediction,
         jacobian,
-        problem.offsets(prediction),
+        problem.offset_of_logs(prediction),
         dict(zip(names, errors, strict=True)),
         settled,
         problem.cells,

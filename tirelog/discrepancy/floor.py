@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.cells import Cells
-from tirelog.discrepancy.fitting import Fit, log_columns
-from tirelog.discrepancy.projection import Normal, left_out, orthonormal, solve_scaled, without
+from tirelog.discrepancy.fitting import Fit
+from tirelog.discrepancy.offsets import Levelled, Nuisance, Offsets
+from tirelog.discrepancy.projection import Normal, solve_scaled
 from tirelog.discrepancy.whitening import Whitener
 from tirelog.errors import ModelError
 
@@ -158,8 +159,7 @@ def trend_columns(cells: Cells) -> FloatArray:
 
 def scatter_between(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray) -> tuple[float, float]:
     """Standard deviations between manoeuvres of the relative load and the baseline, by the method of moments."""
-    basis = orthonormal(np.concatenate([white(fit.jacobian), white(log_columns(cells))], axis=-1))
-    residual = without(basis, white(cells.values - fit.prediction))
+    residual = Nuisance.of(Offsets.of(cells, white), white(fit.jacobian)).without(white(cells.values - fit.prediction))
     normal = Normal.of(white(columns), residual, cells.manoeuvre)
     coefficients = solve_scaled(normal.gram, normal.right)
     trend = trend_columns(cells)
@@ -198,12 +198,11 @@ def held_out_losses(cells: Cells, white: Whitener, plain: Plain, fit: Fit, more:
 
     One step from the fitted point, which is where leaving one manoeuvre out moves it.  `more` (C, m, k) adds columns to the model.
     """
-    offsets = log_columns(cells)
-    parts = [fit.jacobian, offsets] + ([] if more is None else [more])
-    columns = np.concatenate(parts, axis=-1)
-    own = np.zeros(columns.shape[-1], bool)
-    own[fit.jacobian.shape[-1] : fit.jacobian.shape[-1] + offsets.shape[-1]] = True
+    columns = fit.jacobian if more is None else np.concatenate([fit.jacobian, more], axis=-1)
     residual = np.where(np.isfinite(cells.values), cells.values - fit.prediction, 0.0)
-    normal = Normal.of(white(columns), white(residual), cells.manoeuvre)
-    theta = left_out(normal, own)
-    return normal.loss(theta), Normal.of(plain(columns), plain(residual), cells.manoeuvre).loss(theta)
+    level = np.full_like(cells.phi, float(cells.phi.shape[1] > 1))  # a number per revolution has no offset of its own
+    in_white, in_plain = (
+        Levelled.of(metric(columns), metric(residual), metric(level), cells.manoeuvre, cells.log) for metric in (white, plain)
+    )
+    solution = in_white.left_out()
+    return in_white.loss(*solution), in_plain.loss(*solution)

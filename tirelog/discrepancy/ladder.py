@@ -6,7 +6,7 @@ Stacks, Model -> some manoeuvres are locked away (with twelve or more) -> search
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,19 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.base import Base
-from tirelog.discrepancy.cells import make_cells
-from tirelog.discrepancy.comparison import UNITS, start
+from tirelog.discrepancy.cells import cells_of
+from tirelog.discrepancy.comparison import UNITS, Measured, measured_pieces, start
 from tirelog.discrepancy.diagnosis import EXPLAINED, Found, Progress, search
-from tirelog.discrepancy.fitting import Problem, centred, log_columns
+from tirelog.discrepancy.fitting import Problem, centred
 from tirelog.discrepancy.floor import Plain, at_mean_speed
 from tirelog.discrepancy.naming import Step
+from tirelog.discrepancy.pieces import Pieces
 from tirelog.discrepancy.projection import Normal, solve_scaled
 from tirelog.discrepancy.results import Ladder, LadderStep, excess_of
 from tirelog.discrepancy.selection import FEWEST_MANOEUVRES
-from tirelog.discrepancy.stack import joined
 from tirelog.physics.effects import Effect
 from tirelog.physics.model import Model
-from tirelog.recording import Stack
 
 FloatArray = NDArray[np.float64]
 
@@ -35,11 +34,11 @@ _LOCK_EVERY = 7
 _LOCK_LEAST = 12
 
 
-def ladder(stacks: Sequence[Stack], model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Ladder:
+def ladder(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Ladder:
     """The ladder from `model` upwards.  `effects`: the user's own candidates beside the catalogue."""
-    seen, locked = locked_away(joined(stacks)) if stacks else (None, None)
+    seen, locked = locked_away(measured_pieces(measured))
     progress("fitting the model")
-    base = start([] if seen is None else [seen], model)
+    base = start(seen, model)
     found = search(base, tuple(effects), progress)
     after = found.after
     untouched = _untouched(after, locked) if locked is not None else (None, None)
@@ -58,19 +57,19 @@ def ladder(stacks: Sequence[Stack], model: Model, *, effects: Iterable[Effect] =
     )
 
 
-def locked_away(stack: Stack) -> tuple[Stack, Stack | None]:
+def locked_away(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
     """(what the search may see, what nothing touches): every seventh manoeuvre, from the fourth, where twelve remain."""
-    numbers = np.unique(stack.manoeuvre)
+    numbers = np.unique(pieces.manoeuvre)
     chosen = numbers[3::_LOCK_EVERY]
     if numbers.size - chosen.size < _LOCK_LEAST:
-        return stack, None
-    mask = np.isin(stack.manoeuvre, chosen)
-    return stack.take(~mask), stack.take(mask)
+        return pieces, None
+    mask = np.isin(pieces.manoeuvre, chosen)
+    return pieces.take(~mask), pieces.take(mask)
 
 
-def _untouched(after: Base, locked: Stack) -> tuple[float, float]:
+def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
     """rmse of the model on the locked manoeuvres, offsets as fitted on the others, and the floor there."""
-    cells = make_cells(locked)
+    cells = cells_of(locked)
     for _ in range(3):
         cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
     cells = at_mean_speed(cells, _fit_on(after, cells))
@@ -177,7 +176,7 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     names = [f"{effect}.{name}" for name in own.effect.strength]
     problem = Problem(base.cells, base.white)
     _, slopes = problem.linearised(base.model, names, {})
-    columns = np.concatenate([slopes, log_columns(base.cells).sum(axis=-1, keepdims=True)], axis=-1)
+    columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
     residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
     step = solve_scaled(normal.gram, normal.right)

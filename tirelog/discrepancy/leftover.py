@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.discrepancy.assessment import nuisance_basis
+from tirelog.discrepancy.assessment import nuisance
 from tirelog.discrepancy.base import Base, thinned
 from tirelog.discrepancy.floor import held_out_losses
 from tirelog.discrepancy.naming import even_share, hats
+from tirelog.discrepancy.offsets import Nuisance
 from tirelog.discrepancy.pressure_shapes import pressure_columns
-from tirelog.discrepancy.projection import per_manoeuvre, without
+from tirelog.discrepancy.projection import per_manoeuvre
 from tirelog.discrepancy.selection import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, Scores, flip_test, gain_and_error
 
 FloatArray = NDArray[np.float64]
@@ -80,8 +81,8 @@ def _factors(base: Base) -> dict[str, FloatArray]:
     return result
 
 
-def _score(base: Base, basis: FloatArray, residual: FloatArray, columns: FloatArray) -> Scores:
-    left = without(basis, base.white(columns))
+def _score(base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray) -> Scores:
+    left = taken.without(base.white(columns))
     flat = left.reshape(-1, left.shape[-1])
     return Scores(per_manoeuvre((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre), flat.T @ flat)
 
@@ -89,11 +90,11 @@ def _score(base: Base, basis: FloatArray, residual: FloatArray, columns: FloatAr
 def describe(base: Base) -> Leftover:
     """The rest that this fit leaves."""
     cells = base.cells
-    basis = nuisance_basis(base)
-    residual = without(basis, base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    taken = nuisance(base)
+    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
     free = hats(cells.phi) if cells.phi.shape[1] > 1 else np.ones((*cells.phi.shape, 1))
     factors = _factors(base)
-    scores = [_score(base, basis, residual, factor[:, None, None] * free) for factor in factors.values()]
+    scores = [_score(base, taken, residual, factor[:, None, None] * free) for factor in factors.values()]
     statistic, p = flip_test(scores, cells.manoeuvres)
     best = int(np.argmax(statistic))
     name = list(factors)[best]
@@ -103,27 +104,27 @@ def describe(base: Base) -> Leftover:
     shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
     if p[best] > ALARM_P or gain < GAIN_SIGMAS * error or size < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
-    exponent, in_pressure = _exponent(base, basis, residual, free) if name.startswith("speed") else (None, False)
+    exponent, in_pressure = _exponent(base, taken, residual, free) if name.startswith("speed") else (None, False)
     if cells.phi.shape[1] == 1:
         return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi)
     where, parity = place_and_parity(base, shape, phi)
-    side = _one_side(base, basis, residual, free, exponent or 0.0) if where == "patch" else None
+    side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
     where, parity = (side, "mixed") if side else (where, parity)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
     return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi, in_pressure)
 
 
-def _exponent(base: Base, basis: FloatArray, residual: FloatArray, free: FloatArray) -> tuple[float, bool]:
+def _exponent(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray) -> tuple[float, bool]:
     """The exponent of speed with which free shapes explain most, and whether these are shapes of the pressure rather than of the
     observable."""
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
     kinds = [free] if free.shape[-1] == 1 else [pressure_columns(base), free]
-    explained = [[_explained(_score(base, basis, residual, speed**e * columns)) for e in FINE_EXPONENTS] for columns in kinds]
+    explained = [[_explained(_score(base, taken, residual, speed**e * columns)) for e in FINE_EXPONENTS] for columns in kinds]
     best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
     return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
 
 
-def _one_side(base: Base, basis: FloatArray, residual: FloatArray, free: FloatArray, exponent: float) -> str | None:
+def _one_side(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray, exponent: float) -> str | None:
     """'entry' or 'exit' where shapes on that side alone, with the base parameters free, explain what shapes on both sides do.
 
     Patch length, shift and stiffness make a one-sided cause look two-sided once they are fitted; the question takes that back.
@@ -132,7 +133,7 @@ def _one_side(base: Base, basis: FloatArray, residual: FloatArray, free: FloatAr
     factor = (base.cells.conditions.speed_m_s / 20.0)[:, None, None] ** exponent
 
     def explains(low: float, high: float) -> float:
-        return _explained(_score(base, basis, residual, factor * free * ((phi >= low) & (phi <= high))[..., None]))
+        return _explained(_score(base, taken, residual, factor * free * ((phi >= low) & (phi <= high))[..., None]))
 
     both, sides = explains(-reach, reach), {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)}
     best, other = sorted(sides, key=lambda name: -sides[name])
@@ -180,8 +181,8 @@ def _frequency(base: Base) -> float | None:
     """The frequency [Hz] of a ring-down after the exit edge, where a fixed one in time explains more than a fixed wavelength."""
     base = thinned(base, _SOME_CELLS)
     cells, radius = base.cells, base.model.values["radius_m"]
-    basis = nuisance_basis(base)
-    residual = without(basis, base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    taken = nuisance(base)
+    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
     after = (np.nan_to_num(cells.phi, nan=-1.0) - half_angle(base)) * radius
     behind = np.where(after > 0, after, after + 2.0 * np.pi * radius)
     since = behind / cells.conditions.speed_m_s[:, None]
@@ -193,7 +194,7 @@ def _frequency(base: Base) -> float | None:
             for decay in decays:
                 turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
                 wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
-                found.append((_explained(_score(base, basis, residual, np.concatenate([wave, factor * wave], axis=-1))), float(number)))
+                found.append((_explained(_score(base, taken, residual, np.concatenate([wave, factor * wave], axis=-1))), float(number)))
         return max(found)
 
     in_time, frequency = best(_FREQUENCIES_HZ, since, _DECAYS_S)

@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 #: singular values below this share of the largest are no directions: EJ, k, mu, y and load share one scale
-_RANK = 1e-7
+RANK = 1e-7
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
@@ -26,7 +26,7 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     if not flat.shape[1]:
         return flat
     values, vectors = np.linalg.eigh(flat.T @ flat)
-    keep = values > _RANK * values[-1]
+    keep = values > RANK * values[-1]
     basis = flat @ (vectors[:, keep] / np.sqrt(values[keep]))
     return basis - 0.5 * basis @ (basis.T @ basis - np.eye(basis.shape[1]))
 
@@ -62,35 +62,13 @@ class Normal:
             per_manoeuvre((residual**2).sum(axis=1), manoeuvre),
         )
 
-    def loss(self, theta: FloatArray) -> FloatArray:
-        """Sum of squares of residual - columns theta in each manoeuvre; theta (M, p) or (p,) -> (M,)."""
-        theta = np.broadcast_to(theta, self.right.shape)
-        quadratic = np.einsum("mi,mij,mj->m", theta, self.gram, theta)
-        return np.maximum(self.square - 2.0 * (theta * self.right).sum(axis=1) + quadratic, 0.0)
-
 
 def solve_scaled(gram: FloatArray, right: FloatArray) -> FloatArray:
     """Least squares from normal equations, (..., p, p) and (..., p); columns scaled to one, directions without support left at zero."""
     scale = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
     scale = np.where(scale > 1e-140, scale, np.inf)
     values, vectors = np.linalg.eigh(gram / scale[..., :, None] / scale[..., None, :])
-    good = values > _RANK * values[..., -1:]
+    good = values > RANK * values[..., -1:]
     inverse = np.where(good, 1.0 / np.where(good, values, 1.0), 0.0)
     rotated = np.swapaxes(vectors, -1, -2) @ (right / scale)[..., None]
     return (vectors @ (inverse[..., None] * rotated))[..., 0] / scale
-
-
-def left_out(normal: Normal, own: IntArray) -> FloatArray:
-    """theta (M, p): for each manoeuvre the solution of all the others.
-
-    `own` (p,) marks columns that belong to one log (its offset): where no other manoeuvre of that log remains they are fitted
-    on the manoeuvre itself, with the rest held.
-    """
-    gram, right = normal.gram.sum(axis=0) - normal.gram, normal.right.sum(axis=0) - normal.right
-    theta = solve_scaled(gram, right)
-    for j in np.flatnonzero(own):
-        lonely = np.flatnonzero((gram[:, j, j] <= 1e-12 * normal.gram[:, j, j]) & (normal.gram[:, j, j] > 0))
-        for m in lonely:
-            theta[m, j] = 0.0
-            theta[m, j] = (normal.right[m, j] - normal.gram[m, j] @ theta[m]) / normal.gram[m, j, j]
-    return theta

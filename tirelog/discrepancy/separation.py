@@ -85,7 +85,7 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
     problem = Problem(base.cells, base.white)
     mine, _ = problem.linearised(first, (), {})
     theirs, jacobian = problem.linearised(second, names, {})
-    old = base.white(np.concatenate([np.nan_to_num(mine - theirs)[..., None], jacobian, problem.offset_columns], axis=-1))
+    old = problem.offsets.without(base.white(np.concatenate([np.nan_to_num(mine - theirs)[..., None], jacobian], axis=-1)))
     old = old.reshape(-1, old.shape[-1])
     phi = np.asarray((np.arange(_ANGLES) + 0.5) * (2.0 * np.pi / _ANGLES) - np.pi, dtype=np.float64)
     noise = np.sqrt(base.floor.within * _ANGLES / base.plain.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS))
@@ -97,11 +97,10 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
             other, slopes = second.linearised(conditions, phi, names, surface=base.cells.surface)
         except ModelError:
             continue
-        logs = old.shape[1] - 1 - len(names)
         shift = np.gradient(other, phi, axis=1)[..., None] * np.eye(_SPEEDS)[:, None, :]
         between = _load_columns(base, first, conditions, phi, ours)
-        apart, own = np.zeros((_SPEEDS, _ANGLES, logs)), np.ones((_SPEEDS, _ANGLES, 1))
-        new = np.concatenate([(ours - other)[..., None], np.moveaxis(slopes, 0, -1), apart, own, shift, between], axis=-1) / noise
+        own = np.ones((_SPEEDS, _ANGLES, 1))
+        new = np.concatenate([(ours - other)[..., None], np.moveaxis(slopes, 0, -1), own, shift, between], axis=-1) / noise
         new = new.reshape(-1, new.shape[-1])
         both = np.vstack([np.hstack([old, np.zeros((old.shape[0], new.shape[1] - old.shape[1]))]), new])
         basis = orthonormal(both[:, 1:])

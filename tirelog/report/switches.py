@@ -21,9 +21,9 @@ from tirelog.report.page import Section
 
 if TYPE_CHECKING:
     from tirelog.discrepancy import Comparison
+    from tirelog.discrepancy.comparison import Measured
     from tirelog.physics.effects import Effect
     from tirelog.physics.model import Model
-    from tirelog.recording import Stack
 
 #: effects that have a switch: 2^5 combinations are fitted
 MOST_EFFECTS = 5
@@ -49,18 +49,17 @@ def top_of_ladder(model: Model, climbed: Mapping[str, Any], catalogue: Mapping[s
     return model.with_values(values)
 
 
-def comparisons(stacks: Sequence[Stack], top: Model, names: Sequence[str], bare: Model, progress: Progress) -> dict[int, Comparison | str]:
+def comparisons(measured: Measured, top: Model, names: Sequence[str], bare: Model, progress: Progress) -> dict[int, Comparison | str]:
     """The comparison of each combination of the effects `names` of `top`, by bit mask; why where a combination cannot be computed.
 
     `bare` gives the carcass's start values of combinations that lack an effect.
     """
     from tirelog.discrepancy.base import prepare
-    from tirelog.discrepancy.cells import make_cells
-    from tirelog.discrepancy.comparison import comparison_of
-    from tirelog.discrepancy.stack import joined
+    from tirelog.discrepancy.cells import cells_of
+    from tirelog.discrepancy.comparison import comparison_of, measured_pieces, single_revolutions
 
-    stack = joined(stacks)
-    cells = make_cells(stack)
+    stack = single_revolutions(measured)
+    cells = cells_of(measured_pieces(measured))
     full = (1 << len(names)) - 1
     own = {p.name: p.value for p in bare.base if p.name in top.parameters}
     found: dict[int, Comparison | str] = {}
