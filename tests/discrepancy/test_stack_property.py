@@ -7,7 +7,6 @@ from tests.discrepancy.toy import channel, stack, waveform
 from tirelog.discrepancy.align import WheelAngle, refine, split_turns
 from tirelog.discrepancy.cells import make_cells
 from tirelog.discrepancy.manoeuvres import accelerations, regimes, segment
-from tirelog.discrepancy.stack import sample_noise
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -27,12 +26,6 @@ def test_wheel_angle_passes_through_the_passages_and_goes_on_beyond():
     turn, phi = split_turns(angle.theta(times) + 0.1)
     np.testing.assert_allclose(phi, 0.1, atol=1e-9)
     assert list(turn) == [0, 1, 2, 3, 4]
-
-
-def test_noise_of_a_sample_is_found_beside_the_waveform():
-    random = np.random.default_rng(1)
-    values = waveform(np.linspace(0, 60, 30000)) + 0.01 * random.standard_normal(30000)
-    assert sample_noise(values) == pytest.approx(0.01, rel=0.05)
 
 
 def test_a_drive_falls_into_its_regimes():

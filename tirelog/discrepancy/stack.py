@@ -101,7 +101,7 @@ def stack_channel(recording: Recording, channel: Channel, observable: str, *, an
         phi_mean=phi_mean,
         phi_variance=phi_variance,
         count=count,
-        noise=np.full(n, sample_noise(values)),
+        noise=np.full(n, passages.noise),
         conditions=conditions_of(recording, centre, speed * radius, acceleration),
         log=np.zeros(n, np.int64),
         manoeuvre=manoeuvre,
@@ -122,13 +122,6 @@ def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float
         f'write surface = "{other}"',
         file=recording.log,
     )
-
-
-def sample_noise(values: FloatArray) -> float:
-    """Standard deviation of one sample's white noise, from the median of third differences (a smooth signal has none)."""
-    third = np.diff(values, 3)
-    third = third[np.isfinite(third)]
-    return float(np.median(np.abs(third)) / (0.6745 * np.sqrt(20.0))) if third.size else float("nan")
 
 
 def _runs(passages: Passages, time_s: FloatArray, values: FloatArray) -> Iterable[Turns]:

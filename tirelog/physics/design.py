@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tirelog.errors import ModelError
 from tirelog.physics.carcass import SCALARS, WAVEFORMS
@@ -63,6 +63,13 @@ def load_slope_on(model: Model, stack: Stack, values: Mapping[str, float] | None
     phi, variance = angles_of(stack)
     observable = observable_of(model, stack)
     return model.load_slope(stack.conditions, phi, surface=stack.surface, phi_variance=variance, values=values, observable=observable)
+
+
+def load_bend_on(model: Model, stack: Stack, share: FloatArray, by_load: FloatArray, values: Mapping[str, float]) -> FloatArray:
+    """What a load that is higher by `share` (n,) of itself adds to the prediction beyond share x `by_load`, (n, m)."""
+    higher = replace(stack, conditions=model.loaded(stack.conditions, 1.0 + share, values))
+    (wave, level, _), (usual, at_rest, _) = parts_on(model, higher, values), parts_on(model, stack, values)
+    return (wave + level) - (usual + at_rest) - share[:, None] * by_load
 
 
 def design(model: Model, stack: Stack, names: Sequence[str] | None = None, values: Mapping[str, float] | None = None) -> Design:

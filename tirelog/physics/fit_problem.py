@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.physics.carcass import STRAIN, WAVEFORMS
-from tirelog.physics.design import load_slope_on, parts_on, slopes_on
+from tirelog.physics.design import load_bend_on, load_slope_on, parts_on, slopes_on
 from tirelog.physics.metric import Metric, estimate_scatter, scatter_shapes
 from tirelog.physics.model import Model
 from tirelog.physics.spectral import FloatArray
@@ -59,7 +59,7 @@ class Problem:
         parts = []
         for stack, metric in zip(self.stacks, self.metrics):
             wave, level, _ = parts_on(self.model, stack, values)
-            parts.append((metric(stack.values - level), metric(wave)))
+            parts.append((metric(stack.values - metric.bend - level), metric(wave)))
         share, held = self._share(parts)
         residuals = [d - (share if stack.observable == STRAIN else 1.0) * s for stack, (d, s) in zip(self.stacks, parts)]
         return Point(dict(values), share, held, residuals, [s for _, s in parts])
@@ -139,6 +139,6 @@ def _metric(model: Model, stack: Stack, values: Mapping[str, float], nuisances: 
     plain = Metric(stack, wave, slope, nuisances, aside=aside)
     if not scatter:
         return plain
-    shapes = scatter_shapes(stack, wave, load_slope_on(model, stack, values))
-    found = estimate_scatter(plain, shapes, stack.values - level - wave, stack.manoeuvre)
-    return Metric(stack, wave, slope, nuisances, found, aside)
+    by_load = load_slope_on(model, stack, values)
+    found = estimate_scatter(plain, scatter_shapes(stack, wave, by_load), stack.values - level - wave, stack.manoeuvre)
+    return Metric(stack, wave, slope, nuisances, found, aside, load_bend_on(model, stack, found.load, by_load, values))

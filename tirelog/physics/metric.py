@@ -26,6 +26,8 @@ from tirelog.recording import Stack
 NUISANCES = ("offset", "amplitude", "shift")
 #: Rounds of expectation and maximisation for the scatter.
 _ROUNDS = 60
+#: A revolution whose load seems to differ by more is a spoilt one, not one under another load.
+_LIKELY_LOAD = 0.2
 
 
 def weights(stack: Stack) -> FloatArray:
@@ -43,12 +45,13 @@ def weights(stack: Stack) -> FloatArray:
 @dataclass(frozen=True)
 class Scatter:
     """Covariances (4, 4) of load, its rise [1/rad] and bend [1/rad^2] over the turn, and baseline (relative; the baseline to the
-    waveform's rms): of a revolution about its manoeuvre, and of manoeuvres; and the shapes, (n, m) each, that they belong to."""
+    waveform's rms): of a revolution about its manoeuvre, and of manoeuvres; the shapes, (n, m) each, that they belong to; and each revolution's likely load, (n,),
+    less the one predicted with, relative."""
 
     shapes: tuple[FloatArray, ...]
-
     within: FloatArray
     between: FloatArray
+    load: FloatArray
 
 
 def scatter_shapes(stack: Stack, waveform: FloatArray, by_load: FloatArray) -> tuple[FloatArray, ...]:
@@ -59,7 +62,9 @@ def scatter_shapes(stack: Stack, waveform: FloatArray, by_load: FloatArray) -> t
 
 
 class Metric:
-    """The chain above for one stack, at a waveform and its slope by phi, (n, m) each; revolutions in `aside` (n,) weigh nothing."""
+    """The chain above for one stack, at a waveform and its slope by phi, (n, m) each; revolutions in `aside` (n,) weigh nothing.
+
+    `bend` is what the values hold beyond the scatter's straight line, (n, m) or 0: to be taken off them before they are measured."""
 
     def __init__(
         self,
@@ -69,7 +74,9 @@ class Metric:
         nuisances: Sequence[str] = (),
         scatter: Scatter | None = None,
         aside: np.ndarray | None = None,
+        bend: FloatArray | float = 0.0,
     ) -> None:
+        self.bend = bend
         unknown = [kind for kind in nuisances if kind not in NUISANCES]
         if unknown:
             raise ModelError(f"unknown nuisance {unknown[0]!r}; allowed are {', '.join(NUISANCES)}; choose among them")
@@ -166,7 +173,10 @@ def estimate_scatter(metric: Metric, shapes: tuple[FloatArray, ...], residual: F
     within = _excess(rest * np.sqrt(b.shape[0] / max(b.shape[0] - groups, 1)), error)
     means = mean - mean.mean(axis=0)
     between = ((means**2).sum(axis=0) - np.diag(noise) * (groups - 1) * np.mean(1.0 / count)) / max(groups - 3, 1)
-    return Scatter(shapes, within, np.diag(np.maximum(between, 0.0)) if groups > 2 else np.zeros_like(within))
+    apart = np.diag(np.maximum(between, 0.0)) if groups > 2 else np.zeros_like(within)
+    load = np.zeros(used.size)
+    load[used] = np.einsum("kl,nlj,nj->nk", within + apart, np.linalg.pinv(within + apart + error, hermitian=True), b)[:, 0]
+    return Scatter(shapes, within, apart, np.clip(load, -_LIKELY_LOAD, _LIKELY_LOAD))
 
 
 def _excess(b: FloatArray, error: FloatArray) -> FloatArray:

@@ -128,10 +128,9 @@ class Predicting:
         observable: str | None = None,
     ) -> FloatArray:
         """Derivative of `predict` by the logarithm of every revolution's load, (n, m): what a load that scatters adds, per unit."""
-        load = np.where(np.isfinite(conditions.load_N), conditions.load_N, {**self.values, **(values or {})}["load_N"])
         up, down = (
             self.predict(
-                replace(conditions, load_N=load * factor),
+                self.loaded(conditions, factor, values),
                 phi_rad,
                 surface=surface,
                 phi_variance=phi_variance,
@@ -141,6 +140,11 @@ class Predicting:
             for factor in (1.0 + _LOAD_STEP, 1.0 - _LOAD_STEP)
         )
         return (up - down) / (2.0 * _LOAD_STEP)
+
+    def loaded(self, conditions: Conditions, factor: FloatArray | float, values: Mapping[str, float] | None = None) -> Conditions:
+        """The conditions with every revolution's load, the model's own where none is known, times `factor` (n,)."""
+        load = np.where(np.isfinite(conditions.load_N), conditions.load_N, {**self.values, **(values or {})}["load_N"])
+        return replace(conditions, load_N=load * factor)
 
     def linearised(
         self,
