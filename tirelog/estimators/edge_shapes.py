@@ -18,17 +18,12 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
+from tirelog.estimators.edge_spectra import TERMS, form_spectra
 from tirelog.recording import FloatArray
 
 ComplexArray = NDArray[np.complex128]
-
-#: terms of the pressure series, orders 0, 2, ... 2 (TERMS - 1)
-TERMS = 7
-#: nodes of the quadrature over half of the patch
-NODES = 26
 
 
 @dataclass(frozen=True)
@@ -65,20 +60,12 @@ HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
 
 
 @lru_cache(maxsize=1)
-def _series() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Quadrature nodes (half patch), tests P_2, P_4, ... and pressure terms at them times weight, and <test, term>, shapes
-    (NODES,), (TERMS, NODES), (TERMS + 1, NODES; the last is the tilt's x (1 - x^2)), (TERMS, TERMS)."""
-    nodes, weights = (np.asarray(part, np.float64) for part in legendre.leggauss(2 * NODES))
-    nodes, weights = nodes[NODES:], weights[NODES:]
-    polynomial = legendre.legvander(nodes, 2 * TERMS).T
-    order = np.arange(0, 2 * TERMS, 2)
-    # (1 - x^2) P'_{n+1} = (n+1)(n+2)/(2n+3) (P_n - P_{n+2})
+def _mass() -> FloatArray:
+    """<P_(2i + 2), (1 - x^2) P'_(2n + 1)> over the patch, shape (TERMS, TERMS)."""
+    order = 2.0 * np.arange(TERMS)
+    # (1 - x^2) P'_{n+1} = (n+1)(n+2)/(2n+3) (P_n - P_{n+2}), and <P_n, P_n> = 2 / (2n + 1)
     factor = (order + 1.0) * (order + 2.0) / (2.0 * order + 3.0)
-    terms = factor[:, None] * (polynomial[order] - polynomial[order + 2])
-    tests = polynomial[order + 2]
-    mass = 2.0 * (tests * weights) @ terms.T
-    odd = nodes * (1.0 - nodes**2)
-    return nodes, 2.0 * tests * weights, 2.0 * np.vstack([terms, odd]) * weights, mass
+    return np.asarray(np.diag((2.0 * factor / (2.0 * order + 1.0))[1:], 1) - np.diag(2.0 * factor / (2.0 * order + 5.0)))
 
 
 class EdgeFamily:
@@ -97,7 +84,11 @@ class EdgeFamily:
 
     def spectrum(self, shape: EdgeShape) -> ComplexArray:
         """Complex amplitude of the strain of an outer grating at each wave number, shape (n,); the height is of the order of one."""
-        return self._solve(shape).spectrum
+        return self.jacobian(shape)[:, 0]
+
+    def jacobian(self, shape: EdgeShape) -> ComplexArray:
+        """The spectrum, and its derivatives by the six parameters in the order of the fields, shape (n, 7)."""
+        return form_spectra(self.kappa_1_m, self._square, self._tangential, self.radius_m, shape.array(), _mass())
 
     def receptance(self, shape: EdgeShape) -> ComplexArray:
         """Strain per load at each wave number, shape (n,): a load's transform along xi times this is a spectrum."""
@@ -105,27 +96,6 @@ class EdgeFamily:
         stiffness = ell**4 * self._square**2 + shape.tension * ell**2 * self._square + 1.0 + self._tangential
         height = -self._square * ell / (np.pi * self.radius_m)
         return np.asarray(height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell), complex)
-
-    def _solve(self, shape: EdgeShape) -> _Solution:
-        """The contact problem of `shape`: stiffness, pressure and spectrum."""
-        L, ell, ratio = shape.half_length_m, shape.bending_length_m, np.expm1(shape.tread)
-        nodes, tests, terms, mass = _series()
-        # exp(i n L x / R) for n = 1, 2, ...: powers of the first
-        wave = np.empty((self.kappa_1_m.size, nodes.size), complex)
-        wave[:] = np.exp(1j * (L / self.radius_m) * nodes)
-        np.multiply.accumulate(wave, axis=0, out=wave)
-        test, phi = wave.real @ tests.T, wave.real @ terms[:-1].T
-        stiffness = ell**4 * self._square**2 + shape.tension * ell**2 * self._square + 1.0 + self._tangential
-        weight = L / (np.pi * self.radius_m) / stiffness
-        inverse = np.linalg.inv(mass + ratio * (test * weight[:, None]).T @ phi)
-        pressure = inverse[:, 0] * (-4.0 / 15.0)  # <P_2, -x^2>
-        even, odd = phi @ pressure, wave.imag @ terms[-1]
-        # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights stay comparable while a fit walks
-        height = -self._square * ell * (L / (np.pi * self.radius_m))
-        response = np.asarray(height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell), complex)
-        # the tilt is carried by the parabola of the same load
-        spectrum: ComplexArray = response * (even + 1j * shape.tilt * pressure[0] * odd)
-        return _Solution(wave, test, phi, stiffness, weight, inverse, pressure, even, odd, response, spectrum)
 
     def basis(self, xi_m: FloatArray) -> ComplexArray:
         """exp(1j kappa xi), shape (len(xi), n): the real part of basis @ spectrum is the strain there."""
@@ -145,51 +115,3 @@ class EdgeFamily:
         values = np.fft.irfft(padded, points, axis=1)
         around = np.concatenate([values[:, -reach:], values[:, : reach + 1]], axis=1)
         return np.arange(-reach, reach + 1.0) * step, np.ascontiguousarray(around.T)
-
-    def jacobian(self, shape: EdgeShape) -> tuple[ComplexArray, ComplexArray]:
-        """Spectrum (n,), and its derivatives by the six parameters in the order of the fields, shape (n, 6)."""
-        L, ell, ratio = shape.half_length_m, shape.bending_length_m, np.expm1(shape.tread)
-        nodes, tests, terms, _ = _series()
-        s = self._solve(shape)
-        kappa = self.kappa_1_m
-        loaded = s.weight * s.even
-        test_slope = -kappa[:, None] * (s.wave.imag @ (tests * nodes).T)
-        even_slope = -kappa * (s.wave.imag @ (terms[:-1].T @ s.pressure * nodes))
-        odd_slope = kappa * (s.wave.real @ (terms[-1] * nodes))
-        by_ell = 4.0 * ell**3 * self._square**2 + 2.0 * shape.tension * ell * self._square
-        by_tension = ell**2 * self._square
-        bend = s.test.T @ np.column_stack(
-            [loaded / L + s.weight * even_slope, loaded * by_ell / s.stiffness, loaded * by_tension / s.stiffness, loaded]
-        )
-        bend[:, 0] += test_slope.T @ loaded
-        pressure_slope = s.inverse @ (bend * np.array([-ratio, ratio, ratio, -(1.0 + ratio)]))
-        even_by = s.phi @ pressure_slope
-        even_by[:, 0] += even_slope
-        form_by = even_by + 1j * shape.tilt * np.multiply.outer(s.odd, pressure_slope[0])
-        form_by[:, 0] += 1j * shape.tilt * s.pressure[0] * odd_slope
-        complex_stiffness = s.stiffness + 1j * shape.damping * kappa * ell
-        columns = s.response[:, None] * form_by
-        columns[:, 0] += s.spectrum / L
-        columns[:, 1] += s.spectrum * (1.0 / ell - (by_ell + 1j * shape.damping * kappa) / complex_stiffness)
-        columns[:, 2] -= s.spectrum * by_tension / complex_stiffness
-        by_damping = -s.spectrum * 1j * kappa * ell / complex_stiffness
-        by_tilt = s.response * 1j * s.pressure[0] * s.odd
-        jacobian: ComplexArray = np.column_stack([columns, by_damping, by_tilt]).astype(complex)
-        return s.spectrum, jacobian
-
-
-@dataclass(frozen=True)
-class _Solution:
-    """What `spectrum` and `jacobian` share; n wave numbers, t terms."""
-
-    wave: ComplexArray
-    test: FloatArray
-    phi: FloatArray
-    stiffness: FloatArray
-    weight: FloatArray
-    inverse: FloatArray
-    pressure: FloatArray
-    even: FloatArray
-    odd: FloatArray
-    response: ComplexArray
-    spectrum: ComplexArray

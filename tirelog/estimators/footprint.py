@@ -138,7 +138,7 @@ def _words(passages: Passages, work: Measured, length_m: FloatArray, asked_Hz: F
     """Quality words of the rows: the passages' own, and what the footprint adds."""
     with np.errstate(invalid="ignore"):
         cut = asked_Hz > nyquist
-        short = work.fits.inside < LEAST_SAMPLES
+        short = work.inside < LEAST_SAMPLES
     unknown = ~np.isfinite(length_m)
     unclear = ~np.isfinite(work.edges["length_d2_m"]) & ~cut & ~unknown
     words = list(passages.quality)

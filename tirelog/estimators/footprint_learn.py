@@ -140,8 +140,8 @@ def _samples(
         windows = replace(
             parts[0], row=row, values=np.concatenate([p.values for p in parts]), centre=np.concatenate([p.centre for p in parts])
         )
-        out.append(Sample(windows, speed[row], acceleration[row]))
-    return sorted(out, key=lambda sample: float(np.mean(sample.speed_m_s**2)))
+        out.append(Sample(windows, windows.motion(speed, acceleration)))
+    return sorted(out, key=lambda sample: sample.speed_m_s)
 
 
 def _average(sample: Sample, passages: Passages, half_window_m: float) -> Average:
@@ -150,8 +150,8 @@ def _average(sample: Sample, passages: Passages, half_window_m: float) -> Averag
     height = np.maximum(np.abs(passages.height[row]), 1e-300)[:, None]
     values = (sample.windows.values + passages.offset[row][:, None]) / height
     noise = np.broadcast_to(passages.noise / np.sqrt(sample.windows.averaged) / height, values.shape)
-    xi = sample.windows.distance_m(sample.speed_m_s, sample.acceleration_m_s2)
-    return average(xi, values, noise, float(np.sqrt(np.mean(sample.speed_m_s**2))), half_window_m)
+    xi = sample.windows.distance_m(sample.motion)
+    return average(xi, values, noise, sample.speed_m_s, half_window_m)
 
 
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
@@ -169,7 +169,7 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
 def _start_like(like: Learnt, samples: list[Sample]) -> Reference:
     """The straight member that another grating has taught, at the speeds of `samples`."""
     straight = like.other if like.reference.family.closed else like.reference
-    at = straight.at_speeds(np.array([float(np.sqrt(np.mean(s.speed_m_s**2))) for s in samples]))
+    at = straight.at_speeds(np.array([s.speed_m_s for s in samples]))
     return replace(at, residuals=None, residual_xi_m=None)
 
 
@@ -199,6 +199,8 @@ def learn_reference(channel: Channel, passages: Passages, block_samples: int = B
     if both is None or like is None or both[0].misfit > LIKE_MISFIT * max(like.reference.misfit, 1.0):
         start = fit_averages([_average(sample, passages, window) for sample in samples], passages.radius_m, rough)
         both = _both(start, samples, passages.noise, window)
+    if not both[0].misfit > 0.0:  # no passage with more samples than unknowns
+        return None
     height = float(np.median(np.abs(passages.height[rows])))
     wave_number = _wave_number(both[0], channel.axis.rate_Hz, window, passages.noise / max(height, 1e-300))
     return Learnt(both[0], both[1], window, wave_number, free)

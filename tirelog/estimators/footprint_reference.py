@@ -150,11 +150,11 @@ class _Problem:
         for number, (average_, root) in enumerate(zip(self.averages, self.roots, strict=True)):
             relative = average_.speed_m_s / self.top_speed
             _, height, _, shift = theta[SHARED + 4 * number : SHARED + 4 * number + 4]
-            base, slopes = self.family.jacobian(self.shape(theta, number))
+            spectra = self.family.jacobian(self.shape(theta, number))
             turn = np.exp(-1j * self.family.kappa_1_m * shift)
-            columns = np.column_stack([slopes, base, -1j * self.family.kappa_1_m * base]) * turn[:, None]
+            columns = np.column_stack([spectra, -1j * self.family.kappa_1_m * spectra[:, 0]]) * turn[:, None]
             waves = (self.bases[number] @ columns).real
-            length, ell, tension, tread, damping, tilt, wave, slope = waves.T
+            wave, length, ell, tension, tread, damping, tilt, slope = waves.T
             block = np.zeros((root.size, theta.size))
             block[:, :SHARED] = height * np.column_stack(
                 [ell * self.scale, tension, -(relative**2) * tension, tread, tilt, damping, relative * damping]

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tirelog.estimators.edge_shapes import HIGHEST, LOWEST, EdgeShape
 from tirelog.estimators.footprint_fit import shape_table
+from tirelog.estimators.footprint_kernel import OWN, class_sums
 from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
 from tirelog.recording import FloatArray
@@ -24,8 +25,8 @@ from tirelog.recording import FloatArray
 ROUNDS = 6
 #: stop where the next step promises less than this of the whole chi-square
 GOOD_ENOUGH = 1.0
-#: a passage's own columns (height, offset, -shift, length, damping, tilt), and the shared ones
-OWN, SHARED = 6, 3
+#: shared columns of a class (bending length, tension, tread), and the place of tension among the columns of its table
+SHARED, TENSION = 3, 6
 #: weak knowledge of the shared parameters about their start: bending length (relative), tension, inertia x squared top speed, tread
 PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
 #: weak knowledge of a passage's own damping and tilt
@@ -38,15 +39,19 @@ FOREIGN = 9.0
 
 @dataclass(frozen=True)
 class Sample:
-    """Windows of passages of about one speed, with what is known of each: `speed_m_s`, `acceleration_m_s2`, shape (n,)."""
+    """Windows of passages of about one speed, and their `motion` (`PatchWindows.motion`)."""
 
     windows: PatchWindows
-    speed_m_s: FloatArray
-    acceleration_m_s2: FloatArray
+    motion: FloatArray
+
+    @property
+    def speed_m_s(self) -> float:
+        """Root mean square of the passages' speeds."""
+        return float(np.sqrt(np.mean(self.motion[:, 2] ** 2)))
 
     def take(self, which: NDArray[np.bool_]) -> Sample:
         """The rows `which` (mask)."""
-        return Sample(self.windows.take(which), self.speed_m_s[which], self.acceleration_m_s2[which])
+        return Sample(self.windows.take(which), self.motion[which])
 
 
 @dataclass(frozen=True)
@@ -65,45 +70,19 @@ class _Step:
 
 def _class_step(reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float) -> _Step:
     """The normal equations of one class at the current form, its passages' own numbers eliminated."""
-    table = shape_table(reference, number, half_window_m)
     windows = sample.windows
-    xi = windows.distance_m(sample.speed_m_s, sample.acceleration_m_s2) - reference.shifts_m[number]
-    good = (np.abs(xi) < half_window_m) & np.isfinite(windows.values)
-    looked = table.at(xi)
-    columns = np.empty((*xi.shape, OWN + SHARED))
-    columns[..., 0], columns[..., 1], columns[..., 2:] = looked[..., 0], 1.0, looked[..., 1:]
-    # the class' form holds at its own speed: the tension of each passage follows its squared speed
-    columns[..., 0] -= reference.inertia * (sample.speed_m_s**2 - table.speed_m_s**2)[:, None] * looked[..., 6]
-    columns *= good[..., None]
-    known = np.where(good, windows.values, 0.0)
-    values = np.where(good, known - known.sum(axis=1, keepdims=True) / np.maximum(good.sum(axis=1, keepdims=True), 1), 0.0)
-    turned = np.swapaxes(columns, 1, 2)
-    gram, right = turned @ columns, (turned @ values[..., None])[..., 0]
+    table, grid = shape_table(reference, number, half_window_m)
     sigma = noise / np.sqrt(windows.averaged)
-    rough = np.maximum(np.abs(right[:, 0]) / np.maximum(gram[:, 0, 0], 1e-300), 1e-300)
-    own = gram[:, :OWN, :OWN].copy()
-    own[:, [4, 5], [4, 5]] += ((sigma / ODD_SD / rough) ** 2)[:, None]
-    scale = 1.0 / np.sqrt(np.maximum(np.einsum("nii->ni", own), 1e-300))
-    inverse = np.linalg.inv(own * scale[:, :, None] * scale[:, None, :] + 1e-13 * np.eye(OWN)) * scale[:, :, None] * scale[:, None, :]
-    solution = np.einsum("nij,nj->ni", inverse, right[:, :OWN])
-    cross = inverse @ gram[:, :OWN, OWN:]
-    height = solution[:, 0]
-    inner = gram[:, OWN:, OWN:] - np.swapaxes(gram[:, :OWN, OWN:], 1, 2) @ cross
-    outer = right[:, OWN:] - np.einsum("nio,ni->no", gram[:, :OWN, OWN:], solution)
-    residual = values - np.einsum("nmi,ni->nm", columns[..., :OWN], solution)
-    chi2 = (residual**2).sum(axis=1) / sigma**2
-    cell = ((xi + half_window_m) * (CELLS / (2.0 * half_window_m))).astype(np.int64).clip(0, CELLS - 1)
-    relative = residual / height[:, None]
-    count = np.bincount(cell[good], minlength=CELLS)
-    left = np.bincount(cell[good], relative[good], CELLS) / np.maximum(count, 1)
+    # the class' form holds at its own speed: the tension of each passage follows its squared speed
+    sums, rows, left = class_sums(windows.values, sample.motion, table, grid, -reference.inertia, TENSION, sigma, ODD_SD, CELLS)
     return _Step(
-        np.einsum("n,nij->ij", height**2, inner) / sigma**2,
-        np.einsum("n,ni->i", height, outer) / sigma**2,
-        -cross[:, 3].mean(axis=0),
-        solution,
-        chi2,
-        np.maximum(good.sum(axis=1) - OWN, 1).astype(float),
-        left,
+        sums[:, :SHARED],
+        sums[:, SHARED],
+        sums[:, SHARED + 1] / len(rows),
+        rows[:, :OWN],
+        rows[:, OWN],
+        np.maximum(rows[:, OWN + 1] - OWN, 1.0),
+        left[0] / np.maximum(left[1], 1.0),
     )
 
 

@@ -34,13 +34,15 @@ class PatchWindows:
         """The rows `which` (mask, slice or indices)."""
         return PatchWindows(self.row[which], self.values[which], self.centre[which], self.rate_Hz, self.averaged)
 
-    def time_s(self) -> FloatArray:
-        """Time from the patch centre, shape (n, m)."""
-        return (np.arange(self.values.shape[1]) - self.centre[:, None]) / self.rate_Hz
+    def motion(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
+        """Centre, rate, speed and acceleration of each row of a log's `speed_m_s`, `acceleration_m_s2`, shape (n, 4), for the kernels."""
+        rate = np.full(len(self.row), self.rate_Hz)
+        return np.column_stack([self.centre, rate, speed_m_s[self.row], acceleration_m_s2[self.row]])
 
-    def distance_m(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
-        """Distance from the patch centre along the tread, shape (n, m)."""
-        return travelled(self.time_s(), speed_m_s[:, None], acceleration_m_s2[:, None])
+    def distance_m(self, motion: FloatArray) -> FloatArray:
+        """Distance of each sample from the patch centre along the tread, shape (n, m)."""
+        time = (np.arange(self.values.shape[1]) - motion[:, [0]]) / motion[:, [1]]
+        return travelled(time, motion[:, [2]], motion[:, [3]])
 
     def reduced(self, averaged: int) -> PatchWindows:
         """The same windows with `averaged` neighbouring columns as one."""
@@ -80,17 +82,19 @@ def gather_windows(
         nearest = np.round(index[inside]).astype(np.int64)
         low = max(int((nearest - half[inside]).min()), 0)
         high = min(int((nearest + half[inside]).max()) + 1, channel.size)
-        samples = -sign * np.asarray(channel.read(low, high), dtype=np.float64)
+        samples = channel.read(low, high)
         for size in np.unique(half[inside]):
             some = half[inside] == size
-            yield _cut(channel, samples, low, index[inside[some]], nearest[some], int(size), inside[some])
+            yield _cut(channel, -sign, samples, low, index[inside[some]], nearest[some], int(size), inside[some])
 
 
-def _cut(channel: Channel, samples: FloatArray, low: int, index: FloatArray, nearest: IntArray, size: int, rows: IntArray) -> PatchWindows:
-    """Windows of half length `size` out of `samples`, which start at sample `low` of the channel."""
+def _cut(
+    channel: Channel, turned: float, samples: FloatArray, low: int, index: FloatArray, nearest: IntArray, size: int, rows: IntArray
+) -> PatchWindows:
+    """Windows of half length `size` out of `samples`, which start at sample `low` of the channel and are `turned` patch downward."""
     columns = nearest[:, None] + np.arange(-size, size)
     place = columns - low
-    values = samples[np.clip(place, 0, samples.size - 1)]
+    values = turned * samples[np.clip(place, 0, samples.size - 1)]
     outside = (place < 0) | (place >= samples.size)
     if channel.axis.explicit is None and channel.axis.first.size > 1:
         part = np.searchsorted(channel.axis.first, columns, side="right")
