@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.estimators import passage_match, passage_search, passages
+from tirelog.estimators import passage_match, passages
 from tirelog.estimators.passages import Passages, find_passages
 from tirelog.recording import TimeAxis
 
@@ -79,7 +79,6 @@ def test_the_same_rows_whatever_the_block_size(drive, radius_m, block_samples, m
     # as a long log is read: never held in memory, fitted block by block
     monkeypatch.setattr(passages, "HELD_SAMPLES", 0)
     monkeypatch.setattr(passage_match, "BLOCK_SAMPLES", block_samples)
-    monkeypatch.setattr(passage_search, "PIECE_BUCKETS", max(block_samples // 8, 200))
     parts = find_passages(channel, radius_m, block_samples)
     for name in ("index", "time_s", "time_se_s", "omega_rad_s", "omega_se_rad_s", "height", "turn_after", "measured"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))

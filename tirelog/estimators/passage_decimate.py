@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.dsp.noise import PIECE_SAMPLES, SampleNoise
+from tirelog.estimators.passage_kernels import bucket_medians, running_medians
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 
 #: length of a bucket [s]: at 25 m/s a patch of 0.1 m takes 4 ms
@@ -44,54 +45,29 @@ def bucket_samples(rate_Hz: float) -> int:
     return 1 << int(np.log2(samples)) if samples >= 4 else 1
 
 
-def _bucket_medians(values: FloatArray, bucket: int) -> FloatArray:
-    """Median of the four quarters' means in each bucket, shape (len // bucket,); NaN only where all of it is lost."""
-    rows = values.reshape(-1, bucket)
-    quarter = bucket // 4
-    if quarter > 1:
-        rows = rows.reshape(-1, 4, quarter).mean(axis=2)
-    a, b, c, d = (rows[:, k] for k in range(4))
-    median = 0.5 * (np.maximum(np.minimum(a, b), np.minimum(c, d)) + np.minimum(np.maximum(a, b), np.maximum(c, d)))
-    lost = np.flatnonzero(np.isnan(median))
-    if lost.size:
-        some = rows[lost]
-        whole = ~np.isnan(some).all(axis=1)
-        median[lost[whole]] = np.nanmedian(some[whole], axis=1)
-    return median
-
-
-def _of_three(values: FloatArray) -> FloatArray:
-    """Running median of three; the ends and the neighbours of lost samples stay as they are."""
-    result = values.copy()
-    if values.size < 3:
-        return result
-    a, b, c = values[:-2], values[1:-1], values[2:]
-    median = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
-    result[1:-1] = np.where(np.isnan(median), b, median)
-    return result
-
-
 def decimate(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) -> Decimated:
-    """The channel by buckets, times `sign`.  The buckets lie at fixed samples, whatever `block_samples`."""
+    """The channel by buckets, times `sign`.  The buckets lie at fixed samples, whatever `block_samples`.
+
+    A bucket is the median of its four quarters' means, of those that are not lost; a bucket of one sample is the median with its
+    neighbours.
+    """
     bucket = bucket_samples(channel.axis.rate_Hz)
     step = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES
-    margin = 2 if bucket == 1 else 0
+    margin = 1 if bucket == 1 else 0
     noise = SampleNoise(channel.size, channel.resolution)
     medians = np.empty(-(-channel.size // bucket), np.float32)
-    low, high = np.inf, -np.inf
+    extremes = np.array([np.inf, -np.inf])
     for start in range(0, channel.size, step):
-        first = max(start - margin, 0)
-        values = np.asarray(channel.read(first, min(start + step + margin, channel.size)), dtype=np.float64)
-        low, high = float(np.fmin.reduce(values, initial=low)), float(np.fmax.reduce(values, initial=high))
-        noise.take(start, values[start - first : start - first + step])
+        first, stop = max(start - margin, 0), min(start + step, channel.size)
+        values = np.ascontiguousarray(channel.read(first, min(stop + margin, channel.size)), dtype=np.float64)
+        noise.take(start, values[start - first : stop - first])
+        own = medians[start // bucket : -(-stop // bucket)]
         if bucket == 1:
-            some = _of_three(values)[start - first : start - first + step]
+            running_medians(values, start - first, sign, own, extremes)
         else:
-            short = -values.size % bucket
-            some = _bucket_medians(np.pad(values, (0, short), constant_values=np.nan) if short else values, bucket)
-        medians[start // bucket : start // bucket + some.size] = sign * some
+            bucket_medians(values, bucket, sign, own, extremes)
     parts = np.ceil((channel.axis.first[1:] - 0.5 * (bucket - 1)) / bucket).astype(np.int64)
-    return Decimated(_bridged(medians), bucket, np.concatenate([[0], parts]), (low, high), noise.sigma())
+    return Decimated(_bridged(medians), bucket, np.concatenate([[0], parts]), (extremes[0], extremes[1]), noise.sigma())
 
 
 def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:

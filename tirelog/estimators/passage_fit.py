@@ -1,6 +1,6 @@
-"""The centre of each passage by a matched filter: offset, height, shift and stretch of the template, least squares, all rows at once.
+"""The centre of each passage by a matched filter: offset, height, shift and stretch of the template, least squares, row by row.
 
-    samples around rough centres (ragged, laid end to end) --Gauss-Newton on the template--> centre, its standard error, height
+    samples around rough centres --Gauss-Newton on the template (`passage_fit_kernels`)--> centre, its standard error, height
 
 With phi the angle that the wheel has turned since the rough centre, the model of a row is y = a + b T(phi (1 + e) - s).  Where
 the speed is known from the neighbouring passages the stretch e is held near 0; else it tells the speed.  The standard error is the
@@ -14,18 +14,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.estimators.passage_template import Template
+from tirelog.estimators import passage_fit_kernels as kernels
+from tirelog.estimators.passage_template import CurveSums, Template
 from tirelog.recording import Channel, FloatArray, IntArray
-
-#: samples a row at most; a creeping wheel's windows are thinned to this
-MOST_SAMPLES = 400
-ITERATIONS = 2
-#: a sample is wild where it leaves its two neighbours' mean by this many sigmas and by this share of the height
-WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
-#: what is further off than this share of the height is not the tire
-FOREIGN_SHARE = 0.35
-#: stuck samples are clipped where they lie this many sigmas off
-CLIPPED_SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
@@ -84,153 +75,72 @@ class Fit:
 
 @dataclass(frozen=True)
 class Windows:
-    """Samples around rows, end to end: `values` and `time_s` (N,), `row` (N,) the row of each, `first` (n,) where each row starts;
-    `clipped` (N,) bool: on the instrument's stop; `outside` (n,): part of the window lies outside the log."""
+    """The windows of some rows in pieces of a channel: `samples` (N,) as recorded, and their `times`, empty where the axis tells them;
+    `spans` (n, 3): first and last + 1 sample of each row's window, and what to add to their numbers to find them in `samples`;
+    `outside` (n,): part of the window lies outside the log."""
 
-    values: FloatArray
-    time_s: FloatArray
-    row: IntArray
-    first: IntArray
-    clipped: NDArray[np.bool_]
+    signal: Signal
+    samples: FloatArray
+    times: FloatArray
+    spans: IntArray
     outside: NDArray[np.bool_]
 
     @classmethod
     def concatenate(cls, parts: list[Windows]) -> Windows:
-        rows = np.cumsum([0] + [part.first.size for part in parts])
-        samples = np.cumsum([0] + [part.row.size for part in parts])
-        return cls(
-            np.concatenate([part.values for part in parts]),
-            np.concatenate([part.time_s for part in parts]),
-            np.concatenate([part.row + start for part, start in zip(parts, rows, strict=False)]),
-            np.concatenate([part.first + start for part, start in zip(parts, samples, strict=False)]),
-            np.concatenate([part.clipped for part in parts]),
-            np.concatenate([part.outside for part in parts]),
-        )
+        begins = np.cumsum([0] + [part.samples.size for part in parts])
+        spans = [part.spans + np.array([0, 0, begin]) for part, begin in zip(parts, begins, strict=False)]
+        samples, times = (np.concatenate([getattr(part, name) for part in parts]) for name in ("samples", "times"))
+        return cls(parts[0].signal, samples, times, np.concatenate(spans), np.concatenate([part.outside for part in parts]))
 
+    def take(self, which: NDArray[np.bool_]) -> Windows:
+        return replace(self, spans=self.spans[which], outside=self.outside[which])
 
-def _stuck(values: FloatArray, row: IntArray, extremes: tuple[float, float]) -> NDArray[np.bool_]:
-    """Samples that stand on the channel's least or largest value, three or more in a row of one window."""
-    on = (values == extremes[0]) | (values == extremes[1])
-    if not on.any():
-        return on
-    run = np.zeros(values.size, bool)
-    three = on[:-2] & on[1:-1] & on[2:] & (values[:-2] == values[2:]) & (row[:-2] == row[2:])
-    for shift in range(3):
-        run[shift : values.size - 2 + shift] |= three
-    return run
+    @property
+    def source(self) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
+        """The samples as the kernels take them."""
+        axis, signal = self.signal.channel.axis, self.signal
+        segments = np.column_stack([axis.first, axis.start_s, axis.period_s])
+        return self.samples, self.times, segments, signal.sign, signal.extremes[0], signal.extremes[1]
 
 
 def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
     """The windows of all rows of `start`, which must lie within one block's reach of one another."""
-    channel = signal.channel
-    reach = window_rad / start.omega * channel.axis.rate_Hz
+    axis = signal.channel.axis
+    reach = window_rad / start.omega * axis.rate_Hz
     low, high = np.ceil(start.index - reach), np.floor(start.index + reach) + 1
-    outside = (low < 0) | (high > channel.size)
-    first_sample = np.clip(low, 0, channel.size - 1).astype(np.int64)
-    stop_sample = np.clip(high, first_sample + 1, channel.size).astype(np.int64)
-    stride = -(-(stop_sample - first_sample) // MOST_SAMPLES)
-    count = -(-(stop_sample - first_sample) // stride)
-    first = np.concatenate([[0], np.cumsum(count)[:-1]])
-    row = np.repeat(np.arange(count.size), count)
-    place = first_sample[row] + (np.arange(row.size) - first[row]) * stride[row]
-    begin, end = int(first_sample.min()), int(stop_sample.max())
-    raw = np.asarray(channel.read(begin, end), dtype=np.float64)
-    values = raw[place - begin]
-    time_s = channel.axis.at(place.astype(np.float64))
-    return Windows(signal.sign * values, time_s, row, first, _stuck(values, row, signal.extremes), outside)
+    first = np.clip(low, 0, axis.size - 1).astype(np.int64)
+    stop = np.clip(high, first + 1, axis.size).astype(np.int64)
+    begin, end = int(first.min()), int(stop.max())
+    samples = np.ascontiguousarray(signal.channel.read(begin, end), dtype=np.float64)
+    times = np.asarray(axis.explicit(begin, end), np.float64) if axis.explicit is not None else np.zeros(0)
+    spans = np.column_stack([first, stop, np.full(first.size, -begin)])
+    return Windows(signal, samples, times, spans, (low < 0) | (high > axis.size))
 
 
-def _wild(residual: FloatArray, row: IntArray, limit: FloatArray) -> NDArray[np.bool_]:
-    """Samples whose residual leaves the mean of its neighbours' by more than `limit`, and by more than theirs do."""
-    bend = np.zeros(residual.size)
-    bend[1:-1] = np.abs(residual[1:-1] - 0.5 * (residual[:-2] + residual[2:]))
-    bend[~np.isfinite(bend)] = 0.0
-    edge = np.concatenate([[True], row[1:] != row[:-1]])
-    bend[edge] = 0.0
-    bend[np.concatenate([edge[1:], [True]])] = 0.0
-    largest = bend.copy()
-    largest[1:] = np.maximum(largest[1:], bend[:-1])
-    largest[:-1] = np.maximum(largest[:-1], bend[1:])
-    return (bend > limit) & (bend >= largest)
+def _rows(start: Start, height: FloatArray) -> FloatArray:
+    """What is known of the rows, as the kernels take it: shape (n, 5)."""
+    return np.column_stack([start.time_s, start.omega, start.alpha, start.stretch, height])
 
 
-def _sums(windows: Windows, columns: list[FloatArray], weight: FloatArray) -> FloatArray:
-    """Weighted products of the columns summed over each row's samples, shape (n, k, k), symmetric."""
-    k = len(columns)
-    sums = np.empty((windows.first.size, k, k))
-    for i in range(k):
-        weighted = columns[i] * weight
-        for j in range(i, k):
-            sums[:, i, j] = sums[:, j, i] = np.add.reduceat(weighted * columns[j], windows.first)
+def _scratch() -> FloatArray:
+    return np.empty((kernels.SCRATCH_ROWS, kernels.MOST_SAMPLES))
+
+
+def fit(windows: Windows, template: Template, start: Start, height: FloatArray) -> Fit:
+    """Each row's centre by the template; `height` (n,) a first guess."""
+    n, noise = height.size, windows.signal.noise
+    found, used, marks = np.empty((n, 7)), np.zeros(n, np.int64), np.zeros((n, 3), bool)
+    table = np.column_stack([template.values, template.slope])
+    rows, small = _rows(start, height), np.empty((6, 4))
+    kernels.fit_rows(*windows.source, noise, table, template.window_rad, rows, windows.spans, found, used, marks, _scratch(), small)
+    time_s, time_se_s, omega, omega_se, height, offset, misfit = found.T.copy()
+    lost, spike, clipped = marks.T.copy()
+    return Fit(time_s, time_se_s, omega, omega_se, height, offset, misfit, used, lost, spike, clipped, windows.outside)
+
+
+def curve_sums(windows: Windows, start: Start, offset: FloatArray, height: FloatArray, window_rad: float) -> CurveSums:
+    """The rows' samples, scaled to height 1, as what a template's curve over +-`window_rad` is learnt from."""
+    sums = CurveSums()
+    rows = _rows(start, height)
+    sums.count = kernels.spline_sums(*windows.source, rows, offset, windows.spans, window_rad, sums.normal, sums.right, _scratch())
     return sums
-
-
-def _step(windows: Windows, template: Template, start: Start, height: FloatArray, weight: FloatArray, noise: float) -> tuple:
-    """One Gauss-Newton step: (solution (n, 4) of a, b, -b s, b e; covariance (n, 4, 4) per noise variance; model (N,))."""
-    tau = windows.time_s - start.time_s[windows.row]
-    phi = (start.omega[windows.row] + 0.5 * start.alpha[windows.row] * tau) * tau
-    shape, slope = template(phi)
-    values = np.where(weight > 0, windows.values, 0.0)
-    columns = [np.ones(phi.size), shape, slope, phi * slope]
-    sums = _sums(windows, [*columns, values], weight)
-    normal, right = sums[:, :4, :4].copy(), sums[:, :4, 4]
-    # the stretch is held by what the neighbours say; the other three have a prior too weak to matter, for rows without samples
-    normal[:, 3, 3] += (max(noise, 1e-12 * height.max()) / (height * start.stretch)) ** 2
-    weak = 1e-9 * (np.trace(normal, axis1=1, axis2=2) + 1e-30)
-    normal[:, range(4), range(4)] += weak[:, None]
-    covariance = np.linalg.inv(normal)
-    solution = (covariance @ right[..., None])[..., 0]
-    model = sum(solution[windows.row, k] * columns[k] for k in range(4))
-    return solution, covariance, model
-
-
-def _cut_off(windows: Windows, model: FloatArray, noise: float) -> NDArray[np.bool_]:
-    """Rows whose stuck samples lie off the template that the others fit: clipped, and not just a coarse scale's last step, shape (n,)."""
-    if not windows.clipped.any():
-        return np.zeros(windows.first.size, bool)
-    count = np.add.reduceat(windows.clipped.astype(np.int64), windows.first)
-    off = np.add.reduceat(np.where(windows.clipped, np.abs(model - windows.values), 0.0), windows.first)
-    return off > CLIPPED_SIGMAS * noise * np.maximum(count, 1)
-
-
-def fit(windows: Windows, template: Template, start: Start, height: FloatArray, noise: float) -> Fit:
-    """Each row's centre by the template; `height` (n,) a first guess, `noise` sigma of one sample."""
-    lost = ~np.isfinite(windows.values)
-    weight = np.where(lost | windows.clipped, 0.0, 1.0)
-    wild = np.zeros(lost.size, bool)
-    at = start
-    for iteration in range(ITERATIONS):
-        solution, covariance, model = _step(windows, template, at, height, weight, noise)
-        residual = np.where(weight > 0, windows.values - model, 0.0)
-        if iteration == 0:
-            row_height = np.abs(height)[windows.row]
-            limit = np.maximum(WILD_SIGMAS * noise, WILD_SHARE * row_height)
-            found = _wild(np.where(lost, np.nan, residual), windows.row, limit)
-            found |= np.abs(residual) > np.maximum(FOREIGN_SHARE * row_height, WILD_SIGMAS * noise)
-            if found.any():
-                wild |= found
-                weight = np.where(wild, 0.0, weight)
-                solution, covariance, model = _step(windows, template, at, height, weight, noise)
-        guess = np.where(np.abs(solution[:, 1]) > 0.05 * height, solution[:, 1], height)
-        shift = np.clip(-solution[:, 2] / guess, -0.3 * template.window_rad, 0.3 * template.window_rad)
-        stretch = np.clip(solution[:, 3] / guess, -0.3, 0.3)
-        at = replace(at, time_s=at.time_s + shift / at.omega, omega=at.omega * (1 + stretch))
-        height = np.abs(guess)
-    residual = np.where(weight > 0, windows.values - model, 0.0)
-    used = np.add.reduceat((weight > 0).astype(np.int64), windows.first)
-    misfit = np.sqrt(np.add.reduceat(residual**2, windows.first) / np.maximum(used, 1))
-    any_of = np.logical_or.reduceat
-    return Fit(
-        at.time_s,
-        noise * np.sqrt(np.maximum(covariance[:, 2, 2], 0.0)) / (height * at.omega),
-        at.omega,
-        noise * np.sqrt(np.maximum(covariance[:, 3, 3], 0.0)) / height * at.omega,
-        solution[:, 1],
-        solution[:, 0],
-        misfit,
-        used,
-        any_of(lost, windows.first),
-        any_of(wild, windows.first),
-        _cut_off(windows, model, noise),
-        windows.outside,
-    )

@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tirelog.estimators.passage_fit import Signal, Start, Windows, fit, gather
+from tirelog.estimators.passage_fit import Signal, Start, Windows, curve_sums, fit, gather
 from tirelog.estimators.passage_search import Pulses
 from tirelog.estimators.passage_template import WIDEST_RAD, Template, learn
-from tirelog.recording import FloatArray, IntArray
+from tirelog.recording import IntArray
 
 #: passages that the template is learnt from, in clusters of neighbours, and rounds
 LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
@@ -37,7 +36,7 @@ def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses)
 
     None where there is no such passage, or no curve with two half-level crossings comes of them.
     """
-    rate_Hz, noise = signal.channel.axis.rate_Hz, signal.noise
+    rate_Hz = signal.channel.axis.rate_Hz
     clusters = _clusters(good)
     if not clusters:
         return None
@@ -48,22 +47,11 @@ def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses)
     like = np.ones(chosen.size, bool)
     template: Template | None = None
     for _ in range(ROUNDS):
-        template = learn(*_laid_over(windows, at, offset, height, like), window)
+        template = learn(curve_sums(windows.take(like), at.take(like), offset[like], height[like], window), window)
         if template is None:
             return None
-        found = fit(windows, template, at, height, noise)
-        like = (found.height > 0.5 * np.median(height)) & (found.misfit < np.maximum(ALIKE * found.height, 3 * noise))
+        found = fit(windows, template, at, height)
+        like = (found.height > 0.5 * np.median(height)) & (found.misfit < np.maximum(ALIKE * found.height, 3 * signal.noise))
         at = replace(at, time_s=np.where(like, found.time_s, at.time_s))
         offset, height = np.where(like, found.offset, offset), np.where(like, found.height, height)
     return template
-
-
-def _laid_over(
-    windows: Windows, start: Start, offset: FloatArray, height: FloatArray, like: NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray]:
-    """Angles and scaled values of the good samples in the windows of the rows `like`."""
-    tau = windows.time_s - start.time_s[windows.row]
-    phi = (start.omega[windows.row] + 0.5 * start.alpha[windows.row] * tau) * tau
-    value = (windows.values - offset[windows.row]) / height[windows.row]
-    usable = like[windows.row] & np.isfinite(value) & ~windows.clipped & (np.abs(value) < 2.0)
-    return phi[usable], value[usable]

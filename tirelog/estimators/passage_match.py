@@ -138,7 +138,7 @@ def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Templat
     for low, high in pairwise(edges):
         some = start.take(slice(low, high))
         windows = gather(signal, some, template.window_rad)
-        parts.append(fit(windows, template, some, height[low:high], signal.noise))
+        parts.append(fit(windows, template, some, height[low:high]))
     return Fit.concatenate(parts)
 
 
@@ -166,7 +166,7 @@ def _backwards(signal: Signal, template: Template, start: Start, found: Fit) -> 
         some = replace(start, time_s=found.time_s, omega=found.omega).take(rows)
         windows = gather(signal, some, template.window_rad)
         height = np.abs(found.height[rows])
-        forth, other = (fit(windows, shape, some, height, signal.noise) for shape in (template, template.mirrored()))
+        forth, other = (fit(windows, shape, some, height) for shape in (template, template.mirrored()))
         floor = signal.noise**2
         ratio = (forth.misfit**2 + floor) / (other.misfit**2 + floor)
         back[first:stop] = 0.5 * float(np.sum(forth.used * np.log(ratio))) > BACKWARDS_EVIDENCE

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.estimators.passage_kernels import medians_around
 from tirelog.estimators.passage_search import Pulses
 from tirelog.recording import Channel, FloatArray
 
@@ -47,8 +48,9 @@ def one_turn(turns: FloatArray) -> NDArray[np.bool_]:
 
 def usual(values: FloatArray) -> FloatArray:
     """Median of the values within REACH pulses, shape (n,)."""
-    padded = np.pad(values, REACH, constant_values=np.nan)
-    return np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, 2 * REACH + 1), axis=1)
+    medians = np.empty(values.size)
+    medians_around(values, REACH, np.empty(2 * REACH + 1), medians)
+    return medians
 
 
 def screen(channel: Channel, pulses: Pulses) -> Pulses:

@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.estimators.passage_decimate import Decimated, decimate
+from tirelog.estimators.passage_kernels import half_level, turning_points
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 
-#: buckets that are looked at in one piece
-PIECE_BUCKETS = 1 << 18
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3
 LEAST_HEIGHT = 0.45
 #: and by this many times the noise of a sample
@@ -52,41 +51,10 @@ class Pulses:
 NO_PULSES = Pulses(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
-def turning_points(values: NDArray[np.floating], least: float) -> IntArray:
-    """Places of the alternating extremes of `values` whose rises and falls are at least `least`; the two ends are kept.
-
-    The pair of neighbouring extremes that differ least is removed, until none differs by less: the order does not change the answer.
-    """
-    if values.size < 3:
-        return np.arange(values.size)
-    changed = np.concatenate([[0], np.flatnonzero(np.diff(values)) + 1])
-    up = np.diff(values[changed]) > 0
-    turn = np.flatnonzero(up[1:] != up[:-1]) + 1
-    inner = changed[turn]
-    points = np.concatenate([[0], inner[(inner > 0) & (inner < values.size - 1)], [values.size - 1]])
-    while True:
-        size = np.abs(np.diff(values[points]))
-        if size.size < 3:
-            return points
-        inner = size[1:-1]
-        pair = np.flatnonzero((inner < least) & (inner < size[:-2]) & (inner <= size[2:])) + 1
-        if not pair.size:
-            return points
-        keep = np.ones(points.size, bool)
-        keep[pair] = keep[pair + 1] = False
-        points = points[keep]
-
-
-def _turning_points_by_part(data: Decimated, least: float) -> list[IntArray]:
-    """`turning_points` of each gapless part, piece by piece and then of what is left."""
-    found = []
-    for start, stop in pairwise(np.append(np.minimum(data.parts, data.values.size), data.values.size)):
-        pieces = range(int(start), int(stop), PIECE_BUCKETS)
-        rough = [first + turning_points(data.values[first : min(first + PIECE_BUCKETS, stop)], least) for first in pieces]
-        if rough:
-            points = np.concatenate(rough)
-            found.append(points[turning_points(data.values[points], least)])
-    return found
+def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
+    """Places of the alternating extremes of `values` whose rises and falls are at least `least`."""
+    points = np.empty(values.size + 1, np.int64)
+    return points[: turning_points(values, least, points)].copy()
 
 
 def usual_height(heights: FloatArray) -> float:
@@ -99,22 +67,18 @@ def usual_height(heights: FloatArray) -> float:
 def find_pulses(data: Decimated) -> Pulses:
     """The pulses of `data`."""
     noise = data.noise
-    rough = _turning_points_by_part(data, LEAST_SIGMAS * noise)
-    heights = np.concatenate([np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough] or [np.zeros(0)])
-    heights = heights[heights >= LEAST_SIGMAS * noise]
-    if not heights.size or not heights.max() > 0:
+    bounds = np.append(np.minimum(data.parts, data.values.size), data.values.size)
+    rough = [start + _turning_points(data.values[start:stop], LEAST_SIGMAS * noise) for start, stop in pairwise(bounds)]
+    heights = np.concatenate([np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough])
+    if not heights.size:
         return NO_PULSES
     least = max(LEAST_HEIGHT * usual_height(heights), LEAST_SIGMAS * noise)
-    peaks, left, right = [], [], []
+    found = []
     for points in rough:
-        points = points[turning_points(data.values[points], least)]
-        level = data.values[points]
-        climb, fall = level[1:-1] - level[:-2], level[1:-1] - level[2:]
-        top = np.flatnonzero((climb >= least) & (fall >= least)) + 1
-        peaks.append(points[top])
-        left.append(points[top - 1])
-        right.append(points[top + 1])
-    return _half_level(data, *_without_plateaus(data.values, *(np.concatenate(p).astype(np.int64) for p in (peaks, left, right))))
+        points = points[_turning_points(data.values[points], least)]
+        top = 1 + np.flatnonzero(data.values[points[1:-1]] > data.values[points[:-2]])
+        found.append([points[top], points[top - 1], points[top + 1]])
+    return _half_level(data, *_without_plateaus(data.values, *(np.concatenate(places) for places in zip(*found, strict=True))))
 
 
 def _without_plateaus(values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray) -> tuple[IntArray, IntArray, IntArray]:
@@ -154,34 +118,8 @@ def _level(data: Decimated, rate_Hz: float) -> NDArray[np.float32]:
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Pulses:
-    """Middle and width of the pulses at half of their height, a stretch of the log at a time."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(left // PIECE_BUCKETS)) + 1, [peak.size]])
-    parts = [_half_level_piece(data, peak[a:b], left[a:b], right[a:b]) for a, b in pairwise(edges) if b > a]
-    return Pulses(*(np.concatenate([np.zeros(0), *column]) for column in zip(*parts, strict=True))) if parts else NO_PULSES
-
-
-def _half_level_piece(
-    data: Decimated, peak: IntArray, left: IntArray, right: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """(middle, width, height, base) of pulses next to one another, by linear interpolation between buckets."""
-    first = int(left[0])
-    values = data.values[first : int(right[-1]) + 1].astype(np.float64)
-    peak, left, right = peak - first, left - first, right - first
-    # the higher of the two valleys: a downward jump of the instrument may stand for the other
-    base = np.maximum(values[left], values[right])
-    level = 0.5 * (values[peak] + base)
-    place = np.arange(values.size)
-    # the pulse that a bucket belongs to: up to the valley at its right
-    owner = np.minimum(np.searchsorted(right, place), peak.size - 1)
-    below = values <= level[owner]
-    before = np.maximum.accumulate(np.where(below, place, -1))[peak]
-    after = np.minimum.accumulate(np.where(below, place, values.size)[::-1])[::-1][peak]
-    before, after = np.clip(before, 0, values.size - 2), np.clip(after, 1, values.size - 1)
-
-    def crossing(a: IntArray, b: IntArray) -> FloatArray:
-        rise = values[b] - values[a]
-        share = np.where(rise != 0, (level - values[a]) / np.where(rise != 0, rise, 1.0), 0.5)
-        return data.index(first + a + np.clip(share, 0.0, 1.0) * (b - a))
-
-    entry, leave = crossing(before, before + 1), crossing(after - 1, after)
-    return 0.5 * (entry + leave), np.maximum(leave - entry, 1.0), values[peak] - base, base
+    """The pulses at `peak` between the valleys `left` and `right`, by linear interpolation between buckets."""
+    pulses = np.empty((peak.size, 4))
+    half_level(data.values, peak, left, right, pulses)
+    middle, width, height, base = pulses.T.copy()
+    return Pulses(data.index(middle), np.maximum(data.bucket * width, 1.0), height, base)

@@ -1,0 +1,295 @@
+"""Compiled loops over the windows of passages: the matched fit, and the sums from which a template is learnt.
+
+    samples around rows, template --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,), `marks` (n, 4)
+    samples around rows --cubic B-splines over the angle--> normal equations
+
+A window is the row's `spans` (n, 3): samples [first, stop) of the channel, thinned to MOST_SAMPLES, and what to add to their numbers to
+find them in `samples`.  Their times are `times` where these are given, else those of `segments` (k, 3): first sample, its time, step.
+Columns of `rows` (n, 5): time [s], omega, alpha, standard deviation of the stretch, height.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.compiled import compiled
+from tirelog.recording import FloatArray, IntArray
+
+#: samples a row at most; a creeping wheel's windows are thinned to this
+MOST_SAMPLES = 400
+ITERATIONS = 2
+#: a sample is wild where it leaves its two neighbours' mean by this many sigmas and by this share of the height
+WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
+#: what is further off than this share of the height is not the tire
+FOREIGN_SHARE = 0.35
+#: stuck samples are clipped where they lie this many sigmas off
+CLIPPED_SIGMAS = 3.0
+#: how far a step may shift [window] and stretch
+MOST_SHIFT = MOST_STRETCH = 0.3
+
+#: rows of the scratch: a window's samples, and what is known of each
+VALUE, TIME, WEIGHT, STUCK, PHI, SHAPE, SLOPE, RESIDUAL, BEND = range(9)
+SCRATCH_ROWS = 9
+
+
+@compiled
+def fit_rows(
+    samples: FloatArray,
+    times: FloatArray,
+    segments: FloatArray,
+    sign: float,
+    low: float,
+    high: float,
+    noise: float,
+    table: FloatArray,
+    window_rad: float,
+    rows: FloatArray,
+    spans: IntArray,
+    found: FloatArray,
+    used: IntArray,
+    marks: NDArray[np.bool_],
+    scratch: FloatArray,
+    small: FloatArray,
+) -> None:
+    """Each row's fit by the template `table` (g, 2) of values and slopes over +-`window_rad`: y = a + b T(phi (1 + e) - s).
+
+    `found`: time, its standard error, omega, its standard error, height, offset, misfit; `marks`: lost, spike, clipped; `low`, `high`: the
+    channel's extremes.  `scratch` (SCRATCH_ROWS, MOST_SAMPLES), `small` (6, 4) are the caller's.
+    """
+    for k in range(rows.shape[0]):
+        count = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
+        for i in range(count):
+            marks[k, 0] |= not np.isfinite(scratch[VALUE, i])
+        time_s, omega, alpha, height = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 4]
+        for iteration in range(ITERATIONS):
+            hold = (max(noise, 1e-12 * height) / (height * rows[k, 3])) ** 2
+            _shapes(count, time_s, omega, alpha, table, window_rad, scratch)
+            _step(count, hold, scratch, small)
+            if iteration == 0 and _wild(count, abs(height), noise, scratch):
+                marks[k, 1] = True
+                _step(count, hold, scratch, small)
+            guess = small[5, 1] if abs(small[5, 1]) > 0.05 * height else height
+            shift = min(max(-small[5, 2] / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
+            time_s += shift / omega
+            omega *= 1.0 + min(max(small[5, 3] / guess, -MOST_STRETCH), MOST_STRETCH)
+            height = abs(guess)
+        square, off, stuck = 0.0, 0.0, 0.0
+        for i in range(count):
+            if scratch[WEIGHT, i] > 0:
+                used[k] += 1
+                square += scratch[RESIDUAL, i] ** 2
+            if scratch[STUCK, i] > 0:
+                stuck += 1.0
+                off += abs(scratch[RESIDUAL, i])
+        marks[k, 2] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
+        found[k, 0] = time_s
+        found[k, 1] = noise * np.sqrt(small[4, 2]) / (height * omega)
+        found[k, 2] = omega
+        found[k, 3] = noise * np.sqrt(small[4, 3]) / height * omega
+        found[k, 4] = small[5, 1]
+        found[k, 5] = small[5, 0]
+        found[k, 6] = np.sqrt(square / max(used[k], 1))
+
+
+@compiled
+def read_window(
+    samples: FloatArray,
+    times: FloatArray,
+    segments: FloatArray,
+    sign: float,
+    low: float,
+    high: float,
+    span: IntArray,
+    scratch: FloatArray,
+) -> int:
+    """The samples of a `span` and their times into `scratch`, thinned; how many.  Lost and stuck ones have no weight.
+
+    Stuck are three or more in a row on the channel's least or largest value.
+    """
+    first, stop, shift = span[0], span[1], span[2]
+    stride = -(-(stop - first) // MOST_SAMPLES)
+    count = -(-(stop - first) // stride)
+    segment = 0
+    for i in range(count):
+        place = first + i * stride
+        value = samples[place + shift]
+        if times.size > 0:
+            scratch[TIME, i] = times[place + shift]
+        else:
+            while segment + 1 < segments.shape[0] and segments[segment + 1, 0] <= place:
+                segment += 1
+            scratch[TIME, i] = segments[segment, 1] + (place - segments[segment, 0]) * segments[segment, 2]
+        scratch[VALUE, i] = sign * value
+        scratch[WEIGHT, i] = 1.0 if np.isfinite(value) else 0.0
+        scratch[STUCK, i] = 0.0
+    low, high = sign * low, sign * high
+    for i in range(1, count - 1):
+        value = scratch[VALUE, i]
+        if value in (low, high) and scratch[VALUE, i - 1] == value and scratch[VALUE, i + 1] == value:
+            for j in range(i - 1, i + 2):
+                scratch[STUCK, j], scratch[WEIGHT, j] = 1.0, 0.0
+    return count
+
+
+@compiled
+def _shapes(count: int, time_s: float, omega: float, alpha: float, table: FloatArray, window_rad: float, scratch: FloatArray) -> None:
+    """Angle, template and its slope at each sample: linear between the table's points, constant outside."""
+    scale = (table.shape[0] - 1) / (2.0 * window_rad)
+    for i in range(count):
+        tau = scratch[TIME, i] - time_s
+        phi = (omega + 0.5 * alpha * tau) * tau
+        place = min(max((phi + window_rad) * scale, 0.0), table.shape[0] - 1.001)
+        lower = int(place)
+        share = place - lower
+        scratch[PHI, i] = phi
+        scratch[SHAPE, i] = table[lower, 0] + share * (table[lower + 1, 0] - table[lower, 0])
+        scratch[SLOPE, i] = table[lower, 1] + share * (table[lower + 1, 1] - table[lower, 1])
+
+
+@compiled
+def _step(count: int, hold: float, scratch: FloatArray, small: FloatArray) -> None:
+    """One Gauss-Newton step: `small` (6, 4) holds the normal equations' factor, the variances per noise variance in row 4, and the solution
+    a, b, -b s, b e in row 5; residuals of all samples that are there (0 where lost) go to `scratch`.
+
+    The stretch is held by `hold`; the other three have a prior too weak to matter, for rows without samples.
+    """
+    small[:] = 0.0
+    for i in range(count):
+        if scratch[WEIGHT, i] > 0:
+            value, shape, slope = scratch[VALUE, i], scratch[SHAPE, i], scratch[SLOPE, i]
+            bent = scratch[PHI, i] * slope
+            small[0, 0] += 1.0
+            small[1, 0] += shape
+            small[2, 0] += slope
+            small[3, 0] += bent
+            small[1, 1] += shape * shape
+            small[2, 1] += slope * shape
+            small[3, 1] += bent * shape
+            small[2, 2] += slope * slope
+            small[3, 2] += bent * slope
+            small[3, 3] += bent * bent
+            small[5, 0] += value
+            small[5, 1] += value * shape
+            small[5, 2] += value * slope
+            small[5, 3] += value * bent
+    small[3, 3] += hold
+    weak = 1e-9 * (small[0, 0] + small[1, 1] + small[2, 2] + small[3, 3] + 1e-30)
+    for j in range(4):
+        small[j, j] += weak
+    _solve(small)
+    for i in range(count):
+        model = small[5, 0] + small[5, 1] * scratch[SHAPE, i] + (small[5, 2] + small[5, 3] * scratch[PHI, i]) * scratch[SLOPE, i]
+        scratch[RESIDUAL, i] = scratch[VALUE, i] - model if np.isfinite(scratch[VALUE, i]) else 0.0
+
+
+@compiled
+def _solve(small: FloatArray) -> None:
+    """Cholesky's factor of the lower triangle of rows 0 to 3, in place; row 5 becomes the solution, and in row 4 stand the diagonal
+    elements 2 and 3 of the inverse."""
+    for j in range(4):
+        for k in range(j):
+            for i in range(j, 4):
+                small[i, j] -= small[i, k] * small[j, k]
+        pivot = np.sqrt(small[j, j])
+        for i in range(j, 4):
+            small[i, j] /= pivot
+    for i in range(4):
+        for k in range(i):
+            small[5, i] -= small[i, k] * small[5, k]
+        small[5, i] /= small[i, i]
+    for i in range(3, -1, -1):
+        for k in range(i + 1, 4):
+            small[5, i] -= small[k, i] * small[5, k]
+        small[5, i] /= small[i, i]
+    small[4, 3] = 1.0 / small[3, 3] ** 2
+    small[4, 2] = (1.0 + (small[3, 2] / small[3, 3]) ** 2) / small[2, 2] ** 2
+
+
+@compiled
+def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
+    """Takes the weight off samples whose residual leaves the mean of its neighbours', by more than theirs do, or which are not the tire at
+    all; whether there are any."""
+    limit, foreign = max(WILD_SIGMAS * noise, WILD_SHARE * height), max(WILD_SIGMAS * noise, FOREIGN_SHARE * height)
+    for i in range(count):
+        scratch[BEND, i] = 0.0
+        if scratch[STUCK, i] > 0:
+            scratch[RESIDUAL, i] = 0.0
+    for i in range(1, count - 1):
+        if np.isfinite(scratch[VALUE, i - 1] + scratch[VALUE, i] + scratch[VALUE, i + 1]):
+            scratch[BEND, i] = abs(scratch[RESIDUAL, i] - 0.5 * (scratch[RESIDUAL, i - 1] + scratch[RESIDUAL, i + 1]))
+    found = False
+    for i in range(count):
+        bend = scratch[BEND, i]
+        largest = max(scratch[BEND, max(i - 1, 0)], scratch[BEND, min(i + 1, count - 1)])
+        if (bend > limit and bend >= largest) or abs(scratch[RESIDUAL, i]) > foreign:
+            scratch[WEIGHT, i] = 0.0
+            found = True
+    return found
+
+
+@compiled
+def spline_sums(
+    samples: FloatArray,
+    times: FloatArray,
+    segments: FloatArray,
+    sign: float,
+    low: float,
+    high: float,
+    rows: FloatArray,
+    offset: FloatArray,
+    spans: IntArray,
+    window_rad: float,
+    normal: FloatArray,
+    right: FloatArray,
+    scratch: FloatArray,
+) -> int:
+    """Adds the rows' samples, less `offset` and over the height, to the normal equations of a cubic spline over +-`window_rad`; how many.
+
+    `normal` (s, s), of which the upper triangle is filled, `right` (s,), s three more than the knot intervals.
+    """
+    intervals = right.size - 3
+    used = 0
+    for k in range(rows.shape[0]):
+        count = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
+        for i in range(count):
+            tau = scratch[TIME, i] - rows[k, 0]
+            phi = (rows[k, 1] + 0.5 * rows[k, 2] * tau) * tau
+            value = (scratch[VALUE, i] - offset[k]) / rows[k, 4]
+            if scratch[WEIGHT, i] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
+                place = min(max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0), intervals - 1e-9)
+                cell = int(place)
+                for a in range(4):
+                    weight = basis(place - cell, a)
+                    right[cell + a] += weight * value
+                    for b in range(a, 4):
+                        normal[cell + a, cell + b] += weight * basis(place - cell, b)
+                used += 1
+    return used
+
+
+@compiled
+def spline_curve(coefficients: FloatArray, window_rad: float, phi: FloatArray, curve: FloatArray) -> None:
+    """Value and slope [1/rad] of the spline at `phi` (n,), into `curve` (n, 2)."""
+    intervals = coefficients.size - 3
+    scale = intervals / (2.0 * window_rad)
+    for i in range(phi.size):
+        place = min(max((phi[i] + window_rad) * scale, 0.0), intervals - 1e-9)
+        cell = int(place)
+        u = place - cell
+        c0, c1, c2, c3 = coefficients[cell], coefficients[cell + 1], coefficients[cell + 2], coefficients[cell + 3]
+        curve[i, 0] = basis(u, 0) * c0 + basis(u, 1) * c1 + basis(u, 2) * c2 + basis(u, 3) * c3
+        slope = (3 * u**2 - 4 * u) * c1 - (1 - u) ** 2 * c0 + (-3 * u**2 + 2 * u + 1) * c2 + u**2 * c3
+        curve[i, 1] = 0.5 * scale * slope
+
+
+@compiled
+def basis(u: float, which: int) -> float:
+    """The four cubic B-splines that are not zero at the fraction `u` in [0, 1] of a knot interval."""
+    if which == 0:
+        return (1 - u) ** 3 / 6.0
+    if which == 1:
+        return (3 * u**3 - 6 * u**2 + 4) / 6.0
+    if which == 2:
+        return (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6.0
+    return u**3 / 6.0
