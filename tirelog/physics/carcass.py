@@ -47,6 +47,7 @@ _RING = (
 _COUPLED = (
     _p("hub_mass_kg", "kg", "m_h, hub and rim (and what moves with them)", 20.0, 1e-3, 1e5, free=False),
     _p("hub_inertia_kg_m2", "kg m^2", "J_h, hub and rim about the axle", 0.8, 1e-5, 1e5, free=False),
+    _p("suspension_damping_N_s_m", "N s/m", "of the hub's vertical motion against the vehicle", 0.0, 0.0, 1e6, free=False),
     _p("added_mass_kg", "kg", "of the rigid ring beside the belt's 2 pi R rho A: tread, the sidewall's share", 0.0, 0.0, 1e3, free=False),
     _p("sidewall_stiffness_ratio", "1", "k_s of the rigid ring over the foundation's pi R (k_w + k_v)", 1.0, 0.01, 100.0, free=False),
     _p("wind_up_stiffness_ratio", "1", "k_theta over the foundation's 2 pi R^3 k_v", 1.0, 0.01, 100.0, free=False),

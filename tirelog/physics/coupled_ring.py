@@ -31,7 +31,7 @@ Equations of motion (E_n = Q_v,n + i n Q_w,n the loads' modes, f_j the force of 
     m_n V'' + (c_n + 2 i gamma_n Omega) V' + (Z_n + i n Omega c_n + i gamma_n Omega') V = E_n                    (flexible ring)
     d/dt (J_r Omega + P) = sum f_j . r'_j - k_theta (psi - psi_h) - c_theta (Omega - Omega_h)
                            + 4 pi R sum n c_n Im(conj(V' + i n Omega V) V)
-    m_r C'' = sum f_j - F_s,   m_h H'' = F_s + F_applied,   F_s = k_s a + c_s (a' - Omega_h x a)
+    m_r C'' = sum f_j - F_s,   m_h H'' = F_s - i c_h H_z' + F_applied,   F_s = k_s a + c_s (a' - Omega_h x a)
     J_h Omega_h' = k_theta (psi - psi_h) + c_theta (Omega - Omega_h) + c_s (a' - Omega_h x a) . (e_z x a) + applied torque
 
 Signs. The gyroscopic term 2 i gamma_n Omega is skew (it does no work) and vanishes for n = 1: a rigid translation feels no rotation.
@@ -60,7 +60,8 @@ from tirelog.physics.spectral import ComplexArray, FloatArray
 class CoupledRing:
     """A tire on its hub: the ring's constants as in `ring.RingCarcass`, rho A [kg/m], hub m_h [kg] and J_h [kg m^2], tread and brush.
 
-    c_x [N/m^2] the bristles' stiffness along the road, mu its friction; modes N, the largest n; m_a [kg], a_s, a_theta, a_c as above.
+    c_x [N/m^2] the bristles' stiffness along the road, mu its friction; modes N, the largest n; m_a [kg], a_s, a_theta, a_c as above;
+    c_h [N s/m] damps the hub's vertical motion against a vehicle that keeps its height.
     ModelError for what cannot move.
     """
 
@@ -82,11 +83,12 @@ class CoupledRing:
     a_s: float = 1.0
     a_theta: float = 1.0
     a_c: float = 1.0
+    c_h: float = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            may_vanish = field.name in ("c_w", "c_v", "pb", "c_x", "mu", "m_a", "a_c")
+            may_vanish = field.name in ("c_w", "c_v", "pb", "c_x", "mu", "m_a", "a_c", "c_h")
             if not (np.isfinite(value) and (value > 0.0 or (may_vanish and value == 0.0))):
                 raise ModelError(
                     f"coupled ring with {field.name} = {value:g}; a finite number {'of at least' if may_vanish else 'above'} zero is "

@@ -2,7 +2,8 @@
 
 The tread is a ring of M nodes that turn with the belt, h = 2 pi R / M apart. Node j lies at r_j = C + (R + w) e_r + v e_t; where it
 would go below the road, by d = h(x) - z with x = -s, the spring energy k_t d^2 / 2 per length pushes it back along its gradient, k_t d
-(h'(x), 1). A bristle clings to the road: its deflection u grows by what the node slides, and stays within mu p / C_x. The nodes carry u
+(h'(x), 1). A bristle clings to the road: its deflection u grows by what the node slides (the way between two steps, so that a steady patch slides
+steadily whatever the step), and stays within mu p / C_x. The nodes carry u
 with them, so nothing is smeared; a node that leaves the road forgets it.
 """
 
@@ -60,32 +61,27 @@ class Tread:
         self._reach = round(FAR / (2.0 * np.pi) * self.nodes)
         self._pitch = 2.0 * np.pi * self.tire.R / self.nodes
         self.bristles = np.zeros(self.nodes)
+        self._was = np.full((3, self.nodes), np.nan)
 
-    def forces(
-        self, centre: complex, velocity: complex, psi: float, omega: float, V: ComplexArray, rate: ComplexArray, step_s: float
-    ) -> RoadForces:
-        """The road's forces at this place; bristles move on by `step_s` [s] of the nodes' velocity (0: they stay)."""
+    def forces(self, centre: complex, psi: float, V: ComplexArray) -> RoadForces:
+        """The road's forces at this place; bristles move on by what their nodes slid since the last call."""
         tire, n = self.tire, self.tire.n
         near, phi, sin, cos = self._near(centre, psi)
         turn = np.exp(1j * psi * n)
-        rough = tire.mu > 0.0 and tire.c_x > 0.0
         A = 2.0 * turn * V
-        columns = [A, -1j * n * A, (n**2 - 1.0) * A]
-        if rough:
-            B = 2.0 * turn * rate
-            columns += [B, -1j * n * B]
-        basis, shape = self._basis[near], np.array(columns)
-        v, w, bend, *rates = np.concatenate([shape.real, shape.imag], axis=1) @ basis.T
+        shape = np.array([A, -1j * n * A, (n**2 - 1.0) * A])
+        basis = self._basis[near]
+        v, w, bend = np.concatenate([shape.real, shape.imag], axis=1) @ basis.T
         s, z = centre.real + (tire.R + w) * sin + v * cos, centre.imag - (tire.R + w) * cos + v * sin
         height, slope = self.road.profile(-s)
-        depth = np.maximum(height - z, 0.0)
+        gap = height - z
+        depth = np.maximum(gap, 0.0)
         f_s, f_z = tire.k_t * depth * slope, tire.k_t * depth
         energy = 0.5 * tire.k_t * self._pitch * float(depth @ depth)
-        if rough:
-            radial, tangential = rates[1] + omega * bend, rates[0] + omega * tire.R
-            r_s, r_z = velocity.real + radial * sin + tangential * cos, velocity.imag - radial * cos + tangential * sin
+        if tire.mu > 0.0 and tire.c_x > 0.0:
             long = np.sqrt(1.0 + slope**2)
-            tau, stored = self._friction(near, (r_s - slope * r_z) / long, tire.k_t * depth * long, step_s)
+            slid = self._slid(near, s, z, slope, gap) / long
+            tau, stored = self._friction(near, slid, tire.k_t * depth * long)
             f_s, f_z, energy = f_s - tau / long, f_z + tau * slope / long, energy + stored
         f_r, f_t = f_s * sin - f_z * cos, f_s * cos + f_z * sin
         parts = (np.stack([f_t, f_r]) @ basis) / self.nodes
@@ -93,6 +89,16 @@ class Tread:
         total = complex(f_s.sum(), f_z.sum()) * self._pitch
         torque = self._pitch * float(tire.R * f_t.sum() + f_r @ bend)
         return RoadForces(total, torque, turn.conj() * (q[0] + 1j * n * q[1]), energy, phi, f_z)
+
+    def _slid(self, near: slice, s: FloatArray, z: FloatArray, slope: FloatArray, gap: FloatArray) -> FloatArray:
+        """What nodes moved along the road since the last call while they touched it, times the road's length per s, (j,)."""
+        index = np.arange(near.start, near.stop) % self.nodes
+        s_was, z_was, gap_was = self._was[:, index]
+        # a node that came down meanwhile has slid for a part of the way only; one that was not looked at has not
+        share = np.where(gap_was < 0.0, gap / np.maximum(gap - gap_was, 1e-12), 1.0)
+        self._was = np.full((3, self.nodes), np.nan)
+        self._was[:, index] = s, z, gap
+        return np.nan_to_num(np.clip(share, 0.0, 1.0) * ((s - s_was) - slope * (z - z_was)))
 
     def _near(self, centre: complex, psi: float) -> tuple[slice, FloatArray, FloatArray, FloatArray]:
         """The stretch of nodes that may touch, their angles in (-pi, pi] with sine and cosine; nodes count on past M."""
@@ -112,11 +118,11 @@ class Tread:
         start = int(offset[first]) % self.nodes
         return slice(start, start + end - first), phi[first:end], sin[first:end], cos[first:end]
 
-    def _friction(self, near: slice, slide: FloatArray, normal: FloatArray, step_s: float) -> tuple[FloatArray, float]:
-        """(tau [N/m] of the bristles on the road along +s, their energy [J]); sums what sliding takes in `lost` [J]."""
+    def _friction(self, near: slice, slid: FloatArray, normal: FloatArray) -> tuple[FloatArray, float]:
+        """(tau [N/m] of the bristles on the road along +s, their energy [J]) after sliding by `slid` [m]; sums what that takes in `lost`."""
         tire, M = self.tire, self.nodes
         before = np.concatenate([self.bristles, self.bristles])[near]
-        u = before + slide * step_s
+        u = before + slid
         limit = tire.mu * normal / tire.c_x
         held = np.clip(u, -limit, limit)
         self.lost += 0.5 * tire.c_x * self._pitch * float((before + held) @ (u - held))

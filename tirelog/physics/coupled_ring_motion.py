@@ -122,7 +122,7 @@ class Stepper:
         self._swing = tire.gamma_n / tire.m_n
         self._carried = 4.0 * np.pi * tire.R * tire.gamma_n * self._swing
         self._momentum = tire.J_r * state.omega + tire.gyroscopic_momentum(state.V, state.V_rate)
-        self.road_forces: RoadForces = self._touch(0.0)
+        self.road_forces: RoadForces = self._touch()
 
     # ---- one step -----------------------------------------------------------------------------------------------------------------
 
@@ -141,7 +141,7 @@ class Stepper:
         s.psi += h * s.omega
         s.psi_hub += h * s.omega_hub
         self.time_s += h
-        self.road_forces = self._touch(h)
+        self.road_forces = self._touch()
         self._kick(0.5 * h, self._after)
         self._damp(0.5 * h)
 
@@ -149,9 +149,9 @@ class Stepper:
         s = self.state
         return self.tire.belt_drag(s.V, s.V_rate, s.omega) if self._damped else 0.0
 
-    def _touch(self, step_s: float) -> RoadForces:
+    def _touch(self) -> RoadForces:
         s = self.state
-        return self.tread.forces(s.centre, s.centre_rate, s.psi, s.omega, s.V, s.V_rate, step_s)
+        return self.tread.forces(s.centre, s.psi, s.V)
 
     def _belt(self) -> None:
         """The modes' exact flow over h at this spin, and the kicks that keep a steady load's answer exact."""
@@ -188,8 +188,10 @@ class Stepper:
         self._respin()
 
     def _damp(self, h: float) -> None:
-        """The sidewall's dampers over h, exact for velocities: what they take from the ring they give to the hub."""
+        """The sidewall's dampers over h, exact for velocities: what they take from the ring they give to the hub; and the suspension's."""
         s, tire = self.state, self.tire
+        if tire.c_h > 0.0:
+            s.hub_rate = complex(s.hub_rate.real, s.hub_rate.imag * math.exp(-tire.c_h / tire.m_h * h))
         if not self._damped:
             return
         across = 1j * (s.centre - s.hub)

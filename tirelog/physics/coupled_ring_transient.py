@@ -96,12 +96,16 @@ class Transient:
         if observable == "radial_acceleration":
             omega = np.interp(when, grid, self.motion.omega_rad_s)
             reading = reading * (omega / self.conditions.speed_m_s[0] * self.motion.tire.R) ** 2
-            added = self._filtered(self._added_acceleration(theta_rad))
-        else:
-            lever = self.model.values["lever_arm_m"] * (1.0 if surface == "inner" else -1.0)
-            added = self._filtered(self._added_strain(theta_rad, lever)) * self._gain()
+        added = self.added(observable, theta_rad, surface=surface)
         reading = reading + (added if fine else np.interp(when, grid, added))
         return np.where((when < grid[0] - KEEP_S) | (when > grid[-1]), np.nan, reading)
+
+    def added(self, observable: str, theta_rad: float, *, surface: str = "outer") -> FloatArray:
+        """What the road adds to the steady waveform at the motion's own times, (k,)."""
+        if observable == "radial_acceleration":
+            return self._filtered(self._added_acceleration(theta_rad))
+        lever = self.model.values["lever_arm_m"] * (1.0 if surface == "inner" else -1.0)
+        return self._filtered(self._added_strain(theta_rad, lever)) * self._gain()
 
     def _turn(self, theta_rad: float) -> ComplexArray:
         """exp(i n phi) times what a grating's length leaves of mode n, (k, N - 1)."""

@@ -28,6 +28,7 @@ _RIGID = ("hub longitudinal", "hub vertical", "rigid longitudinal", "rigid verti
 _OWN = {
     "m_h": "hub_mass_kg",
     "J_h": "hub_inertia_kg_m2",
+    "c_h": "suspension_damping_N_s_m",
     "m_a": "added_mass_kg",
     "a_s": "sidewall_stiffness_ratio",
     "a_theta": "wind_up_stiffness_ratio",
@@ -116,6 +117,7 @@ def matrices(tire: CoupledRing, omega_rad_s: float, load_N: float | None = None)
     pair = np.array([[1.0, -1.0], [-1.0, 1.0]])
     damping[:4, :4] = tire.c_s * np.kron(pair, np.eye(2))
     stiffness[:4, :4] = tire.k_s * np.kron(pair, np.eye(2)) - tire.c_s * omega_rad_s * np.kron(pair, turn)
+    damping[1, 1] += tire.c_h
     damping[4:6, 4:6], stiffness[4:6, 4:6] = tire.c_theta * pair, tire.k_theta * pair
     for i, (n, c, gamma, Z) in enumerate(zip(tire.n, tire.c_n, tire.gamma_n, tire.Z_n)):
         at = slice(_RINGS + 2 * i, _RINGS + 2 * i + 2)
