@@ -21,11 +21,13 @@ import numpy as np
 from tirelog.discrepancy.assessment import Assessed
 from tirelog.discrepancy.base import Base, settled
 from tirelog.discrepancy.comparison import Measured, comparison_of, single_revolutions, start
+from tirelog.discrepancy.constant import not_varied
 from tirelog.discrepancy.leftover import Leftover, describe
 from tirelog.discrepancy.naming import Step, contend, first_step, group_of, next_step, regrouped, without_needless
 from tirelog.discrepancy.results import Candidate, Comparison, plain
 from tirelog.discrepancy.selection import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.discrepancy.separation import advise
+from tirelog.discrepancy.signatures import candidate_effects
 from tirelog.discrepancy.wording import next_command, sentence_of, unexplained_sentence
 from tirelog.physics.effects import Effect
 from tirelog.physics.model import Model
@@ -160,9 +162,12 @@ def conclude(found: Found, stack: Stack | None) -> Diagnosis:
     selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
     if found.named and not selected:  # what was named is not claimed: the description is of what the model as it came leaves
         left, excess_after = describe(before), excess_before
+        if not left.significant and excess_before <= LEAST_SHARE_OF_FLOOR * floor.square:
+            verdict = "nothing_missing"  # what alarmed is gone, once less is taken for scatter
     ranking = _ranking(found, selected, excess_before, floor.square)
     unexplained = _unexplained(left, found, ranking, excess_after, excess_before, floor.square, bool(selected))
     advice, notes = _advice(found, verdict)
+    notes += [said] if (said := not_varied(before.cells.conditions, candidate_effects(before.model))) else []
     reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items()}
     result = after if selected else before
     facts = {
