@@ -20,13 +20,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
-
 from tirelog import __version__
 from tirelog.clock import ClockFit
 from tirelog.errors import ReadError, SetupError, UsageError
 from tirelog.files import output_error, whole_file
-from tirelog.readers import Group, LogReader
+from tirelog.readers import Group, LogReader, lost_samples
 from tirelog.recording import Recording
 from tirelog.remote import address, open_remote
 from tirelog.setup import Setup, load_setup, setup_beside
@@ -184,7 +182,7 @@ def _write(
                 summary.remarks.append(f"only the first {sum(summary.samples.values())} samples were looked at")
                 break
             for name, values in block.values.items():
-                lost[name] = lost.get(name, 0) + int(np.isnan(values).sum())
+                lost[name] = lost.get(name, 0) + lost_samples(values)
             rows = writer.append(block)
             clocks[block.group].add(block.stamps_s, block.number, rows)
             summary.samples[block.group] = summary.samples.get(block.group, 0) + rows

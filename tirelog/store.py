@@ -24,7 +24,7 @@ import numpy as np
 
 from tirelog.convert import to_si
 from tirelog.errors import ReadError, SetupError
-from tirelog.readers import Group, RawBlock
+from tirelog.readers import Group, RawBlock, Samples, counted_floats
 from tirelog.recording import Channel, FloatArray, Recording, TimeAxis
 from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
 
@@ -45,14 +45,15 @@ class _Column:
 
     def __init__(self, file: h5py.File, name: str, decimals: int | None, compress: bool) -> None:
         self.file, self.name, self.compress = file, name, compress
-        self.decimals = decimals
+        self.decimals = self._places = decimals
         self.dataset: h5py.Dataset | None = None
         self._power = 1.0 if decimals is None else 10.0**decimals
         self._waiting: list[FloatArray] = []
         self._size = 0
 
-    def append(self, values: FloatArray) -> None:
+    def append(self, samples: Samples) -> None:
         """Take a block; whole chunks go to the file once there are enough of them to be worth a call."""
+        values = counted_floats(samples, self._places)
         self._waiting.append(values)
         if sum(part.size for part in self._waiting) >= _CHUNKS_AT_ONCE * CHUNK:
             joined = np.concatenate(self._waiting)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.readers import RawBlock
+from tirelog.readers import RawBlock, counted_floats
 from tirelog.readers.text import TextReader, open_text
 from tirelog.setup import Setup, parse_setup
 
@@ -49,15 +49,16 @@ def read(text: str | bytes, setup: Setup) -> tuple[TextReader, RawBlock]:
     """(reader, all its blocks as one)."""
     data = text.encode() if isinstance(text, str) else text
     reader = open_text(io.BytesIO(data), setup, "log.csv")
-    return reader, joined(list(reader.blocks()))
+    return reader, joined(list(reader.blocks()), reader)
 
 
-def joined(blocks: list[RawBlock]) -> RawBlock:
-    """Blocks after one another."""
+def joined(blocks: list[RawBlock], reader: TextReader) -> RawBlock:
+    """Blocks of a reader after one another, all values as floats."""
+    places = reader.groups[0].decimals
     starts = np.cumsum([0] + [next(iter(b.values.values())).size for b in blocks])
     return RawBlock(
         blocks[0].group,
-        {name: np.concatenate([b.values[name] for b in blocks]) for name in blocks[0].values},
+        {name: np.concatenate([counted_floats(b.values[name], places[name]) for b in blocks]) for name in blocks[0].values},
         None if blocks[0].stamps_s is None else np.concatenate([b.stamps_s for b in blocks]),
         None if blocks[0].number is None else np.concatenate([b.number for b in blocks]),
         tuple((c, a + int(s), z + int(s), w) for b, s in zip(blocks, starts) for c, a, z, w in b.flags),

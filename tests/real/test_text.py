@@ -37,7 +37,7 @@ def test_interrogator_export(name: str) -> None:
     columns = ["W-N-01", "T-N-01", "B-S-04", "W-S-13", "T-W-S-13"]
     setup = setup_of({c: {"kind": "strain", "source": c, "unit": "microstrain"} for c in columns})
     reader = open_text(FBGS / name, setup, name)
-    block = joined(list(reader.blocks()))
+    block = joined(list(reader.blocks()), reader)
     assert reader.groups[0].channels == tuple(c for c in columns if c != "W-S-13")
     assert len(reader.report.losses) == 1  # W-S-13 is no column of it
     assert block.values["W-N-01"].size == rows == reader.report.counts["rows"]
@@ -57,7 +57,7 @@ def test_readings_that_come_with_error_codes_are_kept_and_flagged() -> None:
     reader = open_text(
         FBGS / "bad_20220414-1320_02-SCB.txt.gz", setup_of({"x": {"kind": "strain", "source": "#50", "unit": "microstrain"}}), "log"
     )
-    block = joined(list(reader.blocks()))
+    block = joined(list(reader.blocks()), reader)
     flagged = np.zeros(11_999, bool)
     for _, start, stop, word in block.flags:
         assert word == "error_code"

@@ -5,17 +5,39 @@
         .blocks()  RawBlock after RawBlock, in the order of the file, for any of the groups
         .report    what was lost, repaired or doubted; complete once the blocks are read to the end
 
-Values are in the *source's* unit and float64, NaN where the instrument marks a sample as lost (blank, NaN, 0, -1, ...);
+Values are in the *source's* unit, NaN where the instrument marks a sample as lost (blank, NaN, 0, -1, ...), or counts of its last decimal;
 `tirelog.ingest` scales them to SI, builds the time axis from the stamps (`tirelog.clock`) and writes the run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tirelog.recording import FloatArray
+
+#: float64 values, or int32 counts
+Samples = FloatArray | NDArray[np.int32]
+#: the count that says that a sample is lost
+LOST_COUNT = -(1 << 31)
+
+
+def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
+    """Samples as floats: counts are divided by 10^decimals, which rounds correctly, as a parser of decimal numbers does."""
+    if samples.dtype != np.int32:
+        return np.asarray(samples, np.float64)
+    values = samples / 10.0 ** (decimals or 0)
+    values[samples == LOST_COUNT] = np.nan
+    return values
+
+
+def lost_samples(samples: Samples) -> int:
+    """How many of them are lost."""
+    return int(np.count_nonzero(samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples)))
 
 
 @dataclass(frozen=True)
@@ -40,13 +62,15 @@ class Group:
 class RawBlock:
     """Some consecutive samples of a group.
 
-    `values[channel]` shape (n,), source unit, NaN where lost; `stamps_s` shape (n,) seconds from the first stamp of the log, or
+    `values[channel]` shape (n,), source unit: float64, NaN where lost, or int32 counts of 10^-decimals (those of the
+    group), LOST_COUNT where lost;
+    `stamps_s` shape (n,) seconds from the first stamp of the log, or
     None where the file has no stamps; `number` shape (n,) the file's own sample numbers (gaps in them are lost samples), or
     None; `flags` (channel, start, stop, word) in samples of this block.
     """
 
     group: str
-    values: dict[str, FloatArray]
+    values: Mapping[str, Samples]
     stamps_s: FloatArray | None = None
     number: FloatArray | None = None
     flags: tuple[tuple[str, int, int, str], ...] = ()

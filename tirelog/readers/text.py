@@ -20,7 +20,7 @@ from typing import BinaryIO
 import numpy as np
 
 from tirelog.errors import ReadError
-from tirelog.readers import Group, RawBlock, ReadReport
+from tirelog.readers import Group, RawBlock, ReadReport, Samples, lost_samples
 from tirelog.readers.peaks import GratingTracker
 from tirelog.readers.sniff import LOST_WORDS, Layout, filled, is_number, sniff, split
 from tirelog.readers.text_columns import Columns, assign, decimals, most_decimals, resolution_s, start_iso
@@ -72,7 +72,7 @@ class TextReader:
 
     def _group(self, channels: tuple[str, ...]) -> Group:
         columns, layout = self.columns, self.layout
-        places = {c: decimals(layout, columns.values[c]) for c in columns.values}
+        places = {c: self._plan.places[column] for c, column in columns.values.items()}
         places |= {c: max((decimals(layout, k) or 0 for k in range(self._plan.peaks_at, layout.width)), default=0) for c in columns.peaks}
         counted = False
         if columns.number is not None:
@@ -100,7 +100,7 @@ class TextReader:
         waiting: deque[Future[Parsed]] = deque()
         with ThreadPoolExecutor(_AHEAD, "tirelog-text") as pool:
             for line, ends, block in self._source.blocks(self.layout.skip, self.layout.first_line, returns=self.layout.returns):
-                waiting.append(pool.submit(parse, self._plan, line, ends, self._whole(line + ends, block)))
+                waiting.append(pool.submit(parse, self._plan, line, self._whole(line + ends, block)))
                 if len(waiting) > _AHEAD:
                     yield waiting.popleft().result()
             while waiting:
@@ -119,13 +119,13 @@ class TextReader:
         return block[:start]
 
     def _block(self, parsed: Parsed) -> RawBlock:
-        values: dict[str, FloatArray] = {channel: parsed.values[column] for channel, column in self.columns.values.items()}
+        values: dict[str, Samples] = {channel: parsed.values[column] for channel, column in self.columns.values.items()}
         flags: list[tuple[str, int, int, str]] = []
         if self._tracker:
             found, flags = self._tracker.follow(parsed)
             values |= found
         for channel, samples in values.items():
-            lost = int(np.isnan(samples).sum())
+            lost = lost_samples(samples)
             self._count(f"lost_samples {channel}", lost)
             self._seen |= {channel} if lost < samples.size else set()
         if parsed.errors is not None:
@@ -215,7 +215,8 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> Plan:
         exact = abs(float(first.replace(layout.decimal, "."))) * columns.time_factor > _EXACT_ABOVE_S
     behind = [layout.counts_at + layout.counts - 1 if layout.counts else -1, columns.time, columns.clock, columns.number, columns.errors]
     gratings = {column for channel, column in columns.values.items() if setup.channels[channel].kind.startswith("fbg_")}
-    return Plan(layout, columns, us, exact, max(k for k in behind if k is not None) + 1, tuple(sorted(gratings)))
+    places = {column: decimals(layout, column) for column in columns.values.values()}
+    return Plan(layout, columns, us, exact, max(k for k in behind if k is not None) + 1, tuple(sorted(gratings)), places)
 
 
 def _rate(layout: Layout) -> float | None:

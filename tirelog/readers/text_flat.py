@@ -1,6 +1,6 @@
 """A block of text cell by cell: rows of any width, and cells that are no numbers, with the line where each stands.
 
-    block --separators and line ends--> cells --pyarrow, one cell a line--> numbers --rows--> Parsed
+    block --text_kernels.cells--> cells and their numbers --text_numbers: those that take a slower parser--> rows --> Parsed
 
 A row whose stamp cannot be read is left out; one of the wrong width keeps its place with NaN; a cell that is no number is NaN.
 """
@@ -8,72 +8,37 @@ A row whose stamp cannot be read is left out; one of the wrong width keeps its p
 from __future__ import annotations
 
 import re
-from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
-from tirelog.readers.sniff import LOST_WORDS
-from tirelog.readers.text_rows import ERROR_CODE, Parsed, Plan, floats, joined, read_cells, stripped
+from tirelog.readers import counted_floats
+from tirelog.readers.text_kernels import cells, line_ends, separated
+from tirelog.readers.text_numbers import cell_numbers
+from tirelog.readers.text_rows import ERROR_CODE, Parsed, Plan, joined, without_lost
 from tirelog.readers.text_time import MISSING, Nanoseconds, column_ns
 from tirelog.recording import FloatArray, IntArray
 
 
 def flat(plan: Plan, line: int, block: bytes) -> Parsed:
-    """The block cell by cell; `line` is the number of its first line."""
+    """The block, which a newline ends, cell by cell; `line` is the number of its first line."""
     layout = plan.layout
-    if not block.endswith(b"\n"):
-        block += b"\n"
     data = np.frombuffer(block, np.uint8)
-    newline = data == 10
-    ends = np.flatnonzero(newline | (data == ord(layout.separator)))
-    starts, stops = stripped(data, np.concatenate([[0], ends[:-1] + 1]), ends)
-    first = np.concatenate([[0], np.flatnonzero(newline[ends]) + 1])
-    numbers, unread = _numbers(plan, block, data, starts, stops, first)
-    out = _Rows(plan, line, block, data, starts, stops, first, numbers, unread)
-    return out.parsed()
-
-
-def _numbers(
-    plan: Plan, block: bytes, data: NDArray[np.uint8], starts: IntArray, stops: IntArray, first: IntArray
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """(every cell as a number, NaN where it is none; True where it is neither number, blank, nor in a column of text)."""
-    text = np.zeros(starts.size, bool)
-    for k, kind in enumerate(plan.layout.kinds):
-        if kind not in ("number", "blank"):
-            at = first[:-1] + k
-            text[at[at < first[1:]]] = True
-    lines = np.where(data == ord(plan.layout.separator), 10, data).astype(np.uint8)
-    covered = np.zeros(data.size + 1, np.int64)
-    np.add.at(covered, starts[text], 1)
-    np.add.at(covered, stops[text], -1)
-    lines[np.cumsum(covered[:-1]) > 0] = ord("0")
-    try:
-        column = read_cells(lines.tobytes(), "\x1f", plan.layout.decimal, {"0": pa.float64()}, ["0"], blank_lines=True).column("0")
-        numbers, unread = floats(column).copy(), np.zeros(starts.size, bool)
-    except pa.ArrowInvalid:
-        numbers, unread = _one_by_one(plan, block, starts, stops, text)
-    numbers[text] = np.nan
-    return numbers, unread
-
-
-def _one_by_one(
-    plan: Plan, block: bytes, starts: IntArray, stops: IntArray, text: NDArray[np.bool_]
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """The same, each cell by itself."""
-    numbers, unread = np.full(starts.size, np.nan), np.zeros(starts.size, bool)
-    for i in np.flatnonzero(~text):
-        cell = block[starts[i] : stops[i]].decode("latin-1").replace(plan.layout.decimal, ".")
-        if cell.lower() in LOST_WORDS:
-            continue
-        with suppress(ValueError):
-            numbers[i] = float(cell) if "_" not in cell else np.nan
-        unread[i] = np.isnan(numbers[i])
-        numbers[i] = np.nan if np.isinf(numbers[i]) else numbers[i]
-    return numbers, unread
+    data.flags.writeable = False
+    text = np.array([kind not in ("number", "blank") for kind in layout.kinds])
+    lines, many = line_ends(data), separated(data, ord(layout.separator))
+    starts, stops, first = np.empty(many, np.int64), np.empty(many, np.int64), np.empty(lines + 1, np.int64)
+    numbers, unread = np.empty(many), np.empty(many, bool)
+    cells(data, ord(layout.separator), ord(layout.decimal), text, starts, stops, first, numbers, unread)
+    hard = np.flatnonzero(unread)
+    if hard.size:
+        numbers[hard], unread[hard] = cell_numbers(block, starts[hard], stops[hard], layout.decimal)
+    out = _Rows(plan, line, block, data, starts, stops, first, numbers, unread).parsed()
+    for column in plan.gratings:
+        out.values[column] = without_lost(counted_floats(out.values[column], None))
+    return out
 
 
 @dataclass

@@ -1,27 +1,23 @@
 """What a block of text becomes, and the few steps that both ways of parsing it share.
 
-    Plan (what to take out of every block) + block --> Parsed (a block's rows as arrays)
-
-Numbers are left to pyarrow, which rounds correctly.
+Plan (what to take out of every block) + block --> Parsed (a block's rows as arrays)
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.csv as csv
-from numpy.typing import NDArray
 
-from tirelog.readers.sniff import LOST_WORDS, Layout
+from tirelog.readers import Samples, counted_floats
+from tirelog.readers.sniff import Layout
 from tirelog.readers.text_columns import Columns
+from tirelog.readers.text_kernels import collapsed
 from tirelog.readers.text_time import MISSING, Nanoseconds
 from tirelog.recording import FloatArray, IntArray
 
-_NULLS = sorted({*LOST_WORDS, *(w.upper() for w in LOST_WORDS), *(w.capitalize() for w in LOST_WORDS), "NaN", "-NaN", " ", "  "})
 _TIMED = re.compile(rb"(?m)^(\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(?:\.\d+)?):[ \t]+")
 #: an error code that is not 0, in a cell that may join several
 ERROR_CODE = r"(?:^|[;, |])[ +]*0*[1-9-]"
@@ -31,13 +27,13 @@ ERROR_CODE = r"(?:^|[;, |])[ +]*0*[1-9-]"
 class Parsed:
     """A block's rows.
 
-    `values[column]` shape (n,), NaN where blank or unreadable; `stamps` shape (n,): int64 ns (MISSING where unreadable) for
-    times, float64 in the column's unit for numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0;
+    `values[column]` shape (n,), NaN where blank or unreadable (or counts, see `RawBlock`); `stamps` shape (n,): int64 ns (MISSING where
+    unreadable) for times, float64 in the column's unit for numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0;
     `first` shape (n + 1,) and `cells`: the peaks of row i are cells[first[i]:first[i + 1]]; `counts` shape (n, fibres).
     `bad_rows` and `bad_cells` are (line, what stands there).
     """
 
-    values: dict[int, FloatArray]
+    values: dict[int, Samples]
     stamps: Nanoseconds | FloatArray | None = None
     number: FloatArray | None = None
     errors: IntArray | None = None
@@ -49,12 +45,14 @@ class Parsed:
     bad_cells: list[tuple[int, str]] = field(default_factory=list)
 
 
-def concatenated(parts: list[Parsed]) -> Parsed:
-    """The rows of several pieces after one another."""
+def concatenated(parts: list[Parsed], places: Mapping[int, int | None]) -> Parsed:
+    """The rows of several pieces after one another; a column of which a piece is no counts is all floats."""
     first = parts[0]
+    if len(parts) == 1:
+        return first
     starts = np.cumsum([0] + [part.cells.size for part in parts])
     return Parsed(
-        {column: np.concatenate([part.values[column] for part in parts]) for column in first.values},
+        {column: _column([part.values[column] for part in parts], places.get(column)) for column in first.values},
         None if first.stamps is None else np.concatenate([_stamps(part) for part in parts]),
         None if first.number is None else np.concatenate([part.number for part in parts if part.number is not None]),
         None if first.errors is None else np.concatenate([part.errors for part in parts if part.errors is not None]),
@@ -67,6 +65,11 @@ def concatenated(parts: list[Parsed]) -> Parsed:
     )
 
 
+def _column(parts: list[Samples], places: int | None) -> Samples:
+    counts = all(part.dtype == np.int32 for part in parts)
+    return np.concatenate(parts if counts else [counted_floats(part, places) for part in parts])
+
+
 def _stamps(part: Parsed) -> Nanoseconds | FloatArray:
     return np.zeros(0) if part.stamps is None else part.stamps
 
@@ -76,7 +79,8 @@ class Plan:
     """What to take out of every block: the layout, the columns, and whether dates have the month first (`us`).
 
     `exact` reads a numeric time column as decimals of 1e-9 units, where float64 would round its stamps; `peaks_at` is the first
-    column of a flat list of peaks; `gratings` are the columns of wavelengths, where 0 and -1 are lost peaks.
+    column of a flat list of peaks; `gratings` are the columns of wavelengths, where 0 and -1 are lost peaks; `places` are the decimals of
+    the channels' columns (None: written with exponents).
     """
 
     layout: Layout
@@ -85,43 +89,54 @@ class Plan:
     exact: bool = False
     peaks_at: int = 0
     gratings: tuple[int, ...] = ()
+    places: Mapping[int, int | None] = field(default_factory=dict)
 
     @property
-    def wanted(self) -> list[int]:
-        """The columns of numbers."""
-        plain = {*self.columns.values.values(), self.columns.number}
-        if self.columns.form == "number" and not self.exact:
-            plain.add(self.columns.time)
-        return sorted(k for k in plain if k is not None)
+    def least(self) -> int:
+        """Cells that a row needs: up to its stamp where rows differ in width anyway, all but a blank one at the end where not."""
+        columns, layout = self.columns, self.layout
+        if not layout.ragged:
+            return layout.width - (layout.kinds[layout.width - 1] == "blank")
+        return max((k for k in (columns.number, columns.time, columns.clock) if k is not None), default=-1) + 1
+
+    @property
+    def across(self) -> int:
+        """Columns that are looked at."""
+        return max(self._wanted) + 1 if self.layout.ragged else self.layout.width
+
+    @property
+    def regular(self) -> bool:
+        """True where columns, not lists of peaks, make up a row, each for one use."""
+        wanted = self._wanted
+        return not self.columns.peaks and len(wanted) == len({*wanted}) and (self.layout.ragged or max(wanted) < self.layout.width)
+
+    @property
+    def _wanted(self) -> list[int]:
+        columns = self.columns
+        more = [columns.time, columns.clock, columns.number, columns.errors]
+        return [*{*columns.values.values()}, *(k for k in more if k is not None)]
 
 
 def normalized(layout: Layout, block: bytes) -> bytes:
-    """The block with one byte between cells and without quotes."""
+    """The block with one byte between cells, without quotes, and with a newline behind its last row."""
     if b'"' in block:
         block = block.replace(b'"', b"")
     if layout.timed:
         block = _TIMED.sub(rb"\1" + layout.separator.encode(), block)
+    if not block.endswith(b"\n"):
+        block += b"\n"
     if layout.separator == " ":
-        block = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", block)
-        block = re.sub(rb"[ \t]+", b" ", block)
+        data = np.frombuffer(block, np.uint8)
+        out = np.empty(data.size, np.uint8)
+        block = out[: collapsed(data, out)].tobytes()
     return block
 
 
-def read_cells(block: bytes, separator: str, decimal: str, types: dict[str, Any], names: list[str], blank_lines: bool) -> pa.Table:
-    return csv.read_csv(
-        pa.py_buffer(block),
-        csv.ReadOptions(use_threads=False, column_names=names, block_size=max(len(block) + 1, 1024)),
-        csv.ParseOptions(delimiter=separator, quote_char=False, ignore_empty_lines=not blank_lines),
-        csv.ConvertOptions(check_utf8=False, column_types=types, include_columns=list(types), null_values=_NULLS, decimal_point=decimal),
-    )
-
-
-def floats(column: pa.ChunkedArray) -> FloatArray:
-    """Numbers, NaN where blank."""
-    array = column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
-    values = np.asarray(array.to_numpy(zero_copy_only=False), dtype=np.float64)
-    infinite = np.isinf(values)
-    return np.where(infinite, np.nan, values) if infinite.any() else values
+def without_lost(wavelengths: FloatArray) -> FloatArray:
+    """Wavelengths with NaN for 0 and -1, by which instruments mark a lost peak."""
+    if not wavelengths.size or np.fmin.reduce(wavelengths) > 0.0:
+        return wavelengths
+    return np.where((wavelengths == 0.0) | (wavelengths == -1.0), np.nan, wavelengths)
 
 
 def joined(stamps: list[Nanoseconds]) -> Nanoseconds:
@@ -130,17 +145,3 @@ def joined(stamps: list[Nanoseconds]) -> Nanoseconds:
         return stamps[0]
     total = stamps[0] + np.where(stamps[1] == MISSING, 0, stamps[1])
     return np.where((stamps[0] == MISSING) | (stamps[1] == MISSING), MISSING, total)
-
-
-def stripped(data: NDArray[np.uint8], starts: IntArray, stops: IntArray) -> tuple[IntArray, IntArray]:
-    """Cells without blanks and carriage returns around them."""
-    starts, stops = starts.copy(), stops.copy()
-    last = data.size - 1
-    for edge, step in ((stops, -1), (starts, 1)):
-        while True:
-            byte = data[np.clip(edge + (step - 1) // 2, 0, last)]
-            blank = ((byte == 32) | (byte == 13)) & (stops > starts)
-            if not blank.any():
-                break
-            edge[blank] += step
-    return starts, stops

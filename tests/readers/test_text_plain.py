@@ -1,0 +1,172 @@
+"""Property: the compiled way gives the very numbers of a correct parser and of the careful way, whatever stands in a log."""
+
+import io
+import re
+from decimal import Decimal
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tirelog.readers import LOST_COUNT, counted_floats
+from tirelog.readers.digits import WIDE, as_count, as_float, number
+from tirelog.readers.text import open_text
+from tirelog.readers.text_flat import flat
+from tirelog.readers.text_kernels import collapsed
+from tirelog.readers.text_parse import parse
+from tirelog.readers.text_plain import plain
+from tirelog.readers.text_rows import Parsed, Plan
+
+from .text_logs import read, setup_of
+
+SETUP = setup_of({"a": {"source": "A"}, "b": {"source": "B", "kind": "strain", "unit": "strain"}})
+#: sign, digits, decimal sign and exponent in all their forms
+NUMBER = st.from_regex(r"[+-]?(\d{1,20}(\.\d{0,12})?|\.\d{1,12})([eE][+-]?\d{1,3})?", fullmatch=True, alphabet="0123456789+-.eE")
+
+
+def plan_of(separator: str = ",", decimal: str = ".", more: str = "", a: str = "1550{}5000", head: str = "{}") -> Plan:
+    names = separator.join(["time_s", "A", "B", *more])
+    row = separator.join([head, a.format(decimal), f"2{decimal}5", *more])
+    log = names + "\n" + "".join(row.format(i) + "\n" for i in range(8))
+    return open_text(io.BytesIO(log.encode()), SETUP, "log")._plan
+
+
+def same(plan: Plan, one: Parsed, other: Parsed) -> None:
+    assert one.size == other.size
+    for column in other.values:
+        got, want = (counted_floats(p.values[column], plan.places[column]) for p in (one, other))
+        np.testing.assert_array_equal(got, want)
+    np.testing.assert_array_equal(one.stamps, other.stamps)
+    assert sorted(one.bad_cells) == sorted(other.bad_cells)
+    assert sorted(one.bad_rows) == sorted(other.bad_rows)
+
+
+@given(NUMBER, st.sampled_from([",", ";", "\n", " ", "x"]))
+@settings(max_examples=500, deadline=None)
+def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
+    m, e, _, stop = number(np.frombuffer((text + behind).encode(), np.uint8), 0, ord("."))
+    digits = re.sub(r"[eE].*|\D", "", text)
+    assert (stop < 0) == (len(digits) > 18)
+    if stop >= 0:
+        assert stop == len(text)
+        assert Decimal(int(m)).scaleb(int(e)) == Decimal(text)
+        value, good = as_float(m, e, text.startswith("-"))
+        assert good == (abs(m) <= 2**53 and abs(e) <= 22)
+        if good:
+            assert value == float(text)
+            assert np.signbit(value) == np.signbit(float(text))
+        count = as_count(m, e, 4)
+        exact = Decimal(text).scaleb(4)
+        fits = exact == exact.to_integral_value() and abs(exact) < 2**31 - 1
+        assert count == (int(exact) if fits and (m == 0 or -4 <= e <= 5) else WIDE)
+
+
+@pytest.mark.parametrize("text", ["", "-", "+", ".", "-.", "e5", "1e", "1e+", ".e1", "--1", "1" * 19, "0." + "1" * 19, "1e12345", "٣"])
+def test_what_is_no_number(text: str) -> None:
+    assert number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))[3] < 0
+
+
+@given(
+    st.integers(1, 8), st.integers(0, 8), st.integers(1, 9), st.integers(0, 9), st.integers(1, 60),
+    st.sampled_from([(",", "."), (";", ","), ("\t", "."), (" ", ".")]), st.sampled_from(["\n", "\r\n"]),
+    st.sampled_from(["", "-", "+-", " "]), st.integers(0, 2**32),
+)  # fmt: skip
+@settings(max_examples=300, deadline=None)
+def test_rows_of_digits(
+    whole: int, behind: int, whole_b: int, behind_b: int, count: int, marks: tuple[str, str], end: str, sign: str, seed: int
+) -> None:
+    """Widths that are alike in all rows but a few, signs that change, and the numbers that float and the careful way read."""
+    separator, decimal = marks
+    rng = np.random.default_rng(seed)
+
+    def cell(before: int, after: int) -> str:
+        before += int(rng.random() < 0.1)
+        digits = "".join(map(str, rng.integers(0, 10, before + after)))
+        front = rng.choice([sign[:1], sign[-1:], ""]).strip()
+        return front + digits[:before] + (decimal + digits[before:] if after else "")
+
+    cells = [[f"{i / 10:.1f}".replace(".", decimal), cell(whole, behind), cell(whole_b, behind_b)] for i in range(count)]
+    block = "".join(separator.join(row) + end for row in cells).encode()
+    plan = plan_of(separator, decimal, a="1550{}" + "5" * behind if behind else "1550")
+    fast, stop, careful = plain(plan, block, 0)
+    assert (fast.size, stop, careful) == (count, len(block), False)
+    same(plan, fast, flat(plan, 0, block))
+    number = [float(row[2].replace(decimal, ".")) for row in cells]
+    np.testing.assert_array_equal(counted_floats(fast.values[2], plan.places[2]), number)
+    wavelength = np.array([float(row[1].replace(decimal, ".")) for row in cells])
+    wavelength[(wavelength == 0.0) | (wavelength == -1.0)] = np.nan
+    np.testing.assert_array_equal(counted_floats(fast.values[1], plan.places[1]), wavelength)
+
+
+PIECE = st.one_of(
+    st.sampled_from(["0", "-1", "0.0000", "-1.0000", "", "NaN", "nan", "null", "-", "inf", "oops", "1.5 ", " 1550.0001", "1550,5", "x\ry"]),
+    st.decimals(min_value=-2000, max_value=2000, places=4, allow_nan=False, allow_infinity=False).map(str),
+    st.floats(allow_nan=False, allow_infinity=False).map(repr),
+)
+
+
+@given(st.lists(st.lists(PIECE, min_size=1, max_size=5), min_size=1, max_size=30), st.integers(0, 2))
+@settings(max_examples=300, deadline=None)
+def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], often: int) -> None:
+    """Bad rows, bad cells and lost peaks among good rows: both ways agree on samples, on losses and on their lines."""
+    plan = plan_of()
+    good = "0.5,1550.1234,-0.25\n" * (40 * often)
+    block = "".join(",".join(row) + "\n" + good for row in rows).encode()
+    same(plan, parse(plan, 7, block), flat(plan, 7, block))
+
+
+@pytest.mark.parametrize("place", range(len("000.0000,1550.0000,0.00000")))
+@pytest.mark.parametrize("byte", [b"/", b":", b"-", b" ", b"e", b"\x00", b"\xff", b",", b".", b"\r"])
+def test_any_other_byte_in_a_row(place: int, byte: bytes) -> None:
+    block = bytearray("".join(f"{i:03d}.{i:04d},1550.{i:04d},0.{i:05d}\n" for i in range(50)).encode())
+    at = 37 * (len(block) // 50) + place
+    block[at : at + 1] = byte
+    plan = plan_of()
+    same(plan, parse(plan, 1, bytes(block)), flat(plan, 1, bytes(block)))
+
+
+def test_counts_are_handed_on_as_they_are_written() -> None:
+    log = "time_s,A,B\n" + "".join(f"{i / 10},{1550 + i / 1e4:.4f},{-i / 8}\n" for i in range(1, 30)) + "3.0,0,7\n3.1,,-0.0\n"
+    reader = open_text(io.BytesIO(log.encode()), SETUP, "log")
+    (block,) = reader.blocks()
+    assert reader.groups[0].decimals == {"a": 4, "b": 3}
+    assert block.values["a"].dtype == block.values["b"].dtype == np.int32
+    assert block.values["a"].tolist() == [*range(15_500_001, 15_500_030), LOST_COUNT, LOST_COUNT]
+    assert block.values["b"].tolist() == [*(-125 * i for i in range(1, 30)), 7000, 0]
+
+
+def test_a_number_that_no_count_holds_makes_floats_of_its_column() -> None:
+    for odd in ("0.12345678901", "123456789012345678901", "1e300", "2147483.6475"):
+        log = "time_s,A,B\n" + "".join(f"{i / 10},1550.1234,0.5\n" for i in range(300)) + f"30.0,1550.0,{odd}\n"
+        (block,) = open_text(io.BytesIO(log.encode()), SETUP, "log").blocks()
+        assert block.values["a"].dtype == np.int32
+        assert block.values["b"].dtype == np.float64
+        assert block.values["b"].tolist() == [0.5] * 300 + [float(odd)]
+
+
+def test_many_cells_of_many_digits() -> None:
+    """More than one pass leaves to the slower parser."""
+    rng = np.random.default_rng(4)
+    values = rng.standard_normal(80_000)
+    log = "time_s,A,B\n" + "".join(f"{i},1550.1234,{value!r}\n" for i, value in enumerate(values.tolist()))
+    _, block = read(log, SETUP)
+    np.testing.assert_array_equal(block.values["b"], values)
+
+
+def test_a_separator_in_a_cell_that_nobody_wants() -> None:
+    block = "".join(f"{i:02d},1550.5,2.5,{'ab' if i != 7 else 'a,b'}\n" for i in range(20)).encode()
+    plan = plan_of(more="x")
+    assert plain(plan, block, 0)[1:] == (block.index(b"07"), True)
+    parsed = parse(plan, 1, block)
+    assert parsed.bad_rows == [(8, "not 4 cells")]
+    assert np.isnan(parsed.values[2]).tolist() == [i == 7 for i in range(20)]
+
+
+@given(st.lists(st.text(alphabet=" \t\rab1.", max_size=8), max_size=6), st.booleans())
+@settings(max_examples=300, deadline=None)
+def test_runs_of_blanks(lines: list[str], last: bool) -> None:
+    text = "\n".join(lines).encode() + b"\n" * last
+    want = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", text))
+    out = np.empty(len(text), np.uint8)
+    assert out[: collapsed(np.frombuffer(text, np.uint8), out)].tobytes() == want

@@ -1,0 +1,266 @@
+"""Compiled passes over the bytes of a text log.
+
+    rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row that is not like the others
+    cells      a block of anything to its cells, with the number in each
+    line_ends, collapsed      small helpers
+
+`rows` is guided by the row above: it expects a cell's decimal sign and its end where they stood there, loads the digits as words, and
+checks all of it; only a cell that is written otherwise is read byte by byte.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.compiled import compiled
+from tirelog.readers import LOST_COUNT
+from tirelog.readers.digits import EXACT_POWERS, POWERS, WIDE, Bytes, Whole, Words, as_count, as_float, digits, number
+from tirelog.recording import FloatArray, IntArray
+
+#: what `rows` does with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and byte behind
+SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
+#: what is known about a cell: not yet anything, a number, that it is blank
+_UNREAD, _NUMBER, _BLANK = range(3)
+#: columns of the table that guides `rows`, described there
+GUIDE = 8
+_WHAT, _SLOT, _PLACES, _MARKS_LOST, TOO_WIDE, _WHOLE, _BEHIND, _END = range(GUIDE)
+#: bytes at the end of a block that are not loaded as words
+_TAIL = 48
+_TICK_PLACES = 9
+_LARGEST = np.iinfo(np.int64).max
+
+Counts = NDArray[np.int32]
+
+
+@compiled
+def line_ends(data: Bytes) -> int:
+    """Number of newlines."""
+    total = 0
+    for byte in data:
+        total += byte == 10
+    return total
+
+
+@compiled
+def collapsed(data: Bytes, out: Bytes) -> int:
+    """Copies `data` to `out` with one blank for each run of blanks and tabs, and none at the ends of lines; the bytes written."""
+    size, gap, begun = 0, False, False
+    for i in range(data.size):
+        byte = data[i]
+        if byte == 32 or byte == 9:
+            gap = True
+            continue
+        end = byte == 10 or (byte == 13 and (i + 1 == data.size or data[i + 1] == 10))
+        if gap and begun and not end:
+            out[size] = 32
+            size += 1
+        out[size] = byte
+        size += 1
+        gap, begun = False, byte != 10
+    return size
+
+
+@compiled
+def _after_blanks(data: Bytes, at: Whole, separator: int) -> Whole:
+    """The first place from `at` on that is neither carriage return nor, unless blanks separate, blank."""
+    while data[at] == 13 or (data[at] == 32 and separator != 32):
+        at += 1
+    return at
+
+
+@compiled
+def _is_lost(data: Bytes, start: Whole, stop: Whole) -> bool:
+    """True for a blank cell and for `nan` in any case."""
+    if stop - start == 3:
+        return data[start] | 32 == 110 and data[start + 1] | 32 == 97 and data[start + 2] | 32 == 110
+    return stop == start
+
+
+@compiled
+def _together(front: Whole, back: Whole, whole: Whole, behind: Whole) -> Whole:
+    """The number whose digits before and behind the decimal sign begin two words, -1 where one is no digit."""
+    front <<= np.uint64(64 - 8 * whole)
+    if behind == 0:
+        return digits(front, whole)
+    back <<= np.uint64(64 - 8 * behind)
+    if whole + behind <= 8:
+        return digits((front >> np.uint64(8 * behind)) | back, whole + behind)
+    upper, lower = digits(front, whole), digits(back, behind)
+    return -1 if upper < 0 or lower < 0 else upper * POWERS[behind] + lower
+
+
+@compiled
+def _learnt(what: Whole, places: Whole, whole: Whole, behind: Whole, length: Whole, negative: bool) -> Whole:
+    """`whole` where the row below may be taken for alike, 0 where the cell is not plain digits or its like might not fit the column."""
+    if length != negative + whole + behind + (behind > 0) or not 0 <= behind <= 8 or whole > 8:
+        return 0
+    if what == COUNT:
+        return whole if whole + places <= 9 and behind <= places else 0
+    return whole if what == FLOAT and whole + behind <= 15 else 0
+
+
+@compiled
+def rows(
+    data: Bytes, words: Words, at: Whole, guides: IntArray, separator: int, decimal: int, least: int, rest: bool,
+    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray, hard: IntArray,
+) -> tuple[Whole, Whole, Whole]:  # fmt: skip
+    """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
+
+    guides  (columns, 8): what, slot in the output, places of counts, whether 0 and -1 are lost, set to 1 where a count could not hold a
+            number; of the row above: digits before (0: unknown) and behind the decimal sign, byte behind the cell
+    least   cells that a row has to have; `rest` allows cells behind the columns
+    begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans: (slots, n, 2)
+    hard    (h, 4): row, column, first byte, byte behind of cells that are left to the caller
+
+    Ends before a row of another width, before one whose tick is no plain number, or where `hard` has no room.  A newline ends `data`.
+    One long function, since an array that is passed on costs more than a cell.
+    """
+    width, used, safe = guides.shape[0], 0, data.size - _TAIL
+    for r in range(begins.size):
+        begin, kept = at, used
+        begins[r] = at
+        if used + width > hard.shape[0] or at >= data.size or data[_after_blanks(data, at, separator)] == 10:
+            return r, begin, kept
+        ended = False
+        for c in range(width):
+            what, slot, places = guides[c, _WHAT], guides[c, _SLOT], guides[c, _PLACES]
+            whole, behind = guides[c, _WHOLE], guides[c, _BEHIND]
+            if whole > 0 and at < safe and not ended:
+                negative = data[at] == 45
+                first = at + negative
+                point = first + whole
+                end = point + behind + (behind > 0)
+                if data[end] == guides[c, _END] and (behind == 0 or data[point] == decimal):
+                    m = _together(words[first], words[point + 1], whole, behind)
+                    if m >= 0:
+                        sign = -1 if negative else 1
+                        if what == COUNT:
+                            count = sign * m * POWERS[places - behind]
+                            if guides[c, _MARKS_LOST] and (count == 0 or count == -POWERS[places]):
+                                count = LOST_COUNT
+                            counts[slot, r] = count
+                        else:
+                            value = sign * (m / EXACT_POWERS[behind])
+                            if guides[c, _MARKS_LOST] and (value == 0.0 or value == -1.0):
+                                value = np.nan
+                            floats[slot, r] = value
+                        at = end + (c + 1 < width)
+                        continue
+            m, e, state, negative = np.int64(0), np.int64(0), _BLANK if ended else _UNREAD, False
+            start = stop = at
+            if not ended and COUNT <= what <= TICK:
+                start = _after_blanks(data, at, separator)
+                m, e, whole, stop = number(data, start, decimal)
+                if stop >= 0:
+                    end = _after_blanks(data, stop, separator)
+                    if data[end] == separator or data[end] == 10:
+                        negative, state = data[start] == 45, _NUMBER
+                        plain = (data[stop] == separator) if c + 1 < width else (data[end] == 10 and end - stop <= 1)
+                        guides[c, _WHOLE] = _learnt(what, places, whole, -e, stop - at, negative) if plain else 0
+                        guides[c, _BEHIND], guides[c, _END] = -e, data[stop]
+                        at = end
+            if state == _UNREAD:
+                start = _after_blanks(data, at, separator)
+                at = start
+                while data[at] != separator and data[at] != 10:
+                    at += 1
+                stop = at
+                while stop > start and (data[stop - 1] == 32 or data[stop - 1] == 13):
+                    stop -= 1
+                if what != SPAN and _is_lost(data, start, stop):
+                    state = _BLANK
+            if what == COUNT:
+                count = LOST_COUNT
+                if state == _NUMBER:
+                    count = as_count(m, e, places)
+                    if count == WIDE:
+                        guides[c, TOO_WIDE], count = 1, 0
+                    elif guides[c, _MARKS_LOST] and (count == 0 or count == -POWERS[places]):
+                        count = LOST_COUNT
+                counts[slot, r] = count
+            elif what == FLOAT:
+                value = np.nan
+                if state == _NUMBER:
+                    value, good = as_float(m, e, negative)
+                    state = _NUMBER if good else _UNREAD
+                    if guides[c, _MARKS_LOST] and (value == 0.0 or value == -1.0):
+                        value = np.nan
+                floats[slot, r] = value
+            elif what == TICK:
+                up = e + _TICK_PLACES
+                if state != _NUMBER or up < 0 or up > _TICK_PLACES or abs(m) > _LARGEST // POWERS[up]:
+                    return r, begin, kept
+                ticks[slot, r] = m * POWERS[up]
+            elif what == SPAN:
+                spans[slot, r, 0], spans[slot, r, 1], state = start, stop, _NUMBER
+            if state == _UNREAD and what != SKIP:
+                hard[used, 0], hard[used, 1], hard[used, 2], hard[used, 3] = r, c, start, stop
+                used += 1
+            if data[at] == 10:
+                ended = True
+                if c + 1 < least:
+                    return r, begin, kept
+            elif c + 1 < width:
+                at += 1
+        if data[at] == 13:
+            at = _after_blanks(data, at, separator)
+        while rest and data[at] != 10:
+            at += 1
+        if data[at] != 10:
+            return r, begin, kept
+        at += 1
+    return begins.size, at, used
+
+
+@compiled
+def separated(data: Bytes, separator: int) -> int:
+    """Number of cells."""
+    total = 0
+    for byte in data:
+        total += (byte == 10) | (byte == separator)
+    return total
+
+
+@compiled
+def cells(
+    data: Bytes, separator: int, decimal: int, text: NDArray[np.bool_],
+    starts: IntArray, stops: IntArray, first: IntArray, numbers: FloatArray, hard: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Every cell of `data`, which a newline ends: where it is, without blanks around it, and the number in it.
+
+    text    (columns,) True where cells are no numbers
+    starts, stops, numbers, hard: (cells,) first byte, byte behind, number (NaN where blank), True where it is left to the caller
+    first   (rows + 1,) the cells of row i are first[i] to first[i + 1]
+    """
+    at: Whole = 0
+    cell, row = 0, 0
+    first[0] = 0
+    while at < data.size:
+        start: Whole = _after_blanks(data, at, separator)
+        stop: Whole = -1
+        m, e = np.int64(0), np.int64(0)
+        column = cell - first[row]
+        wanted = column >= text.size or not text[column]
+        if wanted:
+            m, e, _, stop = number(data, start, decimal)
+        end = _after_blanks(data, max(stop, start), separator)
+        if data[end] != separator and data[end] != 10:
+            stop = -1
+            while data[end] != separator and data[end] != 10:
+                end += 1
+        numbers[cell], hard[cell] = np.nan, False
+        if stop >= 0:
+            numbers[cell], good = as_float(m, e, data[start] == 45)
+            hard[cell] = not good
+        else:
+            stop = end
+            while stop > start and (data[stop - 1] == 32 or data[stop - 1] == 13):
+                stop -= 1
+            hard[cell] = wanted and not _is_lost(data, start, stop)
+        starts[cell], stops[cell] = start, stop
+        cell += 1
+        if data[end] == 10:
+            row += 1
+            first[row] = cell
+        at = end + 1
