@@ -12,8 +12,9 @@ from typing import Any
 
 from tirelog.simulation.planted import Planted
 
-TRUTHS = ("beam", "ring")
+TRUTHS = ("beam", "ring", "coupled_ring")
 CONTACTS = ("flat_road", "parabola")
+ROADS = ("flat", "cleat", "step", "sine", "file")
 REGIMES = ("standstill", "cruise", "drive", "coast", "brake")
 #: channel kind -> unit in the file that the simulator writes
 SOURCE_UNITS = {
@@ -46,7 +47,8 @@ class TrueTire:
 
     Beam: EJ, k, mu, patch half length L = L_ref (F / reference load)^exponent.  Ring (centre line of the belt at the rolling radius): EI,
     k_w, k_v, damping, inflation through `width_belt_m`, tread stiffness of the one-sided contact.  `torsional_stiffness_N_m2` is
-    the sidewall's resistance to wind-up (absent: none is simulated).
+    the sidewall's resistance to wind-up (absent: none is simulated).  Coupled ring: the ring's, with damping by rate, on a hub
+    (`hub_mass_kg`, `hub_inertia_kg_m2`), rubbing by `bristle_stiffness_N_m2` and `friction`; k_v resists its wind-up.
     """
 
     name: str = "215/45 R17"
@@ -73,6 +75,10 @@ class TrueTire:
     width_belt_m: float = _within(0.14, 0.0, 2.0)
     tread_stiffness_N_m2: float = _within(8.75e7, 1e5, 1e11)
     torsional_stiffness_N_m2: float | None = _within(None, 1e3, 1e9)
+    hub_mass_kg: float = _within(20.0, 0.1, 1e4)
+    hub_inertia_kg_m2: float = _within(0.8, 1e-3, 1e4)
+    bristle_stiffness_N_m2: float = _within(1.9e6, 0.0, 1e10)
+    friction: float = _within(0.8, 0.0, 5.0)
 
 
 @dataclass(frozen=True)
@@ -90,22 +96,45 @@ class TrueConditions:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """[vehicle].  Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in braking, none in coasting."""
+    """[vehicle].  Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in braking, none in
+    coasting.  `suspension_damping_N_s_m` holds the coupled ring's hub against a body that stands still."""
 
     mass_kg: float = _within(1500.0, 1.0, 1e5)
     brake_share: float = _within(0.25, 0.0, 1.0)
     rolling_drag: float = _within(0.012, 0.0, 1.0)
     air_drag_kg_m: float = _within(0.4, 0.0, 100.0)
+    suspension_damping_N_s_m: float = _within(0.0, 0.0, 1e6)
 
 
 @dataclass(frozen=True)
 class Road:
     """[road] and repeatability.  `roughness` relative standard deviation of the load along the road, correlated over `correlation_m`;
-    `load_scatter` relative standard deviation of the load from manoeuvre to manoeuvre."""
+    `load_scatter` relative standard deviation of the load from manoeuvre to manoeuvre.
+
+    Profile (coupled ring only), distances from the log's start: `kind` "flat"; "cleat" bars of `height_m` that begin at `at_m` (a distance
+    or a list), `width_m` at the foot, ramps of `ramp_m`; "step" the level changes by `height_m` at each `at_m` over `ramp_m`; "sine"
+    amplitude_m (1 - cos(2 pi x/wavelength_m)); "file" two columns, distance and height, in `file` (beside the scenario)."""
 
     roughness: float = _within(0.0, 0.0, 0.2)
     correlation_m: float = _within(2.0, 0.2, 100.0)
     load_scatter: float = _within(0.0, 0.0, 0.2)
+    kind: str = _one_of("flat", *ROADS)
+    at_m: tuple[float, ...] = ()
+    height_m: float = _within(0.0, -10.0, 10.0)
+    width_m: float = _within(0.04, 1e-3, 100.0)
+    ramp_m: float = _within(0.01, 0.0, 100.0)
+    amplitude_m: float = _within(0.0, -10.0, 10.0)
+    wavelength_m: float = _within(0.0, 0.0, 1e4)
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """[[load_steps]] (coupled ring only).  From `time_s` on the wheel carries `load_N`, reached within `rise_s`."""
+
+    time_s: float = _within(0.0, 0.0, 1e5)
+    load_N: float = _within(3434.0, 1.0, 1e6)
+    rise_s: float = _within(0.02, 1e-3, 1e3)
 
 
 @dataclass(frozen=True)
@@ -176,7 +205,8 @@ class Ramp:
 @dataclass(frozen=True)
 class Scenario:
     """A whole scenario.  `seed` decides every random number; `grid_points` the fineness of the truth; `knot_s` how often, in seconds of the
-    log, the waveform is solved anew; `start_time_s` is added to the stamps of a text log."""
+    log, the waveform is solved anew (beam and ring); `step_s` the coupled ring's step in time, with an element of the belt for every eight
+    of the grid's points."""
 
     manoeuvres: tuple[Manoeuvre, ...]
     channels: Mapping[str, Sensor]
@@ -189,8 +219,10 @@ class Scenario:
     seed: int = 0
     grid_points: int = 2048
     knot_s: float = 0.05
+    step_s: float = 2.5e-5
     rounding_s: float = 0.5
     ramp: Ramp | None = None
+    load_steps: tuple[LoadStep, ...] = ()
 
     def planted(self, name: str) -> Planted | None:
         """The planted effect of that name, or None."""

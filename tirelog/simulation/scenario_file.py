@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import Field, fields
+from dataclasses import Field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,6 +19,7 @@ from tirelog.simulation.planted import PLANTABLE, Planted
 from tirelog.simulation.scenario import (
     SOURCE_UNITS,
     TRUTHS,
+    LoadStep,
     Manoeuvre,
     Ramp,
     Road,
@@ -41,6 +42,7 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
     wanted, at = str(spec.type), f"{spec.name} = {value!r} in [{table}]"
     if "tuple" in wanted:
         whole = "int" in wanted
+        value = [value] if _number(value) else value
         if not isinstance(value, list) or not all(_number(v) and v >= 0 and (v == int(v) or not whole) for v in value):
             raise UsageError(f"{at}; allowed is a list of {'whole ' if whole else ''}numbers from 0; mend it", file=file)
         return tuple(int(v) if whole else float(v) for v in value)
@@ -93,7 +95,14 @@ def _planted(data: Any, file: str | None) -> Planted:
 
 
 _TABLES = {"tire": TrueTire, "conditions": TrueConditions, "vehicle": Vehicle, "road": Road}
-_PLAIN = {"truth": TRUTHS, "seed": (0, 2**62), "grid_points": (256, 65536), "knot_s": (0.005, 0.05), "rounding_s": (0.05, 5.0)}
+_PLAIN = {
+    "truth": TRUTHS,
+    "seed": (0, 2**62),
+    "grid_points": (256, 65536),
+    "knot_s": (0.005, 0.05),
+    "rounding_s": (0.05, 5.0),
+    "step_s": (1e-7, 1e-2),
+}
 
 
 def _plain(key: str, value: Any, file: str | None) -> Any:
@@ -113,7 +122,7 @@ def _plain(key: str, value: Any, file: str | None) -> Any:
 
 def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     """The scenario in TOML tables `data`.  UsageError for anything that is not allowed."""
-    known = [*_PLAIN, *_TABLES, "manoeuvres", "channels", "effects", "ramp"]
+    known = [*_PLAIN, *_TABLES, "manoeuvres", "channels", "effects", "ramp", "load_steps"]
     for key in data:
         if key not in known:
             raise UsageError(f"unknown key {key!r}{nearest(key, known)}; allowed are {', '.join(known)}; mend it", file=file)
@@ -130,6 +139,13 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     values["effects"] = tuple(_planted(e, file) for e in data.get("effects", []))
     if "ramp" in data:
         values["ramp"] = _table(Ramp, data["ramp"], "ramp", file)
+    steps = data.get("load_steps", [])
+    if not isinstance(steps, list):
+        raise UsageError("load_steps is not a list; allowed are [[load_steps]] with time_s and load_N; mend it", file=file)
+    values["load_steps"] = tuple(sorted((_table(LoadStep, s, "load_steps", file) for s in steps), key=lambda step: step.time_s))
+    if values["road"].file:
+        # a profile stands beside its scenario
+        values["road"] = replace(values["road"], file=str(Path(file or "").parent / values["road"].file))
     scenario = Scenario(**values)
     _check(scenario, file)
     return scenario
@@ -149,6 +165,11 @@ def _check(scenario: Scenario, file: str | None) -> None:
             raise UsageError(
                 "stops of the [ramp] overlap or lie outside; allowed are stops between begin_s and end_s; mend them", file=file
             )
+    if scenario.truth == "coupled_ring":
+        _check_coupled(scenario, file)
+    elif scenario.load_steps or scenario.road.kind != "flat":
+        what = "[[load_steps]]" if scenario.load_steps else f'[road] kind = "{scenario.road.kind}"'
+        raise UsageError(f'{what} needs a tire that moves; allowed is truth = "coupled_ring"; set it', file=file)
     for name, sensor in scenario.channels.items():
         if sensor.kind not in SOURCE_UNITS:
             known = ", ".join(SOURCE_UNITS)
@@ -156,6 +177,26 @@ def _check(scenario: Scenario, file: str | None) -> None:
         twin = sensor.temperature_channel
         if twin is not None and (twin not in scenario.channels or scenario.channels[twin].kind != "fbg_temperature"):
             raise UsageError(f"temperature_channel {twin!r} of {name}; allowed is a channel of kind fbg_temperature; mend it", file=file)
+
+
+#: effects that a tire in motion knows: on the load, the sensors and the telemetry
+_MOVING = ("load_transfer", "aero_load", "gauge_length", "sensor_lag", "telemetry_delay", "tooth_pitch")
+
+
+def _check_coupled(scenario: Scenario, file: str | None) -> None:
+    """What a tire in motion cannot do."""
+    for effect in scenario.effects:
+        if effect.name not in _MOVING or (effect.other and effect.name in ("gauge_length", "sensor_lag")):
+            what = f"effect {effect.name!r} in its form {effect.form!r}"
+            known = ", ".join(_MOVING)
+            raise UsageError(f'{what} with truth = "coupled_ring"; allowed are {known} as the catalogue has them; remove it', file=file)
+    if scenario.tire.contact == "parabola" or scenario.ramp is not None:
+        what = "a [ramp]" if scenario.ramp is not None else 'contact = "parabola"'
+        raise UsageError(f'{what} with truth = "coupled_ring"; allowed is truth = "ring" or "beam"; remove it', file=file)
+    if scenario.grid_points % 8:
+        raise UsageError(
+            f'grid_points = {scenario.grid_points} with truth = "coupled_ring"; allowed are multiples of 8; mend it', file=file
+        )
 
 
 def load_scenario(path: Path | str) -> Scenario:

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.simulation.drive import drive_of, roughness_of
+from tirelog.simulation.drive import Drive, Roughness, drive_of, roughness_of
 from tirelog.simulation.sampling import (
-    RIDING,
     Trace,
     in_source_units,
     pitch_tables,
@@ -45,6 +44,12 @@ class Simulated:
     @cached_property
     def truth(self) -> dict[str, Any]:
         """What is known of the log, ready for JSON."""
+        if self.scenario.truth == "coupled_ring":
+            from tirelog.simulation.rolled import RolledWorld  # brings the compiler
+            from tirelog.simulation.rolled_truth import truth_of_rolled
+
+            if isinstance(self.world, RolledWorld):
+                return truth_of_rolled(self.world, self.pitch_rad)
         return truth_of(self.world, self.pitch_rad)
 
 
@@ -53,16 +58,27 @@ def simulate(scenario: Scenario) -> Simulated:
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(3 + len(scenario.channels))]
     drive = drive_of(scenario, streams[0])
     length = float(drive.angle_at(drive.time_s[-1])) * drive.radius_m
-    world = World(scenario, drive, roughness_of(scenario, length, streams[1]))
+    roughness = roughness_of(scenario, length, streams[1])
     moments = traces(scenario, streams[2])
+    world, clean = _solved(scenario, drive, roughness, moments)
     tables = pitch_tables(world)
-    clean = riding_values(world, moments)
     channels = {}
     for (name, trace), random in zip(moments.items(), streams[3:], strict=True):
-        values = clean[name] if trace.sensor.kind in RIDING else vehicle_values(world, name, trace, tables)
+        values = clean[name] if name in clean else vehicle_values(world, name, trace, tables)
         channels[name] = spoiled(trace.sensor, in_source_units(world, trace, values), random)
     return Simulated(scenario, channels, _stamps(moments), world, tables)
 
 
-def _stamps(moments: Mapping[str, Trace]) -> dict[str, FloatArray]:
+def _solved(scenario: Scenario, drive: Drive, roughness: Roughness, moments: dict[str, Trace]) -> tuple[World, dict[str, FloatArray]]:
+    """The world of the scenario's truth, and the clean values of what it moves: steady at every instant, or rolled from begin to end."""
+    if scenario.truth == "coupled_ring":
+        from tirelog.simulation.rolled import RolledWorld  # brings the compiler
+
+        rolled = RolledWorld(scenario, drive, roughness)
+        return rolled, rolled.values(moments)
+    world = World(scenario, drive, roughness)
+    return world, riding_values(world, moments)
+
+
+def _stamps(moments: dict[str, Trace]) -> dict[str, FloatArray]:
     return {name: trace.stamp_s for name, trace in moments.items()}

@@ -5,8 +5,9 @@ Times are the log's own stamps.  Arrays have one value a passage of the patch; a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,22 +23,26 @@ from tirelog.simulation.wheel import longitudinal_force, passages, phase_shift
 
 FloatArray = NDArray[np.float64]
 
+#: a channel's name and its delay [s] -> what is true at each of its passages, columns (n,) beginning with `time_s` in its own stamps
+Passages = Callable[[str, float], dict[str, FloatArray]]
+
 #: step of the wheel's motion in the truth [s]
 MOTION_STEP_S = 0.05
 
 
-def truth_of(world: World, pitch_rad: Mapping[str, FloatArray]) -> dict[str, Any]:
-    """The whole truth of a log."""
+def truth_of(world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages | None = None) -> dict[str, Any]:
+    """The whole truth of a log; `passed` gives a channel's passages where they are not the steady world's."""
     scenario = world.scenario
+    passed = passed or partial(_steady_passages, world)
     time = np.arange(0.0, scenario.duration_s, MOTION_STEP_S)
     return {
         "tirelog_version": tirelog.__version__,
         "seed": scenario.seed,
         "truth": scenario.truth,
-        "contact": scenario.tire.contact if scenario.truth == "ring" else "parabola",
+        "contact": "parabola" if scenario.truth == "beam" else scenario.tire.contact,
         "tire": asdict(scenario.tire),
         "conditions": asdict(scenario.conditions),
-        "road": asdict(scenario.road),
+        "road": {**asdict(scenario.road), "at_m": list(scenario.road.at_m)},
         "ramp": None if scenario.ramp is None else asdict(scenario.ramp),
         "effects": planted_truth(scenario),
         "manoeuvres": [asdict(part) for part in world.drive.parts],
@@ -47,7 +52,7 @@ def truth_of(world: World, pitch_rad: Mapping[str, FloatArray]) -> dict[str, Any
             "speed_m_s": _list(world.drive.speed_at(time)),
             "acceleration_m_s2": _list(world.drive.acceleration_at(time)),
         },
-        "channels": {name: _channel(world, s) for name, s in scenario.channels.items() if s.kind in RIDING},
+        "channels": {name: _channel(scenario, name, passed) for name, s in scenario.channels.items() if s.kind in RIDING},
         "pitch_error_deg": {name: _list(np.degrees(table)) for name, table in pitch_rad.items()},
     }
 
@@ -73,19 +78,24 @@ def planted_truth(scenario: Scenario) -> list[dict[str, Any]]:
     return out
 
 
-def _channel(world: World, sensor: Sensor) -> dict[str, Any]:
+def _channel(scenario: Scenario, name: str, passed: Passages) -> dict[str, Any]:
     """The passages of one sensor, in its own stamps (a delay makes them later)."""
-    delay = world.scenario.planted("telemetry_delay")
+    sensor, delay = scenario.channels[name], scenario.planted("telemetry_delay")
     late = sensor.delay_s + (delay["delay_s"] if delay is not None and sensor.kind == "radial_acceleration" else 0.0)
-    time = passages(world, sensor, world.scenario.duration_s - late)
+    out: dict[str, Any] = {"kind": sensor.kind, "angle_deg": sensor.angle_deg, "surface": sensor.surface, "delay_s": late}
+    out["passages"] = {key: _list(value) for key, value in passed(name, late).items()}
+    return out
+
+
+def _steady_passages(world: World, name: str, late_s: float) -> dict[str, FloatArray]:
+    """The passages of one sensor of a steady world."""
+    sensor = world.scenario.channels[name]
+    time = passages(world, sensor, world.scenario.duration_s - late_s)
     columns: dict[str, list[FloatArray]] = {}
     for first in range(0, time.size, CHUNK):
         for key, value in _passages(world, sensor, time[first : first + CHUNK]).items():
             columns.setdefault(key, []).append(value)
-    table = {key: np.concatenate(values) for key, values in columns.items()}
-    out: dict[str, Any] = {"kind": sensor.kind, "angle_deg": sensor.angle_deg, "surface": sensor.surface, "delay_s": late}
-    out["passages"] = {"time_s": _list(time + late), **{key: _list(value) for key, value in table.items()}}
-    return out
+    return {"time_s": time + late_s, **{key: np.concatenate(values) for key, values in columns.items()}}
 
 
 def _passages(world: World, sensor: Sensor, time: FloatArray) -> dict[str, FloatArray]:

@@ -1,0 +1,50 @@
+"""What the tests of a tire in motion share: a small tire, a level road, constant orders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tirelog.simulation.belt import Belt
+from tirelog.simulation.profile import Profile
+from tirelog.simulation.rolling import Motion, Rider, RollingTire, Standing, standing
+from tirelog.simulation.scenario import TrueTire
+from tirelog.simulation.splines import Splines
+
+RADIUS, LINE_MASS, EI, K_W, K_V, PB = 0.3, 3.15, 2.0, 6.3e5, 5.1e5, 1.2e5 * 0.14
+LEVEL = Profile(np.array([0.0, 1.0]), np.zeros(2))
+STEP = 2.5e-5
+
+
+def belt(elements: int = 96, **more: Any) -> Belt:
+    tire = TrueTire(
+        rolling_radius_m=RADIUS,
+        line_mass_kg_m=LINE_MASS,
+        flexural_stiffness_N_m2=EI,
+        radial_stiffness_N_m2=K_W,
+        tangential_stiffness_N_m2=K_V,
+    )
+    return Belt(replace(tire, **more), PB * RADIUS, Splines(elements))
+
+
+def orders(steps: int, *, speed: float, load: float, torque: float = 0.0, start_m: float = 0.0, step: float = STEP) -> np.ndarray:
+    """Constant speed, load and torque, (n, 4)."""
+    one = np.ones(steps)
+    return np.stack([start_m + speed * step * np.arange(1, steps + 1), 0.0 * one, load * one, torque * one], axis=1)
+
+
+def rolling(
+    of: Belt, *, speed: float, load: float, start: Standing | None = None, profile: Profile = LEVEL, step: float = STEP
+) -> RollingTire:
+    return RollingTire(of, profile, start or standing(of, load), speed_m_s=speed, distance_m=0.0, step_s=step)
+
+
+def moved(tire: RollingTire, table: np.ndarray, every: int = 1) -> Motion:
+    return Motion.of(tire.step_s * every * np.arange(table.shape[0]), table)
+
+
+def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> Rider:
+    bent = -lever_m / RADIUS**2
+    return Rider(of.splines.functional(angle_rad, {1: bent, 3: bent})[None])

@@ -1,0 +1,141 @@
+"""Property: the stepped tire converges, keeps its energy, loses what its dampers take, and rolls steadily as the steady ring stands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tirelog.simulation import rolling_kernel as kernel
+from tirelog.simulation.profile import Profile
+from tirelog.simulation.rolling import Motion, standing
+from tirelog.simulation.scenario import Sensor
+
+from .rolls import EI, K_V, K_W, LEVEL, LINE_MASS, RADIUS, STEP, belt, moved, orders, rolling, strain_rider
+from .worlds import instants, world
+
+SPEED, LOAD, LEVER = 20.0, 3000.0, 3e-4
+DAMPED = {"radial_damping_N_s_m2": 100.0, "tangential_damping_N_s_m2": 100.0}
+CLEAT = Profile(np.array([12.2, 12.21, 12.23, 12.24]), np.array([0.0, 0.005, 0.005, 0.0]))
+
+
+@cache
+def rolled(elements: int, profile: Profile = LEVEL, seconds: float = 0.1, step: float = STEP) -> Motion:
+    """Steady rolling with damping, settled over 0.6 s (12 m); the belt's strain at 0.3 rad."""
+    of = belt(elements, **DAMPED)
+    tire = rolling(of, speed=SPEED, load=LOAD, profile=profile, step=step)
+    tire.damp_hub(3000.0)
+    tire.run(orders(round(0.6 / step), speed=SPEED, load=LOAD, step=step))
+    tire.damp_hub(0.0)
+    start = tire.state[kernel.HUB_X]
+    table = tire.run(orders(round(seconds / step), speed=SPEED, load=LOAD, start_m=start, step=step), riders=(strain_rider(of, 0.3),))
+    return moved(tire, table)
+
+
+Profile.__hash__ = object.__hash__  # type: ignore[method-assign]
+
+
+def test_frequencies_converge_with_the_sixth_power_of_the_elements() -> None:
+    exact = np.sqrt((EI / RADIUS**4 * 36 * 35**2 + belt().tension_N / RADIUS**2 * 36 * 35 + K_V + 36 * K_W) / LINE_MASS / 37) / (2 * np.pi)
+    errors = []
+    for elements in (24, 48):
+        six = [f["frequency_Hz"] for f in belt(elements).natural_frequencies() if f["lobes"] == 6]
+        errors.append(abs(six[0] - exact))
+    assert errors[0] / errors[1] > 2**5.5
+
+
+def test_strain_converges_with_the_elements() -> None:
+    fine = standing(belt(384), LOAD).v
+    angles = np.linspace(-0.3, 0.3, 61)
+    exact = np.array([strain_rider(belt(384), a).rows[0] @ fine for a in angles])
+    errors = []
+    for elements in (64, 128, 256):
+        of = belt(elements)
+        v = standing(of, LOAD).v
+        found = np.array([strain_rider(of, a).rows[0] @ v for a in angles])
+        errors.append(np.sqrt(np.mean((found - exact) ** 2)) / np.ptp(exact))
+    assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
+    assert errors[2] < 1.5e-3
+
+
+def test_energy_is_kept_without_damping() -> None:
+    """Dropped by 2 mm while it rolls, frictionless: after 2 s of bouncing and ringing the energy is what it was."""
+    of = belt(96, friction=0.0)
+    drop = replace(standing(of, LOAD), v=np.zeros(96), hub_z_m=RADIUS - 0.002)
+    tire = rolling(of, speed=SPEED, load=LOAD, start=drop)
+    energy, height = [], []
+    for _ in range(100):
+        tire.run(orders(800, speed=SPEED, load=LOAD, start_m=tire.state[kernel.HUB_X]))
+        energy.append(tire.energy_J() + LOAD * tire.state[kernel.HUB_Z])
+        height.append(tire.state[kernel.HUB_Z])
+    assert np.ptp(height) > 0.02
+    assert abs(np.mean(energy[-25:]) - np.mean(energy[:25])) < 5e-5 * energy[0]
+    assert np.ptp(energy) < 3e-4 * energy[0]
+
+
+def test_dampers_take_what_the_road_holds_back() -> None:
+    """Rolling freely, the road's force backwards times the speed is what the sidewall's dampers take."""
+    of = belt(128, radial_damping_N_s_m2=400.0, tangential_damping_N_s_m2=400.0, bristle_stiffness_N_m2=1e7, hub_inertia_kg_m2=0.2)
+    tire = rolling(of, speed=SPEED, load=LOAD)
+    tire.damp_hub(3000.0)
+    tire.run(orders(24000, speed=SPEED, load=LOAD))
+    held, lost = [], []
+    for _ in range(40):
+        table = tire.run(orders(100, speed=SPEED, load=LOAD, start_m=tire.state[kernel.HUB_X]))
+        held.append(-table[:, kernel.OUT_FORCE_X].mean() * SPEED)
+        lost.append(tire.u @ of.full(of.damping) @ tire.u)
+    assert np.mean(held) > 300.0
+    assert np.mean(lost) == pytest.approx(np.mean(held), rel=0.02)
+
+
+def test_steady_rolling_is_steady_and_carries_its_load() -> None:
+    motion = rolled(192)
+    assert motion.force_z_N.mean() == pytest.approx(LOAD, rel=5e-4)
+    assert motion.spindle_z_N.mean() == pytest.approx(LOAD, rel=5e-4)
+    assert motion.force_z_N.std() < 1e-3 * LOAD
+    assert np.ptp(motion.hub_z_m) < 2e-5
+    assert np.ptp(motion.spin_rad_s) < 1e-4 * motion.spin_rad_s.mean()
+    # the same strain a turn later
+    strain = motion.read[:, 0]
+    turn = np.interp(motion.angle_rad + 2 * np.pi, motion.angle_rad, strain, right=np.nan)
+    assert np.nanmax(np.abs(turn - strain)) < 5e-3 * np.ptp(strain)
+
+
+def test_steady_rolling_is_the_steady_ring() -> None:
+    """Against the other truth: differences of order eight on a grid, contact by an active set, nothing stepped."""
+    motion = rolled(192)
+    tire = {
+        "rolling_radius_m": RADIUS,
+        "line_mass_kg_m": LINE_MASS,
+        "flexural_stiffness_N_m2": EI,
+        "radial_stiffness_N_m2": K_W,
+        "tangential_stiffness_N_m2": K_V,
+        **DAMPED,
+    }
+    steady = world(truth="ring", tire=tire, conditions={"inflation_pressure_Pa": 1.2e5}, grid_points=4096)
+    solution = steady.solve(instants(speed=SPEED, load=LOAD))
+    wave = steady.waveform(solution, Sensor("strain", surface="inner"))[0]
+    place = (motion.angle_rad + 0.3 + np.pi) % (2 * np.pi) - np.pi
+    exact = np.interp(place * RADIUS, steady.ring.xi_m, wave)
+    assert np.std(motion.read[:, 0] - exact) < 5e-3 * np.std(exact)
+    assert motion.entry_m.mean() == pytest.approx(solution.entry_m[0], abs=3e-4)
+    assert motion.exit_m.mean() == pytest.approx(solution.exit_m[0], abs=3e-4)
+
+
+def test_a_cleat_answers_alike_at_half_the_step_and_more_elements() -> None:
+    fine, base, coarse, shorter = (rolled(e, CLEAT, 0.05, h) for e, h in ((256, STEP), (192, STEP), (128, STEP), (128, 0.5 * STEP)))
+    size = np.std(fine.spindle_z_N)
+    assert size > 0.1 * LOAD
+    assert np.std(base.spindle_z_N - fine.spindle_z_N) < 0.012 * size
+    assert np.std(coarse.spindle_z_N - fine.spindle_z_N) > 1.5 * np.std(base.spindle_z_N - fine.spindle_z_N)
+    halved = np.interp(coarse.time_s, shorter.time_s, shorter.spindle_z_N)
+    assert np.std(coarse.spindle_z_N - halved) < 0.012 * size
+
+
+def test_the_belt_leans_into_its_damping() -> None:
+    """Damping shifts the contact towards the entry, and the road's force acts ahead of the axle."""
+    motion = rolled(192)
+    assert -motion.entry_m.mean() > motion.exit_m.mean() + 2e-4
+    assert motion.force_x_N.mean() < 0.0

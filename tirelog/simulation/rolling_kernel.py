@@ -1,0 +1,346 @@
+"""The compiled step of a tire in motion: contact with the road, kicks, and an implicit step of the turning belt.
+
+One step h; v are the belt's coefficients, u their rates, L the spin's momentum (all as in `belt`):
+
+    contact     tread points below the road are pressed, bristles dragged     -> forces on the coefficients, torque Q
+    kick        u, hub and L take their impulses; the spin W follows from L and the belt's own angular momentum
+    belt step   implicit midpoint in the frame that turns with W, K' = K - W^2 S:
+                (2 M/h + 2 W G + C + h/2 K') (v1 - v0) = 2 M u0 - h K' v0,    u1 = 2 (v1 - v0)/h - u0
+
+Both parts are symplectic: without damping and friction energy does not drift.  Stable as long as the kicks are:
+h < 2/sqrt((k_t + C_x)/rho A).
+Banded circulant systems are solved by elimination of all but the last five unknowns.
+
+All of it stands in this one file, since a cached kernel does not see a change in another.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.compiled import compiled
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+#: half width of every stencil, and functions that live on an element
+HALF, LIVING = 5, 6
+#: spin [rad/s] by which the belt's factors may be out of date
+STALE = 2e-3
+#: angle from the bottom beyond which nothing may touch [rad], and height above the road below which points are looked at, over R
+FAR, NEAR = 0.9, 0.02
+
+# places in `constants`
+RADIUS, PRESSED, BRISTLE, FRICTION, PITCH, HUB_MASS, HUB_INERTIA, SPIN_INERTIA = range(8)
+CARRIED, TRANSLATION, SPRING, DAMPER, MEAN_INERTIA, BELT_MASS, HUB_DAMPING, TOP, AMPLITUDE, WAVE = range(8, 18)
+# places in `state`
+ANGLE, SPIN, MOMENTUM, HUB_Z, HUB_RATE, HUB_X, FACTORED_AT, HUB_IMPULSE, DRIFT = range(9)
+# columns of the motion; riders' readings follow
+OUT_ANGLE, OUT_SPIN, OUT_HUB_Z, OUT_FORCE_X, OUT_FORCE_Z, OUT_ENTRY, OUT_EXIT, OUT_SPINDLE_X, OUT_SPINDLE_Z = range(9)
+COLUMNS = 9
+# what a run returns
+FINE, TOO_WIDE, FLOWN = range(3)
+
+
+@compiled
+def factor(stencil: FloatArray, lower: FloatArray, upper: FloatArray, border: FloatArray, foot: FloatArray) -> None:
+    """Factors of the circulant of `stencil` (11,), N = n + 5: lower (n, 5), upper (n, 6, the pivots inverted), border (n, 5) what the last
+    five unknowns cost the rest, foot (5, 5) the inverse of what is left for them."""
+    n = lower.shape[0]
+    size = n + HALF
+    for i in range(n):
+        for m in range(HALF):
+            ahead = n + m - i
+            border[i, m] = stencil[ahead + HALF] if ahead <= HALF else (stencil[ahead - size + HALF] if size - ahead <= HALF else 0.0)
+        row = np.zeros(2 * HALF + 1)
+        for d in range(-HALF, HALF + 1):
+            if 0 <= i + d < n:
+                row[d + HALF] = stencil[d + HALF]
+        for d in range(-HALF, 0):
+            k = i + d
+            if k < 0:
+                continue
+            share = row[d + HALF] * upper[k, 0]
+            lower[i, d + HALF] = share
+            for e in range(1, HALF + 1):
+                row[d + HALF + e] -= share * upper[k, e]
+            for m in range(HALF):
+                border[i, m] -= share * border[k, m]
+        upper[i, 0] = 1.0 / row[HALF]
+        for e in range(1, HALF + 1):
+            upper[i, e] = row[HALF + e]
+    for i in range(n - 1, -1, -1):
+        for m in range(HALF):
+            value = border[i, m]
+            for e in range(1, min(HALF, n - 1 - i) + 1):
+                value -= upper[i, e] * border[i + e, m]
+            border[i, m] = value * upper[i, 0]
+    left = np.zeros((HALF, HALF))
+    for m in range(HALF):
+        for k in range(HALF):
+            left[m, k] = stencil[k - m + HALF]
+        for d in range(-HALF, HALF + 1):
+            i = (n + m + d) % size
+            if i < n:
+                for k in range(HALF):
+                    left[m, k] -= stencil[d + HALF] * border[i, k]
+    foot[:, :] = np.linalg.inv(left)
+
+
+@compiled
+def solve(
+    stencil: FloatArray, lower: FloatArray, upper: FloatArray, border: FloatArray, foot: FloatArray, right: FloatArray, x: FloatArray
+) -> None:
+    """x (N,) of the factored system for `right` (N,)."""
+    n = lower.shape[0]
+    size = n + HALF
+    for i in range(n):
+        value = right[i]
+        for d in range(min(HALF, i), 0, -1):
+            value -= lower[i, HALF - d] * x[i - d]
+        x[i] = value
+    for i in range(n - 1, -1, -1):
+        value = x[i]
+        for e in range(min(HALF, n - 1 - i), 0, -1):
+            value -= upper[i, e] * x[i + e]
+        x[i] = value * upper[i, 0]
+    rest = np.zeros(HALF)
+    for m in range(HALF):
+        value = right[n + m]
+        for d in range(-HALF, HALF + 1):
+            i = (n + m + d) % size
+            if i < n:
+                value -= stencil[d + HALF] * x[i]
+        rest[m] = value
+    for m in range(HALF):
+        value = 0.0
+        for k in range(HALF):
+            value += foot[m, k] * rest[k]
+        x[n + m] = value
+    for i in range(n):
+        value = x[i]
+        for m in range(HALF):
+            value -= border[i, m] * x[n + m]
+        x[i] = value
+
+
+@compiled
+def apply(stencil: FloatArray, x: FloatArray, out: FloatArray) -> None:
+    """The circulant of `stencil` times x (N,)."""
+    size = x.size
+    for i in range(HALF, size - HALF):
+        value = 0.0
+        for d in range(2 * HALF + 1):
+            value += stencil[d] * x[i + d - HALF]
+        out[i] = value
+    for j in range(-HALF, HALF):
+        value = 0.0
+        for d in range(2 * HALF + 1):
+            value += stencil[d] * x[(j + d - HALF) % size]
+        out[j % size] = value
+
+
+@compiled
+def road_at(x: float, corner: FloatArray, height: FloatArray, constants: FloatArray) -> tuple[float, float]:
+    """Height [m] and slope of the road at the distance x [m]."""
+    high, slope = height[0], 0.0
+    if x >= corner[-1]:
+        high = height[-1]
+    elif x > corner[0]:
+        i = np.searchsorted(corner, x, side="right") - 1
+        slope = (height[i + 1] - height[i]) / (corner[i + 1] - corner[i])
+        high = height[i] + slope * (x - corner[i])
+    if x > 0.0 and constants[AMPLITUDE] != 0.0:
+        q = constants[WAVE]
+        high += constants[AMPLITUDE] * (1.0 - np.cos(q * x))
+        slope += constants[AMPLITUDE] * q * np.sin(q * x)
+    return high, slope
+
+
+@compiled
+def touch(
+    v: FloatArray, state: FloatArray, constants: FloatArray, basis: FloatArray, circle: FloatArray, corner: FloatArray, height: FloatArray,
+    tread: FloatArray, seen: IntArray, now: int, load: FloatArray, result: FloatArray,
+) -> int:  # fmt: skip
+    """The road's forces.  `load` (N,) on the coefficients; `result` (5,): torque, force backwards and upwards, entry and exit behind the
+    axle [m] (NaN in the air).  `tread` (points, 3) holds bristle, place along the road and height of what was seen at step `seen`."""
+    size, points, per = v.size, circle.shape[0], basis.shape[1]
+    radius, angle, pitch = constants[RADIUS], state[ANGLE], constants[PITCH]
+    load[:] = 0.0
+    result[:3] = 0.0
+    result[3:] = np.nan
+    low = (state[HUB_Z] - constants[TOP]) / radius - NEAR
+    if low >= 1.0:
+        return FINE
+    reach = min(np.arccos(max(low, -1.0)), FAR)
+    spacing = 2.0 * np.pi / points
+    first = int(np.ceil((-reach - angle) / spacing - 0.5))
+    last = int(np.floor((reach - angle) / spacing - 0.5))
+    turn_c, turn_s = np.cos(angle), np.sin(angle)
+    pressed, stuck = constants[PRESSED] * pitch, constants[BRISTLE] * pitch
+    before_depth = before_s = 0.0
+    j = (first - 1) % points
+    for number in range(first, last + 1):
+        j = j + 1 if j + 1 < points else 0
+        cos = circle[j, 0] * turn_c - circle[j, 1] * turn_s
+        sin = circle[j, 1] * turn_c + circle[j, 0] * turn_s
+        element, q = j // per, j % per
+        along = out = 0.0
+        if element >= HALF:
+            for k in range(LIVING):
+                c = v[element + k - HALF]
+                along += basis[0, q, k] * c
+                out -= basis[1, q, k] * c
+        else:
+            for k in range(LIVING):
+                c = v[(element + k - HALF) % size]
+                along += basis[0, q, k] * c
+                out -= basis[1, q, k] * c
+        s = (radius + out) * sin + along * cos
+        z = state[HUB_Z] - (radius + out) * cos + along * sin
+        high, slope = road_at(state[HUB_X] - s, corner, height, constants)
+        depth = high - z
+        known, was_s, was_z, bristle = seen[j] == now - 1, tread[j, 1], tread[j, 2], tread[j, 0]
+        seen[j] = now
+        tread[j, 0], tread[j, 1], tread[j, 2] = 0.0, s - state[HUB_X], z
+        if depth > 0.0:
+            if number in (first, last):
+                return TOO_WIDE if reach >= FAR else FLOWN
+            if np.isnan(result[3]):
+                result[3] = s - (s - before_s) * depth / (depth - before_depth)
+            long = np.sqrt(1.0 + slope * slope)
+            force_s, force_z = pressed * depth * slope, pressed * depth
+            if constants[BRISTLE] > 0.0:
+                if known:
+                    bristle += (s - state[HUB_X] - was_s - slope * (z - was_z)) / long
+                limit = constants[FRICTION] * constants[PRESSED] * depth * long / constants[BRISTLE]
+                bristle = min(max(bristle, -limit), limit)
+                tread[j, 0] = bristle
+                force_s -= stuck * bristle / long
+                force_z += stuck * bristle * slope / long
+            tangential, radial = force_s * cos + force_z * sin, force_s * sin - force_z * cos
+            for k in range(LIVING):
+                load[(element + k - HALF) % size] += tangential * basis[0, q, k] - radial * basis[1, q, k]
+            result[0] += (radius + out) * tangential - along * radial
+            result[1] += force_s
+            result[2] += force_z
+        elif before_depth > 0.0:
+            result[4] = s - (s - before_s) * depth / (depth - before_depth)
+        before_depth, before_s = depth, s
+    return FINE
+
+
+@compiled
+def run(
+    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray, basis: FloatArray, circle: FloatArray,
+    middles: FloatArray, corner: FloatArray, height: FloatArray, tread: FloatArray, seen: IntArray, drive: FloatArray, riders: FloatArray,
+    ridden: IntArray, step: float, now: int, every: int, motion: FloatArray,
+) -> int:  # fmt: skip
+    """Moves the tire on by drive.shape[0] steps; drive (n, 4): distance at the step's end [m], forward acceleration [m/s^2], load [N],
+    torque [N m].  Every `every`-th moment goes to `motion` (n/every, 9 + riders): riders (k, w) read w coefficients from ridden (k,) on.
+
+    `stencils` (5, 11): inertia M, swirl G, centrifugal S, stiffness K, damping C."""
+    size = v.size
+    n = size - HALF
+    inertia, swirl, centrifugal, stiffness, damping = stencils[0], stencils[1], stencils[2], stencils[3], stencils[4]
+    m_lower, m_upper, m_border, m_foot = np.zeros((n, HALF)), np.zeros((n, HALF + 1)), np.zeros((n, HALF)), np.zeros((HALF, HALF))
+    a_lower, a_upper, a_border, a_foot = np.zeros((n, HALF)), np.zeros((n, HALF + 1)), np.zeros((n, HALF)), np.zeros((HALF, HALF))
+    factor(inertia, m_lower, m_upper, m_border, m_foot)
+    system, place = np.zeros(2 * HALF + 1), np.zeros(2 * HALF + 1)
+    state[FACTORED_AT] = np.inf
+    load, result = np.zeros(size), np.zeros(5)
+    kicked, swirled, spun, right, moved, pushed = (
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros(size),
+    )
+    radius = constants[RADIUS]
+    for index in range(drive.shape[0]):
+        told = touch(v, state, constants, basis, circle, corner, height, tread, seen, now + index, load, result)
+        if told != FINE:
+            return told
+        # hub: spring force of this place, damper's impulse of the last belt step
+        turn_c, turn_s = np.cos(state[ANGLE]), np.sin(state[ANGLE])
+        sum_c = sum_s = 0.0
+        for j in range(size):
+            sum_c += v[j] * middles[j, 0]
+            sum_s += v[j] * middles[j, 1]
+        back, up = sum_c * turn_c - sum_s * turn_s, sum_s * turn_c + sum_c * turn_s
+        spindle_z = constants[SPRING] * up + state[HUB_IMPULSE] / step
+        hub_acceleration = (spindle_z - drive[index, 2] - constants[HUB_DAMPING] * state[HUB_RATE]) / constants[HUB_MASS]
+        state[HUB_RATE] += step * hub_acceleration
+        # kick of the belt, but for the change of spin
+        solve(inertia, m_lower, m_upper, m_border, m_foot, load, kicked)
+        # the hub moves backwards at minus the drive's acceleration
+        rigid_s, rigid_z = -drive[index, 1], hub_acceleration
+        along_s, along_c = rigid_z * turn_c - rigid_s * turn_s, rigid_z * turn_s + rigid_s * turn_c
+        for j in range(size):
+            kicked[j] = u[j] + step * (kicked[j] - constants[TRANSLATION] * (along_s * middles[j, 1] + along_c * middles[j, 0]))
+        # spin: L = (J + v S v) W + u G v + R m u, and a change of spin kicks the belt by -(G v + R m)
+        off = constants[CARRIED] * (back * rigid_z - up * rigid_s)
+        momentum = state[MOMENTUM]
+        state[MOMENTUM] += step * (drive[index, 3] + result[0] - off)
+        apply(swirl, v, swirled)
+        solve(inertia, m_lower, m_upper, m_border, m_foot, swirled, spun)
+        apply(centrifugal, v, right)
+        pulled = carried = own = mean = carried_before = mean_before = 0.0
+        for j in range(size):
+            pulled += v[j] * right[j]
+            own += spun[j] * swirled[j]
+            carried += kicked[j] * swirled[j]
+            mean += kicked[j]
+            carried_before += u[j] * swirled[j]
+            mean_before += u[j]
+        left = momentum - (constants[SPIN_INERTIA] + pulled) * state[SPIN] - carried_before - radius * constants[MEAN_INERTIA] * mean_before
+        yielding = constants[HUB_INERTIA] + pulled - own
+        # what the spin has changed by over the last belt step, which was taken at the spin of its middle
+        state[DRIFT] = left / yielding + 0.5 * state[DRIFT]
+        left += state[MOMENTUM] - momentum - carried + carried_before - radius * constants[MEAN_INERTIA] * (mean - mean_before)
+        change = left / yielding
+        if index % every == 0:
+            row = index // every
+            motion[row, OUT_ANGLE], motion[row, OUT_SPIN], motion[row, OUT_HUB_Z] = state[ANGLE], state[SPIN] + 0.5 * change, state[HUB_Z]
+            motion[row, OUT_FORCE_X], motion[row, OUT_FORCE_Z] = -result[1], result[2]
+            motion[row, OUT_ENTRY], motion[row, OUT_EXIT] = result[3], result[4]
+            motion[row, OUT_SPINDLE_X], motion[row, OUT_SPINDLE_Z] = -constants[SPRING] * back, spindle_z
+            for k in range(riders.shape[0]):
+                value = 0.0
+                for i in range(riders.shape[1]):
+                    value += riders[k, i] * v[(ridden[k] + i) % size]
+                motion[row, COLUMNS + k] = value
+            if not abs(sum_s) + abs(sum_c) < 0.25 * size * radius:
+                return FLOWN
+        # on to the spin of the next belt step's middle
+        change += 0.5 * state[DRIFT]
+        state[SPIN] += change
+        for j in range(size):
+            u[j] = kicked[j] - change * (spun[j] + radius)
+        # belt step
+        spin = state[SPIN]
+        if not abs(spin - state[FACTORED_AT]) < STALE:
+            state[FACTORED_AT] = spin
+            for d in range(2 * HALF + 1):
+                place[d] = stiffness[d] - spin * spin * centrifugal[d]
+                system[d] = 2.0 * inertia[d] / step + 2.0 * spin * swirl[d] + damping[d] + 0.5 * step * place[d]
+            factor(system, a_lower, a_upper, a_border, a_foot)
+        apply(inertia, u, right)
+        apply(place, v, pushed)
+        for j in range(size):
+            right[j] = 2.0 * right[j] - step * pushed[j]
+        solve(system, a_lower, a_upper, a_border, a_foot, right, moved)
+        half_c, half_s = np.cos(state[ANGLE] + 0.5 * step * spin), np.sin(state[ANGLE] + 0.5 * step * spin)
+        sum_c = sum_s = 0.0
+        for j in range(size):
+            v[j] += moved[j]
+            u[j] = 2.0 * moved[j] / step - u[j]
+            sum_c += moved[j] * middles[j, 0]
+            sum_s += moved[j] * middles[j, 1]
+        state[HUB_IMPULSE] = constants[DAMPER] * (sum_s * half_c + sum_c * half_s)
+        state[ANGLE] += step * spin
+        state[HUB_Z] += step * state[HUB_RATE]
+        state[HUB_X] = drive[index, 0]
+    return FINE
