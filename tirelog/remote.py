@@ -1,18 +1,29 @@
 """Logs and results elsewhere: s3://, gs://, https://, any address that fsspec knows (extra `remote`).
 
-Credentials come by the environment's own means (AWS_*, GOOGLE_APPLICATION_CREDENTIALS, ...), never through tirelog.
+Credentials come by the environment's own means (AWS_*, GOOGLE_APPLICATION_CREDENTIALS, ...), never through tirelog.  A store that does
+not answer is an error after ANSWER_S seconds; what it sends once it answers may take as long as it takes.
 """
 
 from __future__ import annotations
 
 import errno
 import re
+import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO, TypeVar, cast
 
 from tirelog.errors import OutputError, ReadError, TirelogError, UsageError
 
+T = TypeVar("T")
+
 _ADDRESS = re.compile(r"^([a-z][a-z0-9+.-]+):/{1,2}(?=[^/])")
+#: a store has to answer a question within this time
+ANSWER_S = 8.0
+#: object stores: a put is seen whole or not at all; elsewhere a file is put under another name and moved
+_WHOLE_PUTS = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "adl", "oci", "memory"}
+#: the name under which a file is put where it would be seen half written, and what it is swept by
+PART = ".part"
 
 
 def address(path: Path | str) -> str | None:
@@ -41,31 +52,163 @@ def _refusal(kind: type[TirelogError], url: str, problem: BaseException) -> Tire
     return kind(f"cannot be reached ({text}); {advice}", file=url)
 
 
+def _answer(url: str, kind: type[TirelogError], question: Callable[[Any], T]) -> T:
+    """What the store of `url` answers; `kind` of error where it refuses, or does not answer in time (its own retries take minutes).
+
+    FileNotFoundError and FileExistsError are answers, and are raised as they are.
+    """
+    system, answers, failures = _filesystem(url), list[T](), list[BaseException]()
+
+    def ask() -> None:
+        try:
+            answers.append(question(system))
+        except BaseException as problem:  # each store has exceptions of its own
+            failures.append(problem)
+
+    asking = threading.Thread(target=ask, daemon=True)
+    asking.start()
+    asking.join(ANSWER_S)
+    if answers:
+        return answers[0]
+    if not failures:
+        raise kind(
+            f"cannot be reached (no answer within {ANSWER_S:g} s); allowed is a store that answers; see to it and try again", file=url
+        )
+    if isinstance(failures[0], FileNotFoundError | FileExistsError | TirelogError):
+        raise failures[0]
+    raise _refusal(kind, url, failures[0]) from None
+
+
 def open_remote(url: str) -> BinaryIO:
     """A stream that reads from `url` in ranges.  ReadError: not there, or no credentials."""
     try:
-        return cast(BinaryIO, _filesystem(url).open(url, "rb"))
-    except TirelogError:
-        raise
-    except Exception as problem:  # each store has exceptions of its own
+        return cast(BinaryIO, _answer(url, ReadError, lambda system: system.open(url, "rb")))
+    except FileNotFoundError as problem:
         raise _refusal(ReadError, url, problem) from None
 
 
-def fetch(url: str, path: Path) -> None:
-    """Copy `url` to a local file."""
-    with open_remote(url) as source, path.open("wb") as target:
+def read_remote(url: str) -> bytes | None:
+    """A small object's bytes, or None where it is not there.  ReadError: it cannot be known."""
+    try:
+        return bytes(_answer(url, ReadError, lambda system: system.cat_file(url)))
+    except FileNotFoundError:
+        return None
+
+
+def read_several(urls: Sequence[str]) -> dict[str, bytes]:
+    """Small objects' bytes by address, read side by side where the store can; those that are not there are left out."""
+    if not urls:
+        return {}
+    system = _filesystem(urls[0])
+    plain = {system._strip_protocol(url): url for url in urls}
+    found = system.cat(list(plain), on_error="omit")
+    return {plain[name]: bytes(data) for name, data in found.items()}
+
+
+def list_remote(url: str) -> list[str]:
+    """Names of all that lies below the folder `url`, at any depth, relative to it; nothing where it is not there."""
+
+    def names(system: Any) -> list[str]:
+        system.invalidate_cache()
+        root = str(system._strip_protocol(url)).rstrip("/") + "/"
+        return [str(name).removeprefix(root) for name in system.find(url)]
+
+    try:
+        return sorted(_answer(url, OutputError, names))
+    except FileNotFoundError:
+        return []
+
+
+def match_remote(pattern: str) -> list[str]:
+    """Addresses that match a pattern.  ReadError: the store cannot be asked."""
+
+    def names(system: Any) -> list[str]:
+        system.invalidate_cache()
+        scheme = pattern.split("://")[0]
+        return [name if "://" in name else f"{scheme}://{name.lstrip('/')}" for name in map(str, system.glob(pattern))]
+
+    try:
+        return sorted(_answer(pattern, ReadError, names))
+    except FileNotFoundError:
+        return []
+
+
+def state_of(url: str) -> list[Any]:
+    """What changes when the bytes at `url` do, as far as the store tells without reading them.  ReadError: not there."""
+    try:
+        info = _answer(url, ReadError, lambda system: system.info(url))
+    except FileNotFoundError as problem:
+        raise _refusal(ReadError, url, problem) from None
+    marks = [info.get(name) for name in ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "mtime", "updated", "created")]
+    return [info.get("size"), *(str(mark) for mark in marks if mark is not None)]
+
+
+def write_remote(url: str, data: bytes) -> None:
+    """A small object, whole or not at all.  OutputError: it could not be stored."""
+
+    def put(system: Any) -> None:
+        if _whole_puts(system):
+            system.pipe_file(url, data)
+        else:
+            system.pipe_file(_part(url), data)
+            system.mv(_part(url), url)
+
+    _answer(url, OutputError, put)
+
+
+def create_remote(url: str, data: bytes) -> bool:
+    """A small object that was not there; False where it was.  Exact on stores that can refuse to overwrite (S3, GCS, ...), see below.
+
+    Where a store cannot, it is looked for first, which leaves a moment between looking and writing.
+    """
+
+    def create(system: Any) -> bool:
         try:
-            while part := source.read(1 << 22):
-                target.write(part)
-        except OSError as problem:
-            raise _refusal(ReadError, url, problem) from None
+            system.pipe_file(url, data, mode="create")
+        except (TypeError, NotImplementedError):
+            if system.exists(url):
+                return False
+            system.pipe_file(url, data)
+        return True
+
+    try:
+        return _answer(url, OutputError, create)
+    except FileExistsError:
+        return False
+    except OutputError as problem:
+        if "PreconditionFailed" in problem.message or "412" in problem.message or "At least one of the pre-conditions" in problem.message:
+            return False
+        raise
+
+
+def remove_remote(urls: Sequence[str]) -> None:
+    """Remove objects; those that are gone already are no error."""
+    if urls:
+        try:
+            _answer(urls[0], OutputError, lambda system: system.rm(list(urls)))
+        except FileNotFoundError:
+            for url in urls if len(urls) > 1 else ():
+                remove_remote([url])
 
 
 def upload(path: Path, url: str) -> None:
-    """Copy a whole local file to `url`; object stores show it whole or not at all.  OutputError: it could not be stored."""
+    """Copy a whole local file to `url`, where it is seen whole or not at all.  OutputError: it could not be stored."""
+    system = _filesystem(url)
     try:
-        _filesystem(url).put_file(str(path), url)
-    except TirelogError:
-        raise
-    except Exception as problem:
+        if _whole_puts(system):
+            system.put_file(str(path), url)
+        else:
+            system.put_file(str(path), _part(url))
+            system.mv(_part(url), url)
+    except Exception as problem:  # each store has exceptions of its own
         raise _refusal(OutputError, url, problem) from None
+
+
+def _whole_puts(system: Any) -> bool:
+    names = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
+    return bool(names & _WHOLE_PUTS)
+
+
+def _part(url: str) -> str:
+    folder, _, name = url.rpartition("/")
+    return f"{folder}/.{name}{PART}"

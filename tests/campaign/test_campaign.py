@@ -97,8 +97,8 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
 
 def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
     holder = subprocess.Popen(
-        [sys.executable, "-c", "from tirelog.campaign.ledger import Ledger; from pathlib import Path; import time, sys\n"
-         "with Ledger(Path(sys.argv[1])).locked(): print('held', flush=True); time.sleep(60)", str(tmp_path / "results")],
+        [sys.executable, "-c", "from tirelog.campaign.folder import folder_at; import time, sys\n"
+         "with folder_at(sys.argv[1]).held(): print('held', flush=True); time.sleep(60)", str(tmp_path / "results")],
         stdout=subprocess.PIPE,
     )  # fmt: skip
     assert holder.stdout is not None

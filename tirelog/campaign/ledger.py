@@ -1,31 +1,30 @@
 """What a campaign has done: one small JSON file a log, written after the log's parts; and the hashes of files that did not change.
 
-output/.tirelog/lock               held while a run works on the folder
-output/.tirelog/hashes.json        path -> (size, mtime, sha256), so that an unchanged file is not read again
-output/.tirelog/done/<name>.json   Entry of a log
-output/.tirelog/tmp/               temporary runs of the workers; emptied when a run begins
+output/.tirelog/hashes.json          log -> [what changes with its bytes (size, time, a store's tag), sha256]
+output/.tirelog/done/<name>.json     Entry of a log
+output/.tirelog/pieces/<observable>/<name>.npz   what models need of a log (`pieces_file`), where the manifest has models
+output/.tirelog/tmp/                 temporary runs of the workers (elsewhere if the output is at an address); emptied when a run begins
 """
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
-from tirelog.errors import UsageError
-from tirelog.files import output_error, whole_file
+from tirelog.campaign.folder import HIDDEN, Folder, json_of
+from tirelog.remote import address, open_remote, state_of
+
+_DONE = f"{HIDDEN}/done/"
+_HASHES = f"{HIDDEN}/hashes.json"
 
 
 @dataclass
 class Entry:
-    """The outcome of one log's task under its key.  `error` is empty where the tables were made."""
+    """The outcome of one log's task under its key.  `error` is empty where the tables were made; `pieces`: observable -> '' where what
+    models need of the log was kept, or why it could not be.  `unwritable`: the fault is the output's (a full disk), not the log's."""
 
     log: str
     name: str
@@ -36,91 +35,72 @@ class Entry:
     quality: dict[str, dict[str, int]] = field(default_factory=dict)
     losses: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    pieces: dict[str, str] = field(default_factory=dict)
     seconds: float = 0.0
     peak_memory_MB: float = 0.0
+    unwritable: bool = False
 
 
 class Ledger:
-    """The folder `.tirelog` of a campaign's output."""
+    """The entries in a campaign's output folder."""
 
-    def __init__(self, output: Path) -> None:
-        self.output = output
-        self.folder = output / ".tirelog"
-        self.temporary = self.folder / "tmp"
+    def __init__(self, folder: Folder) -> None:
+        self.folder = folder
         self._hashes: dict[str, list[Any]] | None = None
+        self._entries: dict[str, Entry] | None = None
 
-    @contextmanager
-    def locked(self) -> Iterator[None]:
-        """The folder for this process alone, swept of what a kill may have left.  UsageError: another run has it."""
-        try:
-            (self.folder / "done").mkdir(parents=True, exist_ok=True)
-            lock = (self.folder / "lock").open("a+")
-        except OSError as problem:
-            raise output_error(self.output, problem) from problem
-        with lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise UsageError(
-                    "another campaign run works in this folder; one at a time is allowed; wait for it", file=self.output
-                ) from None
-            self._sweep()
-            try:
-                yield
-            finally:
-                self._sweep()  # a worker that died has left what it was writing
+    def sha256(self, log: str) -> str:
+        """The hash of a log's bytes; of a log that has not changed since it was last asked for, without reading it.
 
-    def _sweep(self) -> None:
-        """Remove what a kill left half-written."""
-        shutil.rmtree(self.temporary, ignore_errors=True)
-        self.temporary.mkdir()
-        for part in self.output.rglob(".*.part"):
-            part.unlink(missing_ok=True)
-
-    def sha256(self, path: str) -> str:
-        """The hash of a file's bytes; of a file that has not changed since it was last asked for, without reading it."""
+        OSError, ReadError: it cannot be read.
+        """
         if self._hashes is None:
-            self._hashes = dict(_load(self.folder / "hashes.json") or {})
-        state = os.stat(path)
-        known = self._hashes.get(path)
-        if known and known[:2] == [state.st_size, state.st_mtime_ns]:
-            return str(known[2])
-        with open(path, "rb") as stream:
-            digest = hashlib.file_digest(stream, "sha256").hexdigest()
-        self._hashes[path] = [state.st_size, state.st_mtime_ns, digest]
-        return digest
+            self._hashes = json_of(self.folder.read(_HASHES))
+        url = address(log)
+        if url is None:
+            stat = os.stat(log)
+            state: list[Any] = [stat.st_size, stat.st_mtime_ns]
+        else:
+            state = state_of(url)
+        known = self._hashes.get(log)
+        if isinstance(known, list) and known[:-1] == state:
+            return str(known[-1])
+        with open_remote(url) if url is not None else open(log, "rb") as stream:
+            digest = hashlib.sha256()
+            while part := stream.read(1 << 22):
+                digest.update(part)
+        self._hashes[log] = [*state, digest.hexdigest()]
+        return digest.hexdigest()
 
     def save_hashes(self) -> None:
-        _save(self.folder / "hashes.json", self._hashes or {})
+        data = _bytes(self._hashes or {})
+        if self.folder.read(_HASHES) != data:
+            self.folder.write(_HASHES, data)
 
     def entry(self, name: str) -> Entry | None:
         """What is known of a log, or None (also where the file was damaged)."""
-        data = _load(self.folder / "done" / f"{name}.json")
-        try:
-            return Entry(**data) if data else None
-        except TypeError:
-            return None
+        if self._entries is None:
+            files = [file for file in self.folder.names() if file.startswith(_DONE) and file.endswith(".json")]
+            found = {file: _entry(data) for file, data in self.folder.read_all(files).items()}
+            self._entries = {file.removeprefix(_DONE).removesuffix(".json"): entry for file, entry in found.items() if entry is not None}
+        return self._entries.get(name)
 
     def record(self, entry: Entry) -> None:
-        _save(self.folder / "done" / f"{entry.name}.json", asdict(entry))
-
-    def entries(self) -> list[Entry]:
-        """All entries, in the order of their names."""
-        names = sorted(path.name.removesuffix(".json") for path in (self.folder / "done").glob("*.json"))
-        return [entry for name in names if (entry := self.entry(name)) is not None]
+        self.folder.check_held()
+        self.folder.write(f"{_DONE}{entry.name}.json", _bytes(asdict(entry)))
+        if self._entries is not None:
+            self._entries[entry.name] = entry
 
 
-def _load(path: Path) -> Any:
+def _entry(data: bytes) -> Entry | None:
     try:
-        data = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError):
+        return Entry(**json_of(data))
+    except TypeError:
         return None
-    return data if isinstance(data, dict) else None
 
 
-def _save(path: Path, data: Any) -> None:
-    with whole_file(path) as part:
-        part.write_text(json.dumps(data, sort_keys=True, indent=1), "utf-8")
+def _bytes(data: Any) -> bytes:
+    return json.dumps(data, sort_keys=True, indent=1).encode()
 
 
 def key_of(sha256: str, setup_text: str, tables: Any, version: str) -> str:

@@ -3,10 +3,10 @@
 ```toml
 [campaign]
 name = "spring 2026"
-output = "results"                 # relative to the manifest
+output = "results"                 # relative to the manifest, or an address (s3://bucket/folder)
 
 [[logs]]
-glob = "logs/wet/*.csv.gz"
+glob = "logs/wet/*.csv.gz"         # relative to the manifest, or an address
 setup = "wet.toml"                 # optional: else the setup beside each log
 conditions = "conditions.csv"      # optional: column `log` (path or name), and conditions of the setup or tags (driver, track) per log
 
@@ -32,7 +32,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tirelog.errors import UsageError, nearest
+from tirelog.errors import SetupError, UsageError, nearest
+from tirelog.remote import address, match_remote, read_remote
 from tirelog.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
 
 _SECTIONS = ("campaign", "logs", "tables", "models")
@@ -56,9 +57,10 @@ class CampaignLog:
 
 @dataclass(frozen=True)
 class CampaignModel:
-    """A model file and what to do with it over all logs."""
+    """A model file, what it predicts, and what to do with it over all logs."""
 
     file: Path
+    observable: str
     commands: tuple[str, ...]
 
 
@@ -67,7 +69,7 @@ class Campaign:
     """A whole manifest, resolved."""
 
     name: str
-    output: Path
+    output: str
     logs: tuple[CampaignLog, ...]
     tables: Mapping[str, Mapping[str, Any]]
     models: tuple[CampaignModel, ...]
@@ -114,7 +116,9 @@ def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign
     if not wanted and not data.get("models"):
         raise _refuse(f"asks for nothing; allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]; add one", path)
     models = tuple(_model(entry, base, path) for entry in data.get("models", []))
-    return Campaign(str(about.get("name", path.stem)), base / str(about.get("output", "results")), logs, wanted, models, path)
+    _distinct_models(models, path)
+    output = str(about.get("output", "results"))
+    return Campaign(str(about.get("name", path.stem)), address(output) or str(base / output), logs, wanted, models, path)
 
 
 def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
@@ -129,41 +133,79 @@ def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
         seen[log.name] = log.path
 
 
+def _distinct_models(models: tuple[CampaignModel, ...], path: Path) -> None:
+    seen: dict[str, Path] = {}
+    for model in models:
+        if model.file.stem in seen:
+            raise _refuse(
+                f"two models have the name {model.file.stem!r}: {seen[model.file.stem]} and {model.file}; one is allowed; rename one",
+                path,
+            )
+        seen[model.file.stem] = model.file
+
+
 def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
     """The logs of one [[logs]] entry, in the order of their paths."""
     _keys(entry, ("glob", "setup", "conditions"), where, file)
     pattern = entry.get("glob")
     if not isinstance(pattern, str) or not pattern:
         raise _refuse(f'{where} has no glob; allowed is a pattern relative to the manifest; add glob = "logs/*.csv"', file)
-    if Path(pattern).is_absolute():
-        root = Path(Path(pattern).anchor)
-        paths = root.glob(str(Path(pattern).relative_to(root)))
-    else:
-        paths = base.glob(pattern)
-    setups = (".toml",)
-    found = sorted(p for p in paths if p.is_file() and p.suffix not in setups and not p.name.endswith(".truth.json"))
+    found = [log for log in _matches(pattern, base) if not log.endswith((".toml", ".truth.json"))]
     if not found:
-        raise _refuse(f"{where}: glob {pattern!r} matches no log; it is relative to {base}; mend it", file)
-    shared = load_setup(base / entry["setup"]) if "setup" in entry else None
+        raise _refuse(f"{where}: glob {pattern!r} matches no log; it is relative to {base}, or an address; mend it", file)
+    shared = _setup(str(entry["setup"]), base) if "setup" in entry else None
     overrides = _conditions(base / entry["conditions"]) if "conditions" in entry else {}
-    return [_log(path, shared, overrides, base) for path in found]
+    return [_log(log, shared, overrides, base) for log in found]
 
 
-def _log(path: Path, shared: Setup | None, overrides: Mapping[str, Mapping[str, str]], base: Path) -> CampaignLog:
-    relative = path.relative_to(base) if path.is_relative_to(base) else path
-    name = re.sub(r"[^\w.+-]+", "_", str(relative)).strip("_")
-    row = overrides.get(str(relative)) or overrides.get(path.name) or {}
+def _matches(pattern: str, base: Path) -> list[str]:
+    """Paths (or addresses) that match, in their order."""
+    url = address(pattern)
+    if url is not None:
+        return match_remote(url)
+    root = Path(Path(pattern).anchor) if Path(pattern).is_absolute() else base
+    inside = str(Path(pattern).relative_to(root)) if Path(pattern).is_absolute() else pattern
+    return [str(path) for path in sorted(root.glob(inside)) if path.is_file()]
+
+
+def _setup(place: str, base: Path) -> Setup:
+    """The setup at a path relative to the manifest, or at an address."""
+    url = address(place)
+    if url is None:
+        return load_setup(base / place)
+    data = read_remote(url)
+    if data is None:
+        raise SetupError("is not there; a setup is a TOML file; give another address", file=url)
+    return parse_setup(data.decode("utf-8-sig", errors="replace"), url)
+
+
+def _setup_beside(log: str) -> Setup | None:
+    """The setup of a log's own name beside it, or None."""
+    url = address(log)
+    if url is None:
+        beside = setup_beside(log)
+        return load_setup(beside) if beside is not None else None
+    folder, _, name = url.rpartition("/")
+    stems = [name[:at] for at in range(len(name) - 1, 0, -1) if name[at] == "."]
+    for stem in stems:
+        if (data := read_remote(f"{folder}/{stem}.toml")) is not None:
+            return parse_setup(data.decode("utf-8-sig", errors="replace"), f"{folder}/{stem}.toml")
+    return None
+
+
+def _log(log: str, shared: Setup | None, overrides: Mapping[str, Mapping[str, str]], base: Path) -> CampaignLog:
+    """One log with its setup and the conditions of its row."""
+    inside = str(Path(log).relative_to(base)) if address(log) is None and Path(log).is_relative_to(base) else log
+    name = re.sub(r"[^\w.+-]+", "_", inside).strip("_")
+    row = overrides.get(inside) or overrides.get(log.rsplit("/", 1)[-1]) or {}
     tags = {k: v for k, v in row.items() if k not in _CONDITIONS}
     try:
-        beside = None if shared is not None else setup_beside(path)
-        setup = shared if shared is not None else load_setup(beside) if beside is not None else None
+        setup = shared if shared is not None else _setup_beside(log)
         if setup is not None and row:
             setup = _with_conditions(setup, row)
-    except UsageError:
-        raise
-    except Exception as problem:  # a log whose setup is unusable is kept as failed
-        return CampaignLog(str(path), name, None, tags, str(problem))
-    return CampaignLog(str(path), name, setup, tags, "" if setup else "no setup file beside the log and none in the manifest")
+    except SetupError as problem:  # a log whose setup is unusable is kept as failed
+        return CampaignLog(log, name, None, tags, str(problem))
+    return CampaignLog(log, name, setup, tags, "" if setup else "no setup file beside the log and none in the manifest")
 
 
 def _with_conditions(setup: Setup, row: Mapping[str, str]) -> Setup:
@@ -213,4 +255,13 @@ def _model(entry: Any, base: Path, file: Path) -> CampaignModel:
             )
     if not isinstance(entry.get("file"), str):
         raise _refuse('[[models]] has no file; allowed is the path of a model file; add file = "beam.toml"', file)
-    return CampaignModel(base / entry["file"], commands)
+    path = base / entry["file"]
+    return CampaignModel(path, _observable(path), commands)
+
+
+def _observable(path: Path) -> str:
+    """What the model file says it predicts; what else is wrong with it is said when it is used."""
+    try:
+        return str(tomllib.loads(path.read_text("utf-8")).get("model", {}).get("observable", "strain"))
+    except (OSError, ValueError, AttributeError):
+        return "strain"

@@ -1,75 +1,116 @@
 """Models over a whole campaign: compare, diagnose and ladder on all its logs together, each under its own conditions.
 
-    logs that could be read --stacks--> discrepancy --> output/models/<model>/{compare,diagnose,ladder}.json
+    pieces that the workers kept, a log's share of each --> discrepancy --> output/models/<model>/{compare,diagnose,ladder}.json
+                                                                       --> output/models/<model>/page.json, sections for the report
 
 What differs between logs (load, pressure, water, age) is what lets `diagnose` see effects that no single log shows.  A result carries the
 key of everything it was made of, so it is made again only when a log, a setup, the model or tirelog changes.
+
+Memory: MOST_PIECES means of like revolutions at most, whatever the campaign's size, and nothing of the revolutions; every log gives the
+same share of them (two at least; beyond MOST_PIECES / 2 logs only so many logs, evenly), spread over its speeds.  A result says how many
+there were.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
-from pathlib import Path
+import shlex
+from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from tirelog import __version__
+from tirelog.campaign.folder import json_of
 from tirelog.campaign.ledger import Ledger
 from tirelog.campaign.manifest import Campaign, CampaignModel
-from tirelog.campaign.work import Task
-from tirelog.discrepancy import compare, diagnose, ladder, stacks_from_logs
-from tirelog.errors import TirelogError, UsageError
-from tirelog.files import whole_file
-from tirelog.ingest import open_recording
+from tirelog.campaign.pieces_file import MOST_PIECES, read_pieces
+from tirelog.campaign.work import Task, pieces_name
+from tirelog.discrepancy import compare, diagnose, ladder
+from tirelog.discrepancy.pieces import Pieces, joined_pieces
+from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model import Model
-from tirelog.recording import Recording
-from tirelog.setup import parse_setup
 
 _COMMANDS: dict[str, Callable[..., Any]] = {"compare": compare, "diagnose": diagnose, "ladder": ladder}
+_LEAST_SHARE = 2
 
 
 def run_models(campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]) -> list[str]:
     """Make every model's results that are not made yet; sentences on those that could not be made."""
-    readable = [task for task in tasks if (entry := ledger.entry(task.name)) is not None and not entry.error]
     failed = []
     for model in campaign.models:
         try:
-            _run(campaign, model, readable, said)
+            _run(model, str(campaign.file), ledger, tasks, said)
         except TirelogError as problem:
             failed.append(f"{model.file}: {problem.message}")
     return failed
 
 
-def _run(campaign: Campaign, model: CampaignModel, tasks: list[Task], said: Callable[[str], None]) -> None:
+def _run(model: CampaignModel, manifest: str, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]) -> None:
     """One model's results."""
-    if not tasks:
-        raise UsageError("no log of the campaign could be read, so there is nothing to hold the model against")
     read = Model.load(model.file)
-    key = hashlib.sha256(json.dumps([[t.key for t in tasks], model.file.read_text(), __version__]).encode()).hexdigest()
-    folder = campaign.output / "models" / model.file.stem
-    waiting = [name for name in model.commands if _key_of(folder / f"{name}.json") != key]
+    measured = [
+        task for task in tasks if (entry := ledger.entry(task.name)) and not entry.error and entry.pieces.get(read.observable) == ""
+    ]
+    if not measured:
+        raise UsageError(f"no log of the campaign measures {read.observable}, so there is nothing to hold the model against")
+    key = hashlib.sha256(json.dumps([[t.key for t in measured], model.file.read_text(), __version__]).encode()).hexdigest()
+    folder = f"models/{model.file.stem}"
+    waiting = [name for name in model.commands if json_of(ledger.folder.read(f"{folder}/{name}.json")).get("key") != key]
     if not waiting:
         return
-    stacks = stacks_from_logs(_recordings(tasks), read.observable, None)
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in waiting:
-        result = _COMMANDS[name](stacks, read).to_json()
-        with whole_file(folder / f"{name}.json") as part:
-            part.write_text(json.dumps({"key": key, **result}, indent=1) + "\n", encoding="utf-8")
-        said(f"note: {folder / name}.json" + (f": {result['verdict']}" if "verdict" in result else ""))
+    pieces, about = _pieces(measured, read.observable, ledger)
+    results = {}
+    for name in model.commands:
+        results[name] = _COMMANDS[name](pieces, read)
+        said(f"note: {ledger.folder.root}/{folder}/{name}.json" + _outcome(results[name]))
+    ledger.folder.check_held()
+    ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
+    for name, result in results.items():  # after the page, which is whole once these say so by their key
+        ledger.folder.write(f"{folder}/{name}.json", _bytes({"key": key, **about, **result.to_json()}))
 
 
-def _key_of(path: Path) -> str | None:
-    try:
-        return str(json.loads(path.read_text("utf-8")).get("key"))
-    except (OSError, ValueError, AttributeError):
-        return None
+def _outcome(result: Any) -> str:
+    verdict = getattr(result, "verdict", "")
+    names = " ".join(getattr(result, "selected", ()))
+    return (f": {verdict}" if verdict else "") + (f", {names}" if names else "")
 
 
-def _recordings(tasks: list[Task]) -> Iterator[Recording]:
-    """The logs, one open at a time; one without the model's observable (an encoder log, say) is no part of it."""
-    for task in tasks:
-        with open_recording(task.log, parse_setup(task.setup_text, task.setup_file)) as recording:
-            if recording.of_kind("fbg_strain", "strain", "radial_acceleration"):
-                yield recording
+def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str, Any]:
+    """What the report shows of these results: the sections that it makes of a model and single logs."""
+    from tirelog.physics.effects import BY_ID
+    from tirelog.report import model_sections
+    from tirelog.report.diagnosed import story_of
+    from tirelog.report.stored import stored
+
+    command = shlex.join(["tirelog", "campaign", "run", manifest])
+    found, climbed = results.get("diagnose"), results["ladder"].to_json() if "ladder" in results else None
+    compared = results.get("compare") or (found.before if found is not None else None)
+    sections = [model_sections.ladder(climbed, command)] if climbed is not None else []
+    if compared is None:
+        return stored(sections, [])
+    story = story_of(pieces, compared, found, climbed, lambda name: command, BY_ID, lambda text: None)
+    return stored([*story.before_ladder, *sections, *story.after_ladder], story.missing)
+
+
+def _pieces(tasks: list[Task], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:
+    """Each log's share of pieces, and what to say of it."""
+    share = max(MOST_PIECES // len(tasks), _LEAST_SHARE)
+    most_logs = MOST_PIECES // share
+    chosen = sorted({int(i) for i in np.linspace(0, len(tasks) - 1, min(len(tasks), most_logs)).round()})
+    parts, of = [], 0
+    for number, task in enumerate(tasks[i] for i in chosen):
+        name = pieces_name(observable, task.name)
+        try:
+            whole = read_pieces(ledger.folder.read(name) or b"")
+        except (ValueError, KeyError, OSError, EOFError):
+            raise ReadError(f"{name} is damaged; it is made by campaign run; remove it and run again", file=ledger.folder.root) from None
+        of += len(whole)
+        parts.append(whole.thinned(share, number))
+    pieces = joined_pieces(parts)
+    return pieces, {"logs_used": len(parts), "logs": len(tasks), "cells_used": len(pieces), "cells": of}
+
+
+def _bytes(data: Mapping[str, Any]) -> bytes:
+    return (json.dumps(data, indent=1) + "\n").encode()

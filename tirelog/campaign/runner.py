@@ -6,20 +6,21 @@ Tasks do not depend on one another, and each writes its own files, so neither or
 from __future__ import annotations
 
 import csv
+import io
 import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 
 from tirelog import __version__
 from tirelog.campaign.ledger import Entry, Ledger, key_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
-from tirelog.campaign.work import Task, make_tables, part_path
-from tirelog.errors import ExitStatus, UsageError
-from tirelog.files import whole_file
+from tirelog.campaign.work import Task, make_tables, part_name, pieces_name
+from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
 
 #: a log whose worker died this often is failed
 _ATTEMPTS = 3
@@ -31,55 +32,83 @@ def plan(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list
     logs = [log for log in campaign.logs if only is None or fnmatch(log.path, only) or fnmatch(Path(log.path).name, only)]
     if not logs:
         raise UsageError(f"--only {only!r} matches none of the campaign's {len(campaign.logs)} logs; mend the pattern", file=campaign.file)
-    tasks = [_task(campaign, log, ledger) for log in logs]
-    ledger.save_hashes()
-    return tasks
+    observables = tuple(dict.fromkeys(model.observable for model in campaign.models))
+    return [_task(campaign, log, ledger, observables) for log in logs]
 
 
-def _task(campaign: Campaign, log: CampaignLog, ledger: Ledger) -> Task:
+def _task(campaign: Campaign, log: CampaignLog, ledger: Ledger, observables: tuple[str, ...]) -> Task:
     text = log.setup.text if log.setup else ""
     try:
         digest, problem = ledger.sha256(log.path), log.problem
     except OSError as error:
         digest, problem = "", f"cannot be read ({error.strerror})"
+    except ReadError as error:
+        digest, problem = "", error.message
     tables = {name: dict(options) for name, options in campaign.tables.items()}
     key = key_of(digest, text + problem, tables, __version__)
     setup_file = (log.setup.file or "") if log.setup else ""
-    return Task(log.path, log.name, key, text, setup_file, tables, str(campaign.output), str(ledger.temporary), problem)
+    folder = ledger.folder
+    return Task(log.path, log.name, key, text, setup_file, tables, folder.root, str(folder.temporary), problem, observables)
 
 
 def to_do(tasks: Iterable[Task], ledger: Ledger, *, retry_failed: bool = False) -> list[Task]:
-    """The tasks that the ledger does not have under their key, or whose parts are gone; with `retry_failed` the failed ones as well."""
-    return [task for task in tasks if not _done(task, ledger.entry(task.name), retry_failed)]
+    """What is left: tasks that the ledger does not have under their key, or whose parts are gone; with `retry_failed` the failed ones as
+    well; and of those that are done what models need besides, without the tables."""
+    there = ledger.folder.names()
+    left = (_left(task, ledger.entry(task.name), there, retry_failed) for task in tasks)
+    return [task for task in left if task is not None]
 
 
-def _done(task: Task, entry: Entry | None, retry_failed: bool) -> bool:
+def _left(task: Task, entry: Entry | None, there: set[str], retry_failed: bool) -> Task | None:
     if entry is None or entry.key != task.key:
-        return False
+        return task
     if entry.error:
-        return not retry_failed
-    return all(part_path(task.output, table, task.name).is_file() for table in entry.rows)
+        return task if retry_failed else None
+    if any(part_name(table, task.name) not in there for table in entry.rows):
+        return task
+    kept = {name for name, why in entry.pieces.items() if why or pieces_name(name, task.name) in there}
+    observables = tuple(name for name in task.observables if name not in kept)
+    return replace(task, tables={}, observables=observables) if observables else None
 
 
 def run(
     campaign: Campaign, ledger: Ledger, tasks: list[Task], *, workers: int, scheduler: str | None, said: Callable[[Entry, int, int], None]
 ) -> None:
-    """Carry out `tasks`; `said(entry, finished, of)` after each.  A log that fails leaves no part of an older outcome behind."""
-    for task in tasks:
-        for table in [path.name.removeprefix("table=") for path in campaign.output.glob("table=*")]:
-            part_path(task.output, table, task.name).unlink(missing_ok=True)
-    if scheduler is not None:
-        from tirelog.campaign.cluster import on_cluster
+    """Carry out `tasks`; `said(entry, finished, of)` after each.  A log that fails leaves no part of an older outcome behind.
 
-        finished = on_cluster(tasks, scheduler)
-    else:
-        finished = _on_processes(tasks, workers)
+    OutputError: the output cannot be written (a full disk); what was done before is kept, and what was not is not held against the logs.
+    """
+    folder = ledger.folder
+    by_name = {task.name: task for task in tasks}
+    if any(task.tables for task in tasks):
+        folder.remove(sorted(name for name in folder.names() if _log_of(name) in by_name and by_name[_log_of(name)].tables))
+    finished = _on_processes(tasks, workers) if scheduler is None else _on_cluster(tasks, scheduler)
     for number, entry in enumerate(finished, 1):
+        if entry.unwritable:
+            raise OutputError(entry.error)
         if entry.error:
-            for table in campaign.tables:
-                part_path(campaign.output, table, entry.name).unlink(missing_ok=True)
-        ledger.record(entry)
+            folder.remove([part_name(table, entry.name) for table in campaign.tables])
+        ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
         said(entry, number, len(tasks))
+
+
+def _log_of(name: str) -> str:
+    """The log whose part a file of the dataset is, or ''."""
+    parts = name.split("/")
+    return parts[1].removeprefix("log=") if len(parts) == 3 and parts[0].startswith("table=") else ""
+
+
+def _with_tables(entry: Entry, task: Task, before: Entry | None) -> Entry:
+    """The outcome of a task that made no tables, since they were there, on top of the one that made them."""
+    if task.tables or entry.error or before is None or before.key != entry.key or before.error:
+        return entry
+    return replace(before, pieces=before.pieces | entry.pieces, seconds=before.seconds + entry.seconds)
+
+
+def _on_cluster(tasks: list[Task], scheduler: str) -> Iterator[Entry]:
+    from tirelog.campaign.cluster import on_cluster
+
+    return on_cluster(tasks, scheduler)
 
 
 def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
@@ -116,17 +145,16 @@ def _died(task: Task) -> Entry:
     return Entry(task.log, task.name, task.key, error=error, exit_status=int(ExitStatus.DEFECT))
 
 
-def write_summary(campaign: Campaign, ledger: Ledger) -> Path:
+def write_summary(campaign: Campaign, ledger: Ledger) -> str:
     """summary.csv beside the tables: a row a log of the manifest, with its tags."""
     tags = sorted({tag for log in campaign.logs for tag in log.tags})
-    path = campaign.output / "summary.csv"
-    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream)
-        writer.writerow([*SUMMARY, *tags])
-        for log in campaign.logs:
-            entry = ledger.entry(log.name)
-            writer.writerow([*_summary_row(log, entry), *(log.tags.get(tag, "") for tag in tags)])
-    return path
+    stream = io.StringIO(newline="")
+    writer = csv.writer(stream)
+    writer.writerow([*SUMMARY, *tags])
+    for log in campaign.logs:
+        writer.writerow([*_summary_row(log, ledger.entry(log.name)), *(log.tags.get(tag, "") for tag in tags)])
+    ledger.folder.write("summary.csv", stream.getvalue().encode())
+    return f"{ledger.folder.root}/summary.csv"
 
 
 def _summary_row(log: CampaignLog, entry: Entry | None) -> list[object]:

@@ -1,6 +1,8 @@
-"""One log's task, carried out in a worker: open the log once, write all its tables, say how it went.
+"""One log's task, carried out in a worker: open the log once, write all its tables and what models need of it, say how it went.
 
-The worker's memory is that of one command on one log, which streams: blocks of a fixed size, whatever the log's length.
+The worker's memory is that of one command on one log, which streams: blocks of a fixed size, whatever the log's length.  What models need
+are the means of like revolutions (`discrepancy.pieces`, 25 kB each); the revolutions that they are made of (8 kB each, one channel) are in
+memory only here, and only while they are averaged.
 """
 
 from __future__ import annotations
@@ -17,18 +19,21 @@ from typing import Any
 import numpy as np
 
 from tirelog import __version__
+from tirelog.campaign.folder import HIDDEN
 from tirelog.campaign.ledger import Entry
-from tirelog.errors import ExitStatus, TirelogError, UsageError
+from tirelog.errors import ExitStatus, OutputError, TirelogError, UsageError
 from tirelog.estimators.makers import MAKERS, tables_of
+from tirelog.files import output_error, whole_file
 from tirelog.ingest import open_recording
 from tirelog.recording import Recording
+from tirelog.remote import address
 from tirelog.setup import parse_setup
 from tirelog.tables import TableWriter
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker is sent: only text and numbers, so that it can travel to another machine."""
+    """What a worker is sent: only text and numbers, so that it can travel to another machine.  `observables`: whose pieces are kept."""
 
     log: str
     name: str
@@ -39,10 +44,11 @@ class Task:
     output: str
     temporary: str
     problem: str = ""
+    observables: tuple[str, ...] = ()
 
 
 def make_tables(task: Task) -> Entry:
-    """Write the log's tables to `output/table=NAME/log=NAME/part.parquet`; every failure is in the entry, none is raised."""
+    """Write the log's tables to `output/table=NAME/log=NAME/part.parquet`, and its pieces; a failure is in the entry, never raised."""
     entry = Entry(task.log, task.name, task.key)
     begun = time.perf_counter()
     try:
@@ -56,10 +62,12 @@ def make_tables(task: Task) -> Entry:
                 raise UsageError(f"has no channel for {', '.join(task.tables)}; see tirelog info; narrow the glob", file=task.log)
             entry.remarks += [f"no channel for {name}" for name in task.tables if name not in suited]
             _make(suited, recording, task, entry)
+            _keep_pieces(recording, task, entry)
             entry.losses = list(recording.losses)
         entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
     except TirelogError as problem:
         entry.error, entry.exit_status = str(problem), int(problem.exit_status)
+        entry.unwritable = isinstance(problem, OutputError)
     except Exception as problem:  # one log's failure, also a defect of our own, must not stop the campaign
         entry.error, entry.exit_status = (
             f"{task.log}: a defect of tirelog's own ({type(problem).__name__}: {problem})",
@@ -70,9 +78,26 @@ def make_tables(task: Task) -> Entry:
     return entry
 
 
-def part_path(output: str | Path, table: str, name: str) -> Path:
-    """Where a log's rows of a table stand."""
-    return Path(output) / f"table={table}" / f"log={name}" / "part.parquet"
+def part_name(table: str, log: str) -> str:
+    """Where a log's rows of a table stand in the output folder."""
+    return f"table={table}/log={log}/part.parquet"
+
+
+def pieces_name(observable: str, log: str) -> str:
+    """Where a log's pieces stand in the output folder."""
+    return f"{HIDDEN}/pieces/{observable}/{log}.npz"
+
+
+def _place(output: str, name: str) -> str:
+    """Path or address of a file in the output folder; a folder of this machine is made for it."""
+    if address(output) is not None:
+        return f"{output}/{name}"
+    path = Path(output) / name
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise output_error(path, problem) from problem
+    return str(path)
 
 
 def _make(wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: Task, entry: Entry) -> None:
@@ -81,8 +106,7 @@ def _make(wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: T
     with ExitStack() as open_tables:
         writers: dict[str, TableWriter] = {}
         for name in wanted:
-            path = part_path(task.output, name, task.name)
-            path.parent.mkdir(parents=True, exist_ok=True)
+            path = _place(task.output, part_name(name, task.name))
             writers[name] = open_tables.enter_context(TableWriter(name, path, "parquet", metadata=metadata))
             entry.quality[name] = {}
         for name, columns, remarks in tables_of(recording, wanted):
@@ -92,3 +116,25 @@ def _make(wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: T
                 words[str(word)] = words.get(str(word), 0) + int(n)
             writers[name].write({key: value for key, value in columns.items() if key != "log"})
         entry.rows |= {name: writer.rows for name, writer in writers.items()}
+
+
+def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
+    """The pieces of each observable that models of the campaign ask for; why there are none is in the entry, and is no failure."""
+    if not task.observables:
+        return
+    from tirelog.campaign.pieces_file import MOST_PIECES, pieces_bytes
+    from tirelog.discrepancy.pieces import pieces_of
+    from tirelog.discrepancy.stack import KINDS, stacks_from_logs
+
+    for observable in task.observables:
+        if not recording.of_kind(*KINDS.get(observable, ())):
+            entry.pieces[observable] = f"no channel for {observable}"
+            continue
+        try:
+            pieces = pieces_of(stacks_from_logs([recording], observable)[0]).thinned(MOST_PIECES)
+        except TirelogError as problem:
+            entry.pieces[observable] = problem.message
+            continue
+        with whole_file(_place(task.output, pieces_name(observable, task.name))) as part:
+            part.write_bytes(pieces_bytes(pieces))
+        entry.pieces[observable] = ""

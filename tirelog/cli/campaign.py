@@ -23,12 +23,13 @@ Only = Annotated[str | None, typer.Option("--only", help="Only logs whose path o
 
 
 def _load(manifest: Path) -> tuple[Campaign, Ledger]:
+    from tirelog.campaign.folder import folder_at
     from tirelog.campaign.ledger import Ledger
     from tirelog.campaign.manifest import load_manifest
     from tirelog.estimators.makers import MAKERS
 
     campaign = load_manifest(manifest, {name: maker.options for name, maker in MAKERS.items()})
-    return campaign, Ledger(campaign.output)
+    return campaign, Ledger(folder_at(campaign.output))
 
 
 @app.command("run")
@@ -46,15 +47,15 @@ def run(
     from tirelog.campaign.runner import run as carry_out
 
     campaign, ledger = _load(manifest)
-    with ledger.locked():
+    if dry_run:
+        for task in to_do(plan(campaign, ledger, only=only), ledger, retry_failed=retry_failed):
+            typer.echo(f"{task.log}: {', '.join([*task.tables, *(f'{name} for models' for name in task.observables)])}")
+        return
+    with ledger.folder.held():
         tasks = plan(campaign, ledger, only=only)
+        ledger.save_hashes()
         open_tasks = to_do(tasks, ledger, retry_failed=retry_failed)
-        if dry_run:
-            for task in open_tasks:
-                typer.echo(f"{task.log}: {', '.join(task.tables)}")
-            return
-        progress = _Progress(quiet)
-        carry_out(campaign, ledger, open_tasks, workers=workers, scheduler=scheduler, said=progress)
+        carry_out(campaign, ledger, open_tasks, workers=workers, scheduler=scheduler, said=_Progress(quiet))
         summary = write_summary(campaign, ledger)
         failed = [entry for task in tasks if (entry := ledger.entry(task.name)) is not None and (entry.error or entry.losses)]
         if not quiet:
@@ -72,13 +73,12 @@ def run(
 
 @app.command("status")
 def status(manifest: Manifest) -> None:
-    """Say what is done, failed and open."""
+    """Say what is done, failed and open; also while a run works."""
     from tirelog.campaign.runner import plan, to_do
 
     campaign, ledger = _load(manifest)
-    with ledger.locked():
-        tasks = plan(campaign, ledger)
-        waiting = {task.name for task in to_do(tasks, ledger)}
+    tasks = plan(campaign, ledger)
+    waiting = {task.name for task in to_do(tasks, ledger)}
     failed = {
         task.name: entry for task in tasks if (entry := ledger.entry(task.name)) is not None and entry.error and task.name not in waiting
     }

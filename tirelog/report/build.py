@@ -2,6 +2,7 @@
 
 Asked (paths and options) + open recordings
     --sources--> one table after the other, given or made --> sections of tables
+    campaign's folder --stored--> the sections of its models
     --discrepancy--> Diagnosis --> the model against the measurement, the diagnosis; with a ladder its steps and the switches
 whatever cannot be shown --> (what and why, the command that would show it)
 """
@@ -23,6 +24,7 @@ from tirelog.report import model_sections, sections, table_sections
 from tirelog.report.page import Section
 from tirelog.report.passage import passage_figures
 from tirelog.report.sources import Tables, given_tables, made_dissipation, made_table, read_ladder
+from tirelog.report.stored import model_pages
 
 Progress = Callable[[str], None]
 _COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
@@ -84,7 +86,12 @@ def build(recordings: Sequence[Recording], asked: Asked, progress: Progress = la
     if asked.campaign is not None:
         report.sections.append(table_sections.campaign(asked.campaign / "summary.csv", "tirelog campaign run MANIFEST"))
     _tables(report, recordings, tables, asked, progress)
-    _models(report, recordings, climbed, asked, progress)
+    pages = list(model_pages(asked.campaign)) if asked.campaign is not None and asked.model is None else []
+    for made, missing in pages:
+        report.sections += made
+        report.missing += missing
+    if not pages or climbed is not None:
+        _models(report, recordings, climbed, asked, progress)
     report.commands += dict.fromkeys([*(section.command for section in report.sections), asked.report_command()])
     report.provenance += _provenance(recordings, asked)
     return report

@@ -1,6 +1,6 @@
 """What a model says of the logs: one search for missing effects, told in sections.
 
-recordings, Model --stacks, `diagnose`--> comparison, diagnosis
+recordings, Model --stacks, `diagnose`--> comparison, diagnosis         (a campaign: pieces of its logs, and what it was asked for)
 + a ladder, or what the diagnosis selected --> top model --`switches`--> effects on and off
 """
 
@@ -16,6 +16,8 @@ from tirelog.report.page import Section
 from tirelog.report.switches import MOST_EFFECTS, comparisons, switches, top_of_ladder
 
 if TYPE_CHECKING:
+    from tirelog.discrepancy import Comparison, Diagnosis
+    from tirelog.discrepancy.comparison import Measured
     from tirelog.physics.effects import Effect
     from tirelog.physics.model import Model
     from tirelog.report.build import Asked
@@ -45,20 +47,39 @@ def model_story(
     stacks = stacks_from_logs(recordings, model.observable, asked.channel)
     own = [effect for name, effect in catalogue.items() if name not in BY_ID]
     found = diagnose(stacks, model, effects=own, progress=progress)
+
+    def command(name: str) -> str:
+        return asked.report_command() if name == "report" else asked.command(name, model=True)
+
+    return story_of(stacks, found.before, found, climbed, command, catalogue, progress)
+
+
+def story_of(
+    measured: Measured,
+    compared: Comparison,
+    found: Diagnosis | None,
+    climbed: Mapping[str, Any] | None,
+    command: Callable[[str], str],
+    catalogue: Mapping[str, Effect],
+    progress: Callable[[str], None],
+) -> Story:
+    """The sections of what was found on `measured`: the comparison, the diagnosis and the switches.  `command(name)`: the line that
+    repeats it."""
     story = Story()
-    story.before_ladder.append(model_sections.comparison(found.before, asked.command("compare", model=True)))
-    story.before_ladder.append(model_sections.diagnosis(found, asked.command("diagnose", model=True)))
-    top = top_of_ladder(found.before.model, climbed, catalogue) if climbed is not None else found.model
+    story.before_ladder.append(model_sections.comparison(compared, command("compare")))
+    if found is not None:
+        story.before_ladder.append(model_sections.diagnosis(found, command("diagnose")))
+    best = found.model if found is not None else compared.model
+    top = top_of_ladder(compared.model, climbed, catalogue) if climbed is not None else best
     effects = [effect.id for effect in top.effects]
     switched, left_out = effects[-MOST_EFFECTS:], effects[:-MOST_EFFECTS]
     section = None
     if switched:
-        results = comparisons(stacks, top, switched, found.before.model, progress)
-        command = asked.report_command()
-        section = switches(results, switched, command, left_out)
+        results = comparisons(measured, top, switched, compared.model, progress)
+        section = switches(results, switched, command("report"), left_out)
     if section is not None:
         story.after_ladder.append(section)
     else:
         why = "its full model cannot be computed on these logs" if switched else "no effect is in the model, and none was found missing"
-        story.missing.append((f"switches for effects: {why}", asked.command("ladder", model=True)))
+        story.missing.append((f"switches for effects: {why}", command("ladder")))
     return story

@@ -1,0 +1,39 @@
+"""Pieces of a log as bytes: arrays by name, numbers and text only, nothing that is executed when it is read.
+
+Pieces -> .npz (uncompressed) -> Pieces, equal to the bit
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from tirelog.discrepancy.pieces import Pieces
+from tirelog.recording import Conditions
+
+#: pieces that a campaign's models work on, all logs together: what keeps them within 400 MB (measured by `benchmarks campaign`)
+MOST_PIECES = 400
+_WORDS = ("observable", "channel", "surface", "radius_m", "logs")
+
+
+def pieces_bytes(pieces: Pieces) -> bytes:
+    """The file."""
+    arrays: dict[str, Any] = {f.name: getattr(pieces, f.name) for f in fields(Pieces) if f.name not in (*_WORDS, "conditions")}
+    arrays |= {f"conditions.{f.name}": getattr(pieces.conditions, f.name) for f in fields(Conditions)}
+    arrays["words"] = np.array(json.dumps({name: getattr(pieces, name) for name in _WORDS}))
+    stream = io.BytesIO()
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def read_pieces(data: bytes) -> Pieces:
+    """The pieces in a file.  ValueError, KeyError: it is none."""
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        words = json.loads(str(arrays["words"]))
+        conditions = Conditions(**{f.name: arrays[f"conditions.{f.name}"] for f in fields(Conditions)})
+        rows = {f.name: arrays[f.name] for f in fields(Pieces) if f.name not in (*_WORDS, "conditions")}
+    return Pieces(**{**words, "logs": tuple(words["logs"])}, conditions=conditions, **rows)
