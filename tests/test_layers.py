@@ -8,9 +8,9 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: lower layers first; a module imports its own layer and those below
 LAYERS = [
-    {"errors", "columns", "units", "remote", "compiled"},
+    {"errors", "columns", "units", "remote", "compiled", "machine_code"},
     {"recording", "dsp", "files"},
-    {"setup", "convert", "readers", "spool", "stamps", "clock", "store", "ingest", "tables", "regression", "overview"},
+    {"setup", "convert", "readers", "spool", "stamps", "clock", "chunks", "store_column", "store", "ingest", "tables", "regression", "overview"},
     {"physics"},
     {"estimators"},
     {"discrepancy"},
