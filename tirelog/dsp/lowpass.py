@@ -53,4 +53,4 @@ class Cutoff:
 def gain(frequency_Hz: FloatArray, cutoff_Hz: FloatArray, order: int = ORDER) -> FloatArray:
     """Gain of the zero-phase low-pass, 1/2 at the cut-off, shape (len(cutoff), len(frequency))."""
     ratio = np.abs(frequency_Hz)[None, :] / np.asarray(cutoff_Hz, float).reshape(-1, 1)
-    return 1.0 / (1.0 + ratio ** (2 * order))
+    return 1.0 / (1.0 + (ratio * ratio) ** order)

@@ -11,10 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tirelog.dsp.derivatives import Extremum, derivative, fill_lost, least, window_spectrum
+from tirelog.compiled import compiled
+from tirelog.dsp.derivatives import derivative, fill_lost, window_spectrum
 from tirelog.dsp.lowpass import gain
 from tirelog.recording import FloatArray
+
+ComplexArray = NDArray[np.complex128]
 
 #: edges are looked for out to this multiple of the expected half length
 SEARCH = 2.1
@@ -42,6 +46,26 @@ def travelled(time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: Floa
     return time_s * (speed_m_s + 0.5 * acceleration_m_s2 * time_s)
 
 
+@compiled
+def _along(first_s: float, second_s: float, time: float, speed: float, acceleration: float) -> tuple[float, float]:
+    """First and second derivative along the tread out of those in time, `time` from the patch centre."""
+    now = max(speed + acceleration * time, 0.05 * abs(speed) + 1e-9)
+    first = first_s / now
+    return first, (second_s - acceleration * first) / now**2
+
+
+@compiled
+def _along_rows(derivatives: FloatArray, motion: FloatArray, upsample: int) -> FloatArray:
+    """`derivatives` (2, n, m) in time turned into those along the tread."""
+    out = np.empty_like(derivatives)
+    for row in range(motion.shape[0]):
+        centre, rate, speed, acceleration = motion[row]
+        for k in range(derivatives.shape[2]):
+            time = (k / upsample - centre) / rate
+            out[0, row, k], out[1, row, k] = _along(derivatives[0, row, k], derivatives[1, row, k], time, speed, acceleration)
+    return out
+
+
 @dataclass(frozen=True)
 class AlongTread:
     """Low-passed windows, (n, m x upsample): `xi_m` from the patch centre, `first` and `second` derivative by xi [1/m, 1/m^2]."""
@@ -59,38 +83,34 @@ def along_tread(
     acceleration_m_s2: FloatArray,
     cutoff_Hz: FloatArray,
     upsample: int = 2,
-    columns: slice = slice(None),
 ) -> AlongTread:
-    """The derivatives along the tread after the low-pass, at `columns` of those there are; other arguments as of `find_edges`."""
+    """The derivatives along the tread after the low-pass; arguments as of `find_edges`."""
     count = windows.shape[1]
-    spectrum = window_spectrum(fill_lost(windows))
-    gains = gain(_frequencies(count, rate_Hz), cutoff_Hz)
-    first_s, second_s = (derivative(spectrum, gains, rate_Hz, order, count, upsample)[:, columns] for order in (1, 2))
-    time = (np.arange(count * upsample)[columns] / upsample - centre[:, None]) / rate_Hz
-    speed = np.maximum(speed_m_s[:, None] + acceleration_m_s2[:, None] * time, 0.05 * np.abs(speed_m_s[:, None]) + 1e-9)
-    first = first_s / speed
-    second = (second_s - acceleration_m_s2[:, None] * first) / speed**2
+    spectrum = _lowpassed(windows, gain(_frequencies(count, rate_Hz), cutoff_Hz))
+    derivatives = np.stack([derivative(spectrum, rate_Hz, order, count, upsample) for order in (1, 2)])
+    first, second = _along_rows(derivatives, _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2), upsample)
+    time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
     return AlongTread(travelled(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second)
 
 
 def lowpassed(windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsample: int = 2) -> FloatArray:
     """The windows (n, m) after the low-pass, less the line through their ends, (n, m x upsample)."""
     count = windows.shape[1]
-    gains = gain(_frequencies(count, rate_Hz), cutoff_Hz)
-    return derivative(window_spectrum(fill_lost(windows)), gains, rate_Hz, 0, count, upsample)
+    return derivative(_lowpassed(windows, gain(_frequencies(count, rate_Hz), cutoff_Hz)), rate_Hz, 0, count, upsample)
 
 
-def _columns(middle: FloatArray, reach: FloatArray, count: int) -> slice:
-    """The columns, of `count`, in which any row's extrema are looked for, with neighbours for their parabolas."""
-    low, high = float(np.min(middle - reach)), float(np.max(middle + reach))
-    if not np.isfinite(low + high):
-        return slice(0, count)
-    start = min(max(int(low) - 3, 0), max(count - 8, 0))
-    return slice(start, max(min(int(high) + 4, count), start + 8))
+def _lowpassed(windows: FloatArray, gains: FloatArray) -> ComplexArray:
+    """Spectrum of the windows times `gains`."""
+    return window_spectrum(fill_lost(windows)) * gains
 
 
 def _frequencies(count: int, rate_Hz: float) -> FloatArray:
     return np.asarray(np.fft.rfftfreq(count, 1.0 / rate_Hz), np.float64)
+
+
+def _motion(rate_Hz: float, centre: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
+    """Centre, rate, speed, acceleration of each row, (n, 4)."""
+    return np.column_stack([centre, np.full(centre.size, rate_Hz), speed_m_s, acceleration_m_s2])
 
 
 def find_edges(
@@ -110,43 +130,68 @@ def find_edges(
     `noise`: standard deviation of a sample; `upsample`: points a sample, so that a parabola through three follows what the low-pass leaves.
     """
     count = windows.shape[1]
-    reach = SEARCH * half_length_m / speed_m_s * rate_Hz * upsample
-    looked_at = _columns(centre * upsample, reach, count * upsample)
-    tread = along_tread(windows, rate_Hz, centre, speed_m_s, acceleration_m_s2, cutoff_Hz, upsample, looked_at)
-    first, second = tread.first, tread.second
     frequency = _frequencies(count, rate_Hz)
     gains = gain(frequency, cutoff_Hz)
-    middle = centre * upsample - looked_at.start
-    d1 = least(first, middle - reach, middle), least(-first, middle, middle + reach)
-    inner = [np.where(np.isfinite(e.place), e.place, middle) for e in d1]
-    d2 = least(second, middle - reach, inner[0]), least(second, inner[1], middle + reach)
-
-    def place(e: Extremum) -> FloatArray:
-        return travelled((e.place - middle) / (rate_Hz * upsample), speed_m_s, acceleration_m_s2)
-
-    edge = [place(e) for e in d2]
-    flank = [place(e) for e in d1]
-    wiggle1, wiggle2 = (_wiggle(frequency, gains, order, count, noise) for order in (2, 3))
-    step = 1.0 / (rate_Hz * upsample)
-    return Edges(
-        edge[1] - edge[0],
-        _pair_error(d2, wiggle2 / speed_m_s**2, step, speed_m_s),
-        flank[1] - flank[0],
-        _pair_error(d1, wiggle1 / speed_m_s, step, speed_m_s),
-        edge[0],
-        edge[1],
-        -d2[0].height,
-        -d2[1].height,
-    )
+    spectrum = _lowpassed(windows, gains)
+    first, second = (derivative(spectrum, rate_Hz, order, count, upsample) for order in (1, 2))
+    # standard deviation of the second and third derivative in time of the low-passed noise: an extremum moves by that of the next one
+    power = (2.0 * np.pi * frequency[:, None]) ** np.array([4.0, 6.0])
+    wiggle = noise * np.sqrt(2.0 / count * (gains**2 @ power))
+    motion = _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2)
+    return Edges(*edge_rows(first, second, motion, SEARCH * half_length_m, wiggle, upsample).T)
 
 
-def _wiggle(frequency: FloatArray, gains: FloatArray, order: int, count: int, noise: float) -> FloatArray:
-    """Standard deviation of the `order`-th time derivative of low-passed white `noise`, shape (n,)."""
-    power = (2.0 * np.pi * frequency) ** (2 * order) * gains**2
-    return noise * np.sqrt(2.0 * power.sum(axis=1) / count)
+@compiled
+def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float]:
+    """The least value of `row` between the columns `low` and `high`, with the parabola through three columns: place in columns (NaN where
+    it lies at the border of its range), height, curvature per column^2 (NaN where it is no minimum)."""
+    count = row.size
+    first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), count - 1)
+    index = first
+    for k in range(first, last + 1):
+        if row[k] < row[index]:
+            index = k
+    safe = min(max(index, 1), count - 2)
+    a, b, c = row[safe - 1], row[safe], row[safe + 1]
+    curvature = a - 2.0 * b + c
+    if not curvature > 0.0:
+        return np.nan, b, np.nan
+    shift = min(max(0.5 * (a - c) / curvature, -0.5), 0.5)
+    inner = np.ceil(low) < index < np.floor(high) and 0 < index < count - 1
+    return safe + shift if inner else np.nan, b - 0.25 * (a - c) * shift, curvature
 
 
-def _pair_error(pair: tuple[Extremum, Extremum], wiggle: FloatArray, step_s: float, speed_m_s: FloatArray) -> FloatArray:
-    """Standard error [m] of the distance between two extrema: each moves by the noise of the next derivative over its curvature."""
-    squares = sum((wiggle * step_s**2 / extremum.curvature) ** 2 for extremum in pair)
-    return np.sqrt(squares) * speed_m_s
+@compiled
+def edge_rows(
+    first_s: FloatArray, second_s: FloatArray, motion: FloatArray, reach_m: FloatArray, wiggle: FloatArray, upsample: int
+) -> FloatArray:
+    """The fields of `Edges` of each row, (n, 8), out of derivatives in time (n, m x upsample) that are looked at within `reach_m` (n,) of
+    the centre; `wiggle` (n, 2): standard deviations of the second and third derivative's noise."""
+    n, count = first_s.shape
+    out = np.empty((n, 8))
+    fall, rise, bend = np.empty(count), np.empty(count), np.empty(count)
+    place, squares, heights = np.empty(4), np.empty(4), np.empty(4)
+    for row in range(n):
+        rate, speed, acceleration = motion[row, 1] * upsample, motion[row, 2], motion[row, 3]
+        middle = motion[row, 0] * upsample
+        reach = reach_m[row] / speed * rate
+        for k in range(max(int(middle - reach) - 2, 0), min(int(middle + reach) + 3, count)):
+            fall[k], bend[k] = _along(first_s[row, k], second_s[row, k], (k - middle) / rate, speed, acceleration)
+            rise[k] = -fall[k]
+        low, high = middle - reach, middle + reach
+        for e in range(4):  # steepest fall and rise, then the sharpest bends outside of them
+            if e < 2:
+                found = least(rise if e else fall, middle if e else low, high if e else middle)
+            else:
+                steepest = middle if np.isnan(place[e - 2]) else place[e - 2]
+                found = least(bend, steepest if e == 3 else low, high if e == 3 else steepest)
+            place[e], heights[e] = found[0], found[1]
+            squares[e] = (wiggle[row, e // 2] / speed ** (e // 2 + 1) / rate**2 / found[2]) ** 2
+        for e in range(4):
+            time = (place[e] - middle) / rate
+            place[e] = time * (speed + 0.5 * acceleration * time)
+        out[row, 0], out[row, 1] = place[3] - place[2], np.sqrt(squares[2] + squares[3]) * speed
+        out[row, 2], out[row, 3] = place[1] - place[0], np.sqrt(squares[0] + squares[1]) * speed
+        out[row, 4], out[row, 5] = place[2], place[3]
+        out[row, 6], out[row, 7] = -heights[2], -heights[3]
+    return out

@@ -22,14 +22,14 @@ from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 LENGTH_TO_WIDTH = 1.25
 #: window of averages and fits in half lengths
 WINDOW = 2.7
-#: classes of speed: at most, each no narrower than this ratio; passages of all and at least of each, in clusters of neighbours
-CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 10, 1.12, 480, 48, 6
+#: classes of speed: at most, as many as there are steps of this ratio; passages of all and at least of each, in clusters of neighbours
+CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 6, 1.12, 480, 48, 6
 #: samples are averaged while they lie closer than this share of the half length
 STEP = 1.0 / 36.0
 #: free rolling, as far as the acceleration tells [m/s^2]
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
-#: rounds for the closed ring, which starts from the straight line's result
-OTHER_ROUNDS = 3
+#: the closed ring is believed where it lowers chi-square (per degree of freedom at the misfit) by this much
+LEAST_LEAD = 10.0
 #: a start from another grating that ends in this many times its misfit is given up
 LIKE_MISFIT = 1.5
 #: relative error of the speed up to which a passage is learnt from, if there are such
@@ -37,7 +37,7 @@ SURE_SPEED = 0.001
 #: the noise of a sample may be overestimated by this much (variance)
 LEAST_SCATTER = 0.6
 #: the form's own error is this many times the difference between the family's two members
-FORM_FACTOR = 2.0
+FORM_FACTOR = 3.0
 
 
 @dataclass(frozen=True)
@@ -95,14 +95,11 @@ def _usable(passages: Passages) -> IntArray:
 
 
 def _classes(speed_m_s: FloatArray) -> IntArray:
-    """Class of each speed: equal steps of its logarithm."""
+    """Class of each speed: equal steps of its square, which the tension follows."""
     low, high = float(speed_m_s.min()), float(speed_m_s.max())
     count = int(np.clip(np.floor(np.log(high / low) / np.log(CLASS_RATIO)) + 1, 1, CLASSES))
-    return (
-        np.minimum((np.log(speed_m_s / low) / np.log(high / low * (1 + 1e-9)) * count).astype(np.int64), count - 1)
-        if count > 1
-        else (np.zeros(speed_m_s.size, np.int64))
-    )
+    share = (speed_m_s**2 - low**2) / max(high**2 - low**2, 1e-300)
+    return np.minimum(np.floor(share * count), count - 1).astype(np.int64)
 
 
 def _steady_first(passages: Passages, rows: IntArray) -> tuple[IntArray, IntArray, bool]:
@@ -155,7 +152,7 @@ def _average(sample: Sample, passages: Passages, half_window_m: float) -> Averag
 
 
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
-    """The highest wave number [1/m] at which a passage's spectrum stands above the noise of a sample (height one), at the middle speed."""
+    """The highest wave number [1/m] at which a passage's spectrum stands above the `noise` of a sample, at the middle speed."""
     number = len(reference.shapes) // 2
     speed = float(reference.speed_m_s[number])
     family = reference.family
@@ -166,19 +163,24 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
     return float(family.kappa_1_m[above[-1]]) if above.size else float(2.0 * np.pi / half_window_m)
 
 
-def _start_like(like: Learnt, samples: list[Sample]) -> Reference:
-    """The straight member that another grating has taught, at the speeds of `samples`."""
-    straight = like.other if like.reference.family.closed else like.reference
-    at = straight.at_speeds(np.array([s.speed_m_s for s in samples]))
-    return replace(at, residuals=None, residual_xi_m=None)
+def _at(reference: Reference, samples: list[Sample]) -> Reference:
+    """`reference`, as another grating has taught it, at the speeds of `samples`."""
+    return replace(reference.at_speeds(np.array([s.speed_m_s for s in samples])), residuals=None, residual_xi_m=None)
 
 
-def _both(start: Reference, samples: list[Sample], noise: float, half_window_m: float) -> tuple[Reference, Reference]:
-    """Both members of the family fitted from the straight one's `start`, the better one first."""
-    straight = refine(start, samples, noise, half_window_m)
+def _from_averages(samples: list[Sample], passages: Passages, half_window_m: float, rough_m: float) -> tuple[Reference, Reference]:
+    """Both members of the family without anything known of them: the closed ring starts from the straight line's result."""
+    start = fit_averages([_average(sample, passages, half_window_m) for sample in samples], passages.radius_m, rough_m)
+    straight = refine(start, samples, passages.noise, half_window_m)
     ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
-    closed = refine(replace(straight, family=ring), samples, noise, half_window_m, OTHER_ROUNDS)
-    return (straight, closed) if straight.misfit <= closed.misfit else (closed, straight)
+    return straight, refine(replace(straight, family=ring), samples, passages.noise, half_window_m)
+
+
+def _better_first(both: tuple[Reference, ...]) -> tuple[Reference, Reference]:
+    """The member that fits better, and the other; the straight line where noise could make the difference."""
+    straight, closed = sorted(both, key=lambda one: one.family.closed)
+    lead = (straight.misfit - closed.misfit) * straight.freedom
+    return (closed, straight) if lead > LEAST_LEAD * max(straight.misfit, 1.0) else (straight, closed)
 
 
 def learn_reference(channel: Channel, passages: Passages, block_samples: int = BLOCK_SAMPLES, like: Learnt | None = None) -> Learnt | None:
@@ -195,12 +197,12 @@ def learn_reference(channel: Channel, passages: Passages, block_samples: int = B
     rough = LENGTH_TO_WIDTH * passages.template.half_width_rad * passages.radius_m
     window = min(WINDOW * rough, 2.9 * passages.radius_m)
     samples = _samples(channel, passages, rows, classes, window, block_samples)
-    both = None if like is None else _both(_start_like(like, samples), samples, passages.noise, window)
-    if both is None or like is None or both[0].misfit > LIKE_MISFIT * max(like.reference.misfit, 1.0):
-        start = fit_averages([_average(sample, passages, window) for sample in samples], passages.radius_m, rough)
-        both = _both(start, samples, passages.noise, window)
-    if not both[0].misfit > 0.0:  # no passage with more samples than unknowns
+    both = (
+        None if like is None else tuple(refine(_at(one, samples), samples, passages.noise, window) for one in (like.reference, like.other))
+    )
+    if both is None or like is None or min(one.misfit for one in both) > LIKE_MISFIT * max(like.reference.misfit, 1.0):
+        both = _from_averages(samples, passages, window, rough)
+    best, other = _better_first(both)
+    if not best.misfit > 0.0:  # no passage with more samples than unknowns
         return None
-    height = float(np.median(np.abs(passages.height[rows])))
-    wave_number = _wave_number(both[0], channel.axis.rate_Hz, window, passages.noise / max(height, 1e-300))
-    return Learnt(both[0], both[1], window, wave_number, free)
+    return Learnt(best, other, window, _wave_number(best, channel.axis.rate_Hz, window, passages.noise), free)

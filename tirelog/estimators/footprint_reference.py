@@ -51,7 +51,7 @@ class Reference:
     """The log's form at some speeds.
 
     `speed_m_s` (k,) ascending, `shapes` at each, `shifts_m` (k,) of the form behind the passages' centres; `inertia`: fall of the tension
-    with the squared speed [s^2/m^2]; `heights` (k,) of the averages that it started from.  After `footprint_refine`: `length_se_m` (k,),
+    with the squared speed [s^2/m^2]; `heights` (k,) of the passages it was learnt from.  After `footprint_refine`: `length_se_m` (k,),
     the error of a full length from not knowing the form's parameters better; `misfit`, squared residual per degree of `freedom`;
     `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages in units of their height (None where that is noise).
     """

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from tirelog.estimators.edge_shapes import HIGHEST, LOWEST, EdgeShape
 from tirelog.estimators.footprint_fit import shape_table
-from tirelog.estimators.footprint_kernel import OWN, class_sums
+from tirelog.estimators.footprint_kernel import HEIGHT, MOST_SHIFT, OWN, SHIFT, class_sums
 from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
 from tirelog.recording import FloatArray
 
 ROUNDS = 6
-#: stop where the next step promises less than this of the whole chi-square
-GOOD_ENOUGH = 1.0
+#: stop where the next step promises less than this of the whole chi-square, or the last changed it by less than this share
+GOOD_ENOUGH, SMALL = 1.0, 5e-4
 #: shared columns of a class (bending length, tension, tread), and the place of tension among the columns of its table
 SHARED, TENSION = 3, 6
 #: weak knowledge of the shared parameters about their start: bending length (relative), tension, inertia x squared top speed, tread
@@ -93,18 +93,19 @@ def _tire_columns(reference: Reference, number: int) -> FloatArray:
     return np.array([[ell, 0.0, 0.0, 0.0], [0.0, 1.0, -relative, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
-def _moved(reference: Reference, step: FloatArray, own: list[FloatArray] | None) -> Reference:
-    """The reference after a step of the shared parameters, each class' length, damping and tilt at the mean of its passages."""
-    shapes, shifts = [], reference.shifts_m.copy()
-    for number, shape in enumerate(reference.shapes):
-        values = shape.array()
-        values[[1, 2, 3]] += _tire_columns(reference, number) @ step
-        if own is not None:
-            relative = own[number][:, 3:] / own[number][:, [0]]
-            shifts[number] += np.clip(np.median(own[number][:, 2] / own[number][:, 0]), -0.01, 0.01)
-            values[[0, 4, 5]] += np.clip(np.median(relative, axis=0), [-0.2 * values[0], -0.2, -0.2], [0.2 * values[0], 0.2, 0.2])
-        shapes.append(EdgeShape.of(np.clip(values, LOWEST, HIGHEST)))
-    return replace(reference, shapes=tuple(shapes), shifts_m=shifts, inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2)
+def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Reference:
+    """The reference after a step of the shared parameters, each class' length, damping and tilt at the median of its passages."""
+    values, shifts = np.array([shape.array() for shape in reference.shapes]), reference.shifts_m.copy()
+    for number, one in enumerate(steps):
+        values[number, [1, 2, 3]] += _tire_columns(reference, number) @ step
+        own = one.own[one.own[:, HEIGHT] != 0.0]
+        if len(own):
+            shift, length, damping, tilt = np.median(own[:, SHIFT:] / own[:, [HEIGHT]], axis=0)
+            most = 0.2 * values[number, 0]
+            shifts[number] += min(max(shift, -MOST_SHIFT), MOST_SHIFT)
+            values[number, [0, 4, 5]] += np.clip((length, damping, tilt), (-most, -0.2, -0.2), (most, 0.2, 0.2))
+    shapes = tuple(EdgeShape.of(row) for row in np.clip(values, LOWEST, HIGHEST))
+    return replace(reference, shapes=shapes, shifts_m=shifts, inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2)
 
 
 def refine(reference: Reference, samples: list[Sample], noise: float, half_window_m: float, rounds: int = ROUNDS) -> Reference:
@@ -118,6 +119,7 @@ def refine(reference: Reference, samples: list[Sample], noise: float, half_windo
             samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
         misfit = float(sum(s.chi2.sum() for s in steps) / sum(s.free.sum() for s in steps))
         if best is None or misfit < best[0]:
+            gain = np.inf if best is None else best[0] / misfit - 1.0
             normal = np.diag(PRIOR_SD**-2.0)
             right = np.zeros(4)
             for k, step in enumerate(steps):
@@ -126,13 +128,15 @@ def refine(reference: Reference, samples: list[Sample], noise: float, half_windo
                 right += columns.T @ step.right
             best, factor = (misfit, trial, steps, normal), 1.0
             shift = np.linalg.solve(normal, right)
-            if float(shift @ right) < GOOD_ENOUGH * max(misfit, 1.0):
+            if gain < SMALL or float(shift @ right) < GOOD_ENOUGH * max(misfit, 1.0):
                 break
+        elif misfit < (1.0 + SMALL) * best[0]:
+            break
         else:
             factor *= 0.3
         _, base, base_steps, _ = best
         limit = np.array([0.3, 2.0, 2.0, 1.5])
-        trial = _moved(base, np.clip(factor * shift, -limit, limit), [s.own for s in base_steps])
+        trial = _moved(base, np.clip(factor * shift, -limit, limit), base_steps)
     assert best is not None
     misfit, found, steps, normal = best
     return _finished(found, steps, normal, misfit, half_window_m)
@@ -166,6 +170,7 @@ def _finished(reference: Reference, steps: list[_Step], normal: FloatArray, misf
     left = np.array([np.convolve(step.left, (0.25, 0.5, 0.25), "same") for step in steps])
     return replace(
         reference,
+        heights=np.array([float(np.median(step.own[:, 0])) for step in steps]),
         length_se_m=np.array(errors),
         misfit=misfit,
         freedom=float(sum(step.free.sum() for step in steps)),
