@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tirelog.dsp.angle import smooth_angle
-from tirelog.dsp.encoder_pitch import learn
-from tirelog.dsp.encoder_signal import crossings, probe
-from tirelog.dsp.encoder_teeth import count_teeth
+from tirelog.dsp.encoder_angle import KnotBuilder, angle_function
+from tirelog.dsp.encoder_pitch import PitchLearner
+from tirelog.dsp.encoder_signal import Crossings, crossings, probe
+from tirelog.dsp.encoder_teeth import Teeth, count_teeth
 
 RATE, STEPS = 10_000.0, 48
 
@@ -17,12 +17,23 @@ def reader(values):
 
 def passages(values, **more):
     found = probe(reader(values), values.size)
-    return found, crossings(reader(values), values.size, RATE, found, **more)
+    pieces = list(crossings(reader(values), values.size, RATE, found, **more))
+    return found, Crossings(*(np.concatenate(part) for part in zip(*(piece.parts for piece in pieces), strict=True)))
 
 
 def teeth(values):
-    found, seen = passages(values)
-    return count_teeth(reader(values), found, seen, RATE, STEPS)
+    found = probe(reader(values), values.size)
+    pieces = list(count_teeth(reader(values), found, crossings(reader(values), values.size, RATE, found), RATE, STEPS))
+    arrays = (np.concatenate([getattr(p, name) for p in pieces]) for name in ("index", "count", "stretch", "forward"))
+    return Teeth(*arrays, sum(p.missing for p in pieces), sum(p.extra for p in pieces))
+
+
+def learn(time, count):
+    """The table of one stretch, given in pieces."""
+    learner = PitchLearner(STEPS)
+    for piece in np.array_split(np.arange(count.size), 7):
+        learner.add(time[piece], count[piece], np.zeros(piece.size, int), np.ones(piece.size, bool))
+    return learner.table(learner.placings())
 
 
 def wheel(seconds=20.0, turns_s=5.0, sweep=0.0):
@@ -129,16 +140,26 @@ def test_pitch_table_is_found_on_a_changing_speed():
     angle = count * np.pi / STEPS + error[count % (2 * STEPS)]
     # angle = 30 t + 0.4 t^2 solved for the time
     time = (-30 + np.sqrt(900 + 1.6 * angle)) / 0.8
-    table = learn([(time, count)], STEPS)
+    table = learn(time, count)
     np.testing.assert_allclose(table.error_rad, error, atol=np.deg2rad(2e-4))
     assert table.repeats > 0.99
+
+
+def test_motions_of_the_third_order_are_no_pitch_errors():
+    """A wheel whose time is a cubic of its count, within 12 turns from 6 to 12 turns a second: nothing of it is left in the table."""
+    count = np.arange(2 * STEPS * 12)
+    turns = count / (2 * STEPS)
+    table = learn(turns / 6 - 0.006 * turns**2 + 1e-4 * turns**3, count)
+    assert table.turns >= 8
+    assert table.scatter_rad < np.deg2rad(1e-4)
+    assert np.abs(table.error_rad).max() < np.deg2rad(1e-4)
 
 
 def test_pitch_of_white_noise_is_within_its_error_of_nothing():
     random = np.random.default_rng(1008)
     count = np.arange(2 * STEPS * 200)
     time = (count * np.pi / STEPS + np.deg2rad(0.02) * random.standard_normal(count.size)) / 30
-    table = learn([(time, count)], STEPS)
+    table = learn(time, count)
     assert 0.7 < np.std(table.error_rad) / table.se_rad < 1.3
     assert table.repeats < 0.1
 
@@ -147,7 +168,11 @@ def test_the_angle_function_is_exact_for_a_cubic_motion_and_its_inverse():
     count = np.arange(4000)
     time = np.linspace(0, 10, count.size)
     uneven = time + 1e-4 * time**2 + 1e-6 * time**3
-    function = smooth_angle(uneven.copy(), count, np.zeros(1), 0.05, np.zeros(count.size, np.int64), 1e-4)
+    builder = KnotBuilder(0.05, 1)
+    for piece in np.array_split(count, 5):
+        builder.add(uneven[piece], piece, np.zeros(piece.size, int), np.ones(piece.size, bool))
+    one = np.ones(1, int)
+    function = angle_function(builder.knots(), np.zeros(1), one, 0 * one, 0.05, 1e-4)
     at = np.linspace(0.1, 9.9, 1234)
     angle = 0.05 * (count.size - 1) / 10 * at
     np.testing.assert_allclose(function.at(at + 1e-4 * at**2 + 1e-6 * at**3), angle, atol=1e-9)

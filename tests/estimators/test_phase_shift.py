@@ -199,6 +199,18 @@ def test_saturated_accelerometer():
     assert any("clipped" in remark for remark in passages.remarks)
 
 
+def test_a_level_at_the_limit_is_clipped_though_the_fronts_are_not():
+    """Without a spike beside the fronts only the noise on the level reaches the limit, 2 % above it at 22 m/s: the level is too low."""
+    drive, tread = Drive(*DYNAMIC), Tread(spike=0.0, gravity=False)
+    limit = 1.02 * 22**2 / RADIUS_M
+    passages = next(measure(recording(drive, Encoder().signal(drive), np.clip(tread.signal(drive), -limit, limit))))
+    clipped = np.array(["clipped" in w for w in passages.words])
+    fast = passages.speed_m_s > 21.9
+    assert fast.sum() > 50
+    assert clipped[fast].all()
+    assert not clipped[passages.speed_m_s < 20].any()
+
+
 @pytest.mark.parametrize("kind", ["blank", "held", "zero"])
 def test_radio_drop_outs(kind):
     drive, tread = Drive(*STEADY), Tread(seed=14_000)

@@ -1,29 +1,36 @@
-"""The pitch error of a tone wheel, learnt from the log itself.
+"""The pitch error of a tone wheel, learnt from the log itself while it streams by.
 
-    times (n,), counts (n,) --smooth motion over whole turns--> deviation of each passage [rad] --mean over turns--> table (2 steps,)
+    pieces of times, counts, stretches (n,) --smooth motion over whole turns--> deviation of each passage [rad]
+        --means over turns, a stretch at a time--> which way and by how many teeth the stretches lie against each other
+        --all together--> table (2 steps,)
 
 The time of count n is the smooth motion's plus the pitch error over the speed.  Smoothing by B (2 - B), B the mean over one turn,
 keeps motions up to the third order in the count and has a zero at every harmonic of the wheel, so whatever is fixed to the wheel
 stays in the deviation: errors of the teeth, the offset between rising and falling passages, and what a once-per-turn change of
 amplitude does to them.  Its constant part is a convention and left out.
+
+Seen by a wheel that rolls backwards the pattern is reversed, and rising passages are falling ones: an uneven tone wheel shows its
+direction.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from tirelog.compiled import compiled
 from tirelog.dsp.encoder_signal import Integers
 from tirelog.recording import FloatArray
 
 #: turns that a table needs; fewer leave it zero
 LEAST_TURNS = 4
-#: so many turns at once, and of a long log only so many altogether, evenly spread: by then the table's error is a thousandth of a degree
-TURNS_AT_ONCE, MOST_TURNS = 100, 800
-#: tables that explain more of their deviations than this can be laid on one another
-CLEAR = 0.5
+#: tables that explain more of their deviations than this can be laid on one another, if one place is so much better than any other
+CLEAR, BETTER_PLACE = 0.5, 1.2
+#: passages of the longest stretch that are kept to doubt the number of steps, in turns
+KEPT_TURNS = 200
 
 
 @dataclass(frozen=True)
@@ -43,96 +50,187 @@ class PitchTable:
         return cls(np.zeros(2 * steps), 0.0, 0, 0.0, 0.0)
 
 
-def deviations(time_s: FloatArray, count: Integers, steps: int) -> tuple[Integers, FloatArray]:
-    """(counts, deviations [rad]) of one stretch of ascending counts, without the turn at each end; and without uneven turns.
-
-    `time_s`, `count` shape (n,).  Passages that are missing are bridged for the smoothing and left out of the result.
-    """
-    turn = 2 * steps
-    if count.size < 3 * turn or count[-1] - count[0] < 4 * turn or not (np.diff(count) > 0).all():
-        return np.zeros(0, np.int64), np.zeros(0)
-    whole = np.arange(count[0], count[-1] + 1)
-    time = time_s if whole.size == count.size else np.interp(whole, count, time_s)
-    line = np.linspace(time[0], time[-1], time.size)
-    bent = time - line
-    # a window of an even number of steps needs half weights at its ends to be centred
-    once = _turn_mean(bent, turn)
-    smooth = 2 * once - _turn_mean(once, turn) + line
-    lap = np.full(whole.size, np.nan)
-    lap[steps:-steps] = (time[turn:] - time[:-turn])[: whole.size - turn]
-    rate = 2 * np.pi / lap
-    change = np.full(whole.size, np.nan)
-    change[turn:-turn] = np.abs(lap[turn + steps : -turn + steps] - lap[turn - steps : -turn - steps]) / lap[turn:-turn]
-    good = np.isfinite(change) & (change < 0.1)
-    if whole.size != count.size:
-        good &= np.isin(whole, count, assume_unique=True)
-    return whole[good], ((time - smooth) * rate)[good]
+@compiled
+def _window_mean(x: FloatArray, turn: int) -> FloatArray:
+    """Mean over the turn around each of x (n,), half weights at the ends of the window; NaN within half a turn of the ends."""
+    half, mean = turn // 2, np.full(x.size, np.nan)
+    total = 0.0
+    for i in range(turn):
+        total += x[i]
+    for i in range(half, x.size - half):
+        mean[i] = (total + 0.5 * (x[i + half] - x[i - half])) / turn
+        total += x[i + half] - x[i - half]
+    return mean
 
 
-def _turn_mean(x: FloatArray, turn: int) -> FloatArray:
-    wide = uniform_filter1d(x, turn, mode="nearest")
-    return 0.5 * (wide + np.concatenate([wide[1:], wide[-1:]]))
+@compiled
+def _deviation_sums(time: FloatArray, seen: NDArray[np.bool_], first: int, turn: int, limit: float, sums: FloatArray) -> None:
+    """Adds number, deviations [rad] and their squares of passages of one stretch to `sums` (3, turn), without the turn at each end and
+    without uneven turns.  `time` of the counts `first`, `first` + 1, ..., of those `seen` only."""
+    n, half = time.size, turn // 2
+    pace = (time[n - 1] - time[0]) / (n - 1)
+    bent = np.empty(n)
+    for i in range(n):
+        bent[i] = time[i] - (time[0] + pace * i)
+    once = _window_mean(bent, turn)
+    twice = _window_mean(once[half : n - half], turn)
+    for i in range(turn, n - turn):
+        lap, before, after = time[i + half] - time[i - half], time[i] - time[i - turn], time[i + turn] - time[i]
+        if seen[i] and abs(after - before) < 0.1 * lap:
+            deviation = (bent[i] - 2 * once[i] + twice[i - half]) * 2 * np.pi / lap
+            if abs(deviation) < limit:
+                k = (first + i) % turn
+                sums[0, k] += 1
+                sums[1, k] += deviation
+                sums[2, k] += deviation * deviation
 
 
-def aligned(stretches: list[tuple[FloatArray, Integers]], steps: int) -> list[int]:
-    """Half teeth (even numbers) to add to each stretch's counts so that its pitch errors fall on those of the longest one.
+@dataclass
+class StretchSums:
+    """What a stretch showed: its number, first and last count, whether it was counted forwards, and the sums of its deviations."""
 
-    After a standstill or a hole the count may have lost teeth; the tone wheel's own pattern gives them back.  Zero where a stretch is
-    too short or the pattern too faint to tell.
-    """
-    tables = [learn([stretch], steps) for stretch in stretches]
-    best = max(range(len(tables)), key=lambda k: tables[k].turns, default=0)
-    shifts = []
-    for table in tables:
-        shift = 0
-        if table.turns and table.repeats > CLEAR and tables[best].repeats > CLEAR:
-            match = np.sum([_match(tables[best].error_rad[k::2], table.error_rad[k::2]) for k in (0, 1)], axis=0)
-            first = int(np.argmax(match))
-            if match[first] > 1.2 * np.max(np.delete(match, first)):
-                shift = 2 * first - (2 * steps if 2 * first > steps else 0)
-        shifts.append(shift)
-    return shifts
+    number: int
+    first: int
+    last: int
+    forward: bool
+    sums: FloatArray
+
+
+@dataclass(frozen=True)
+class Placing:
+    """Where a stretch lies on the wheel: count x `sign` + `offset` half teeth; `told`: the pattern showed it."""
+
+    sign: int
+    offset: int
+    told: bool
+
+
+@dataclass
+class PitchLearner:
+    """Takes passages piece by piece; `stretches` in order of time."""
+
+    steps: int
+    stretches: list[StretchSums] = field(default_factory=list)
+    sample: tuple[FloatArray, Integers] = field(default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64)))
+    _held: tuple[FloatArray, Integers] = field(default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64)))
+    _begin: tuple[FloatArray, Integers] = field(default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64)))
+
+    def add(self, time_s: FloatArray, count: Integers, stretch: Integers, forward: np.ndarray) -> None:
+        """The next passages, shape (n,) each."""
+        if time_s.size == 0:
+            return
+        ends = np.flatnonzero(np.diff(stretch)) + 1
+        for low, high in zip([0, *ends.tolist()], [*ends.tolist(), time_s.size], strict=True):
+            number = int(stretch[low])
+            if not self.stretches or self.stretches[-1].number != number:
+                sums = np.zeros((3, 2 * self.steps))
+                self.stretches.append(StretchSums(number, int(count[low]), int(count[low]), bool(forward[low]), sums))
+                self._held = self._begin = (np.zeros(0), np.zeros(0, np.int64))
+            self.stretches[-1].last = int(count[high - 1])
+            if self.stretches[-1].forward:
+                self._learn(time_s[low:high], count[low:high])
+
+    def _learn(self, time_s: FloatArray, count: Integers) -> None:
+        """Adds passages of the last stretch to its sums; those near the end wait for the next ones."""
+        turn = 2 * self.steps
+        time, at = (np.concatenate([a, b]) for a, b in zip(self._held, (time_s, count), strict=True))
+        if self._begin[0].size < KEPT_TURNS * turn:
+            begin, first = (np.concatenate([a, b])[: KEPT_TURNS * turn] for a, b in zip(self._begin, (time_s, count), strict=True))
+            self._begin = begin, first
+            self.sample = max(self.sample, self._begin, key=lambda kept: kept[0].size)
+        if at[-1] - at[0] >= 4 * turn and at.size >= 3 * turn and bool((np.diff(at) > 0).all()):
+            whole = np.arange(at[0], at[-1] + 1)
+            seen = np.ones(whole.size, bool)
+            if whole.size != at.size:
+                seen[:] = False
+                seen[at - at[0]] = True
+            at_each = time if whole.size == at.size else np.interp(whole, at, time)
+            _deviation_sums(at_each, seen, int(at[0]), turn, np.pi / self.steps, self.stretches[-1].sums)
+            late = int(np.searchsorted(at, at[-1] + 1 - 2 * turn))
+            time, at = time[late:], at[late:]
+        self._held = time, at
+
+    def placings(self) -> list[Placing]:
+        """Where each stretch lies against the one with the most turns, by their patterns, and after the stretch before it.
+
+        After a standstill or a hole the count may have lost teeth, and the wheel may roll the other way; the tone wheel's own pattern
+        tells.  A stretch that is too short, or whose pattern is too faint, keeps its counts.
+        """
+        tables = [_table(stretch.sums) for stretch in self.stretches]
+        best = max(range(len(tables)), key=lambda k: tables[k].turns, default=0)
+        placed: list[Placing] = []
+        turned_back = any(not stretch.forward for stretch in self.stretches)
+        end = -(1 << 40)
+        for stretch, table in zip(self.stretches, tables, strict=True):
+            placing = _placing(tables[best], table) if stretch.forward else Placing(1, 0, True)
+            turned_back |= placing.sign < 0
+            first = placing.sign * stretch.first + placing.offset
+            if placed and not turned_back and first <= end:  # the wheel did not roll back
+                turns = -(-(end + 1 - first) // (2 * self.steps))
+                placing = Placing(placing.sign, placing.offset + turns * 2 * self.steps, placing.told)
+            placed.append(placing)
+            end = placing.sign * stretch.last + placing.offset
+        return placed
+
+    def table(self, placings: list[Placing]) -> PitchTable:
+        """The table of all stretches that roll forward, laid on one another."""
+        total = np.zeros((3, 2 * self.steps))
+        for stretch, placing in zip(self.stretches, placings, strict=True):
+            if placing.sign > 0 and stretch.forward:
+                total += np.roll(stretch.sums, placing.offset, axis=1)
+        return _table(total)
+
+
+def _table(sums: FloatArray) -> PitchTable:
+    """The table from number, sum and sum of squares of the deviations of every passage of a turn."""
+    number, total, squares = sums[0], sums[1], float(sums[2].sum())
+    turns, size = float(np.median(number)), number.size
+    if turns < LEAST_TURNS:
+        return PitchTable.zero(size // 2)
+    mean = total / np.maximum(number, 1.0)
+    explained = float(number @ mean**2)
+    left = max(squares - explained, 0.0) / max(number.sum() - size, 1.0)
+    error = np.where(number > 0, mean - mean[number > 0].mean(), 0.0)
+    share = max(explained - left * size, 0.0) / max(squares, np.finfo(float).tiny)
+    return PitchTable(error, float(np.sqrt(left / turns)), int(turns), float(np.sqrt(left)), share)
+
+
+def _placing(reference: PitchTable, table: PitchTable) -> Placing:
+    """How a stretch whose passages were counted forwards lies against the reference."""
+    if not (table.turns and table.repeats > CLEAR and reference.repeats > CLEAR):
+        return Placing(1, 0, False)
+    size = table.error_rad.size
+    # a passage that is late at count c, seen backwards, is early at count -1 - c: the parity of rising passages changes
+    forth, back = (_match(pattern, table.error_rad) for pattern in (reference.error_rad, -reference.error_rad[::-1]))
+    best = forth if forth.max() >= back.max() else back
+    place = int(np.argmax(best))
+    other = max(float(np.max(np.delete(best, place))), 0.0)
+    if best[place] < BETTER_PLACE * other:
+        return Placing(1, 0, False)
+    told = best[place] > BETTER_PLACE * max(min(forth.max(), back.max()), 0.0)
+    if best is forth or not told:
+        place = int(np.argmax(forth))
+        return Placing(1, 2 * place - (size if 2 * place > size // 2 else 0), told)
+    return Placing(-1, -1 - 2 * place, True)
 
 
 def _match(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Correlation of `a` with `b` moved by 0, 1, ... places, each without its mean (a level offset shifts all rising passages alike)."""
-    return np.fft.irfft(np.fft.rfft(a - a.mean()) * np.conj(np.fft.rfft(b - b.mean())), a.size)
+    """Correlation of `a` with `b` moved by 0, 2, 4 ... counts; rising and falling passages each without their mean (a level offset shifts
+    all rising ones alike)."""
+    result = np.zeros(a.size // 2)
+    for k in (0, 1):
+        one, other = a[k::2] - a[k::2].mean(), b[k::2] - b[k::2].mean()
+        result += np.fft.irfft(np.fft.rfft(one) * np.conj(np.fft.rfft(other)), one.size)
+    return result
 
 
-def learn(stretches: list[tuple[FloatArray, Integers]], steps: int) -> PitchTable:
-    """The table from (times, counts) of all stretches."""
-    size = 2 * steps
-    total, squares, number = np.zeros(size), 0.0, np.zeros(size)
-    every = max(sum(count.size for _, count in stretches) // (MOST_TURNS * size), 1)
-    for time_s, count in stretches:
-        for start in range(0, count.size, every * TURNS_AT_ONCE * size):
-            piece = slice(max(start - 2 * size, 0), start + (TURNS_AT_ONCE + 2) * size)
-            at, deviation = deviations(time_s[piece], count[piece], steps)
-            near = np.abs(deviation) < np.pi / steps
-            at, deviation = np.mod(at[near], size), deviation[near]
-            total += np.bincount(at, deviation, size)
-            number += np.bincount(at, minlength=size)
-            squares += float(deviation @ deviation)
-    turns = float(np.median(number))
-    if turns < LEAST_TURNS:
-        return PitchTable.zero(steps)
-    table = total / np.maximum(number, 1.0)
-    explained = float(number @ table**2)
-    left = max(squares - explained, 0.0) / max(number.sum() - size, 1.0)
-    table = np.where(number > 0, table - table[number > 0].mean(), 0.0)
-    chance = left * size
-    share = max(explained - chance, 0.0) / max(squares, np.finfo(float).tiny)
-    return PitchTable(table, float(np.sqrt(left / turns)), int(turns), float(np.sqrt(left)), share)
-
-
-def steps_that_repeat(stretches: list[tuple[FloatArray, Integers]], steps: int, most: int = 256) -> tuple[int, float, float]:
+def steps_that_repeat(sample: tuple[FloatArray, Integers], steps: int, most: int = 256) -> tuple[int, float, float]:
     """(steps a turn with which the deviations repeat best, share of their variance that these explain beyond chance, the same of `steps`).
 
     The passages are smoothed over a few teeth only, so that the turn of the setup is not presumed.  Of multiples the least that explains as
     much as the best.  Shares are zero where the log is too short.
     """
-    time_s, count = max(stretches, key=lambda s: s[1].size)
-    time_s, count = time_s[: 400 * steps], count[: 400 * steps]
+    time_s, count = sample
     if count.size < 64 or count[-1] - count[0] != count.size - 1:
         return steps, 0.0, 0.0
     deviation = ((time_s - uniform_filter1d(time_s, 9)) / np.gradient(time_s))[16:-16]

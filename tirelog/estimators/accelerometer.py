@@ -16,6 +16,8 @@ from tirelog.recording import Channel, FloatArray
 HELD = 6
 #: a channel with more equal neighbours than this has no noise to tell by
 EQUAL_SHARE = 0.02
+#: samples read at once
+PIECE = 1 << 17
 #: samples at the extreme of a log that clips, at least
 PILED_UP = 6
 
@@ -50,7 +52,7 @@ def limits(channel: Channel) -> tuple[float, float, float]:
     """(lower limit, upper limit, share of all samples there); infinite where the extreme of the log is not a pile of equal samples."""
     extremes = [np.inf, -np.inf]
     counts, known = [0, 0], 0
-    for _, block in channel.blocks():
+    for _, block in channel.blocks(PIECE):
         x = block[np.isfinite(block)]
         known += x.size
         if x.size == 0:

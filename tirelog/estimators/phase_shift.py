@@ -98,7 +98,7 @@ def _no_patch(recording: Recording, channel: Channel, encoder: Channel) -> str:
     for one in (channel, encoder):
         found, size = probe(one.read, one.size), min(one.size, 1 << 20)
         alive = found.form != "dead"
-        rates.append(crossings(one.read, size, one.axis.rate_Hz, found).index.size if alive else 0)
+        rates.append(sum(piece.size for piece in crossings(one.read, size, one.axis.rate_Hz, found)) if alive else 0)
     if rates[0] > 6 * rates[1]:
         raise SetupError(
             f"{recording.log}: {channel.name} swings like an encoder and {encoder.name} does not: the channels look swapped; "

@@ -11,17 +11,18 @@ are taken as they come.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from tirelog import units
-from tirelog.dsp.angle import AngleFunction, smooth_angle
+from tirelog.dsp.angle import AngleFunction
+from tirelog.dsp.encoder_angle import KnotBuilder, angle_function
 from tirelog.dsp.encoder_counter import counter_knots
-from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchTable, aligned, learn, steps_that_repeat
-from tirelog.dsp.encoder_signal import Integers, Probe, crossings, probe
+from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchLearner, PitchTable, steps_that_repeat
+from tirelog.dsp.encoder_signal import Probe, crossings, probe
 from tirelog.dsp.encoder_teeth import Teeth, count_teeth
 from tirelog.errors import DataLoss, SetupError
 from tirelog.recording import Channel, FloatArray, Recording
@@ -80,40 +81,24 @@ def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
     found = probe(channel.read, channel.size)
     if quantity == "angle" or found.form == "counter":
         return _counted(channel, quantity == "angle", steps)
-    teeth = _teeth(channel, found, steps)
-    time = teeth.index  # a long log's indices become times where they are
-    for start in range(0, time.size, 1 << 16):
-        time[start : start + (1 << 16)] = channel.axis.at(time[start : start + (1 << 16)])
-    count = _realigned(time, teeth, steps)
-    stretches = _stretches(time, count, teeth)
-    pitch = learn(stretches, steps)
-    noise = pitch.scatter_rad if pitch.turns else _noise(found, steps)
-    function = smooth_angle(time, count, pitch.error_rad, np.pi / steps, teeth.stretch, noise)
-    remarks = _remarks(channel, teeth, pitch, stretches, steps)
-    return WheelAngle(channel.name, steps, found.form, function, pitch, ~teeth.forward, tuple(remarks))
-
-
-def _stretches(time: FloatArray, count: Integers, teeth: Teeth) -> list[tuple[FloatArray, Integers]]:
-    """(times, counts) of the stretches in which the wheel rolls forward."""
-    pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
-    parts = zip(np.split(time, pieces), np.split(count, pieces), strict=True)
-    return [(t, c) for t, c in parts if c.size > 1 and (np.diff(c) > 0).all()]
-
-
-def _realigned(time: FloatArray, teeth: Teeth, steps: int) -> Integers:
-    """The counts, with whole teeth that were lost between stretches given back where the pitch errors tell."""
-    pieces = np.flatnonzero(np.diff(teeth.stretch)) + 1
-    if pieces.size == 0:
-        return teeth.count
-    parts = list(zip(np.split(time, pieces), np.split(teeth.count, pieces), strict=True))
-    backward = [not part.all() for part in np.split(teeth.forward, pieces)]
-    moved: list[Integers] = []
-    for (_, count), shift, back in zip(parts, aligned(parts, steps), backward, strict=True):
-        shifted = count + shift
-        while moved and not any(backward) and shifted[0] <= moved[-1][-1]:  # the wheel did not roll back
-            shifted = shifted + 2 * steps
-        moved.append(count if back else shifted)
-    return np.concatenate(moved)
+    learner, builder = PitchLearner(steps), KnotBuilder(np.pi / steps, 2 * steps)
+    passages, missing, extra = 0, 0, 0
+    for teeth in _teeth(channel, found, steps):
+        time = channel.axis.at(teeth.index)
+        for each in (learner, builder):
+            each.add(time, teeth.count, teeth.stretch, teeth.forward)
+        passages, missing, extra = passages + time.size, missing + teeth.missing, extra + teeth.extra
+    if passages < 4 * steps:
+        raise DataLoss(_too_few(channel, passages, steps))
+    placings = learner.placings()
+    pitch = learner.table(placings)
+    knots = builder.knots()
+    sign, offset = (np.array([getattr(p, name) for p in placings], np.int32) for name in ("sign", "offset"))
+    noise = builder.noise_rad(otherwise=_noise(found, steps))
+    function = angle_function(knots, pitch.error_rad, sign, offset, np.pi / steps, noise)
+    backward = ~knots.forward | (sign[knots.stretch] < 0)
+    remarks = _remarks(channel, (missing, extra), bool(backward.any()), pitch, learner, steps)
+    return WheelAngle(channel.name, steps, found.form, function, pitch, backward, tuple(remarks))
 
 
 def _noise(found: Probe, steps: int) -> float:
@@ -121,26 +106,29 @@ def _noise(found: Probe, steps: int) -> float:
     return found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0)
 
 
-def _teeth(channel: Channel, found: Probe, steps: int) -> Teeth:
-    """Counted teeth of a sine or square channel; gaps in its time axis end a stretch."""
-    nothing = (
+def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
+    """Counted teeth of a sine or square channel, piece by piece; stretches are numbered 0, 1, ..., and gaps in the time axis end one."""
+    if found.form == "dead":
+        raise DataLoss(_too_few(channel, 0, steps))
+    rate, holes = channel.axis.rate_Hz, channel.axis.first[1:]
+    last, number = -1, -1
+    for teeth in count_teeth(channel.read, found, crossings(channel.read, channel.size, rate, found), rate, steps):
+        stretch = teeth.stretch + np.searchsorted(holes, teeth.index, side="right") if holes.size else teeth.stretch
+        if stretch.size:
+            order = np.cumsum(np.diff(stretch, prepend=last) != 0) + number
+            last, number = int(stretch[-1]), int(order[-1])
+            yield replace(teeth, stretch=order)
+
+
+def _too_few(channel: Channel, passages: int, steps: int) -> str:
+    """What is said of a channel with fewer than two turns."""
+    if passages:
+        few = f"channel {channel.name}: {passages} tooth passages, fewer than two turns"
+        return f"{few}; a wheel angle needs two turns of {steps} steps; give a longer log"
+    return (
         f"channel {channel.name}: no teeth; an encoder's signal swings {2 * steps} times a turn through its middle; "
         "check the wiring, the source, and that encoder and accelerometer are not swapped"
     )
-    if found.form == "dead":
-        raise DataLoss(nothing)
-    passages = crossings(channel.read, channel.size, channel.axis.rate_Hz, found)
-    if passages.index.size < 4 * steps:
-        few = f"channel {channel.name}: {passages.index.size} tooth passages, fewer than two turns"
-        raise DataLoss(f"{few}; a wheel angle needs two turns of {steps} steps; give a longer log" if passages.index.size else nothing)
-    teeth = count_teeth(channel.read, found, passages, channel.axis.rate_Hz, steps)
-    holes = channel.axis.first[1:]
-    if holes.size:
-        teeth = Teeth(
-            teeth.index, teeth.count, teeth.stretch + np.searchsorted(holes, teeth.index, side="right"), teeth.forward, teeth.missing,
-            teeth.extra,
-        )  # fmt: skip
-    return teeth
 
 
 def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
@@ -153,27 +141,30 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     rate = np.gradient(2 * np.pi * turns, time)
     noise = 0.0 if is_angle else float(np.median(np.abs(rate))) / channel.axis.rate_Hz / np.sqrt(12.0)
     count = np.rint(turns * size).astype(np.int64)
-    stretch = np.zeros(time.size, np.int16)
+    stretch = np.zeros(time.size, np.int32)
     if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
         function = AngleFunction(time, turns, 2 * np.pi, rate.astype(np.float32), stretch, noise)
         return WheelAngle(channel.name, steps, "angle" if is_angle else "counter", function, PitchTable.zero(steps), backward, ())
-    function = smooth_angle(time, count, np.zeros(1), 2 * np.pi / size, stretch, noise)
-    return WheelAngle(channel.name, steps, "counter", function, PitchTable.zero(steps), backward, ())
+    builder = KnotBuilder(2 * np.pi / size, 1)
+    builder.add(time, count, stretch, ~backward)
+    knots, one = builder.knots(), np.ones(1, np.int32)
+    function = angle_function(knots, np.zeros(1), one, 0 * one, 2 * np.pi / size, builder.noise_rad(noise))
+    return WheelAngle(channel.name, steps, "counter", function, PitchTable.zero(steps), ~knots.forward, ())
 
 
-def _remarks(channel: Channel, teeth: Teeth, pitch: PitchTable, stretches: list[Any], steps: int) -> list[str]:
+def _remarks(
+    channel: Channel, repaired: tuple[int, int], backward: bool, pitch: PitchTable, learner: PitchLearner, steps: int
+) -> list[str]:
     """Sentences on the encoder of this log."""
     said = []
-    if teeth.missing or teeth.extra:
-        said.append(f"channel {channel.name}: {teeth.missing} missing and {teeth.extra} extra teeth were repaired")
-    if not teeth.forward.all():
-        said.append(
-            f"channel {channel.name}: the wheel rolled backwards for {np.sum(~teeth.forward)} half teeth; passages there are left out"
-        )
+    if any(repaired):
+        said.append(f"channel {channel.name}: {repaired[0]} missing and {repaired[1]} extra teeth were repaired")
+    if backward:
+        said.append(f"channel {channel.name}: the wheel rolled backwards for a while; passages there are left out")
     if pitch.turns == 0:
         return [*said, f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's pitch errors are not learnt"]
     if pitch.repeats < REPEATS:
-        other, share, own = steps_that_repeat(stretches, steps)
+        other, share, own = steps_that_repeat(learner.sample, steps)
         if share > own + BETTER and steps % other:
             said.append(
                 f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it does with {other}; "
