@@ -24,7 +24,7 @@ from tirelog import __version__
 from tirelog.clock import ClockFit
 from tirelog.errors import ReadError, SetupError, UsageError
 from tirelog.files import output_error, whole_file
-from tirelog.readers import Group, LogReader, lost_samples
+from tirelog.readers import Group, LogReader
 from tirelog.recording import Recording
 from tirelog.remote import address, open_remote
 from tirelog.setup import Setup, load_setup, setup_beside
@@ -173,7 +173,6 @@ def _write(
     """Blocks through the clocks and into the run; then what only the end of the log tells."""
     clocks = {group.name: _clock(group, setup) for group in reader.groups}
     writer = RunWriter(path, setup, reader.groups, compress=compress)
-    lost: dict[str, int] = {}
     try:
         whole = True
         for number, block in enumerate(reader.blocks()):
@@ -181,13 +180,12 @@ def _write(
                 whole = False
                 summary.remarks.append(f"only the first {sum(summary.samples.values())} samples were looked at")
                 break
-            for name, values in block.values.items():
-                lost[name] = lost.get(name, 0) + lost_samples(values)
             rows = writer.append(block)
             clocks[block.group].add(block.stamps_s, block.number, rows)
             summary.samples[block.group] = summary.samples.get(block.group, 0) + rows
         if not any(summary.samples.values()):
             raise ReadError("holds no samples; a log has rows under its header; record it again", file=summary.log)
+        lost = {name: n for name, n in writer.flush().items() if _size(reader.groups, summary, name)}
         report = reader.report
         summary.format, summary.start, summary.counts = report.format, report.start, dict(report.counts)
         summary.counts.update({f"lost_samples {name}": n for name, n in lost.items()})

@@ -7,8 +7,8 @@
                         (NaN where lost); attributes group, kind, unit, scale_factor, add_offset (stored number to SI), decimals
     /flags/<name>       start, stop, word
 
-Data chunks carry fletcher32, and the file is of HDF5's "v110" kind, whose metadata has checksums too: a flipped bit is found when
-it is read, its chunk becomes NaN, and the recording's losses say so.
+Data chunks carry fletcher32 (but for those of a temporary run, which no other command reads), and the file is of HDF5's "v110" kind,
+whose metadata has checksums too: a flipped bit is found when it is read, its chunk becomes NaN, and the recording's losses say so.
 """
 
 from __future__ import annotations
@@ -22,115 +22,32 @@ from typing import Any
 import h5py
 import numpy as np
 
+from tirelog.chunks import CHUNK, ChunkWriter
 from tirelog.convert import to_si
 from tirelog.errors import ReadError, SetupError
-from tirelog.readers import Group, RawBlock, Samples, counted_floats
+from tirelog.readers import LOST_COUNT, Group, RawBlock
 from tirelog.recording import Channel, FloatArray, Recording, TimeAxis
 from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
+from tirelog.store_column import Column
 
 FORMAT_VERSION = 1
-CHUNK = 1 << 15
-_CHUNKS_AT_ONCE = 4
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a lost one
 _TWIN_REACH = 4096
 _CACHE_BYTES = 1 << 20  # of each dataset; the default of HDF5 2 is 8 MB, which many channels multiply
-_LOST = np.iinfo(np.int32).min
-
-
-class _Column:
-    """A channel on its way into the file: counts while every value is a decimal number of few digits, else floats.
-
-    The choice is made by the data: a value that does not come back exactly promotes what has been written so far.
-    """
-
-    def __init__(self, file: h5py.File, name: str, decimals: int | None, compress: bool) -> None:
-        self.file, self.name, self.compress = file, name, compress
-        self.decimals = self._places = decimals
-        self.dataset: h5py.Dataset | None = None
-        self._power = 1.0 if decimals is None else 10.0**decimals
-        self._waiting: list[FloatArray] = []
-        self._size = 0
-
-    def append(self, samples: Samples) -> None:
-        """Take a block; whole chunks go to the file once there are enough of them to be worth a call."""
-        values = counted_floats(samples, self._places)
-        self._waiting.append(values)
-        if sum(part.size for part in self._waiting) >= _CHUNKS_AT_ONCE * CHUNK:
-            joined = np.concatenate(self._waiting)
-            whole = joined.size - joined.size % CHUNK
-            self._write(joined[:whole])
-            self._waiting = [joined[whole:].copy()]
-
-    def _write(self, values: FloatArray) -> None:
-        stored = self._encode(values)
-        if self.dataset is None:
-            self.dataset = self._create(self.name, stored.dtype)
-        elif stored.dtype != self.dataset.dtype:
-            self._promote()
-        start, self._size = self._size, self._size + stored.size
-        self.dataset.resize(self._size, axis=0)
-        self.dataset[start : self._size] = stored
-
-    def _encode(self, values: FloatArray) -> np.ndarray:
-        """`values` as counts, float32 or float64: the smallest that this channel's blocks so far and this one fit exactly."""
-        kind = None if self.dataset is None else self.dataset.dtype.kind + str(self.dataset.dtype.itemsize)
-        if self.decimals is not None and kind in (None, "i4"):
-            lost = np.isnan(values)
-            known = np.where(lost, 0.0, values) if lost.any() else values
-            counts = np.rint(known * self._power)
-            if max(counts.max(initial=0.0), -counts.min(initial=0.0)) < -_LOST - 1.0 and np.array_equal(counts / self._power, known):
-                counts[lost] = _LOST
-                return counts.astype(np.int32)
-        self.decimals = None
-        if kind in (None, "f4"):
-            with np.errstate(over="ignore"):
-                single = values.astype(np.float32)
-            if np.array_equal(single, values, equal_nan=True):
-                return single
-        return values
-
-    def _create(self, name: str, dtype: Any) -> h5py.Dataset:
-        more = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if self.compress else {}
-        return self.file.create_dataset(
-            f"channels/{name}", shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=dtype, fletcher32=True, **more
-        )
-
-    def _promote(self) -> None:
-        """Rewrite what is there as float64."""
-        old = self.dataset
-        assert old is not None
-        wide = self._create(f"{self.name}.wide", np.float64)
-        wide.resize(old.shape[0], axis=0)
-        for start in range(0, old.shape[0], CHUNK):
-            part = old[start : start + CHUNK]
-            wide[start : start + CHUNK] = np.where(part == _LOST, np.nan, part / self._power) if part.dtype.kind == "i" else part
-        del self.file[f"channels/{self.name}"]
-        self.file.move(f"channels/{self.name}.wide", f"channels/{self.name}")
-        self.dataset = self.file[f"channels/{self.name}"]
-
-    def finish(self, group: str, channel: ChannelSetup) -> None:
-        if self._waiting or self.dataset is None:
-            self._write(np.concatenate([*self._waiting, np.zeros(0)]))
-        assert self.dataset is not None
-        factor, offset = to_si(channel)
-        counts = self.dataset.dtype.kind == "i"
-        power = self._power if counts else 1.0
-        self.dataset.attrs.update(
-            group=group, kind=channel.kind, unit=KINDS[channel.kind][1], source=channel.source, source_unit=channel.source_unit,
-            scale_factor=factor / power, add_offset=offset, decimals=(self.decimals or 0) if counts else -1,
-        )  # fmt: skip
-        if counts:
-            self.dataset.attrs["_FillValue"] = np.int32(_LOST)
 
 
 class RunWriter:
-    """Writes a run, block by block, to `path` (which the caller makes whole or removes)."""
+    """Writes a run, block by block, to `path` (which the caller makes whole or removes).
+
+    `compress` is for runs that are kept: their samples are compressed and carry checksums.
+    """
 
     def __init__(self, path: Path, setup: Setup, groups: tuple[Group, ...], *, compress: bool) -> None:
         self.setup, self.groups = setup, groups
         self.file = h5py.File(path, "w", libver=("v110", "v110"), rdcc_nbytes=_CACHE_BYTES)
         self.file.attrs["tirelog_run"] = FORMAT_VERSION
-        self._columns = {name: _Column(self.file, name, group.decimals.get(name), compress) for group in groups for name in group.channels}
+        self._chunks = ChunkWriter(compress=compress)
+        self._columns = {n: Column(self.file, n, group.decimals.get(n), self._chunks) for group in groups for n in group.channels}
         self._rows = {group.name: 0 for group in groups}
         self._flags: dict[str, list[tuple[int, int, str]]] = {name: [] for name in self._columns}
 
@@ -148,6 +65,7 @@ class RunWriter:
 
     def finish(self, axes: Mapping[str, TimeAxis], flags: Mapping[str, list[tuple[int, int, str]]], provenance: Mapping[str, Any]) -> None:
         """Time axes, flags on whole groups, setup and provenance; the file is complete after this."""
+        self.flush()
         for group in self.groups:
             self._axis(group.name, axes[group.name])
             for name in group.channels:
@@ -177,7 +95,15 @@ class RunWriter:
         words = np.array([f[2].encode() for f in flags])
         place.create_dataset("word", data=words, chunks=True, fletcher32=True)
 
+    def flush(self) -> dict[str, int]:
+        """All samples are in the file after this, and nothing may follow: how many of each channel are lost."""
+        for column in self._columns.values():
+            column.flush()
+        self._chunks.flush()
+        return {name: column.lost for name, column in self._columns.items()}
+
     def close(self) -> None:
+        self._chunks.close()
         self.file.close()
 
 
@@ -274,7 +200,7 @@ def _channel(
         values *= scale
         values += offset
         if counts:
-            values[raw == _LOST] = np.nan
+            values[raw == LOST_COUNT] = np.nan
         return values
 
     more = {key: getattr(channel, key) for key in ("steps", "gauge_length_m") if getattr(channel, key) is not None}
@@ -287,7 +213,7 @@ def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[
     try:
         return dataset[start:stop]
     except OSError:
-        missing = _LOST if dataset.dtype.kind == "i" else np.nan
+        missing = LOST_COUNT if dataset.dtype.kind == "i" else np.nan
         out = np.full(max(stop - start, 0), missing, dataset.dtype)
         for first in range(start - start % CHUNK, stop, CHUNK):
             low, high = max(first, start), min(first + CHUNK, stop)

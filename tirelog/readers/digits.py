@@ -6,6 +6,8 @@
 
 With at most 18 digits m is exact in int64.  Where |m| < 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or
 division rounds once, as a correct parser does.  Everything else is HARD: the caller leaves it to a parser that is slower.
+
+Kernels elsewhere have these functions compiled in, and their caches do not see that this file was edited: delete `__pycache__` after that.
 """
 
 from __future__ import annotations

@@ -124,10 +124,7 @@ class TextReader:
         if self._tracker:
             found, flags = self._tracker.follow(parsed)
             values |= found
-        for channel, samples in values.items():
-            lost = lost_samples(samples)
-            self._count(f"lost_samples {channel}", lost)
-            self._seen |= {channel} if lost < samples.size else set()
+        self._seen |= {channel for channel in self.columns.peaks if lost_samples(values[channel]) < parsed.size}
         if parsed.errors is not None:
             flags += self._errors(parsed)
         self._count("rows", parsed.size)
