@@ -1,4 +1,4 @@
-"""The road's profile under a tire in motion: `[road] kind` becomes corners between which the road is straight, or a wave.
+"""The road's profile under a tire in motion: `[road]` becomes corners between which the road is straight, or a wave.
 
     Road (scenario) --profile_of--> Profile: height and slope at any distance x [m] driven since the log's start, level before it
 
@@ -22,11 +22,13 @@ FloatArray = NDArray[np.float64]
 STEEPEST = 3.0
 #: highest rise within one diameter of the tire, over its radius
 HIGHEST = 0.2
+#: ramp of a step or cleat that names none, as far as its length and the steepest slope allow [m]
+RAMP_M = 0.01
 
 
 @dataclass(frozen=True)
 class Profile:
-    """`corner_m`, `height_m` (n,) a broken line, level outside; plus amplitude (1 - cos(2 pi x/wavelength)) from x = 0 on."""
+    """`corner_m`, `height_m` (n,) a broken line, level outside; plus amplitude (1 - cos(2 pi x/wavelength)) behind the first corner."""
 
     corner_m: FloatArray
     height_m: FloatArray
@@ -38,44 +40,55 @@ class Profile:
         return float(self.height_m.max()) + 2.0 * max(self.amplitude_m, 0.0)
 
 
-def profile_of(road: Road, radius_m: float) -> Profile:
-    """The scenario's profile.  UsageError for one that a tire of this radius cannot roll over."""
+def profile_of(road: Road, radius_m: float, distance_m: float) -> Profile:
+    """The scenario's profile over `distance_m` of driving.  UsageError for one that a tire of this radius cannot roll over."""
+    if road.kind == "flat":
+        return Profile(np.array([0.0, 1.0]), np.zeros(2))
+    begin = _needed(road, "position_m")[0] if road.kind in ("step", "cleat") else road.position_m or 0.0
     if road.kind == "sine":
-        return _checked_sine(road, radius_m)
-    if road.kind == "file":
-        corner, height = _read(Path(road.file))
-    elif road.kind in ("cleat", "step"):
-        corner, height = _bars(road) if road.kind == "cleat" else _steps(road)
-    else:
-        corner, height = np.array([0.0, 1.0]), np.zeros(2)
+        return _wave(road, radius_m, begin)
+    corner, height = _obstacle(road)
+    _check(corner, height, radius_m)
+    starts = begins(road, distance_m)
+    corner, height = (starts[:, None] + corner).ravel(), np.tile(height, starts.size)
     if np.any(np.diff(corner) <= 0.0):
-        raise UsageError("places of the [road] overlap or do not grow; allowed are growing distances; move them apart")
+        raise UsageError(f"spacing_m = {road.spacing_m} of the [road] is shorter than what comes again; allowed is more; mend it")
     _check(corner, height, radius_m)
     return Profile(corner, height)
 
 
-def _places(road: Road) -> FloatArray:
-    if not road.at_m:
-        raise UsageError(f'[road] kind = "{road.kind}" without a place; allowed is at_m = 20.0, or a list of distances in m; add it')
-    return np.sort(np.asarray(road.at_m, float))
+def begins(road: Road, distance_m: float) -> FloatArray:
+    """Where the obstacle begins, each time that it comes within `distance_m`; at least once."""
+    first, again = road.position_m or 0.0, road.spacing_m if road.kind in ("cleat", "profile") else None
+    count = 1 + int(max(distance_m - first, 0.0) / again) if again else 1
+    return np.asarray(first + (again or 0.0) * np.arange(count), float)
 
 
-def _bars(road: Road) -> tuple[FloatArray, FloatArray]:
-    """Bars that begin at every `at_m`: `width_m` at the foot, a ramp on either side."""
-    if not 0.0 < road.ramp_m < 0.5 * road.width_m:
-        raise UsageError(f"ramp_m = {road.ramp_m:g} of a cleat; allowed is above zero and below half of its width_m; mend it")
-    foot = np.array([0.0, road.ramp_m, road.width_m - road.ramp_m, road.width_m])
-    corner = (_places(road)[:, None] + foot).ravel()
-    return corner, np.tile([0.0, road.height_m, road.height_m, 0.0], len(road.at_m))
+def _needed(road: Road, *names: str) -> tuple[float, ...]:
+    values = [getattr(road, name) for name in names]
+    lacking = [name for name, value in zip(names, values, strict=True) if value is None]
+    if lacking:
+        raise UsageError(f'[road] kind = "{road.kind}" without {" and ".join(lacking)}; allowed is a number in m; give it')
+    return tuple(values)
 
 
-def _steps(road: Road) -> tuple[FloatArray, FloatArray]:
-    """The level changes by `height_m` at every `at_m`."""
-    if not road.ramp_m > 0.0:
-        raise UsageError("ramp_m = 0 of a step; allowed is above zero (the tread presses along the road's normal); give the step a ramp")
-    places = _places(road)
-    levels = road.height_m * np.arange(places.size + 1)
-    return np.stack([places, places + road.ramp_m], axis=1).ravel(), np.repeat(levels, 2)[1:-1]
+def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
+    """Corners [m] behind the obstacle's begin, and heights."""
+    if road.kind == "profile":
+        if not road.file:
+            raise UsageError(
+                '[road] kind = "profile" without a file; allowed is file = "PATH" (distance and height, a point a line); name it'
+            )
+        return _read(Path(road.file))
+    height = _needed(road, "height_m")[0]
+    ramp = road.ramp_m or max(RAMP_M, 1.01 * abs(height) / STEEPEST)
+    if road.kind == "step":
+        return np.array([0.0, ramp]), np.array([0.0, height])
+    length = _needed(road, "length_m")[0]
+    ramp = road.ramp_m or min(ramp, 0.49 * length)
+    if not 0.0 < ramp < 0.5 * length:
+        raise UsageError(f"ramp_m = {ramp:g} of a cleat {length:g} m long; allowed is above zero and below half of its length_m; mend it")
+    return np.array([0.0, ramp, length - ramp, length]), np.array([0.0, height, height, 0.0])
 
 
 def _read(path: Path) -> tuple[FloatArray, FloatArray]:
@@ -83,7 +96,9 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
-        raise UsageError(f"the road's profile cannot be read ({problem}); allowed is a text file; mend [road] file", file=path) from None
+        raise UsageError(
+            f"the road's profile cannot be read ({problem}); allowed is a text file; mend the [road]'s file", file=path
+        ) from None
     points = []
     for number, line in enumerate(text.splitlines(), 1):
         words = line.split("#")[0].replace(",", " ").split()
@@ -100,6 +115,8 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray]:
     if len(points) < 2:
         raise UsageError("a road of fewer than two points; allowed are two or more; add some", file=path)
     corner, height = np.array(points).T
+    if np.any(np.diff(corner) <= 0.0):
+        raise UsageError("distances of the road do not grow; allowed are growing ones, one height each; sort the rows", file=path)
     return corner, height
 
 
@@ -123,12 +140,13 @@ def _check_rise(rise_m: float, radius_m: float) -> None:
         )
 
 
-def _checked_sine(road: Road, radius_m: float) -> Profile:
-    if not (road.wavelength_m > 0.0 and road.amplitude_m != 0.0):
-        raise UsageError('[road] kind = "sine" without its wave; allowed are amplitude_m and wavelength_m above zero; add them')
-    slope = abs(road.amplitude_m) * 2.0 * np.pi / road.wavelength_m
+def _wave(road: Road, radius_m: float, begin_m: float) -> Profile:
+    amplitude, wavelength = _needed(road, "amplitude_m", "wavelength_m")
+    if not wavelength > 0.0:
+        raise UsageError("wavelength_m = 0 in [road]; allowed is a length above zero; give one")
+    slope = abs(amplitude) * 2.0 * np.pi / wavelength
     if slope > STEEPEST:
         raise UsageError(f"a road with a slope of {slope:.3g}; allowed is up to {STEEPEST:g}; give a longer wave")
-    if road.wavelength_m < 4.0 * radius_m:
-        _check_rise(2.0 * abs(road.amplitude_m), radius_m)
-    return Profile(np.array([0.0, 1.0]), np.zeros(2), road.amplitude_m, road.wavelength_m)
+    if wavelength < 4.0 * radius_m:
+        _check_rise(2.0 * abs(amplitude), radius_m)
+    return Profile(np.array([begin_m, begin_m + 1.0]), np.zeros(2), amplitude, wavelength)

@@ -33,6 +33,7 @@ _TIRE_KEYS = (
     "viscosity_Pa_s",
     "static_footprint_length_m",
 )
+_ROAD_KEYS = ("kind", "height_m", "length_m", "ramp_m", "amplitude_m", "wavelength_m", "file", "spacing_m")
 _CONDITION_KEYS = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm", "driven")
 
 
@@ -48,6 +49,10 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
     lines += [f"{key} = {_toml(value)}" for key in _TIRE_KEYS if (value := getattr(scenario.tire, key)) is not None]
     lines += ["", "[conditions]"]
     lines += [f"{key} = {_toml(getattr(scenario.conditions, key))}" for key in _CONDITION_KEYS]
+    if scenario.road.kind != "flat":
+        # where the obstacle stands is for the log to say
+        road = {key: getattr(scenario.road, key) for key in _ROAD_KEYS}
+        lines += ["", "[road]", *(f"{key} = {_toml(value)}" for key, value in road.items() if value is not None)]
     for name, sensor in scenario.channels.items():
         lines += ["", f"[channels.{name}]", *_channel_lines(sensor, sources[name])]
     if time is not None:

@@ -61,7 +61,7 @@ class RolledWorld(World):
         tire, radius = scenario.tire, scenario.tire.rolling_radius_m
         tension = scenario.conditions.inflation_pressure_Pa * tire.width_belt_m * radius
         self.belt = Belt(tire, tension, Splines(scenario.grid_points // 8))
-        self.profile = profile_of(scenario.road, radius)
+        self.profile = profile_of(scenario.road, radius, float(self.distance(drive.time_s[-1:])[0]))
         self.belt.check_speed(float(drive.speed_at(drive.time_s).max()))
         self.motion, self.ridden = self._rolled()
         time = self.motion.time_s

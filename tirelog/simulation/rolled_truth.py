@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.simulation.profile import begins
 from tirelog.simulation.rolled import RolledWorld
 from tirelog.simulation.rolling import standing
 from tirelog.simulation.truth import truth_of
@@ -99,7 +100,7 @@ def moving(world: RolledWorld) -> dict[str, Any]:
         "contact_length_m": float(np.nanmedian(motion.exit_m[logged] - motion.entry_m[logged])),
         "standing_contact_length_m": standing(world.belt, scenario.conditions.load_N).contact_length_m,
         "effective_rolling_radius_m": way / turned if turned > 2.0 * np.pi else None,
-        "obstacles": [_met(world, place) for place in sorted(scenario.road.at_m)] if scenario.road.kind in ("cleat", "step") else [],
+        "obstacles": _obstacles(world),
     }
 
 
@@ -121,19 +122,27 @@ def travelling_waves(world: RolledWorld, speed_m_s: float) -> list[dict[str, flo
     return sorted(waves, key=lambda wave: (wave["lobes"], wave["felt_Hz"]))
 
 
+def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
+    road = world.scenario.road
+    if road.kind not in ("step", "cleat"):
+        return []
+    driven = float(world.distance(np.array([world.scenario.duration_s]))[0])
+    return [_met(world, float(place)) for place in begins(road, driven) if place < driven]
+
+
 def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
-    """One cleat or step: when it is first touched, under the axle, and left; the largest force of the road while it is touched."""
+    """One cleat or step: when it is first touched, when its begin is under the axle, when it is left; the largest force meanwhile."""
     motion, road = world.motion, world.scenario.road
-    length = road.width_m if road.kind == "cleat" else road.ramp_m
+    corner = world.profile.corner_m
+    length = float((road.length_m or 0.0) if road.kind == "cleat" else corner[1] - corner[0])
     way = world.distance(motion.time_s)
     met = (way - motion.entry_m > place_m) & (way - motion.exit_m < place_m + length)
     rows = np.flatnonzero(met)
-    axle = place_m + (0.5 * length if road.kind == "cleat" else 0.0)
-    over = way[-1] > axle > way[0]
+    over = way[-1] > place_m > way[0]
     out: dict[str, float | None] = {
-        "at_m": place_m,
+        "position_m": place_m,
         "touched_s": float(motion.time_s[rows[0]]) if rows.size else None,
-        "under_axle_s": float(np.interp(axle, way, motion.time_s)) if over else None,
+        "under_axle_s": float(np.interp(place_m, way, motion.time_s)) if over else None,
         "left_s": float(motion.time_s[rows[-1]]) if rows.size and rows[-1] < motion.time_s.size - 1 else None,
         "largest_force_N": float(motion.force_z_N[rows].max()) if rows.size else None,
     }

@@ -151,10 +151,10 @@ def road_at(x: float, corner: FloatArray, height: FloatArray, constants: FloatAr
         i = np.searchsorted(corner, x, side="right") - 1
         slope = (height[i + 1] - height[i]) / (corner[i + 1] - corner[i])
         high = height[i] + slope * (x - corner[i])
-    if x > 0.0 and constants[AMPLITUDE] != 0.0:
+    if x > corner[0] and constants[AMPLITUDE] != 0.0:
         q = constants[WAVE]
-        high += constants[AMPLITUDE] * (1.0 - np.cos(q * x))
-        slope += constants[AMPLITUDE] * q * np.sin(q * x)
+        high += constants[AMPLITUDE] * (1.0 - np.cos(q * (x - corner[0])))
+        slope += constants[AMPLITUDE] * q * np.sin(q * (x - corner[0]))
     return high, slope
 
 

@@ -14,7 +14,7 @@ from tirelog.simulation.planted import Planted
 
 TRUTHS = ("beam", "ring", "coupled_ring")
 CONTACTS = ("flat_road", "parabola")
-ROADS = ("flat", "cleat", "step", "sine", "file")
+ROADS = ("flat", "step", "cleat", "sine", "profile")
 REGIMES = ("standstill", "cruise", "drive", "coast", "brake")
 #: channel kind -> unit in the file that the simulator writes
 SOURCE_UNITS = {
@@ -111,21 +111,23 @@ class Road:
     """[road] and repeatability.  `roughness` relative standard deviation of the load along the road, correlated over `correlation_m`;
     `load_scatter` relative standard deviation of the load from manoeuvre to manoeuvre.
 
-    Profile (coupled ring only), distances from the log's start: `kind` "flat"; "cleat" bars of `height_m` that begin at `at_m` (a distance
-    or a list), `width_m` at the foot, ramps of `ramp_m`; "step" the level changes by `height_m` at each `at_m` over `ramp_m`; "sine"
-    amplitude_m (1 - cos(2 pi x/wavelength_m)); "file" two columns, distance and height, in `file` (beside the scenario)."""
+    What is rolled over (coupled ring only), in the words of a setup's [road]: `kind` "flat"; "step" (`height_m` over `ramp_m`); "cleat"
+    (`height_m`, `length_m` at its foot, ramps of `ramp_m` within it); "sine" (`amplitude_m` (1 - cos(2 pi x/`wavelength_m`))); "profile"
+    (`file`: two columns, distance and height, beside the scenario).  It begins `position_m` after the log's start, and comes again every
+    `spacing_m` (a cleat or a profile)."""
 
     roughness: float = _within(0.0, 0.0, 0.2)
     correlation_m: float = _within(2.0, 0.2, 100.0)
     load_scatter: float = _within(0.0, 0.0, 0.2)
     kind: str = _one_of("flat", *ROADS)
-    at_m: tuple[float, ...] = ()
-    height_m: float = _within(0.0, -10.0, 10.0)
-    width_m: float = _within(0.04, 1e-3, 100.0)
-    ramp_m: float = _within(0.01, 0.0, 100.0)
-    amplitude_m: float = _within(0.0, -10.0, 10.0)
-    wavelength_m: float = _within(0.0, 0.0, 1e4)
-    file: str = ""
+    height_m: float | None = _within(None, -1.0, 1.0)
+    length_m: float | None = _within(None, 0.0, 100.0)
+    ramp_m: float | None = _within(None, 0.0, 100.0)
+    amplitude_m: float | None = _within(None, -1.0, 1.0)
+    wavelength_m: float | None = _within(None, 0.0, 1e4)
+    file: str | None = None
+    position_m: float | None = _within(None, 0.0, 1e6)
+    spacing_m: float | None = _within(None, 0.0, 1e6)
 
 
 @dataclass(frozen=True)

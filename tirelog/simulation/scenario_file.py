@@ -42,7 +42,6 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
     wanted, at = str(spec.type), f"{spec.name} = {value!r} in [{table}]"
     if "tuple" in wanted:
         whole = "int" in wanted
-        value = [value] if _number(value) else value
         if not isinstance(value, list) or not all(_number(v) and v >= 0 and (v == int(v) or not whole) for v in value):
             raise UsageError(f"{at}; allowed is a list of {'whole ' if whole else ''}numbers from 0; mend it", file=file)
         return tuple(int(v) if whole else float(v) for v in value)
@@ -145,7 +144,7 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     values["load_steps"] = tuple(sorted((_table(LoadStep, s, "load_steps", file) for s in steps), key=lambda step: step.time_s))
     if values["road"].file:
         # a profile stands beside its scenario
-        values["road"] = replace(values["road"], file=str(Path(file or "").parent / values["road"].file))
+        values["road"] = replace(values["road"], file=str((Path(file or "").parent / values["road"].file).resolve()))
     scenario = Scenario(**values)
     _check(scenario, file)
     return scenario

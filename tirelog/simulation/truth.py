@@ -42,7 +42,7 @@ def truth_of(world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages
         "contact": "parabola" if scenario.truth == "beam" else scenario.tire.contact,
         "tire": asdict(scenario.tire),
         "conditions": asdict(scenario.conditions),
-        "road": {**asdict(scenario.road), "at_m": list(scenario.road.at_m)},
+        "road": asdict(scenario.road),
         "ramp": None if scenario.ramp is None else asdict(scenario.ramp),
         "effects": planted_truth(scenario),
         "manoeuvres": [asdict(part) for part in world.drive.parts],

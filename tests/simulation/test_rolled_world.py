@@ -1,0 +1,216 @@
+"""Property: a log whose tire moved says what its truth says: passages, cleats, load steps, speed ramps, wheel angle, accelerations."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tirelog.simulation import Scenario, scenario_of, simulate, to_recording, write_log
+from tirelog.simulation.rolled import RolledWorld
+from tirelog.simulation.scenario import Sensor
+from tirelog.simulation.simulate import Simulated
+
+from .worlds import instants
+from .worlds import world as steady_world
+
+CHANNELS: dict[str, Any] = {
+    "inner": {"kind": "strain", "angle_deg": 70.0, "surface": "inner"},
+    "outer": {"kind": "fbg_strain", "angle_deg": 70.0},
+    "acc": {"kind": "radial_acceleration", "angle_deg": 200.0},
+    "late": {"kind": "radial_acceleration", "angle_deg": 200.0, "delay_s": 0.004},
+    "encoder": {"kind": "wheel_encoder", "signal": "counter", "steps": 720},
+    "load": {"kind": "vertical_load"},
+    "along": {"kind": "longitudinal_force"},
+    "speed": {"kind": "vehicle_speed"},
+}
+#: coarse, so that a test takes a second
+COARSE = {"truth": "coupled_ring", "grid_points": 768, "step_s": 5e-5}
+DAMPED = {"radial_damping_N_s_m2": 300.0, "tangential_damping_N_s_m2": 300.0}
+
+
+def scenario(seconds: float = 1.0, speed: float = 15.0, **more: Any) -> Scenario:
+    base: dict[str, Any] = {
+        **COARSE,
+        "tire": DAMPED,
+        "vehicle": {"suspension_damping_N_s_m": 2000.0},
+        "conditions": {"driven": False},
+        "manoeuvres": [{"duration_s": seconds, "speed_m_s": speed}],
+        "channels": CHANNELS,
+    }
+    return scenario_of({**base, **more})
+
+
+@cache
+def cleats() -> Simulated:
+    """Two cleats and a load step within 1.2 s at 15 m/s."""
+    road = {"kind": "cleat", "position_m": 6.0, "spacing_m": 5.0, "height_m": 0.006, "length_m": 0.04, "ramp_m": 0.01}
+    return simulate(scenario(1.2, road=road, load_steps=[{"time_s": 0.95, "load_N": 4100.0}]))
+
+
+def world(made: Simulated) -> RolledWorld:
+    assert isinstance(made.world, RolledWorld)
+    return made.world
+
+
+def test_truth_is_plain_and_one_value_a_passage(tmp_path: Path) -> None:
+    made = cleats()
+    path = write_log(made, tmp_path / "log.csv")[1]
+    truth = json.loads(path.read_text(encoding="utf-8"))
+    assert truth == made.truth
+    for channel in ("inner", "outer", "acc", "late"):
+        passages = truth["channels"][channel]["passages"]
+        assert {len(v) for v in passages.values()} == {len(passages["time_s"])}
+        assert np.allclose(np.diff(passages["wheel_angle_rad"]), 2 * np.pi, atol=2e-3)
+
+
+def test_strain_has_its_extremes_where_the_truth_has_its_passages() -> None:
+    made = cleats()
+    passages = made.truth["channels"]["inner"]["passages"]["time_s"]
+    assert len(passages) >= 8
+    time = made.stamp_s["inner"]
+    for name, sign in (("inner", 1.0), ("outer", -1.0)):
+        signal = sign * made.channels[name]
+        for passage in passages[1:-1]:
+            near = np.abs(time - passage) < 0.02
+            assert time[near][np.argmax(signal[near])] == pytest.approx(passage, abs=1.2e-3)
+    late = np.array(made.truth["channels"]["late"]["passages"]["time_s"])
+    assert late == pytest.approx(np.array(made.truth["channels"]["acc"]["passages"]["time_s"][: late.size]) + 0.004)
+
+
+def test_late_accelerometer_is_the_same_later() -> None:
+    made = cleats()
+    acc, late = made.channels["acc"], made.channels["late"]
+    # ten samples
+    assert np.abs(late[10:] - acc[:-10]).max() < 1e-9 * np.abs(acc).max()
+
+
+def test_cleats_are_met_when_the_way_says() -> None:
+    made = cleats()
+    met = made.truth["coupled_ring"]["obstacles"]
+    assert [each["position_m"] for each in met] == [6.0, 11.0, 16.0]
+    half = 0.5 * made.truth["coupled_ring"]["contact_length_m"]
+    # a circle that does not bend would touch it from here on
+    round_ = np.sqrt(2 * 0.305 * (0.305 - world(made).motion.hub_z_m.min() + 0.006))
+    for each in met[:2]:
+        assert each["under_axle_s"] == pytest.approx(each["position_m"] / 15.0, abs=1e-6)
+        assert half < each["position_m"] + 0.01 - 15.0 * each["touched_s"] < round_
+        assert each["left_s"] == pytest.approx((each["position_m"] + 0.04 + half) / 15.0, abs=0.03 / 15.0)
+        assert each["largest_force_N"] > 1.2 * 3434.0
+
+
+def test_a_cleat_shows_in_the_load_and_rings_away() -> None:
+    made = cleats()
+    time, load = made.stamp_s["load"], made.channels["load"]
+    hit = made.truth["coupled_ring"]["obstacles"][0]["under_axle_s"]
+    assert np.ptp(load[(time > hit - 0.01) & (time < hit + 0.03)]) > 1000.0
+    assert np.std(load[time < hit - 0.02]) < 15.0
+    assert np.std(load[(time > hit + 0.2) & (time < hit + 0.3)]) < 60.0
+
+
+def test_load_step_is_carried() -> None:
+    made = cleats()
+    time, load = made.stamp_s["load"], made.channels["load"]
+    assert load[time < 0.35].mean() == pytest.approx(3434.0, rel=2e-3)
+    assert load[time > 1.12].mean() == pytest.approx(4100.0, rel=2e-2)
+    assert made.truth["load_steps"] == [{"time_s": 0.95, "load_N": 4100.0, "rise_s": 0.02}]
+    carried = made.truth["coupled_ring"]
+    assert carried["load_carried_N"] == pytest.approx(carried["load_applied_N"], rel=5e-3)
+    length = made.truth["channels"]["inner"]["passages"]["contact_length_m"]
+    assert length[-1] > 1.05 * length[0]
+
+
+def test_counter_counts_the_wheels_angle() -> None:
+    made = cleats()
+    time, count = made.stamp_s["encoder"], made.channels["encoder"]
+    angle = np.array([world(made).drive.angle_at(np.array([t]))[0] for t in time[::100]])
+    assert np.abs(count[::100] - 720 * angle / (2 * np.pi)).max() < 1.01
+    radius = made.truth["coupled_ring"]["effective_rolling_radius_m"]
+    assert radius == pytest.approx(0.305, rel=6e-3)
+
+
+def test_accelerometer_feels_the_turning_belt() -> None:
+    """As the steady ring of the other truth has it; nothing but gravity in the patch."""
+    made = simulate(scenario(0.3, grid_points=1536, channels={"acc": CHANNELS["acc"]}))
+    time, felt = made.stamp_s["acc"], made.channels["acc"]
+    motion = world(made).motion
+    phi = np.interp(time, motion.time_s, motion.angle_rad) - np.radians(200.0)
+    steady = steady_world(truth="ring", tire=DAMPED, grid_points=4096)
+    spin = motion.spin_rad_s[motion.time_s < 0.3].mean()
+    wave = steady.waveform(steady.solve(instants(speed=spin * 0.305)), Sensor("radial_acceleration"))[0]
+    exact = np.interp((phi + np.pi) % (2 * np.pi) - np.pi, steady.ring.xi_m / 0.305, wave) / 9.80665 - np.cos(phi)
+    assert np.std(felt - exact) < 0.02 * np.std(exact)
+    assert np.abs((felt + 1.0)[np.cos(phi) > np.cos(0.05)]).max() < 0.08 * np.abs(exact).max()
+
+
+def test_speed_ramp_is_driven_by_its_torque() -> None:
+    ramp = [{"duration_s": 0.5, "speed_m_s": 12.0}, {"duration_s": 1.0, "speed_m_s": 14.0, "regime": "drive"}]
+    # a grippier tread than the papers', so that slip stays small
+    tire = {**DAMPED, "bristle_stiffness_N_m2": 2e7, "friction": 1.0}
+    made = simulate(scenario(manoeuvres=ramp, conditions={"driven": True}, tire=tire, rounding_s=0.2))
+    motion = world(made).motion
+    speed = np.interp(0.9, motion.time_s, motion.spin_rad_s) * 0.305
+    # bristles creep: force over 2 C_x L^2, some 2 %
+    assert 1.005 < speed / float(world(made).drive.speed_at(np.array(0.9))) < 1.03
+    steady = (motion.time_s > 0.8) & (motion.time_s < 1.2)
+    # half of what the vehicle needs: mass and drag
+    needs = 0.5 * (1500.0 * 2.0 + 0.012 * 1500.0 * 9.80665 + 0.4 * 13.0**2)
+    assert motion.force_x_N[steady].mean() == pytest.approx(needs, rel=0.02)
+    time, along = made.stamp_s["along"], made.channels["along"]
+    assert along[(time > 0.8) & (time < 1.2)].mean() == pytest.approx(needs, rel=0.03)
+    # drive winds the hub ahead of the belt
+    shift = made.truth["channels"]["inner"]["passages"]["phase_shift_deg"]
+    assert shift[-3] > shift[1] + 0.1
+
+
+def test_same_scenario_same_numbers_and_a_recording() -> None:
+    first, second = (simulate(scenario(0.4)) for _ in range(2))
+    for name, values in first.channels.items():
+        assert np.array_equal(values, second.channels[name])
+    recording = to_recording(first)
+    assert recording.channels["inner"].read() == pytest.approx(first.channels["inner"] * 1e-6)
+
+
+def test_sensor_lag_and_gauge_length() -> None:
+    plain = simulate(scenario(0.4, channels={"s": CHANNELS["inner"]})).channels["s"]
+    gauge = {**CHANNELS["inner"], "gauge_length_m": 0.05}
+    averaged = simulate(scenario(0.4, channels={"s": gauge})).channels["s"]
+    assert np.ptp(averaged) < 0.96 * np.ptp(plain)
+    lagged = simulate(scenario(0.4, channels={"s": {**CHANNELS["inner"], "lag_s": 2e-3}})).channels["s"]
+    again = lagged + 2e-3 * np.gradient(lagged, 4e-4)
+    assert np.std((again - plain)[5:-5]) < 0.05 * np.std(plain)
+    assert np.ptp(lagged) < 0.9 * np.ptp(plain)
+
+
+@pytest.mark.parametrize("kind", ["step", "sine", "profile"])
+def test_other_roads(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "road.txt").write_text("# distance, height\n0 0\n3.0, 0.0\n3.2 0.004\n9 0.004\n", encoding="utf-8")
+    roads: dict[str, dict[str, Any]] = {
+        "step": {"position_m": 3.0, "height_m": 0.004, "ramp_m": 0.05},
+        "sine": {"amplitude_m": 0.002, "wavelength_m": 3.0},
+        "profile": {"file": "road.txt"},
+    }
+    base = {"kind": kind, **roads[kind]}
+    made = simulate(
+        scenario_of(
+            {
+                **COARSE,
+                "tire": DAMPED,
+                "vehicle": {"suspension_damping_N_s_m": 4000.0},
+                "conditions": {"driven": False},
+                "road": base,
+                "manoeuvres": [{"duration_s": 0.6, "speed_m_s": 10.0}],
+                "channels": {"s": {"kind": "strain"}},
+            },
+            str(tmp_path / "s.toml"),
+        )
+    )
+    motion = world(made).motion
+    risen = motion.hub_z_m - np.interp(0.05, motion.time_s, motion.hub_z_m)
+    assert np.interp(0.58, motion.time_s, risen) == pytest.approx(
+        0.002 * (1 - np.cos(2 * np.pi * 5.8 / 3.0)) if kind == "sine" else 0.004, abs=4e-4
+    )
