@@ -1,0 +1,35 @@
+"""Property: what only differences of load or water between logs reveal is found by the campaign, and not claimed from one log."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.between_logs import HIDDEN, make, named_alone, of_campaign, of_log, says_so
+from tirelog.cli import run
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", list(HIDDEN))
+def test_a_campaign_finds_what_one_log_does_not(effect: str, tmp_path: Path) -> None:
+    manifest, logs = make(tmp_path / "campaign", effect, seed=31)
+    if effect == "stiffening":  # its nonlinear foundation takes long
+        manifest.write_text(manifest.read_text().replace('["compare", "diagnose", "ladder"]', '["diagnose"]'))
+    whole = of_campaign(manifest)
+    assert named_alone(whole, effect), (whole["verdict"], whole["selected"])
+    word = {"stiffening": "load", "water_film": "water depth"}[effect]
+    assert word not in whole["note"].partition("What follows")[0]
+    one = of_log(logs[2], manifest.parent / "beam.toml")
+    assert not named_alone(one, effect)
+    assert says_so(one, effect), (one["verdict"], one["selected"], one["note"])
+    if effect == "water_film":
+        report_shows(whole, manifest.parent / "results", tmp_path / "page.html")
+
+
+def report_shows(whole: dict[str, Any], results: Path, page: Path) -> None:
+    """The sections that a report on logs with a model has, made of the campaign's folder alone."""
+    assert run(["report", "--campaign", str(results), "-o", str(page), "--quiet"]) == 0
+    text = page.read_text()
+    for section in ("campaign", "model", "diagnosis", "ladder", "switches"):
+        assert f'<section id="{section}">' in text
+    assert whole["sentence"] in text

@@ -1,0 +1,198 @@
+"""Property: a campaign whose logs and output are in a store gives what one on this machine gives, killed or not; and one run at a time."""
+
+import json
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.campaign.conftest import MANIFEST, dataset, make_campaign
+from tests.campaign.test_elsewhere import bucket  # noqa: F401  (a fixture)
+from tirelog.campaign import remote_folder
+from tirelog.campaign.folder import folder_at
+from tirelog.campaign.remote_folder import RemoteFolder
+from tirelog.cli import run
+from tirelog.errors import UsageError
+
+
+def store() -> Any:
+    import s3fs
+
+    return s3fs.S3FileSystem()
+
+
+def there(root: str) -> dict[str, bytes]:
+    """Every object of the dataset."""
+    system = store()
+    system.invalidate_cache()
+    return {
+        name.removeprefix(root.removeprefix("s3://") + "/"): system.cat_file(name)
+        for name in system.find(root)
+        if name.endswith(".parquet")
+    }
+
+
+@pytest.fixture
+def far(bucket: str, tmp_path: Path) -> tuple[Path, Path, str]:  # noqa: F811
+    """(manifest here, the same campaign's manifest with logs, setup and output in the store, its output there)."""
+    here = make_campaign(tmp_path, logs=5)
+    for path in (tmp_path / "logs").iterdir():
+        store().put(str(path), f"{bucket}/logs/{path.name}")
+    store().put(str(tmp_path / "setup.toml"), f"{bucket}/setup.toml")
+    text = MANIFEST.replace('"results"', f'"{bucket}/results"').replace('"logs/*.csv"', f'"{bucket}/logs/*.csv"')
+    (tmp_path / "far.toml").write_text(text.replace('"setup.toml"', f'"{bucket}/setup.toml"'))
+    return here, tmp_path / "far.toml", f"{bucket}/results"
+
+
+def rows(parts: dict[str, bytes]) -> dict[str, Any]:
+    """Table and number of the log -> its rows."""
+    import io
+
+    import pyarrow.parquet as pq
+
+    found = {}
+    for name, data in parts.items():
+        table, log, _ = name.split("/")
+        found[table, log[-5]] = pq.read_table(io.BytesIO(data)).to_pydict()
+    return found
+
+
+def test_a_store_as_source_and_target(far: tuple[Path, Path, str], tmp_path: Path) -> None:
+    here, manifest, results = far
+    assert run(["campaign", "run", str(here), "--quiet"]) == 0
+    assert run(["campaign", "run", str(manifest), "--quiet", "--workers", "2"]) == 0
+    made = there(results)
+    assert rows(made) == rows(dataset(tmp_path / "results"))
+    assert len(made) == 10
+    assert store().cat_file(f"{results}/summary.csv").count(b",done,") == 5
+    assert not [name for name in store().find(results) if "lock" in name or name.endswith(".part")]
+    written = {name: store().info(name)["LastModified"] for name in store().find(results) if "summary" not in name}
+    time.sleep(1.1)
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
+    assert {name: store().info(name)["LastModified"] for name in written} == written  # nothing was done twice
+    assert "5 done" in _status(manifest)
+
+
+def _status(manifest: Path) -> str:
+    words = [sys.executable, "-m", "tirelog", "campaign", "status", str(manifest)]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout
+
+
+def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None:
+    _, manifest, results = far
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
+    want = there(results)
+    store().rm(results, recursive=True)
+    killed = 0
+    for moment in (2, 5, 8):
+        words = [sys.executable, "-m", "tirelog", "campaign", "run", str(manifest), "--quiet"]
+        process = subprocess.Popen(words, start_new_session=True)
+        while process.poll() is None and len(there(results)) < moment:
+            time.sleep(0.02)
+        killed += process.poll() is None
+        subprocess.run(["pkill", "-KILL", "-s", str(process.pid)], check=False)
+        process.wait()
+    assert killed >= 2
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0  # the lock of a process that is gone holds nobody up
+    assert there(results) == want
+    folder = folder_at(results)
+    assert not folder.temporary.exists()
+
+
+def test_one_run_at_a_time_and_a_lock_that_ends_with_its_heart(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    root = f"{bucket}/locked"
+    first, second = RemoteFolder(root), RemoteFolder(root)
+    with first.held():
+        with pytest.raises(UsageError, match="another campaign run"), second.held():
+            pass
+        first.check_held()
+    with second.held():  # given back
+        pass
+    lock = json.dumps({"owner": "x", "host": "elsewhere", "pid": 1, "beat_s": time.time()}).encode()
+    store().pipe_file(f"{root}/.tirelog/lock.4", lock)
+    with pytest.raises(UsageError, match="elsewhere"), first.held():
+        pass
+    monkeypatch.setattr(remote_folder, "EXPIRES_S", 0.0)
+    with first.held():
+        assert [name for name in store().find(f"{root}/.tirelog") if "lock" in name] == [f"{root[5:]}/.tirelog/lock.5"]
+
+
+def test_two_that_see_the_same_dead_lock_do_not_both_get_it(bucket: str) -> None:  # noqa: F811
+    first, second = RemoteFolder(f"{bucket}/raced"), RemoteFolder(f"{bucket}/raced")
+    seen = second.names()
+    second.names = lambda: seen  # type: ignore[method-assign]  # what it saw before the first was there
+    with first.held(), pytest.raises(UsageError, match="another campaign run"), second.held():
+        pass
+
+
+def test_who_was_taken_over_stops(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    monkeypatch.setattr(remote_folder, "BEAT_S", 0.05)
+    folder = RemoteFolder(f"{bucket}/stolen")
+    with folder.held():
+        store().pipe_file(f"{bucket}/stolen/.tirelog/lock.2", b"{}")
+        for _ in range(100):
+            time.sleep(0.05)
+            try:
+                folder.check_held()
+            except UsageError:
+                break
+        else:
+            pytest.fail("nobody said that the folder was taken over")
+
+
+def test_a_killed_writer_elsewhere_leaves_a_lock_that_says_how_long(far: tuple[Path, Path, str], capfd: pytest.CaptureFixture[str]) -> None:
+    _, manifest, results = far
+    lock = json.dumps({"owner": "x", "host": "elsewhere", "pid": 1, "beat_s": time.time()}).encode()
+    store().pipe_file(f"{results}/.tirelog/lock.1", lock)
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
+    said = capfd.readouterr().err
+    assert "elsewhere, process 1" in said
+    assert "60 s where it was killed" in said
+
+
+def test_a_host_that_does_not_answer(manifest: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("s3fs").S3FileSystem.clear_instance_cache()
+    silent = socket.create_server(("127.0.0.1", 0))  # takes the connection and says nothing
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{silent.getsockname()[1]}")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")
+    manifest.write_text(MANIFEST.replace('"results"', '"s3://bucket/results"'))
+    begun = time.monotonic()
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
+    assert time.monotonic() - begun < 12
+    assert "no answer within 8 s" in capfd.readouterr().err
+    silent.close()
+
+
+def test_no_credentials_for_the_output(
+    bucket: str,  # noqa: F811
+    manifest: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    import s3fs
+
+    s3fs.S3FileSystem.clear_instance_cache()
+    manifest.write_text(MANIFEST.replace('"results"', f'"{bucket}/results"'))
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
+    assert "credentials" in capfd.readouterr().err
+
+
+def test_a_cluster_writes_to_the_store(far: tuple[Path, Path, str]) -> None:
+    distributed = pytest.importorskip("distributed")
+    _, manifest, results = far
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
+    want = there(results)
+    store().rm(results, recursive=True)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1") as cluster:
+        assert run(["campaign", "run", str(manifest), "--quiet", "--scheduler", cluster.scheduler_address]) == 0
+    assert there(results) == want
