@@ -123,6 +123,48 @@ def test_speed_table_has_a_row_a_turn():
     assert columns["acceleration_m_s2"][braking].mean() == pytest.approx(-4.8, abs=0.05)
 
 
+def parking(pitch_deg, back_m_s=3.0, **more):
+    """(wheel, time, true angle) of a drive that stops, rolls 10 s the other way at `back_m_s` and comes forward again; amplitude by speed,
+    so that no turning point shows."""
+    time = np.arange(0, 44, 1 / RATE_HZ)
+    speed = np.interp(time, [0, 10, 13, 14, 16, 26, 28, 29, 31, 44], [10, 10, 0, 0, -back_m_s, -back_m_s, 0, 0, 8, 8])
+    drive = Drive((0, 44), (10, 10))
+    drive.speed, drive.angle = np.abs(speed), np.cumsum(speed) / RATE_HZ / RADIUS_M
+    signal = Encoder(pitch_deg=pitch_deg, wobble=0.0, seed=8100).signal(drive)
+    return wheel_of(drive, signal, **more), time, drive.angle
+
+
+def test_an_uneven_tone_wheel_shows_that_it_rolls_backwards():
+    wheel, time, angle = parking(0.4)
+    assert not wheel.untold.any()
+    for start, stop in ((3, 10), (17, 25), (32, 43)):
+        inside = (time > start) & (time < stop)
+        error = np.rad2deg(wheel.angle.at(time[inside]) - angle[inside])
+        assert np.ptp(error) < 0.1
+    back = wheel.angle.time_s[wheel.backward]
+    assert back.min() < 16
+    assert back.max() > 26
+    assert not wheel.backward[(wheel.angle.time_s < 12.5) | (wheel.angle.time_s > 29.5)].any()
+    # what the pattern fixes is the place on the wheel: the same before and after, whatever the standstills took
+    places = [np.mean(np.exp(1j * (wheel.angle.at(t) - np.interp(t, time, angle)))) for t in (np.arange(3, 9), np.arange(33, 42))]
+    assert abs(np.rad2deg(np.angle(places[0] / places[1]))) < 0.05
+
+
+def test_an_even_tone_wheel_does_not_and_that_is_said():
+    wheel, _, _ = parking(0.0)
+    assert any("direction_unknown" in remark for remark in wheel.remarks)
+    words = wheel.words(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
+    assert words == {1: {"direction_unknown"}}
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_vehicle_speed_with_a_sign_tells_the_direction(sign):
+    speed = np.interp(np.arange(0, 44, 0.01), [0, 10, 13, 14, 16, 26, 28, 29, 31, 44], [10, 10, 0, 0, -3, -3, 0, 0, 8, 8])
+    wheel, _, _ = parking(0.0, speed=speed if sign < 0 else np.abs(speed))
+    words = wheel.words(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
+    assert words == {1: {"reversing"} if sign < 0 else {"direction_unknown"}}
+
+
 def test_a_dead_encoder_is_an_error():
     drive = Drive((0, 20), (10, 10))
     with pytest.raises(DataLoss, match="no teeth"):

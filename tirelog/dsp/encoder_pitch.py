@@ -15,7 +15,7 @@ direction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,11 +87,14 @@ def _deviation_sums(time: FloatArray, seen: NDArray[np.bool_], first: int, turn:
 
 @dataclass
 class StretchSums:
-    """What a stretch showed: its number, first and last count, whether it was counted forwards, and the sums of its deviations."""
+    """What a stretch showed: its number, first and last count and their times, whether it was counted forwards, the sums of its
+    deviations."""
 
     number: int
     first: int
     last: int
+    begin_s: float
+    end_s: float
     forward: bool
     sums: FloatArray
 
@@ -124,9 +127,10 @@ class PitchLearner:
             number = int(stretch[low])
             if not self.stretches or self.stretches[-1].number != number:
                 sums = np.zeros((3, 2 * self.steps))
-                self.stretches.append(StretchSums(number, int(count[low]), int(count[low]), bool(forward[low]), sums))
+                begin = float(time_s[low])
+                self.stretches.append(StretchSums(number, int(count[low]), int(count[low]), begin, begin, bool(forward[low]), sums))
                 self._held = self._begin = (np.zeros(0), np.zeros(0, np.int64))
-            self.stretches[-1].last = int(count[high - 1])
+            self.stretches[-1].last, self.stretches[-1].end_s = int(count[high - 1]), float(time_s[high - 1])
             if self.stretches[-1].forward:
                 self._learn(time_s[low:high], count[low:high])
 
@@ -150,19 +154,27 @@ class PitchLearner:
             time, at = time[late:], at[late:]
         self._held = time, at
 
-    def placings(self) -> list[Placing]:
+    def placings(self, ways: dict[int, int] | None = None) -> list[Placing]:
         """Where each stretch lies against the one with the most turns, by their patterns, and after the stretch before it.
 
         After a standstill or a hole the count may have lost teeth, and the wheel may roll the other way; the tone wheel's own pattern
-        tells.  A stretch that is too short, or whose pattern is too faint, keeps its counts.
+        tells.  A stretch that is too short, or whose pattern is too faint, keeps its counts.  `ways`: the direction (1 or -1) of stretches
+        of which it is known otherwise.
         """
+        ways = ways or {}
         tables = [_table(stretch.sums) for stretch in self.stretches]
         best = max(range(len(tables)), key=lambda k: tables[k].turns, default=0)
         placed: list[Placing] = []
         turned_back = any(not stretch.forward for stretch in self.stretches)
-        end = -(1 << 40)
+        end = -1
         for stretch, table in zip(self.stretches, tables, strict=True):
             placing = _placing(tables[best], table) if stretch.forward else Placing(1, 0, True)
+            way = ways.get(stretch.number, 0)
+            if way and way != placing.sign * (1 if stretch.forward else -1):  # turned, the parity of rising passages changes
+                placing = Placing(-placing.sign, end + 1 + placing.sign * stretch.first, True)
+                placing = replace(placing, offset=placing.offset - (placing.offset + 1) % 2)
+            elif way:
+                placing = replace(placing, told=True)
             turned_back |= placing.sign < 0
             first = placing.sign * stretch.first + placing.offset
             if placed and not turned_back and first <= end:  # the wheel did not roll back

@@ -33,8 +33,8 @@ FOLLOW_STEADY_S = 1.2
 HYSTERESIS = 0.4
 #: a signal whose range is within so many standard deviations of its noise does not move
 STILL_SIGMA = 6.0
-#: amplitudes of a log's pieces closer together than this do not follow the speed (a Hall sensor)
-STEADY_AMPLITUDE = 0.6
+#: amplitudes of a log's pieces, those with so many swings, closer together than this do not follow the speed (a Hall sensor)
+STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 
 Read = Callable[[int, int], FloatArray]
 #: whole numbers of whatever size
@@ -84,7 +84,7 @@ class Crossings:
 def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
     """Form, amplitude and noise of a channel of `size` samples, from `pieces` short pieces of it, evenly spread."""
     starts = np.unique(np.linspace(0, max(size - length, 0), pieces).astype(np.int64))
-    amplitudes, noises, squares, monotone = [], [], [], []
+    amplitudes, noises, squares, monotone, swings = [], [], [], [], []
     for start in starts:
         x = read(int(start), int(min(start + length, size)))
         x = x[np.isfinite(x)]
@@ -94,6 +94,7 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
         amplitudes.append((high - low) / 2)
         noises.append(float(np.median(np.abs(np.diff(x[: x.size // 2], 4)))) / (0.6745 * np.sqrt(70.0)))
         squares.append(float(np.mean(np.abs(x - (high + low) / 2) > 0.8 * (high - low) / 2)) if high > low else 0.0)
+        swings.append(_swings(x, low, high))
         if high > low:
             monotone.append(float(np.mean(np.diff(x) >= 0)))
     if not amplitudes:
@@ -103,12 +104,21 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
         return Probe("counter", amplitude, noise)
     if amplitude <= STILL_SIGMA * noise or amplitude == 0:
         return Probe("dead", amplitude, noise)
-    moving = np.array(amplitudes) > 0.3 * amplitude
+    # a piece with several swings shows a whole one, however slowly the wheel turns
+    turning = (np.array(swings) >= LEAST_SWINGS) & (np.array(amplitudes) > STILL_SIGMA * noise)
+    moving = turning if turning.any() else np.array(amplitudes) > 0.3 * amplitude
     usual = float(np.quantile(np.array(amplitudes)[moving], 0.25))
-    steady = usual > STEADY_AMPLITUDE * amplitude
+    steady = float(np.min(np.array(amplitudes)[moving])) > STEADY_AMPLITUDE * amplitude
     least = max(STILL_SIGMA * noise, 0.7 * usual if steady else 0.01 * amplitude)
     form = "square" if np.median(np.array(squares)[moving]) > 0.7 else "sine"
     return Probe(form, amplitude, noise, least, FOLLOW_STEADY_S if steady else FOLLOW_S)
+
+
+def _swings(x: FloatArray, low: float, high: float) -> int:
+    """How often the signal goes from the upper to the lower quarter of its range and back."""
+    side = np.sign(x - 0.5 * (high + low)) * (np.abs(x - 0.5 * (high + low)) > 0.25 * (high - low))
+    side = side[side != 0]
+    return int(np.sum(side[1:] != side[:-1]))
 
 
 def crossings(read: Read, size: int, rate_Hz: float, found: Probe, block: int | None = None) -> Iterator[Crossings]:

@@ -25,6 +25,7 @@ from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchLearner, PitchTable, ste
 from tirelog.dsp.encoder_signal import Probe, crossings, probe
 from tirelog.dsp.encoder_teeth import Teeth, count_teeth
 from tirelog.errors import DataLoss, SetupError
+from tirelog.estimators.wheel_direction import untold_stretches, ways_of
 from tirelog.recording import Channel, FloatArray, Recording
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
@@ -37,8 +38,8 @@ REPEATS, BETTER = 0.8, 0.2
 
 @dataclass(frozen=True)
 class WheelAngle:
-    """`angle`: the function of time; `pitch`: the learnt table; `teeth`: the counted passages (None for counters and angles);
-    `remarks`: sentences on the whole log."""
+    """`angle`: the function of time; `pitch`: the learnt table; `backward` (n,) knots at which the wheel rolls back; `untold` (stretches,)
+    True where nothing shows the direction after a standstill; `remarks`: sentences on the whole log."""
 
     channel: str
     steps: int
@@ -46,6 +47,7 @@ class WheelAngle:
     angle: AngleFunction
     pitch: PitchTable
     backward: np.ndarray
+    untold: np.ndarray
     remarks: tuple[str, ...]
 
     def speed_rad_s(self, time_s: FloatArray) -> FloatArray:
@@ -53,7 +55,8 @@ class WheelAngle:
         return self.angle.mean_rate(time_s, SPEED_WINDOW_S)
 
     def words(self, start_s: FloatArray, stop_s: FloatArray) -> dict[int, set[str]]:
-        """What is wrong with the angle within [start, stop], each shape (n,): standstill, reversing, gap; rows with nothing left out."""
+        """What is wrong with the angle within [start, stop], each shape (n,): standstill, reversing, gap, direction_unknown; rows with
+        nothing left out."""
         knots = self.angle.time_s
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
         last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
@@ -62,15 +65,17 @@ class WheelAngle:
         still = np.searchsorted(slow, last) > np.searchsorted(slow, first)
         reversing = np.searchsorted(back, last, side="right") > np.searchsorted(back, first)
         gap = (self.angle.stretch[last] != self.angle.stretch[first]) & ~still
+        untold = self.untold[self.angle.stretch[last]]
         words: dict[int, set[str]] = defaultdict(set)
-        for word, rows in (("standstill", still), ("gap", gap), ("reversing", reversing)):
+        for word, rows in (("standstill", still), ("gap", gap), ("reversing", reversing), ("direction_unknown", untold)):
             for row in np.flatnonzero(rows):
                 words[int(row)].add(word)
         return words
 
 
-def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
-    """The wheel angle from an encoder channel; `unit` is the source's (an angle is taken as it is).
+def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = None) -> WheelAngle:
+    """The wheel angle from an encoder channel; `unit` is the source's (an angle is taken as it is); `vehicle` a speed [m/s] whose sign
+    tells the direction, if it ever falls below zero.
 
     SetupError: the channel has no `steps`.  DataLoss: it shows no teeth.
     """
@@ -90,15 +95,16 @@ def wheel_angle(channel: Channel, unit: str = "1") -> WheelAngle:
         passages, missing, extra = passages + time.size, missing + teeth.missing, extra + teeth.extra
     if passages < 4 * steps:
         raise DataLoss(_too_few(channel, passages, steps))
-    placings = learner.placings()
+    placings = learner.placings(ways_of(learner.stretches, vehicle))
     pitch = learner.table(placings)
     knots = builder.knots()
     sign, offset = (np.array([getattr(p, name) for p in placings], np.int32) for name in ("sign", "offset"))
     noise = builder.noise_rad(otherwise=_noise(found, steps))
     function = angle_function(knots, pitch.error_rad, sign, offset, np.pi / steps, noise)
     backward = ~knots.forward | (sign[knots.stretch] < 0)
-    remarks = _remarks(channel, (missing, extra), bool(backward.any()), pitch, learner, steps)
-    return WheelAngle(channel.name, steps, found.form, function, pitch, backward, tuple(remarks))
+    untold = untold_stretches(function, placings)
+    remarks = _remarks(channel, (missing, extra), (backward, untold), pitch, learner, steps)
+    return WheelAngle(channel.name, steps, found.form, function, pitch, backward, untold, tuple(remarks))
 
 
 def _noise(found: Probe, steps: int) -> float:
@@ -144,23 +150,30 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     stretch = np.zeros(time.size, np.int32)
     if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
         function = AngleFunction(time, turns, 2 * np.pi, rate.astype(np.float32), stretch, noise)
-        return WheelAngle(channel.name, steps, "angle" if is_angle else "counter", function, PitchTable.zero(steps), backward, ())
+        form = "angle" if is_angle else "counter"
+        return WheelAngle(channel.name, steps, form, function, PitchTable.zero(steps), backward, np.zeros(1, bool), ())
     builder = KnotBuilder(2 * np.pi / size, 1)
     builder.add(time, count, stretch, ~backward)
     knots, one = builder.knots(), np.ones(1, np.int32)
     function = angle_function(knots, np.zeros(1), one, 0 * one, 2 * np.pi / size, builder.noise_rad(noise))
-    return WheelAngle(channel.name, steps, "counter", function, PitchTable.zero(steps), ~knots.forward, ())
+    return WheelAngle(channel.name, steps, "counter", function, PitchTable.zero(steps), ~knots.forward, np.zeros(1, bool), ())
 
 
 def _remarks(
-    channel: Channel, repaired: tuple[int, int], backward: bool, pitch: PitchTable, learner: PitchLearner, steps: int
+    channel: Channel, repaired: tuple[int, int], ways: tuple[np.ndarray, np.ndarray], pitch: PitchTable, learner: PitchLearner, steps: int
 ) -> list[str]:
     """Sentences on the encoder of this log."""
     said = []
     if any(repaired):
         said.append(f"channel {channel.name}: {repaired[0]} missing and {repaired[1]} extra teeth were repaired")
-    if backward:
+    backward, untold = ways
+    if backward.any():
         said.append(f"channel {channel.name}: the wheel rolled backwards for a while; passages there are left out")
+    if untold.any():
+        said.append(
+            f"channel {channel.name}: after {untold.sum()} standstills nothing tells which way the wheel rolled (direction_unknown); "
+            "a vehicle_speed with a sign would"
+        )
     if pitch.turns == 0:
         return [*said, f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's pitch errors are not learnt"]
     if pitch.repeats < REPEATS:
@@ -231,7 +244,8 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
         raise SetupError(f"{recording.log}: no wheel_encoder channel; the wheel angle needs one; add it to the setup")
     unit = recording.setup.channels[encoders[0].name].source_unit if encoders[0].name in recording.setup.channels else "1"
     try:
-        return encoders[0], wheel_angle(encoders[0], unit)
+        speeds = recording.of_kind("vehicle_speed")
+        return encoders[0], wheel_angle(encoders[0], unit, speeds[0] if speeds else None)
     except DataLoss as problem:
         raise DataLoss(problem.message, file=recording.log) from None
 
