@@ -143,9 +143,7 @@ def test_a_lone_gap_is_bridged_by_the_cubic_through_its_neighbours():
     holed = cubic.copy()
     holed[[5, 12]] = np.nan
     holed[16] += 50.0
-    filled, count = bridged(holed, 10.0)
-    np.testing.assert_allclose(filled, cubic, atol=1e-9)
-    assert count == 3
+    np.testing.assert_allclose(bridged(holed, 10.0), cubic, atol=1e-9)
 
 
 @pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8, 3.0])

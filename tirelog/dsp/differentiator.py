@@ -1,6 +1,6 @@
 """A band-limited differentiator for whole channels, its response, and what white noise brings through it.
 
-    samples, block by block --lost and wild samples bridged--> --FIR, zero-phase--> time derivative
+    samples, block by block --lost and wild samples bridged--> --FIR, zero-phase (`differentiator`)--> time derivative
 
 The filter is antisymmetric, so it has no delay.
 """
@@ -8,7 +8,9 @@ The filter is antisymmetric, so it has no delay.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tirelog.compiled import compiled
 from tirelog.recording import FloatArray
 
 #: half length of the filter in half periods of its pass edge, at least and at most [samples]
@@ -52,31 +54,62 @@ def response(coefficients: FloatArray, rate_Hz: float, frequency_Hz: FloatArray)
         return np.where(omega == 0, 1.0, gain / (omega * rate_Hz))
 
 
-def bridged(values: FloatArray, wild: float) -> tuple[FloatArray, int]:
+def bridged(values: FloatArray, wild: float) -> FloatArray:
     """`values` (n,) with lost samples, and such as leave the cubic through their four neighbours by more than `wild` and more than those
-    leave theirs, replaced: by that cubic where the neighbours are there, else linearly.  Second: how many were replaced."""
-    lost = np.isnan(values)
-    if values.size >= 5:
-        # in place: this is the longest step of a whole channel
-        bend = values[1:-3] + values[3:-1]
-        bend *= -4.0
-        bend += values[:-4]
-        bend += values[4:]
-        bend /= 6.0
-        bend += values[2:-2]
-        np.abs(bend, out=bend)
-        high = np.flatnonzero(bend > wild)
-        if high.size:
-            around = np.nan_to_num(np.pad(bend, 1))
-            largest = (around[high + 1] >= around[high]) & (around[high + 1] >= around[high + 2])
-            lost[high[largest] + 2] = True
-    gone = np.flatnonzero(lost)
-    if not gone.size or gone.size == values.size:
-        return (np.zeros_like(values) if gone.size else values), int(gone.size)
-    filled = values.copy()
-    known = np.flatnonzero(~lost)
-    filled[gone] = np.interp(gone, known, values[known])
-    alone = gone[(gone >= 2) & (gone < values.size - 2)]
-    alone = alone[~(lost[alone - 2] | lost[alone - 1] | lost[alone + 1] | lost[alone + 2])]
-    filled[alone] = (4.0 * (values[alone - 1] + values[alone + 1]) - values[alone - 2] - values[alone + 2]) / 6.0
-    return filled, int(gone.size)
+    leave theirs, replaced: by that cubic where the neighbours are there, else linearly.  `values` themselves where all are good; zeros
+    where all are lost."""
+    if not _doubtful(values, wild):
+        return values
+    filled, lost = values.copy(), np.empty(values.size, bool)
+    return filled if _bridge(values, wild, lost, filled) else np.zeros_like(values)
+
+
+@compiled
+def _doubtful(values: FloatArray, wild: float) -> bool:
+    """True where any of `values` is lost or leaves the cubic by more than `wild`."""
+    count, most = 0, 6.0 * wild
+    for i in range(min(values.size, 2)):
+        count += values[i] != values[i] or values[values.size - 1 - i] != values[values.size - 1 - i]
+    if values.size > 4:
+        # slices, so that the compiler knows that no place is counted from the end
+        a, b, c, d, e = values[:-4], values[1:-3], values[2:-2], values[3:-1], values[4:]
+        for i in range(a.size):
+            count += not abs(a[i] + e[i] - 4.0 * (b[i] + d[i]) + 6.0 * c[i]) <= most
+    return count > 0
+
+
+@compiled
+def _bend(values: FloatArray, i: int) -> float:
+    """How far a sample is off the cubic; 0 where that is not known."""
+    if i < 2 or i >= values.size - 2:
+        return 0.0
+    bend = abs(values[i - 2] + values[i + 2] - 4.0 * (values[i - 1] + values[i + 1]) + 6.0 * values[i]) / 6.0
+    return bend if bend == bend else 0.0
+
+
+@compiled
+def _bridge(values: FloatArray, wild: float, lost: NDArray[np.bool_], filled: FloatArray) -> bool:
+    """`bridged` into `filled`, a copy of `values`; `lost` says which; False where nothing is left."""
+    n, known = values.size, 0
+    for i in range(n):
+        lost[i] = values[i] != values[i]
+        bend = _bend(values, i)
+        if bend > wild and bend >= _bend(values, i - 1) and bend >= _bend(values, i + 1):
+            lost[i] = True
+        known += not lost[i]
+    before = -1
+    after = 0
+    for i in range(n):
+        if not lost[i]:
+            before = i
+        elif 2 <= i < n - 2 and not (lost[i - 2] or lost[i - 1] or lost[i + 1] or lost[i + 2]):
+            filled[i] = (4.0 * (values[i - 1] + values[i + 1]) - values[i - 2] - values[i + 2]) / 6.0
+        else:
+            after = max(after, i)
+            while after < n and lost[after]:
+                after += 1
+            if before >= 0 and after < n:
+                filled[i] = values[before] + (values[after] - values[before]) * (i - before) / (after - before)
+            elif known > 0:
+                filled[i] = values[before] if before >= 0 else values[after]
+    return known > 0

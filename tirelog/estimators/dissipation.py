@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.dsp.differentiator import bridged, differentiator
-from tirelog.estimators.footprint_learn import LENGTH_TO_WIDTH
+from tirelog.estimators.dissipation_kernels import revolution_sums
+from tirelog.estimators.passage_template import LENGTH_TO_WIDTH
 from tirelog.estimators.passages import Passages
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 
@@ -36,7 +37,7 @@ WILD_SIGMAS, WILD_SHARE = 10.0, 0.06
 #: the patch with its shoulders, in half windows of the passages
 SHOULDERS = 1.6
 #: samples worked on at once
-MOST_AT_ONCE = 1 << 18
+MOST_AT_ONCE = 1 << 16
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a moving average
 STEADY_STEP_M_S, AVERAGED = 0.08, 9
 
@@ -108,34 +109,23 @@ def _energies(channel: Channel, passages: Passages, how: _Filter, block_samples:
     last = channel.size // how.averaged
     known = np.isfinite(bounds[0]) & np.isfinite(bounds[1])
     low, high = (np.clip(np.where(known, b, 0.0), 0, last).astype(np.int64) for b in bounds)
-    energy, bend = np.zeros(len(passages)), np.zeros(len(passages))
     wild = max(WILD_SIGMAS * passages.noise / np.sqrt(how.averaged), WILD_SHARE * float(np.nanmedian(np.abs(passages.height))))
     half = how.coefficients.size // 2
+    side = how.coefficients[:half][::-1].copy()
     step = max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size)
+    sums, slope = np.zeros((len(passages), 2)), np.empty(step + 2 * (half + 3))
     breaks = np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]]) if channel.axis.explicit is None else np.array([0, last])
-    for begin, end in pairwise(breaks):
-        for start in range(int(begin), int(end), step):
-            stop = min(start + step, int(end))
-            first, final = max(start - half - 3, int(begin)), min(stop + half + 3, int(end))
-            raw = np.asarray(channel.read(first * how.averaged, final * how.averaged), dtype=np.float64)
-            slope = _derivative(_means(raw, how.averaged), how, wild)
-            square, change = slope**2, np.gradient(slope) ** 2 if slope.size > 1 else np.zeros_like(slope)
+    for begin, end in pairwise(breaks.tolist()):
+        for start in range(begin, end, step):
+            stop = min(start + step, end)
             rows = np.flatnonzero((high > start) & (low < stop))
             if rows.size:
-                a, b = np.maximum(low[rows], start) - first, np.minimum(high[rows], stop) - first
-                for total, values in ((energy, square), (bend, change)):
-                    summed = np.concatenate([[0.0], np.cumsum(values)])
-                    total[rows] += summed[b] - summed[a]
-    return energy, bend, (high - low).astype(float) * known
-
-
-def _derivative(means: FloatArray, how: _Filter, wild: float) -> FloatArray:
-    """Time derivative of `means`, same length, zero where the filter would leave them."""
-    slope = np.zeros(means.size)
-    half = how.coefficients.size // 2
-    if means.size > 2 * half:
-        slope[half : means.size - half] = np.convolve(bridged(means, wild)[0], how.coefficients, "valid")
-    return slope
+                first, final = max(start - half - 3, begin), min(stop + half + 3, end)
+                raw = np.asarray(channel.read(first * how.averaged, final * how.averaged), dtype=np.float64)
+                means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
+                within = np.maximum(low[rows], start) - first, np.minimum(high[rows], stop) - first
+                revolution_sums(means, side, slope, rows, *within, sums)
+    return sums[:, 0], sums[:, 1], (high - low).astype(float) * known
 
 
 def steady_stretches(speed_m_s: FloatArray, next_known: NDArray[np.bool_], step_m_s: float = STEADY_STEP_M_S) -> IntArray:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from tirelog.estimators.dissipation import AVERAGED, STEADY_STEP_M_S, Dissipation, dissipation
-from tirelog.estimators.footprint_table import begin, rotating
 from tirelog.estimators.passages import Passages, released
 from tirelog.estimators.speed import speed_words
+from tirelog.estimators.strain_channels import begin, rotating
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray, Recording
 from tirelog.tables import quality_text
 

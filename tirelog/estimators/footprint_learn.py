@@ -15,11 +15,10 @@ from tirelog.estimators.edge_shapes import EdgeFamily
 from tirelog.estimators.footprint_reference import Average, Reference, average, fit_averages
 from tirelog.estimators.footprint_refine import Sample, refine
 from tirelog.estimators.footprint_windows import gather_windows
+from tirelog.estimators.passage_template import LENGTH_TO_WIDTH
 from tirelog.estimators.passages import Passages
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 
-#: half of the contact length over half of the width at half level, roughly, for both carcasses
-LENGTH_TO_WIDTH = 1.25
 #: window of averages and fits in half lengths
 WINDOW = 2.7
 #: classes of speed: at most, as many as there are steps of this ratio; passages of all and at least of each, in clusters of neighbours

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from tirelog.dsp.lowpass import Cutoff
-from tirelog.errors import UsageError
 from tirelog.estimators.footprint import Footprint, footprint
 from tirelog.estimators.footprint_learn import Learnt
-from tirelog.estimators.passages import Passages, find_passages, held, released
-from tirelog.estimators.speed import STRAIN_KINDS, speed_columns, speed_words
+from tirelog.estimators.passages import Passages, released
+from tirelog.estimators.speed import speed_words
+from tirelog.estimators.strain_channels import begin, rotating
 from tirelog.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.tables import quality_text
 
@@ -27,49 +27,6 @@ class FootprintOfChannel:
     footprint: Footprint
     columns: dict[str, Any]
     remarks: tuple[str, ...]
-
-
-def strain_channels(recording: Recording) -> list[Channel]:
-    """The strain channels.  UsageError where there is none."""
-    channels = recording.of_kind(*STRAIN_KINDS)
-    if not channels:
-        have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
-        raise UsageError(
-            f"no strain channel; allowed are channels of kind {' and '.join(STRAIN_KINDS)}, the log has {have}; name one in the setup",
-            file=recording.log,
-        )
-    return channels
-
-
-def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
-    """The strain channels with their passages.  UsageError where none of them passes the patch."""
-    turned = False
-    for stored in strain_channels(recording):
-        channel = held(stored)
-        passages = find_passages(channel, recording.setup.tire.radius_m)
-        turned |= len(passages) > 0
-        yield channel, passages
-        del channel  # before the next one takes its place in memory
-    if not turned:
-        raise not_turning(recording)
-
-
-def not_turning(recording: Recording) -> UsageError:
-    """The error of a command that needs passages on a log without any."""
-    return UsageError(
-        "the wheel does not turn in this log: no grating passes the patch; allowed are logs with at least one passage; "
-        "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
-        file=recording.log,
-    )
-
-
-def begin(log: str, passages: Passages) -> dict[str, Any]:
-    """The columns that every table with a row a revolution begins with."""
-    return {
-        name: column
-        for name, column in speed_columns(log, passages).items()
-        if name in ("log", "channel", "revolution", "time_s", "speed_m_s")
-    }
 
 
 def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOCK_SAMPLES) -> Iterator[FootprintOfChannel]:

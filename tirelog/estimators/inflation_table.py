@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.estimators.footprint_table import strain_channels
 from tirelog.estimators.inflation import Inflation, Series, inflation
+from tirelog.estimators.strain_channels import strain_channels
 from tirelog.recording import Channel, Recording
 
 

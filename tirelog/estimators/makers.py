@@ -92,8 +92,8 @@ def _is_of_strain(recording: Recording, name: str, options: Options) -> bool:
 
 def _strain_tables(recording: Recording, wanted: Mapping[str, Options], workers: int) -> Iterator[Part]:
     """The tables of the strain channels, each channel's passages found once."""
-    from tirelog.estimators.footprint_table import not_turning, strain_channels
     from tirelog.estimators.speed import radius_remarks
+    from tirelog.estimators.strain_channels import not_turning, strain_channels
 
     turned, like = False, None
     told: set[tuple[str, str]] = set()

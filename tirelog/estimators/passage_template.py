@@ -22,6 +22,8 @@ SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8
 NARROWEST_RAD, WIDEST_RAD = 0.1, 0.8
+#: half of the contact length over half of the width at half level, roughly, for both carcasses
+LENGTH_TO_WIDTH = 1.25
 
 
 @dataclass(frozen=True)

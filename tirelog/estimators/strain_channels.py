@@ -1,0 +1,54 @@
+"""The strain channels of a recording with their passages, and what every table with a row a passage begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from tirelog.errors import UsageError
+from tirelog.estimators.passages import Passages, find_passages, held
+from tirelog.estimators.speed import STRAIN_KINDS, speed_columns
+from tirelog.recording import Channel, Recording
+
+
+def strain_channels(recording: Recording) -> list[Channel]:
+    """The strain channels.  UsageError where there is none."""
+    channels = recording.of_kind(*STRAIN_KINDS)
+    if not channels:
+        have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
+        raise UsageError(
+            f"no strain channel; allowed are channels of kind {' and '.join(STRAIN_KINDS)}, the log has {have}; name one in the setup",
+            file=recording.log,
+        )
+    return channels
+
+
+def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
+    """The strain channels with their passages.  UsageError where none of them passes the patch."""
+    turned = False
+    for stored in strain_channels(recording):
+        channel = held(stored)
+        passages = find_passages(channel, recording.setup.tire.radius_m)
+        turned |= len(passages) > 0
+        yield channel, passages
+        del channel  # before the next one takes its place in memory
+    if not turned:
+        raise not_turning(recording)
+
+
+def not_turning(recording: Recording) -> UsageError:
+    """The error of a command that needs passages on a log without any."""
+    return UsageError(
+        "the wheel does not turn in this log: no grating passes the patch; allowed are logs with at least one passage; "
+        "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
+        file=recording.log,
+    )
+
+
+def begin(log: str, passages: Passages) -> dict[str, Any]:
+    """The columns that every table with a row a revolution begins with."""
+    return {
+        name: column
+        for name, column in speed_columns(log, passages).items()
+        if name in ("log", "channel", "revolution", "time_s", "speed_m_s")
+    }
