@@ -14,8 +14,8 @@ import io
 import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -46,9 +46,15 @@ def table_format(output: Path | str | None, format: str | None) -> str:
     return _SUFFIXES[suffix]
 
 
-def quality_text(words: Sequence[str]) -> str:
+def quality_text(words: Iterable[str]) -> str:
     """The quality column's text: 'ok', or the words in alphabetical order joined by ';'."""
     return ";".join(sorted(set(words))) or "ok"
+
+
+def quality_column(rows: Iterable[frozenset[str]]) -> np.ndarray:
+    """The quality column of a table whose rows have these words, shape (n,); few sets of words are different, so each is put once."""
+    texts: dict[frozenset[str], str] = {}
+    return np.array([texts.get(words) or texts.setdefault(words, quality_text(words)) for words in rows], object)
 
 
 def _digits(values: np.ndarray, digits: int) -> np.ndarray:
@@ -93,12 +99,11 @@ def _plain_array(type: pa.DataType, data: np.ndarray, known: np.ndarray) -> pa.A
 
 def _text_array(values: Sequence[Any]) -> pa.Array:
     """Texts as an arrow array, null where None; out of buffers for the same reason."""
-    encoded = {value: str(value).encode() for value in set(values) if value is not None}
-    encoded[None] = b""
-    parts = [encoded[value] for value in values]
+    texts = {value: b"" if value is None else str(value).encode() for value in dict.fromkeys(values)}
+    parts = [next(iter(texts.values()))] * len(values) if len(texts) == 1 else [texts[value] for value in values]
     offsets = np.zeros(len(parts) + 1, np.int32)
-    np.cumsum([len(part) for part in parts], out=offsets[1:])
-    known = np.array([value is not None for value in values], bool)
+    np.cumsum(np.fromiter(map(len, parts), np.int32, len(parts)), out=offsets[1:])
+    known = np.array([value is not None for value in values], bool) if None in texts else np.ones(len(parts), bool)
     lost = known.size - int(np.count_nonzero(known))
     valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
     return pa.StringArray.from_buffers(known.size, pa.py_buffer(offsets), pa.py_buffer(b"".join(parts)), valid, lost)
@@ -168,20 +173,30 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         self.rows += table.num_rows
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
-        if kind is None:
-            if self._schema is None:
-                self._begin(pa.schema([_field(name, _type(name)) for name in TABLES.get(self.name, ())]))
-            if self._parquet is not None:
-                self._parquet.close()
-            elif self.format == "json":
-                self._stream.write(b"]\n")
         if self._file is None:
+            if kind is None:
+                self._end()
             self._stream.flush()
             return
-        try:
-            self._stream.close()
-        finally:
-            self._file.__exit__(kind, value, trace)
+        with ExitStack() as leaving:  # what the last bytes may meet (a full disk) is the file's to say, as what the first may
+            leaving.push(self._file)
+            leaving.callback(self._stream.close)
+            if kind is None:
+                self._end()
+                return
+            if self._parquet is not None:
+                with suppress(Exception):  # else it complains when it is forgotten
+                    self._parquet.close()
+            raise value
+
+    def _end(self) -> None:
+        """Whatever stands behind the last row."""
+        if self._schema is None:
+            self._begin(pa.schema([_field(name, _type(name)) for name in TABLES.get(self.name, ())]))
+        if self._parquet is not None:
+            self._parquet.close()
+        elif self.format == "json":
+            self._stream.write(b"]\n")
 
 
 def _quoting(table: pa.Table) -> str:

@@ -202,8 +202,7 @@ def dissipation(
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
-    clean = np.array([not row for row in words], dtype=bool)
-    more = frozenset({"cutoff"}) if how.limited else frozenset()
+    clean = np.fromiter(map(len, words), np.int64, n) == 0
     return Dissipation(
         factor,
         error,
@@ -212,5 +211,5 @@ def dissipation(
         moving_average(np.where(clean, factor, np.nan), stretch, averaged),
         moving_average(np.where(clean, power, np.nan), stretch, averaged),
         stretch,
-        tuple(row | more for row in words),
+        tuple(row | {"cutoff"} for row in words) if how.limited else tuple(words),
     )

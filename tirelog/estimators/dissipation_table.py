@@ -14,10 +14,10 @@ import numpy as np
 
 from tirelog.estimators.dissipation import AVERAGED, STEADY_STEP_M_S, Dissipation, dissipation
 from tirelog.estimators.passages import Passages, released
-from tirelog.estimators.speed import speed_words
-from tirelog.estimators.strain_channels import begin, rotating
+from tirelog.estimators.speed import begin, speed_words
+from tirelog.estimators.strain_channels import rotating
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray, Recording
-from tirelog.tables import quality_text
+from tirelog.tables import quality_column
 
 #: rows of constant speed that a regression needs
 LEAST_ROWS = 8
@@ -72,7 +72,7 @@ def dissipation_of_channel(
         "specific_power_mean_m3_s2": found.specific_power_mean_m3_s2,
     }
     columns |= _with_viscosity(recording, found, passages.speed_m_s)
-    columns["quality"] = np.array([quality_text(sorted(words)) for words in found.quality], object)
+    columns["quality"] = quality_column(found.quality)
     return DissipationOfChannel(released(channel), passages, found, columns, _remarks(recording))
 
 

@@ -12,10 +12,10 @@ from tirelog.dsp.lowpass import Cutoff
 from tirelog.estimators.footprint import Footprint, footprint
 from tirelog.estimators.footprint_learn import Learnt
 from tirelog.estimators.passages import Passages, released
-from tirelog.estimators.speed import speed_words
-from tirelog.estimators.strain_channels import begin, rotating
+from tirelog.estimators.speed import begin, speed_words
+from tirelog.estimators.strain_channels import rotating
 from tirelog.recording import BLOCK_SAMPLES, Channel, Recording
-from tirelog.tables import quality_text
+from tirelog.tables import quality_column
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def footprint_of_channel(
         "slip_onset_m": found.slip.onset_m,
         "slip_onset_se_m": found.slip.onset_se_m,
         "slip_onset_reason": found.slip.reason,
-        "quality": np.array([quality_text(sorted(w)) for w in words], object),
+        "quality": quality_column(words),
     }
     channel = released(channel)
     return FootprintOfChannel(channel, passages, found, columns, _remarks(recording, channel, found, cutoff))

@@ -21,7 +21,7 @@ from tirelog.estimators.passage_marks import with_words
 from tirelog.estimators.passages import Passages, find_passages
 from tirelog.estimators.speed_radius import calibrate_radius
 from tirelog.recording import FloatArray, Recording
-from tirelog.tables import quality_text
+from tirelog.tables import quality_column
 
 STRAIN_KINDS = ("fbg_strain", "strain")
 
@@ -46,20 +46,26 @@ def period(passages: Passages) -> FloatArray:
     return np.where(np.isfinite(both), both, TURN_RAD / passages.omega_rad_s)
 
 
-def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dict[str, Any]:
-    """The speed table's columns for one channel's passages; `radius_se_m` is the radius' error where it was calibrated."""
+def begin(log: str, passages: Passages) -> dict[str, Any]:
+    """The columns that every table with a row a revolution begins with."""
     n = len(passages)
-    radius_share = radius_se_m / passages.radius_m
     return {
         "log": np.full(n, log, object),
         "channel": np.full(n, passages.channel, object),
         "revolution": np.arange(n),
         "time_s": passages.time_s,
         "speed_m_s": passages.speed_m_s,
+    }
+
+
+def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dict[str, Any]:
+    """The speed table's columns for one channel's passages; `radius_se_m` is the radius' error where it was calibrated."""
+    radius_share = radius_se_m / passages.radius_m
+    return begin(log, passages) | {
         "period_s": period(passages),
         "speed_se_m_s": np.hypot(passages.speed_se_m_s, radius_share * passages.speed_m_s),
         "acceleration_m_s2": passages.acceleration_m_s2,
-        "quality": np.array([quality_text(sorted(words)) if words else "ok" for words in speed_words(passages)], object),
+        "quality": quality_column(speed_words(passages)),
     }
 
 

@@ -1,13 +1,12 @@
-"""The strain channels of a recording with their passages, and what every table with a row a passage begins with."""
+"""The strain channels of a recording with their passages, for the tables that are made of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 from tirelog.errors import UsageError
 from tirelog.estimators.passages import Passages, find_passages, held
-from tirelog.estimators.speed import STRAIN_KINDS, speed_columns
+from tirelog.estimators.speed import STRAIN_KINDS
 from tirelog.recording import Channel, Recording
 
 
@@ -43,12 +42,3 @@ def not_turning(recording: Recording) -> UsageError:
         "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
         file=recording.log,
     )
-
-
-def begin(log: str, passages: Passages) -> dict[str, Any]:
-    """The columns that every table with a row a revolution begins with."""
-    return {
-        name: column
-        for name, column in speed_columns(log, passages).items()
-        if name in ("log", "channel", "revolution", "time_s", "speed_m_s")
-    }
