@@ -5,8 +5,9 @@ import pytest
 
 from tests.estimators.phase_truth import DYNAMIC, RADIUS_M, RAMP, Drive, Encoder, Tread, recording
 from tirelog.errors import SetupError, UsageError
-from tirelog.estimators.calibration import calibrate, clean, table
+from tirelog.estimators.calibration import calibrate, clean
 from tirelog.estimators.calibration_file import read_calibration, write_calibration
+from tirelog.estimators.calibration_table import table, with_zero
 from tirelog.estimators.phase_shift import measure
 from tirelog.recording import Channel, TimeAxis
 
@@ -76,6 +77,41 @@ def test_a_delay_is_found_and_taken_off(delay_s):
     assert learnt.delay_se_s < 1e-4
     steady = found.steady >= 0
     assert np.nanmax(np.abs(clean(found, learnt).shift_deg[steady])) < 0.12
+
+
+def test_rows_from_which_a_delay_was_removed_say_so(ramp):
+    with_it = calibrate([passages(Drive(*RAMP), Tread(delay_s=0.4e-3, seed=22_100))])
+    drive = passages(Drive(*DYNAMIC), Tread(delay_s=0.4e-3, seed=22_200))
+    assert with_it.has_delay
+    columns = table(drive, with_it)
+    assert set(columns["quality"]) == {"delay_removed"}
+    assert np.nanstd(columns["phase_shift_detrended_deg"]) < 0.05 < np.nanstd(columns["phase_shift_deg"])
+    assert set(table(drive, None)["quality"]) == {"ok"}
+    without = calibrate([passages(Drive(*RAMP), Tread(seed=22_300))])
+    assert not without.has_delay
+    assert set(table(drive, without)["quality"]) == {"ok"}
+
+
+def test_a_log_without_a_zero_takes_the_calibrations(ramp):
+    """The same tread, driven fast only: against the zero at 10 m/s of the calibration, not against its own mean."""
+    fast = Drive((0, 10, 14, 24), (20, 20, 24, 24))
+    found = passages(fast, tread(seed=23_100))
+    assert all("no_zero" in words for words in found.words)
+    learnt = calibrate([ramp])
+    given = with_zero(found, learnt)
+    calm = (given.time_s < 9) | (given.time_s > 15)
+    true = trend(given.speed_m_s)
+    np.testing.assert_allclose(np.mean((given.shift_deg - true)[calm]), 0.0, atol=0.02)
+    assert not any(given.words)
+    assert "the calibration's" in given.said[-1]
+    assert np.abs(np.mean(clean(given, learnt).shift_deg[calm])) < 0.02
+
+
+def test_a_zero_that_cannot_be_had_is_said(ramp):
+    beyond = passages(Drive((0, 20), (33, 33)), tread(seed=23_200))
+    given = with_zero(beyond, calibrate([ramp]))
+    assert all("no_zero" in words for words in given.words)
+    assert "within the calibration's range of speed" in given.said[-1]
 
 
 def test_rows_outside_of_the_maps_are_extrapolated(ramp):

@@ -5,7 +5,7 @@ import pytest
 
 from tests.estimators.phase_truth import DYNAMIC, RADIUS_M, STEADY, Drive, Encoder, Tread, front_errors, recording
 from tirelog.errors import DataLoss, SetupError, UsageError
-from tirelog.estimators.calibration import table
+from tirelog.estimators.calibration_table import table
 from tirelog.estimators.phase_shift import measure
 
 

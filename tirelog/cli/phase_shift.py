@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,8 +31,8 @@ def phase_shift(
 ) -> None:
     """Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4)."""
     from tirelog.errors import UsageError
-    from tirelog.estimators.calibration import table
     from tirelog.estimators.calibration_file import read_calibration
+    from tirelog.estimators.calibration_table import table
 
     if calibration is not None and calibrate is not None:
         raise UsageError("--calibration and --calibrate; one reads a calibration, the other learns one; give one of them")
@@ -39,8 +40,10 @@ def phase_shift(
         raise UsageError("--fit-forces without --calibrate; the force maps are part of a calibration; give --calibrate FILE")
     applied = read_calibration(calibration) if calibration is not None else None
     with Session(setup, quiet) as session, session.table("phase-shift", output, format, calibration=str(calibration or "")) as writer:
+        if applied is not None:
+            _note_delay(session, applied)
         kept: list[Passages] = []
-        for passages in _measured(session, logs, zero, fit_forces):
+        for passages in _measured(session, logs, zero, fit_forces, applied):
             if calibrate is None:
                 writer.write(table(passages, applied))
             if calibrate is not None or plot is not None:
@@ -57,19 +60,29 @@ def phase_shift(
             plot_phase_shift(kept, applied, plot)
 
 
-def _measured(session: Session, logs: list[str], zero: str, forces: bool):  # type: ignore[no-untyped-def]
+def _measured(session: Session, logs: list[str], zero: str, forces: bool, calibration: Calibration | None) -> Iterator[Passages]:
     """The passages of every log; one without teeth or without a patch is lost, and the rest goes on."""
     from tirelog.errors import DataLoss
-    from tirelog.estimators.phase_shift import measure
+    from tirelog.estimators.calibration_table import measure_with
 
     for recording in session.recordings(logs):
         try:
-            for passages in measure(recording, zero, forces):
-                for remark in passages.remarks:
+            for passages in measure_with(calibration, recording, zero, forces):
+                for remark in passages.said:
                     session.note(f"{recording.log}: {remark}")
                 yield passages
         except DataLoss as problem:
             session.lost(str(problem))
+
+
+def _note_delay(session: Session, calibration: Calibration) -> None:
+    """Says once what the rows' word `delay_removed` means."""
+    if calibration.has_delay:
+        delay, se = 1e3 * calibration.delay_s, 1e3 * calibration.delay_se_s
+        session.note(
+            f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} +- {se:.3f} ms later than the encoder; "
+            "the speed map takes it off (delay_removed), it is no force"
+        )
 
 
 def _learn(session: Session, kept: list[Passages], path: Path, forces: bool) -> Calibration:
@@ -81,11 +94,7 @@ def _learn(session: Session, kept: list[Passages], path: Path, forces: bool) -> 
 
     learnt = calibrate(kept, forces)
     write_calibration(path, learnt)
-    if math.isfinite(learnt.delay_s) and abs(learnt.delay_s) > 3 * learnt.delay_se_s:
-        session.note(
-            f"the phase shift holds a part linear in speed, as from an accelerometer {1e3 * learnt.delay_s:.3f} "
-            f"+- {1e3 * learnt.delay_se_s:.3f} ms later than the encoder; the speed map takes it off, it is no force"
-        )
+    _note_delay(session, learnt)
     if math.isnan(learnt.crosstalk):
         session.note("no drive phase of an undriven wheel ([conditions] driven = false): no cross-talk, the corrected column is empty")
     else:

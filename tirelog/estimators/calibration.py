@@ -2,7 +2,7 @@
 
     Passages of several logs --quasi-static passages, one constant a log--> SpeedMap of the phase shift and of the patch width
         --drive phases of undriven wheels--> cross-talk k    --force channels--> ForceMap    =: Calibration
-    Passages, Calibration --apply--> detrended and corrected regressors, forces
+    Passages, Calibration --clean--> detrended and corrected regressors (`calibration_table` makes rows of them)
 
 A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)^2, v0 the speed of the zeros.  The errors are those of
 the least squares, widened by the scatter of the residuals and by their correlation from passage to passage.
@@ -10,13 +10,13 @@ the least squares, widened by the scatter of the residuals and by their correlat
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tirelog.errors import UsageError
-from tirelog.estimators.calibration_force import ForceMap, fit_force, predict_force
+from tirelog.estimators.calibration_force import ForceMap, fit_force
 from tirelog.estimators.phase_shift import Passages
 from tirelog.recording import FloatArray
 
@@ -24,6 +24,8 @@ from tirelog.recording import FloatArray
 QUASI_STATIC_M_S2 = 0.6
 #: driving off: an undriven wheel carries no longitudinal force, and load transfer moves its width
 DRIVE_M_S2 = 0.8
+#: a delay that is so many standard errors long is one
+SURE = 3.0
 #: passages and range of speed that a map needs
 LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
 
@@ -63,6 +65,11 @@ class Calibration:
     vertical: ForceMap | None = None
     longitudinal: ForceMap | None = None
 
+    @property
+    def has_delay(self) -> bool:
+        """Whether the phase shift holds a part linear in speed, as from a constant telemetry delay, that is more than its error."""
+        return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > SURE * self.delay_se_s)
+
 
 @dataclass(frozen=True)
 class Cleaned:
@@ -82,7 +89,7 @@ def calibrate(logs: Sequence[Passages], forces: bool = False) -> Calibration:
     reference = float(np.mean(zeros))
     shift = _speed_map(logs, "shift", reference)
     width = _speed_map(logs, "width", reference)
-    levels = [float(np.nanmean((p.width_deg - width(p.speed_m_s, reference))[_quasi_static(p)])) for p in logs if _quasi_static(p).any()]
+    levels = [float(np.nanmean((p.width_deg - width(p.speed_m_s, reference))[quasi_static(p)])) for p in logs if quasi_static(p).any()]
     delay, delay_se = _delay(shift, reference, float(np.median([p.radius_m for p in logs])))
     plain = Calibration(reference, shift, width, float(np.mean(levels)), np.nan, np.nan, delay, delay_se)
     k, k_se = _crosstalk(logs, plain)
@@ -90,7 +97,8 @@ def calibrate(logs: Sequence[Passages], forces: bool = False) -> Calibration:
     return _with_forces(logs, whole) if forces else whole
 
 
-def _quasi_static(p: Passages) -> np.ndarray:
+def quasi_static(p: Passages) -> np.ndarray:
+    """The passages, shape (n,), with nothing wrong at which the car hardly accelerates."""
     with np.errstate(invalid="ignore"):
         return p.good & (np.abs(p.acceleration_m_s2) < QUASI_STATIC_M_S2) & np.isfinite(p.speed_m_s)
 
@@ -103,7 +111,7 @@ def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMa
     parts = []
     for number, p in enumerate(logs):
         values, se = (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
-        rows = _quasi_static(p) & np.isfinite(values)
+        rows = quasi_static(p) & np.isfinite(values)
         parts.append(np.stack([values, se, p.speed_m_s, p.acceleration_m_s2, np.full(values.size, float(number))])[:, rows])
     y, se, v, a, group = np.concatenate(parts, axis=1)
     if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
@@ -208,44 +216,3 @@ def _with_forces(logs: Sequence[Passages], c: Calibration) -> Calibration:
             "--fit-forces, and no log has a vertical_load or longitudinal_force channel with a zero stretch; add one to the setup"
         )
     return Calibration(**{**c.__dict__, "vertical": vertical, "longitudinal": longitudinal})
-
-
-def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
-    """The columns of the `phase-shift` table for one accelerometer of one log."""
-    from tirelog.tables import quality_text
-
-    n, words = p.time_s.size, list(p.words)
-    nothing = np.full(n, np.nan)
-    cleaned = clean(p, calibration) if calibration else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
-    _mark(words, cleaned.extrapolated)
-    columns: dict[str, object] = {
-        "log": p.log,
-        "channel": p.channel,
-        "revolution": np.arange(n),
-        "time_s": p.time_s,
-        "speed_m_s": p.speed_m_s,
-        "entry_angle_deg": p.entry_deg,
-        "exit_angle_deg": p.exit_deg,
-        "patch_width_deg": p.width_deg,
-        "patch_width_se_deg": p.width_se_deg,
-        "phase_shift_deg": p.shift_deg,
-        "phase_shift_se_deg": p.shift_se_deg,
-        "patch_width_detrended_deg": cleaned.width_deg,
-        "phase_shift_detrended_deg": cleaned.shift_deg,
-        "phase_shift_corrected_deg": cleaned.corrected_deg,
-    }
-    if calibration and calibration.vertical:
-        force, se, outside = predict_force(calibration.vertical, cleaned.width_deg, p.width_se_deg)
-        columns |= {"vertical_force_N": force, "vertical_force_se_N": se}
-        _mark(words, outside)
-    if calibration and calibration.longitudinal:
-        shift = cleaned.corrected_deg if np.isfinite(calibration.crosstalk) else cleaned.shift_deg
-        force, se, outside = predict_force(calibration.longitudinal, shift, p.shift_se_deg)
-        columns |= {"longitudinal_force_N": force, "longitudinal_force_se_N": se}
-        _mark(words, outside)
-    return {**columns, "quality": [quality_text(sorted(w)) for w in words]}
-
-
-def _mark(words: list[set[str]], outside: np.ndarray) -> None:
-    for k in np.flatnonzero(outside):
-        words[k] = words[k] | {"extrapolated"}

@@ -49,13 +49,12 @@ def _speed(recording: Recording, options: Options) -> Rows:
 
 
 def _phase_shift(recording: Recording, options: Options) -> Rows:
-    from tirelog.estimators.calibration import table
     from tirelog.estimators.calibration_file import read_calibration
-    from tirelog.estimators.phase_shift import measure
+    from tirelog.estimators.calibration_table import measure_with, table
 
     calibration = read_calibration(Path(options["calibration"])) if "calibration" in options else None
-    for passages in measure(recording, str(options.get("zero", "auto"))):
-        yield table(passages, calibration), passages.remarks
+    for passages in measure_with(calibration, recording, str(options.get("zero", "auto"))):
+        yield table(passages, calibration), passages.said
 
 
 _STRAIN = ("fbg_strain", "strain")

@@ -39,6 +39,7 @@ class Passages:
     Angles in degrees: `entry_deg`, `exit_deg` within one turn, `width_deg`, `shift_deg` (NaN without a zero) and standard errors;
     `speed_m_s` low-passed at 20 Hz, `acceleration_m_s2` over the turn; `words` what is wrong; `steady` (n,) in a constant-speed
     stretch; `zero_speed_m_s` where the zero was taken (NaN without one); `forces_N` means of the force channels around the passage.
+    `without_zero` says why there is no zero, '' where there is one.
     `example` (3, m), for pictures: angles from the middle of one passage [deg], the signal there in levels outside, and its two fronts.
     """
 
@@ -59,8 +60,14 @@ class Passages:
     words: list[set[str]]
     zero_speed_m_s: float
     remarks: tuple[str, ...] = ()
+    without_zero: str = ""
     forces_N: dict[str, FloatArray] = field(default_factory=dict)
     example: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """The remarks, and why there is no zero."""
+        return (*self.remarks, self.without_zero) if self.without_zero else self.remarks
 
     @property
     def good(self) -> np.ndarray:
@@ -163,15 +170,15 @@ def _passages(
     if np.isnan(offset):
         for own in words:
             own.add("no_zero")
-        said = [*said, _without_zero(zero)]
     if moved:
         said = [*said, f"channel {wheel.channel}: the tooth count was lost {moved} times; the patch itself gave the whole teeth back"]
+    without = _without_zero(zero) if np.isnan(offset) else ""
     se = np.hypot(fronts.entry_se_rad, fronts.exit_se_rad) * DEG
     width = (leave - entry) * DEG
     means = {c.kind: _means(c, before, after) for c in recording.of_kind("vertical_load", "longitudinal_force")} if forces else {}
     return Passages(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time, speed, acceleration, turn - width / 2,
-        turn + width / 2, width, se, turn - offset, se / 2, steady, words, zero_speed, tuple(said), means,
+        turn + width / 2, width, se, turn - offset, se / 2, steady, words, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, good),
     )  # fmt: skip
 
@@ -271,7 +278,10 @@ def _numbers(texts: list[str], zero: str) -> list[float]:
 
 def _without_zero(zero: str) -> str:
     wanted = f"constant-speed stretch below {LOW_SPEED_M_S:g} m/s" if zero == "auto" else f"stretch for --zero {zero}"
-    return f"no {wanted} for the zero of the phase shift: it is empty; name a stretch with --zero SPEED or --zero START:STOP"
+    return (
+        f"no {wanted} for the zero of the phase shift, which is empty (no_zero); "
+        "name another with --zero SPEED or --zero START:STOP, or give the --calibration of a log that has one"
+    )
 
 
 def _means(channel: Channel, start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
