@@ -88,7 +88,8 @@ def test_tires_that_cannot_roll_so(more: dict[str, Any], said: str) -> None:
 @pytest.mark.parametrize(
     ("text", "line", "said"),
     [
-        ("0 0\n1 0\n1 0.01\n", None, "slope"),
+        ("0 0\n1 0\n1.001 0.01\n", None, "slope"),
+        ("0 0\n1 0\n1 0.01\n", None, "do not grow"),
         ("0 0\n2 0.01\n1 0.01\n", None, "do not grow"),
         ("0 0\n1 up\n", 2, "no point of a road"),
         ("0 0\n1 nan\n", 2, "no point of a road"),
