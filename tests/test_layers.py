@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: lower layers first; a module imports its own layer and those below
 LAYERS = [
-    {"errors", "columns", "units", "remote", "compiled", "machine_code"},
+    {"errors", "columns", "units", "remote", "compiled"},
     {"recording", "dsp", "files"},
     {"setup", "convert", "readers", "spool", "stamps", "clock", "chunks", "store_column", "store", "ingest", "tables", "regression", "overview"},
     {"physics"},
