@@ -12,26 +12,49 @@ from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Ses
 
 if TYPE_CHECKING:
     from tirelog.discrepancy import Comparison
+    from tirelog.discrepancy.transient import TransientComparison
+    from tirelog.discrepancy.transient_log import TransientLog
     from tirelog.physics.model import Model
-    from tirelog.recording import Stack
+    from tirelog.recording import Recording, Stack
 
 Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)]
 ChannelName = Annotated[
     str | None, typer.Option("--channel", help="Channel to compare; the first that fits by default.", show_default=False)
 ]
-By = Annotated[str | None, typer.Option("--by", help="A table by revolution, angle, speed, regime or conditions.", show_default=False)]
+By = Annotated[
+    str | None,
+    typer.Option(
+        "--by",
+        help="A table by revolution, angle, speed, regime or conditions; with a [road] in the setup by hit, time or frequency.",
+        show_default=False,
+    ),
+]
 
 
 def stacks_and_model(
     session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
 ) -> tuple[list[Stack], Model]:
-    """What compare, diagnose and ladder start from; a log that cannot be read is said and left out."""
+    """What diagnose and ladder start from; a log that cannot be read is said and left out, revolutions on an obstacle are left out."""
+    stacks, read, _ = stacks_model_and_obstacles(session, logs, model, effects, channel)
+    return stacks, read
+
+
+def stacks_model_and_obstacles(
+    session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
+) -> tuple[list[Stack], Model, list[TransientLog]]:
+    """What compare starts from: steady revolutions, the model, and the logs that met an obstacle (their setup has a [road])."""
+    from tirelog.cli.transients import parted, watched
     from tirelog.discrepancy import stacks_from_logs
     from tirelog.physics.model import Model
     from tirelog.physics.user_effects import catalogue_with
 
     read = Model.load(model, catalogue=catalogue_with(effects))
-    return stacks_from_logs(session.recordings(logs), read.observable, channel), read
+    kept: dict[str, Recording] = {}
+    stacks = stacks_from_logs(watched(session.recordings(logs), read.observable, channel, kept), read.observable, channel)
+    steady, obstacles = parted(stacks, kept)
+    for log in obstacles:
+        session.note(f"{log.log}: {log.hits_s.size} hits on an obstacle; the revolutions on it are kept apart from the steady ones")
+    return steady, read, obstacles
 
 
 def own_effects(effects: Path | None) -> list[Any]:
@@ -75,27 +98,33 @@ def compare(
     plot: Plot = None,
 ) -> None:
     """Fit a model on part of the manoeuvres and show its error on the rest, beside the noise floor."""
+    from tirelog.cli.transients import TABLES
     from tirelog.errors import UsageError, nearest
 
-    tables = ("revolution", "angle", "speed", "regime", "conditions")
+    tables = ("revolution", "angle", "speed", "regime", "conditions", *TABLES)
     if by is not None and by not in tables:
         raise UsageError(f"--by {by}{nearest(by, tables)}; allowed are {', '.join(tables)}; choose one")
     with Session(setup, quiet) as session:
-        stacks, read = stacks_and_model(session, logs, model, effects, channel)
+        stacks, read, obstacles = stacks_model_and_obstacles(session, logs, model, effects, channel)
         from tirelog.discrepancy import compare as compare_stacks
 
         result = compare_stacks(stacks, read)
-        for remark in result.remarks:
+        answers = _obstacles(session, obstacles, result)
+        if by in TABLES and answers is None:
+            raise UsageError(
+                f"--by {by} is for a coupled_ring model and logs whose setup has a [road]; allowed here are "
+                f"{', '.join(t for t in tables if t not in TABLES)}; choose one, or add the [road]"
+            )
+        for remark in (*result.remarks, *(answers.remarks if answers is not None else ())):
             session.note(remark)
         if plot is not None:
-            from tirelog.plots.compare import draw
-
-            draw(result, plot)
+            _draw(session, result, answers, plot)
         if by is not None:
+            rows = answers.tables[by] if answers is not None and by in TABLES else result.tables[by]
             with session.table("compare", output, format) as table:
-                table.write(columns_of(result.tables[by]))
+                table.write(columns_of(rows))
         elif format == "json" or (output is not None and output.suffix == ".json"):
-            write_json(result.to_json(), output)
+            write_json(_json(result, answers), output)
         elif format is not None or output is not None:
             with session.table("compare", output, format) as table:
                 table.write({name: [value] for name, value in _flat(result).items()})
@@ -103,6 +132,38 @@ def compare(
             from tirelog.cli.discrepancy_page import comparison_page
 
             comparison_page(result)
+            if answers is not None:
+                from tirelog.cli.transients import transients_page
+
+                transients_page(answers)
+
+
+def _obstacles(session: Session, obstacles: list[TransientLog], result: Comparison) -> TransientComparison | None:
+    """The fitted model's answer to the obstacles; None where there are none, or the model does not move in time."""
+    if not obstacles:
+        return None
+    if result.model.carcass != "coupled_ring":
+        session.note(f'a {result.model.carcass} says nothing of the obstacles; carcass = "coupled_ring" does')
+        return None
+    from tirelog.discrepancy.transient import compare_transients
+
+    return compare_transients(obstacles, result.model, unit=result.unit)
+
+
+def _draw(session: Session, result: Comparison, answers: TransientComparison | None, plot: Path) -> None:
+    """The picture of the steady comparison, and beside it that of the obstacles."""
+    from tirelog.plots.compare import draw
+
+    draw(result, plot)
+    if answers is not None:
+        from tirelog.cli.transients import draw_transients
+
+        session.note(f"obstacles drawn in {draw_transients(answers, plot)}")
+
+
+def _json(result: Comparison, answers: TransientComparison | None) -> dict[str, Any]:
+    """The document: with obstacles their part under `transients`."""
+    return result.to_json() | ({"transients": answers.to_json()} if answers is not None else {})
 
 
 def _flat(result: Comparison) -> dict[str, Any]:

@@ -171,6 +171,7 @@ def fit(
 ) -> None:
     """Fit a model's free parameters to all revolutions of the logs, and write the model with values and standard errors."""
     from tirelog.cli.model_page import fit_page
+    from tirelog.cli.transients import parted, watched
     from tirelog.discrepancy.stack import stacks_from_logs
     from tirelog.physics.carcass import WAVEFORMS
     from tirelog.physics.fit import fit as fit_model
@@ -179,9 +180,12 @@ def fit(
     words = [w for w in nuisances.replace(",", " ").split() if w != "none"] if start.observable in WAVEFORMS else []
     with Session(setup, quiet) as session:
         recordings = session.all_recordings(logs)
-        stacks = [
-            stack for name in channel or (None,) for stack in stacks_from_logs(recordings, _observable(recordings, name, start), name)
-        ]
+        stacks = []
+        for name in channel or (None,):
+            observable = _observable(recordings, name, start)
+            kept: dict[str, Any] = {}
+            measured = stacks_from_logs(watched(recordings, observable, name, kept), observable, name)
+            stacks += parted(measured, kept)[0]
         result = fit_model(start, stacks, nuisances=words, scatter=True)
         result.model.save(output)
         if not quiet:

@@ -2,8 +2,8 @@
 
 The tread is a ring of M nodes that turn with the belt, h = 2 pi R / M apart. Node j lies at r_j = C + (R + w) e_r + v e_t; where it
 would go below the road, by d = h(x) - z with x = -s, the spring energy k_t d^2 / 2 per length pushes it back along its gradient, k_t d
-(h'(x), 1). A bristle clings to the road: its deflection u grows by what the node slides (the way between two steps, so that a steady patch slides
-steadily whatever the step), and stays within mu p / C_x. The nodes carry u
+(h'(x), 1). A bristle clings to the road: its deflection u grows by what the node slides (the way between two steps, so that
+a steady patch slides steadily whatever the step), and stays within mu p / C_x. The nodes carry u
 with them, so nothing is smeared; a node that leaves the road forgets it.
 """
 
@@ -119,7 +119,7 @@ class Tread:
         return slice(start, start + end - first), phi[first:end], sin[first:end], cos[first:end]
 
     def _friction(self, near: slice, slid: FloatArray, normal: FloatArray) -> tuple[FloatArray, float]:
-        """(tau [N/m] of the bristles on the road along +s, their energy [J]) after sliding by `slid` [m]; sums what that takes in `lost`."""
+        """(tau [N/m] of the bristles on the road along +s, their energy [J]) after sliding by `slid` [m]; sums `lost`."""
         tire, M = self.tire, self.nodes
         before = np.concatenate([self.bristles, self.bristles])[near]
         u = before + slid

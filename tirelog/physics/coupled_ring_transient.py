@@ -15,7 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -23,6 +24,7 @@ from scipy.interpolate import CubicSpline
 from tirelog.errors import ModelError
 from tirelog.physics.coupled_ring import CoupledRing
 from tirelog.physics.coupled_ring_motion import Drive, Motion, State, Stepper, simulate
+from tirelog.physics.coupled_ring_steady import steady_rolling
 from tirelog.physics.modes import of_model
 from tirelog.physics.pipeline import loaded_site, loads, structure
 from tirelog.physics.road import Road
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
 #: Belt modes and tread nodes of a motion, its longest step [s] and the grid on which it is kept [s].
 MODES, NODES = 40, 2304
 LONGEST_STEP_S = 1e-4
-KEEP_S = 2e-4
+KEEP_S = 1e-4
 #: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls on a flat road.
 _CLEAR = 0.35
 _STEADY_ONLY = ("tilt", "pressure", "kernel", "traction", "strain")
@@ -88,68 +90,83 @@ class Transient:
         strain, or radial_acceleration [m/s^2], outward positive; NaN outside of the motion.
         """
         when = self.motion.time_s if time_s is None else np.asarray(time_s, dtype=np.float64)
+        return self.at(observable, np.interp(when, self.motion.time_s, self.motion.psi_rad) + theta_rad, when, surface=surface)
+
+    def at(self, observable: str, phi_rad: FloatArray, time_s: FloatArray, *, surface: str = "outer") -> FloatArray:
+        """Reading (m,) of a sensor that stands at phi (m,), any whole turns, at times (m,)."""
         grid = self.motion.time_s
-        fine = grid.size < 2 or time_s is None
-        psi = self.motion.psi_rad if fine else np.interp(when, grid, self.motion.psi_rad)
-        phi = np.mod(psi + theta_rad + np.pi, 2.0 * np.pi) - np.pi
+        phi = np.mod(phi_rad + np.pi, 2.0 * np.pi) - np.pi
         reading = self.model.predict(self.conditions, phi, surface=surface, observable=observable)[0]
         if observable == "radial_acceleration":
-            omega = np.interp(when, grid, self.motion.omega_rad_s)
+            omega = np.interp(time_s, grid, self.motion.omega_rad_s)
             reading = reading * (omega / self.conditions.speed_m_s[0] * self.motion.tire.R) ** 2
-        added = self.added(observable, theta_rad, surface=surface)
-        reading = reading + (added if fine else np.interp(when, grid, added))
-        return np.where((when < grid[0] - KEEP_S) | (when > grid[-1]), np.nan, reading)
+        reading = reading + self.added(observable, phi, time_s, surface=surface)
+        return np.where((time_s < grid[0] - KEEP_S) | (time_s > grid[-1]), np.nan, reading)
 
-    def added(self, observable: str, theta_rad: float, *, surface: str = "outer") -> FloatArray:
-        """What the road adds to the steady waveform at the motion's own times, (k,)."""
+    def added(self, observable: str, phi_rad: FloatArray, time_s: FloatArray, *, surface: str = "outer") -> FloatArray:
+        """What the road adds to the steady waveform at phi (m,) and times (m,); before and after the motion as at its ends."""
+        when = np.clip(time_s, self.motion.time_s[0], self.motion.time_s[-1])
+        turn = np.exp(1j * phi_rad)
+        # exp(i n phi), n = 1 ... N, by products
+        turns = np.cumprod(np.broadcast_to(turn[:, None], (turn.size, self.motion.tire.modes)), axis=1)[:, 1:]
         if observable == "radial_acceleration":
-            return self._filtered(self._added_acceleration(theta_rad))
+            lifted = np.interp(when, self.motion.time_s, self._lifted)
+            rigid = lifted.real * np.sin(phi_rad) - lifted.imag * np.cos(phi_rad)
+            waves: FloatArray = 2.0 * np.einsum("mn,mn->m", self._acceleration(when), turns).real + rigid
+            return waves
         lever = self.model.values["lever_arm_m"] * (1.0 if surface == "inner" else -1.0)
-        return self._filtered(self._added_strain(theta_rad, lever)) * self._gain()
+        bent: FloatArray = (2.0 * lever * self._gain()) * np.einsum("mn,mn->m", self._curvature(when), turns).real
+        return bent
 
-    def _turn(self, theta_rad: float) -> ComplexArray:
-        """exp(i n phi) times what a grating's length leaves of mode n, (k, N - 1)."""
+    @cached_property
+    def _curvature(self) -> CubicSpline:
+        """Modes of (w + w'') / R^2 of V - V_0 over time, as the sensor hands them on, (k, N - 1)."""
         n = self.motion.tire.n
-        turn: ComplexArray = np.exp(1j * np.outer(self.motion.psi_rad + theta_rad, n))
-        for a in self.task.active:
-            if a.effect.id == "gauge_length":
-                turn = turn * np.sinc(n / self.motion.tire.R * (a.values["length_m"] / (2.0 * np.pi)))
-        return turn
+        return self._handed_on(-1j * n * (1.0 - n**2) / self.motion.tire.R**2 * (self.motion.V - self.steady))
 
-    def _added_strain(self, theta_rad: float, lever_m: float) -> FloatArray:
-        """(y / R^2) (w + w'') of V - V_0, (k,)."""
-        tire = self.motion.tire
-        bent = -1j * tire.n * (1.0 - tire.n**2) * (self.motion.V - self.steady)
-        added: FloatArray = 2.0 * lever_m / tire.R**2 * np.sum(bent * self._turn(theta_rad), axis=1).real
-        return added
-
-    def _added_acceleration(self, theta_rad: float) -> FloatArray:
-        """D^2 w - 2 Omega D v - Omega^2 w - Omega' v of V - V_0 with D = d/dt + i n Omega, and C'' . e_r, (k,)."""
+    @cached_property
+    def _acceleration(self) -> CubicSpline:
+        """Modes of D^2 w - 2 Omega D v - Omega^2 w - Omega' v of V - V_0 with D = d/dt + i n Omega, likewise."""
         m, n = self.motion, self.motion.tire.n
         V, rate = m.V - self.steady, m.V_rate
         onward = np.gradient(rate, m.time_s, axis=0)
         omega, spun = m.omega_rad_s[:, None], np.gradient(m.omega_rad_s, m.time_s)[:, None]
         D = rate + 1j * n * omega * V
         D2 = onward + 2j * n * omega * rate - (n * omega) ** 2 * V + 1j * n * spun * V
-        modes = -1j * n * D2 - 2.0 * omega * D + 1j * n * omega**2 * V - spun * V
-        phi, lifted = m.psi_rad + theta_rad, np.gradient(m.centre_rate, m.time_s)
-        rigid = lifted.real * np.sin(phi) - lifted.imag * np.cos(phi)
-        added: FloatArray = 2.0 * np.sum(modes * self._turn(theta_rad), axis=1).real + rigid
-        return added
+        return self._handed_on(-1j * n * D2 - 2.0 * omega * D + 1j * n * omega**2 * V - spun * V)
 
-    def _filtered(self, added: FloatArray) -> FloatArray:
-        """After the sensors' lag: their transfer at n Omega, read as a function of frequency."""
-        for a in self.task.having("transfer"):
+    @cached_property
+    def _lifted(self) -> ComplexArray:
+        """C'' [m/s^2], s + i z, (k,)."""
+        lifted: ComplexArray = np.gradient(self.motion.centre_rate, self.motion.time_s)
+        return lifted
+
+    def _handed_on(self, modes: ComplexArray) -> CubicSpline:
+        """Modes (k, N - 1) in space after the sensor: a grating's length by wave number, lags by frequency on the belt."""
+        m, n = self.motion, self.motion.tire.n
+        for a in self.task.active:
             if a.effect.id == "gauge_length":
-                continue
-            site = loaded_site(self.task)[0]
-            transfer = np.asarray(a.effect.transfer(a.values, self.task.drive, site))[0]  # type: ignore[misc]
-            turns = np.arange(transfer.size) * self.conditions.speed_m_s[0] / (2.0 * np.pi * self.motion.tire.R)
-            size = 2 * added.size  # no reading comes round to the other end
-            frequency = np.fft.rfftfreq(size, self.motion.time_s[1] - self.motion.time_s[0])
-            smooth = CubicSpline(turns, transfer)(np.minimum(frequency, turns[-1]))
-            added = np.fft.irfft(np.fft.rfft(added, size) * smooth, size)[: added.size]
-        return added
+                modes = modes * np.sinc(n / m.tire.R * (a.values["length_m"] / (2.0 * np.pi)))
+        late = [a for a in self.task.having("transfer") if a.effect.id != "gauge_length"]
+        if late:
+            turned = np.exp(1j * np.outer(m.psi_rad, n))
+            belt = modes * turned
+            for a in late:
+                site = loaded_site(self.task)[0]
+                belt = self._lagged(belt, np.asarray(a.effect.transfer(a.values, self.task.drive, site))[0])  # type: ignore[misc]
+            modes = belt * turned.conj()
+        smooth: Any = CubicSpline(m.time_s, modes)
+        return smooth
+
+    def _lagged(self, belt: ComplexArray, transfer: ComplexArray) -> ComplexArray:
+        """After a sensor's transfer, given at the frequencies n Omega, (k, N - 1)."""
+        m, size = self.motion, belt.shape[0]
+        turns = np.arange(transfer.size) * self.conditions.speed_m_s[0] / (2.0 * np.pi * m.tire.R)
+        frequency = np.fft.fftfreq(2 * size, m.time_s[1] - m.time_s[0])  # twice: no reading comes round to the other end
+        smooth = CubicSpline(turns, transfer)(np.minimum(np.abs(frequency), turns[-1]))
+        answer = np.where(frequency < 0.0, smooth.conj(), smooth)
+        lagged: ComplexArray = np.fft.ifft(np.fft.fft(belt, 2 * size, axis=0) * answer[:, None], axis=0)[:size]
+        return lagged
 
     def _gain(self) -> float:
         gain = 1.0
@@ -196,6 +213,13 @@ def drive(
         f"{a.effect.id} acts on the steady waveform alone; what the road adds is computed without it" for a in task.having(*_STEADY_ONLY)
     )
     return Transient(model, conditions, course, motion, steady, task, remarks)
+
+
+def rolling_radius(model: Model, conditions: Conditions) -> float:
+    """v / Omega [m] of the model that rolls freely under the one set of conditions."""
+    task = next(model._tasks(conditions, model.values))[1]
+    speed = float(conditions.speed_m_s[0])
+    return speed / steady_rolling(tire_of(task), loads(task).item(), speed).omega
 
 
 def tire_of(task: Task) -> CoupledRing:

@@ -1,0 +1,81 @@
+"""What `compare` does with logs whose setup has a [road]: obstacles found, steady revolutions kept apart, the model's answer compared.
+
+recordings --`watched`--> the same, the observed channel of those with a road kept --stacks--> `parted`: steady stacks, TransientLogs
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tirelog.discrepancy.transient import TransientComparison
+    from tirelog.discrepancy.transient_log import TransientLog
+    from tirelog.recording import Recording, Stack
+
+TABLES = ("hit", "time", "frequency")
+
+
+def watched(recordings: Iterable[Recording], observable: str, channel: str | None, kept: dict[str, Recording]) -> Iterator[Recording]:
+    """The recordings as they come; of those that met an obstacle the observed channel is kept in memory, by log."""
+    from tirelog.discrepancy.stack import observe_channel
+    from tirelog.physics.carcass import WAVEFORMS
+    from tirelog.recording import Channel, TimeAxis
+
+    for recording in recordings:
+        if recording.setup.road.kind != "flat" and observable in WAVEFORMS:
+            source = observe_channel(recording, observable, channel)
+            axis = replace(TimeAxis.of_times(source.axis.time()), rate_Hz=source.axis.rate_Hz)
+            copy = Channel.of_array(source.name, source.kind, source.read(), axis, surface=source.surface)
+            kept[recording.log] = replace(recording, channels={source.name: copy})
+        yield recording
+
+
+def parted(stacks: list[Stack], kept: dict[str, Recording]) -> tuple[list[Stack], list[TransientLog]]:
+    """The stacks without the revolutions that an obstacle disturbs, and the logs that met one."""
+    import numpy as np
+
+    from tirelog.discrepancy.transient_log import steady_revolutions, transient_log
+
+    found, steady = [], []
+    for stack in stacks:
+        recording = kept.get(stack.logs[int(stack.log[0])])
+        if recording is not None:
+            found.append(transient_log(recording, recording.channels[stack.channel], stack))
+            stack = steady_revolutions(stack, found[-1].hits_s)
+        steady.append(stack)
+    if not found:
+        return stacks, []
+    # a manoeuvre may have gone with its revolutions: the rest is numbered through again
+    names = np.unique(np.concatenate([stack.manoeuvre for stack in steady]))
+    return [replace(stack, manoeuvre=np.searchsorted(names, stack.manoeuvre)) for stack in steady], found
+
+
+def transients_page(result: TransientComparison) -> None:
+    """The hits to read."""
+    from tirelog.cli.discrepancy_page import _console, _table, shown
+
+    out = _console()
+    factor, unit = shown(result.observable, result.unit)
+    total = result.to_json()
+    out.print(
+        f"obstacles: {len(result.hits)} hits; the model covers {100.0 * total['covered']:.0f} % of what they added "
+        f"({total['nuisance_parameters']} nuisance numbers: when, phase, level and alignment of each)"
+    )
+    names = ["added", "missed", "rmse", "rmse_steady", "noise_floor", "excess"]
+    rows = [
+        [f"  {row['log']} at {row['time_s']:.4f} +- {row['time_se_s']:.1g} s", row["speed_m_s"], *(row[name] * factor for name in names)]
+        for row in result.tables["hit"]
+    ]
+    out.print(_table([f"in {unit}", "m/s", "added", "missed", "rmse", "steady", "floor", "excess"], rows))
+
+
+def draw_transients(result: TransientComparison, path: Path) -> Path:
+    """The picture of the hits, beside the comparison's: NAME_transient.SUFFIX."""
+    from tirelog.plots.transient import draw
+
+    beside = path.with_name(f"{path.stem}_transient{path.suffix}")
+    draw(result, beside)
+    return beside
