@@ -1,6 +1,7 @@
-"""Time derivatives of windows around the passages, by their spectra.
+"""Low-passed time derivatives of windows around the passages, by their spectra.
 
-    windows (n, m) --ends brought to zero, FFT, (2 pi i f)^k, zero-padded inverse--> derivatives (n, m x upsample)
+    windows (n, m) --lost samples bridged, ends brought to zero, FFT--> spectra (n, m // 2 + 1)
+                   --gain x (2 pi i f)^k, zero-padded inverse--> derivatives (n, m x upsample)
 
 A row's result depends on its own samples only.
 """
@@ -10,36 +11,74 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.compiled import compiled
+from tirelog.dsp.lowpass import gain
 from tirelog.recording import FloatArray
 
-
-def fill_lost(windows: FloatArray) -> FloatArray:
-    """`windows` shape (n, m) with NaN replaced by linear interpolation along the row (the nearest sample at its ends); rows that are
-    all NaN become 0."""
-    lost = np.isnan(windows)
-    rows = np.flatnonzero(lost.any(axis=1))
-    if not rows.size:
-        return windows
-    filled = windows.copy()
-    place = np.arange(windows.shape[1])
-    for row in rows:
-        known = ~lost[row]
-        filled[row] = np.interp(place, place[known], windows[row, known]) if known.any() else 0.0
-    return filled
+ComplexArray = NDArray[np.complex128]
 
 
-def window_spectrum(windows: FloatArray) -> NDArray[np.complex128]:
-    """FFT of the rows of `windows` (n, m) after the line through their ends has been taken off, so that they close without a step."""
+@compiled
+def closed(windows: FloatArray) -> FloatArray:
+    """`windows` (n, m) with NaN bridged by straight lines (the nearest sample at the ends), less the line through the means of the first
+    and the last m / 32, so that they close without a step; rows that are all NaN become 0."""
     count = windows.shape[1]
     edge = max(count // 32, 1)
-    first, last = windows[:, :edge].mean(axis=1), windows[:, -edge:].mean(axis=1)
-    ramp = np.linspace(0.0, 1.0, count)
-    return np.fft.rfft(windows - first[:, None] - (last - first)[:, None] * ramp, axis=1)
+    out = windows.copy()
+    for row in out:
+        known = -1
+        for k in range(count):
+            if not np.isnan(row[k]):
+                for lost in range(known + 1, k):
+                    share = (lost - known) / (k - known)
+                    row[lost] = row[k] if known < 0 else row[known] + share * (row[k] - row[known])
+                known = k
+        for k in range(known + 1, count):
+            row[k] = row[known] if known >= 0 else 0.0
+        first, last = 0.0, 0.0
+        for k in range(edge):
+            first += row[k] / edge
+            last += row[count - 1 - k] / edge
+        for k in range(count):
+            row[k] -= first + (last - first) * k / (count - 1)
+    return out
 
 
-def derivative(spectrum: NDArray[np.complex128], rate_Hz: float, order: int, count: int, upsample: int) -> FloatArray:
-    """The `order`-th time derivative of rows of `count` samples with `spectrum` (n, count // 2 + 1), at `upsample` x `count` points."""
-    response = (2j * np.pi * np.fft.rfftfreq(count, 1.0 / rate_Hz)) ** order * upsample
+@compiled
+def _shaped(spectra: ComplexArray, factor: ComplexArray, step_Hz: float, cutoff_Hz: FloatArray) -> ComplexArray:
+    """`spectra` (n, f) times the low-pass of each row and `factor` (f,)."""
+    out = np.empty_like(spectra)
+    for row in range(spectra.shape[0]):
+        for k in range(factor.size):
+            out[row, k] = spectra[row, k] * factor[k] * gain(k * step_Hz, cutoff_Hz[row])
+    return out
+
+
+def window_spectra(windows: FloatArray) -> ComplexArray:
+    """FFT of the rows of `windows`, closed."""
+    return np.fft.rfft(closed(windows), axis=1)
+
+
+def derivative(spectra: ComplexArray, rate_Hz: float, cutoff_Hz: FloatArray, order: int, count: int, upsample: int) -> FloatArray:
+    """The `order`-th time derivative of rows of `count` samples with `spectra`, low-passed at `cutoff_Hz` (n,), at `upsample` x `count`
+    points."""
+    factor: ComplexArray = (2j * np.pi * np.fft.rfftfreq(count, 1.0 / rate_Hz)).astype(np.complex128) ** order * upsample
     if count % 2 == 0:
-        response[-1] = response[-1].real * (0.5 if upsample > 1 else 1.0)
-    return np.fft.irfft(spectrum * response, n=count * upsample, axis=1)
+        factor[-1] = factor[-1].real * (0.5 if upsample > 1 else 1.0)
+    return np.fft.irfft(_shaped(spectra, factor, rate_Hz / count, cutoff_Hz), n=count * upsample, axis=1)
+
+
+@compiled
+def noise_gains(count: int, rate_Hz: float, cutoff_Hz: FloatArray) -> FloatArray:
+    """Standard deviation of the second and of the third time derivative of low-passed white noise of one a sample in windows of `count`
+    samples, shape (n, 2)."""
+    out = np.zeros((cutoff_Hz.size, 2))
+    for row in range(cutoff_Hz.size):
+        for k in range(count // 2 + 1):
+            square = (2.0 * np.pi * k * rate_Hz / count) ** 2
+            power = (gain(k * rate_Hz / count, cutoff_Hz[row]) * square) ** 2
+            out[row, 0] += power
+            out[row, 1] += power * square
+        for k in range(2):
+            out[row, k] = np.sqrt(2.0 / count * out[row, k])
+    return out

@@ -1,7 +1,7 @@
 """The zero-phase low-pass of the footprint: its cut-off as the user says it, and its gain.
 
     "auto" | "400Hz" | "40x" --parse--> Cutoff --speed of each passage--> cut-off [Hz], shape (n,)
-    frequencies [Hz] --gain--> the squared magnitude of a Butterworth filter run forwards and backwards
+    frequency [Hz] --gain--> the squared magnitude of a Butterworth filter run forwards and backwards
 
 P2 used 400 Hz (and 300), "roughly 40 times the wheel frequency", chosen from the spectrum of the log at rest; that multiple holds near
 70 km/h only (errata), so the unit is part of the setting.
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tirelog.compiled import compiled
 from tirelog.errors import UsageError
 from tirelog.recording import FloatArray
 
@@ -50,7 +51,11 @@ class Cutoff:
         return "auto" if self.unit == "auto" else f"{self.value:g}{self.unit}"
 
 
-def gain(frequency_Hz: FloatArray, cutoff_Hz: FloatArray, order: int = ORDER) -> FloatArray:
-    """Gain of the zero-phase low-pass, 1/2 at the cut-off, shape (len(cutoff), len(frequency))."""
-    ratio = np.abs(frequency_Hz)[None, :] / np.asarray(cutoff_Hz, float).reshape(-1, 1)
-    return 1.0 / (1.0 + (ratio * ratio) ** order)
+@compiled
+def gain(frequency_Hz: float, cutoff_Hz: float) -> float:
+    """Gain of the zero-phase low-pass, 1/2 at the cut-off."""
+    ratio2 = (frequency_Hz / cutoff_Hz) ** 2
+    power = 1.0
+    for _ in range(ORDER):
+        power *= ratio2
+    return 1.0 / (1.0 + power)

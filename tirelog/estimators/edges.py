@@ -11,14 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.compiled import compiled
-from tirelog.dsp.derivatives import derivative, fill_lost, window_spectrum
-from tirelog.dsp.lowpass import gain
+from tirelog.dsp.derivatives import derivative, noise_gains, window_spectra
 from tirelog.recording import FloatArray
-
-ComplexArray = NDArray[np.complex128]
 
 #: edges are looked for out to this multiple of the expected half length
 SEARCH = 2.1
@@ -85,9 +81,8 @@ def along_tread(
     upsample: int = 2,
 ) -> AlongTread:
     """The derivatives along the tread after the low-pass; arguments as of `find_edges`."""
-    count = windows.shape[1]
-    spectrum = _lowpassed(windows, gain(_frequencies(count, rate_Hz), cutoff_Hz))
-    derivatives = np.stack([derivative(spectrum, rate_Hz, order, count, upsample) for order in (1, 2)])
+    count, spectra = windows.shape[1], window_spectra(windows)
+    derivatives = np.stack([derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2)])
     first, second = _along_rows(derivatives, _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2), upsample)
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
     return AlongTread(travelled(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second)
@@ -95,17 +90,7 @@ def along_tread(
 
 def lowpassed(windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsample: int = 2) -> FloatArray:
     """The windows (n, m) after the low-pass, less the line through their ends, (n, m x upsample)."""
-    count = windows.shape[1]
-    return derivative(_lowpassed(windows, gain(_frequencies(count, rate_Hz), cutoff_Hz)), rate_Hz, 0, count, upsample)
-
-
-def _lowpassed(windows: FloatArray, gains: FloatArray) -> ComplexArray:
-    """Spectrum of the windows times `gains`."""
-    return window_spectrum(fill_lost(windows)) * gains
-
-
-def _frequencies(count: int, rate_Hz: float) -> FloatArray:
-    return np.asarray(np.fft.rfftfreq(count, 1.0 / rate_Hz), np.float64)
+    return derivative(window_spectra(windows), rate_Hz, cutoff_Hz, 0, windows.shape[1], upsample)
 
 
 def _motion(rate_Hz: float, centre: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
@@ -129,14 +114,10 @@ def find_edges(
     `centre` (n,): column of the patch centre; `half_length_m` (n,): what half of the patch is expected to be, to look for extrema;
     `noise`: standard deviation of a sample; `upsample`: points a sample, so that a parabola through three follows what the low-pass leaves.
     """
-    count = windows.shape[1]
-    frequency = _frequencies(count, rate_Hz)
-    gains = gain(frequency, cutoff_Hz)
-    spectrum = _lowpassed(windows, gains)
-    first, second = (derivative(spectrum, rate_Hz, order, count, upsample) for order in (1, 2))
-    # standard deviation of the second and third derivative in time of the low-passed noise: an extremum moves by that of the next one
-    power = (2.0 * np.pi * frequency[:, None]) ** np.array([4.0, 6.0])
-    wiggle = noise * np.sqrt(2.0 / count * (gains**2 @ power))
+    count, spectra = windows.shape[1], window_spectra(windows)
+    first, second = (derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2))
+    # an extremum moves by the noise of the next derivative
+    wiggle = noise * noise_gains(count, rate_Hz, cutoff_Hz)
     motion = _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2)
     return Edges(*edge_rows(first, second, motion, SEARCH * half_length_m, wiggle, upsample).T)
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.compiled import compiled
 from tirelog.estimators.edges import travelled
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 
@@ -82,7 +83,7 @@ def gather_windows(
         nearest = np.round(index[inside]).astype(np.int64)
         low = max(int((nearest - half[inside]).min()), 0)
         high = min(int((nearest + half[inside]).max()) + 1, channel.size)
-        samples = channel.read(low, high)
+        samples = np.ascontiguousarray(channel.read(low, high), np.float64)
         for size in np.unique(half[inside]):
             some = half[inside] == size
             yield _cut(channel, -sign, samples, low, index[inside[some]], nearest[some], int(size), inside[some])
@@ -92,12 +93,23 @@ def _cut(
     channel: Channel, turned: float, samples: FloatArray, low: int, index: FloatArray, nearest: IntArray, size: int, rows: IntArray
 ) -> PatchWindows:
     """Windows of half length `size` out of `samples`, which start at sample `low` of the channel and are `turned` patch downward."""
-    columns = nearest[:, None] + np.arange(-size, size)
-    place = columns - low
-    values = turned * samples[np.clip(place, 0, samples.size - 1)]
-    outside = (place < 0) | (place >= samples.size)
-    if channel.axis.explicit is None and channel.axis.first.size > 1:
-        part = np.searchsorted(channel.axis.first, columns, side="right")
-        outside |= part != np.searchsorted(channel.axis.first, nearest, side="right")[:, None]
-    values[outside] = np.nan
+    begins, ends = np.zeros(nearest.size, np.int64), np.full(nearest.size, channel.size)
+    first = channel.axis.first
+    if channel.axis.explicit is None and first.size > 1:
+        part = np.searchsorted(first, nearest, side="right")
+        begins, ends = first[part - 1].astype(np.int64), np.append(first, channel.size)[part].astype(np.int64)
+    values = _cut_out(samples, low, nearest - size, 2 * size, begins, ends, turned)
     return PatchWindows(rows, values, index - nearest + size, channel.axis.rate_Hz)
+
+
+@compiled
+def _cut_out(samples: FloatArray, low: int, starts: IntArray, count: int, begins: IntArray, ends: IntArray, turned: float) -> FloatArray:
+    """`count` samples from each of `starts` (n,) on, times `turned`; NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which
+    are numbered from `low` on."""
+    out = np.empty((starts.size, count))
+    for row in range(starts.size):
+        begin, end = max(begins[row], low), min(ends[row], low + samples.size)
+        for k in range(count):
+            at = starts[row] + k
+            out[row, k] = turned * samples[at - low] if begin <= at < end else np.nan
+    return out
