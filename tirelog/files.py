@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -21,15 +22,34 @@ _ADVICE = {
     errno.EROFS: "the file system is read-only; give another path",
     errno.ENOSPC: "the disk is full; make room or give another path",
     errno.EDQUOT: "the quota is used up; make room or give another path",
+    errno.EFBIG: "no file may be so large here; raise the limit or give another path",
     errno.EISDIR: "it is a folder; give the path of a file",
     errno.EEXIST: "it is a file; give the path of a folder",
 }
 
 
-def output_error(path: Path | str, problem: OSError) -> OutputError:
+def output_error(path: Path | str, problem: Exception) -> OutputError:
     """An OutputError for a failed write, with advice."""
-    advice = _ADVICE.get(problem.errno or 0, "give another path")
-    return OutputError(f"cannot be written ({problem.strerror or problem}); {advice}", file=path)
+    number = _number(problem)
+    what = os.strerror(number) if number else getattr(problem, "strerror", None) or problem
+    return OutputError(f"cannot be written ({what}); {_ADVICE.get(number, 'give another path')}", file=path)
+
+
+def _number(problem: Exception) -> int:
+    """The system's error number, 0 where there is none.  HDF5 says it in its text, among pages of others."""
+    told = re.search(r"errno = (\d+)", str(problem))
+    return getattr(problem, "errno", None) or (int(told[1]) if told else 0)
+
+
+@contextmanager
+def failed_writes(path: Path | str) -> Iterator[None]:
+    """What the system and HDF5 raise where `path` cannot be written becomes an OutputError."""
+    try:
+        yield
+    except (OSError, RuntimeError) as problem:  # HDF5 raises either
+        if isinstance(problem, BrokenPipeError) or (isinstance(problem, RuntimeError) and not _number(problem)):
+            raise
+        raise output_error(path, problem) from problem
 
 
 @contextmanager
@@ -51,15 +71,12 @@ def whole_file(path: Path | str) -> Iterator[Path]:
         raise output_error(path, IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR)))
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        part.touch()
-        yield part
-        with part.open("rb+") as stream:
-            os.fsync(stream.fileno())
-        os.replace(part, path)
-    except OSError as problem:
-        if isinstance(problem, BrokenPipeError):
-            raise
-        raise output_error(path, problem) from problem
+        with failed_writes(path):
+            part.touch()
+            yield part
+            with part.open("rb+") as stream:
+                os.fsync(stream.fileno())
+            os.replace(part, path)
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)

@@ -23,7 +23,7 @@ from typing import Any, BinaryIO
 from tirelog import __version__
 from tirelog.clock import ClockFit
 from tirelog.errors import ReadError, SetupError, UsageError
-from tirelog.files import output_error, whole_file
+from tirelog.files import failed_writes, whole_file
 from tirelog.readers import Group, LogReader
 from tirelog.recording import Recording
 from tirelog.remote import address, open_remote
@@ -240,10 +240,8 @@ def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None =
         return
     with tempfile.TemporaryDirectory(prefix="tirelog-") as folder:
         run = Path(folder) / "run.h5"
-        try:
+        with failed_writes(run):
             ingest(log, setup, run, compress=False, blocks=blocks)
-        except OSError as problem:
-            raise output_error(run, problem) from problem
         with open_run(run, log, setup) as recording:
             yield recording
 

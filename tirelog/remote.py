@@ -153,7 +153,10 @@ def write_remote(url: str, data: bytes) -> None:
             system.pipe_file(_part(url), data)
             system.mv(_part(url), url)
 
-    _answer(url, OutputError, put)
+    try:
+        _answer(url, OutputError, put)
+    except FileNotFoundError as problem:  # no such bucket
+        raise _refusal(OutputError, url, problem) from None
 
 
 def create_remote(url: str, data: bytes) -> bool:
@@ -175,6 +178,8 @@ def create_remote(url: str, data: bytes) -> bool:
         return _answer(url, OutputError, create)
     except FileExistsError:
         return False
+    except FileNotFoundError as problem:
+        raise _refusal(OutputError, url, problem) from None
     except OutputError as problem:
         if "PreconditionFailed" in problem.message or "412" in problem.message or "At least one of the pre-conditions" in problem.message:
             return False

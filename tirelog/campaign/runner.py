@@ -9,6 +9,7 @@ import csv
 import io
 import multiprocessing
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -119,7 +120,7 @@ def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # inherited: a worker's share is one core, and its libraries start their threads on import
     while waiting:
-        with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=_say_it_once) as pool:
             queue = list(waiting.values())
             running: dict[Future[Entry], Task] = {}
             try:
@@ -138,6 +139,12 @@ def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
                 for task in [t for t in waiting.values() if tried[t.name] >= _ATTEMPTS]:
                     del waiting[task.name]
                     yield _died(task)
+
+
+def _say_it_once() -> None:
+    """In a worker: HDF5 objects that are forgotten on a full disk print a traceback each, behind the error that the entry carries."""
+    sys.excepthook = lambda *_: None
+    sys.unraisablehook = lambda _: None
 
 
 def _died(task: Task) -> Entry:
