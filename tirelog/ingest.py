@@ -47,12 +47,14 @@ class _HashedStream(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        part = self._head[: len(buffer)] if self._head else self._rest.read(len(buffer))
-        self._head = self._head[len(part) :] if self._head else b""
-        buffer[: len(part)] = part
-        self.sha256.update(part)
-        self.size += len(part)
-        return len(part)
+        if self._head:
+            got = min(len(self._head), len(buffer))
+            buffer[:got], self._head = self._head[:got], self._head[got:]
+        else:
+            got = self._rest.readinto(buffer) or 0  # type: ignore[attr-defined]  # every binary stream has it
+        self.sha256.update(memoryview(buffer)[:got])
+        self.size += got
+        return got
 
     def finish(self) -> str:
         """Read to the end (a reader may stop before it) and give the hash of the whole."""

@@ -6,8 +6,6 @@
 
 With at most 18 digits m is exact in int64.  Where |m| < 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or
 division rounds once, as a correct parser does.  Everything else is HARD: the caller leaves it to a parser that is slower.
-
-Kernels elsewhere have these functions compiled in, and their caches do not see that this file was edited: delete `__pycache__` after that.
 """
 
 from __future__ import annotations
@@ -34,10 +32,18 @@ _TENS = (np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0000FFFF0000FFFF), np.uint64
 _10, _100, _10000 = np.uint64(10), np.uint64(100), np.uint64(10_000)
 _8, _16, _32, _NONE = np.uint64(8), np.uint64(16), np.uint64(32), np.uint64(0)
 
+Block = bytes | bytearray
 Bytes = NDArray[np.uint8]
 Words = NDArray[np.uint64]
 #: whatever whole number the compiler makes of it
 Whole = Any
+
+
+def bytes_of(block: Block) -> Bytes:
+    """The block as an array, which is never written to, so that kernels are compiled for one kind of array."""
+    data = np.frombuffer(block, np.uint8)
+    data.flags.writeable = False
+    return data
 
 
 def words_of(data: Bytes) -> Words:

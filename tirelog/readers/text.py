@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from typing import BinaryIO
 
@@ -85,28 +86,33 @@ class TextReader:
         """All rows, block by block."""
         try:
             rows = 0
-            for parsed in self._parsed():
-                self._bad["row"] += parsed.bad_rows
-                self._bad["cell"] += parsed.bad_cells
-                if parsed.size:
-                    rows += parsed.size
-                    yield self._block(parsed)
+            with closing(self._parsed()) as blocks:
+                for parsed in blocks:
+                    self._bad["row"] += parsed.bad_rows
+                    self._bad["cell"] += parsed.bad_cells
+                    if parsed.size:
+                        rows += parsed.size
+                        yield self._block(parsed)
             self._finish(rows)
         finally:
             self._source.close()
 
-    def _parsed(self) -> Iterator[Parsed]:
-        """Parsed blocks in order; two are parsed at once, since parsing leaves the interpreter's lock."""
+    def _parsed(self) -> Generator[Parsed]:
+        """Parsed blocks in order.  One is read and two are parsed while others are used: all of that leaves the interpreter's lock."""
         waiting: deque[Future[Parsed]] = deque()
-        with ThreadPoolExecutor(_AHEAD, "tirelog-text") as pool:
-            for line, ends, block in self._source.blocks(self.layout.skip, self.layout.first_line, returns=self.layout.returns):
+        blocks = self._source.blocks(self.layout.skip, self.layout.first_line, returns=self.layout.returns)
+        with ThreadPoolExecutor(_AHEAD, "tirelog-parse") as pool, ThreadPoolExecutor(1, "tirelog-read") as reading:
+            coming = reading.submit(next, blocks, None)
+            while found := coming.result():
+                coming = reading.submit(next, blocks, None)
+                line, ends, block = found
                 waiting.append(pool.submit(parse, self._plan, line, self._whole(line + ends, block)))
                 if len(waiting) > _AHEAD:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
 
-    def _whole(self, line: int, block: bytes) -> bytes:
+    def _whole(self, line: int, block: bytearray) -> bytearray:
         """The block without a last row, in this line, that is cut off."""
         if block.endswith(b"\n"):
             return block

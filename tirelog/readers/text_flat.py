@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.readers import counted_floats
+from tirelog.readers.digits import Block, bytes_of
 from tirelog.readers.text_kernels import cells, line_ends, separated
 from tirelog.readers.text_numbers import cell_numbers
 from tirelog.readers.text_rows import ERROR_CODE, Parsed, Plan, joined, without_lost
@@ -22,11 +23,10 @@ from tirelog.readers.text_time import MISSING, Nanoseconds, column_ns
 from tirelog.recording import FloatArray, IntArray
 
 
-def flat(plan: Plan, line: int, block: bytes) -> Parsed:
+def flat(plan: Plan, line: int, block: Block) -> Parsed:
     """The block, which a newline ends, cell by cell; `line` is the number of its first line."""
     layout = plan.layout
-    data = np.frombuffer(block, np.uint8)
-    data.flags.writeable = False
+    data = bytes_of(block)
     text = np.array([kind not in ("number", "blank") for kind in layout.kinds])
     lines, many = line_ends(data), separated(data, ord(layout.separator))
     starts, stops, first = np.empty(many, np.int64), np.empty(many, np.int64), np.empty(lines + 1, np.int64)
@@ -47,7 +47,7 @@ class _Rows:
 
     plan: Plan
     line: int
-    block: bytes
+    block: Block
     data: NDArray[np.uint8]
     starts: IntArray
     stops: IntArray

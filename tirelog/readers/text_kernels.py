@@ -134,15 +134,16 @@ def rows(
                 if data[end] == guides[c, _END] and (behind == 0 or data[point] == decimal):
                     m = _together(words[first], words[point + 1], whole, behind)
                     if m >= 0:
-                        sign = -1 if negative else 1
                         if what == COUNT:
-                            count = sign * m * POWERS[places - behind]
-                            if guides[c, _MARKS_LOST] and (count == 0 or count == -POWERS[places]):
+                            m *= POWERS[places - behind]
+                            count = -m if negative else m
+                            if (negative or m == 0) and guides[c, _MARKS_LOST] and (m == 0 or m == POWERS[places]):
                                 count = LOST_COUNT
                             counts[slot, r] = count
                         else:
-                            value = sign * (m / EXACT_POWERS[behind])
-                            if guides[c, _MARKS_LOST] and (value == 0.0 or value == -1.0):
+                            value = m / EXACT_POWERS[behind]
+                            value = -value if negative else value
+                            if (negative or m == 0) and guides[c, _MARKS_LOST] and (m == 0 or value == -1.0):
                                 value = np.nan
                             floats[slot, r] = value
                         at = end + (c + 1 < width)

@@ -10,6 +10,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.readers.digits import Block
 from tirelog.readers.sniff import LOST_WORDS
 from tirelog.recording import FloatArray, IntArray
 
@@ -18,9 +19,9 @@ _NULLS = sorted({*LOST_WORDS, *(w.upper() for w in LOST_WORDS), *(w.capitalize()
 _FEW = 200
 
 
-def cell_numbers(block: bytes, starts: IntArray, stops: IntArray, decimal: str) -> tuple[FloatArray, NDArray[np.bool_]]:
+def cell_numbers(block: Block, starts: IntArray, stops: IntArray, decimal: str) -> tuple[FloatArray, NDArray[np.bool_]]:
     """(each cell as a number, NaN where it is none or infinite; True where it is neither a number nor a word for a lost one)."""
-    texts = [block[a:b] for a, b in zip(starts.tolist(), stops.tolist())]
+    texts: list[Block] = [block[a:b] for a, b in zip(starts.tolist(), stops.tolist())]
     if len(texts) >= _FEW:
         import pyarrow as pa
 
@@ -38,7 +39,7 @@ def cell_numbers(block: bytes, starts: IntArray, stops: IntArray, decimal: str) 
     return numbers, unread
 
 
-def _together(texts: list[bytes], decimal: str) -> FloatArray:
+def _together(texts: list[Block], decimal: str) -> FloatArray:
     """All cells by the library.  ArrowInvalid where one is no number."""
     import pyarrow as pa
     import pyarrow.csv as csv

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tirelog.readers.digits import Block
 from tirelog.readers.text_flat import flat
 from tirelog.readers.text_plain import plain
 from tirelog.readers.text_rows import Parsed, Plan, concatenated, normalized
@@ -23,7 +24,7 @@ __all__ = ["Parsed", "Plan", "parse"]
 _PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18
 
 
-def parse(plan: Plan, line: int, block: bytes) -> Parsed:
+def parse(plan: Plan, line: int, block: Block) -> Parsed:
     """The rows of one block, whose first line has the number `line`."""
     if block.isspace():
         return Parsed({column: np.zeros(0) for column in plan.columns.values.values()})

@@ -15,7 +15,7 @@ import numpy as np
 
 from tirelog.readers import Samples, counted_floats
 from tirelog.readers import text_kernels as kernels
-from tirelog.readers.digits import words_of
+from tirelog.readers.digits import Block, bytes_of, words_of
 from tirelog.readers.text_numbers import cell_numbers
 from tirelog.readers.text_rows import ERROR_CODE, Parsed, Plan, joined, without_lost
 from tirelog.readers.text_time import MISSING, Nanoseconds, column_ns
@@ -27,7 +27,7 @@ _ROWS, _HARD = 1 << 16, 1 << 15
 _MOST_PLACES = 9
 
 
-def plain(plan: Plan, block: bytes, at: int) -> tuple[Parsed, int, bool]:
+def plain(plan: Plan, block: Block, at: int) -> tuple[Parsed, int, bool]:
     """(rows from the byte `at` of the block on, byte behind them, whether the row there is one for the careful way).
 
     A newline ends the block; `plan.regular` is true.  Lines of `bad_cells` count from 0 at `at`.
@@ -48,14 +48,13 @@ def plain(plan: Plan, block: bytes, at: int) -> tuple[Parsed, int, bool]:
 class _Table:
     """What the compiled pass made of the rows of a block: `size` rows, up to the byte `stop`."""
 
-    def __init__(self, plan: Plan, block: bytes, at: int, as_floats: set[int]) -> None:
+    def __init__(self, plan: Plan, block: Block, at: int, as_floats: set[int]) -> None:
         self.plan, self.block, self.columns = plan, block, plan.columns
         self.whats, self.slots = self._roles(as_floats)
         guides = np.zeros((plan.across, kernels.GUIDE), np.int64)
         for k, what in self.whats.items():
             guides[k, :4] = what, self.slots[k], plan.places.get(k) or 0, k in plan.gratings
-        data = np.frombuffer(block, np.uint8)
-        data.flags.writeable = False
+        data = bytes_of(block)
         lines = min(kernels.line_ends(data[at:]), _ROWS)
         counts, floats, ticks, spans = (list(self.whats.values()).count(what) for what in _OUTPUTS)
         self.begins = np.empty(lines, np.int64)
@@ -140,7 +139,7 @@ class _Table:
             return None
         if columns.form == "number":
             return (self.ticks if self.plan.exact else self.floats)[self.slots[columns.time], : self.size]
-        data = np.frombuffer(self.block, np.uint8)
+        data = bytes_of(self.block)
         parts = [(columns.time, columns.form), (columns.clock, "hms")]
         return joined([column_ns(data, *self._spans(k), form, self.plan.us) for k, form in parts if k is not None])
 

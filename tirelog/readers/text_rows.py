@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from tirelog.readers import Samples, counted_floats
+from tirelog.readers.digits import Block, bytes_of
 from tirelog.readers.sniff import Layout
 from tirelog.readers.text_columns import Columns
 from tirelog.readers.text_kernels import collapsed
@@ -117,7 +118,7 @@ class Plan:
         return [*{*columns.values.values()}, *(k for k in more if k is not None)]
 
 
-def normalized(layout: Layout, block: bytes) -> bytes:
+def normalized(layout: Layout, block: Block) -> Block:
     """The block with one byte between cells, without quotes, and with a newline behind its last row."""
     if b'"' in block:
         block = block.replace(b'"', b"")
@@ -126,7 +127,7 @@ def normalized(layout: Layout, block: bytes) -> bytes:
     if not block.endswith(b"\n"):
         block += b"\n"
     if layout.separator == " ":
-        data = np.frombuffer(block, np.uint8)
+        data = bytes_of(block)
         out = np.empty(data.size, np.uint8)
         block = out[: collapsed(data, out)].tobytes()
     return block

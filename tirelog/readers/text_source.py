@@ -1,6 +1,6 @@
 """Bytes of a text log, whatever wraps them: plain, gzip, zstd or xz, from a file or from standard input.
 
-    path or stream --magic bytes--> ByteSource --cut at newlines--> (first line's number, bytes) pieces of about 2 MB
+    path or stream --magic bytes--> ByteSource --cut at newlines--> (first line's number, bytes) pieces of 2 MB
 
 Nothing seeks, so standard input serves as well as a file.  A compressed stream that is cut off or damaged gives what could be
 unpacked; `ByteSource.problem` then says so.
@@ -15,9 +15,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
-
 from tirelog.errors import ReadError
+from tirelog.readers.digits import bytes_of
+from tirelog.readers.text_kernels import line_ends
 
 #: bytes that sniffing may look at
 HEAD_BYTES = 1 << 18
@@ -77,18 +77,19 @@ class ByteSource:
             raise ReadError(f"cannot be read ({problem.strerror}); a log is a readable file or -; check the path", file=name) from None
         self.kind = next((kind for kind, magic in _MAGIC.items() if start.startswith(magic)), "plain")
         self._pieces = self._read(start)
-        self._held: list[bytes] = []
+        self._spare = b""  # of a piece that did not fit
+        self._held = b""
 
     def _read(self, start: bytes) -> Iterator[bytes]:
-        size = _PIECE_BYTES if self.kind != "plain" else BLOCK_BYTES
+        """Unpacked pieces.  A plain file gives its start alone: what follows is read where it is wanted."""
 
         def raw() -> Iterator[bytes]:
             yield start
-            while piece := self._file.read(size):
+            while piece := self._file.read(_PIECE_BYTES):
                 yield piece
 
         if self.kind == "plain":
-            yield from raw()
+            yield start
             return
         try:
             for piece in _unpack(self.kind, raw()):  # a piece may unpack to nothing yet, or to very much
@@ -103,54 +104,60 @@ class ByteSource:
 
     def head(self) -> bytes:
         """The first bytes, which `blocks` gives again."""
-        while sum(map(len, self._held)) < HEAD_BYTES and (piece := self._next()):
-            self._held.append(piece)
-        self._held = [b"".join(self._held)]
-        return self._held[0][:HEAD_BYTES]
+        if len(self._held) < HEAD_BYTES:
+            more = bytearray(HEAD_BYTES - len(self._held))
+            self._held += more[: self._into(more)]
+        return self._held
 
-    def _next(self) -> bytes:
-        """Another piece; empty at the end."""
-        piece = next(self._pieces, b"")
-        self.unpacked_bytes += len(piece)
-        return piece
+    def _into(self, buffer: bytearray, at: int = 0) -> int:
+        """Fills the buffer from the byte `at` on; the bytes read, fewer than there is room for only at the end."""
+        begun = at
+        with memoryview(buffer) as view:
+            while at < len(buffer):
+                piece = self._spare or next(self._pieces, b"")
+                got = min(len(piece), len(buffer) - at)
+                if piece:
+                    self.unpacked_bytes += len(piece) if piece is not self._spare else 0
+                    view[at : at + got], self._spare = piece[:got], piece[got:]
+                elif self.kind == "plain":
+                    got = self._file.readinto(view[at:]) or 0  # type: ignore[attr-defined]  # every binary stream has it
+                    self.unpacked_bytes += got
+                at += got
+                if not got:
+                    break
+        return at - begun
 
-    def blocks(self, skip: int, line: int, size: int = BLOCK_BYTES, *, returns: bool = False) -> Iterator[tuple[int, int, bytes]]:
+    def blocks(self, skip: int, line: int, size: int = BLOCK_BYTES, *, returns: bool = False) -> Iterator[tuple[int, int, bytearray]]:
         """(number of the first line, line ends, whole lines) from byte `skip`, which begins line `line`, to the end.
 
         `returns` takes carriage returns for the ends of lines.  A last line without its end comes as it is.  A line without end
         (a hole in the file) is given up: `problem` says where.
         """
-        rest = b"".join(self._held)[skip:]
-        rest = rest.replace(b"\r", b"\n") if returns else rest
-        self._held = []
-        parts, have = [rest], len(rest)
-        while piece := self._next():
-            parts.append(piece.replace(b"\r", b"\n") if returns else piece)
-            have += len(piece)
-            if have < size:
-                continue
-            joined = b"".join(parts)
-            cut = joined.rfind(b"\n") + 1
-            if cut:
-                block = joined[:cut]
-                ends = _line_ends(block)
+        rest, self._held = bytearray(self._held[skip:]), b""
+        while True:
+            room = max(size, 2 * len(rest))
+            block = bytearray(room)
+            block[: len(rest)] = rest
+            have = len(rest) + self._into(block, len(rest))
+            last = have < room
+            del block[have:]
+            if returns:
+                block = block.replace(b"\r", b"\n")
+            cut = have if last else block.rfind(b"\n") + 1
+            rest = block[cut:]
+            del block[cut:]
+            if block:
+                ends = line_ends(bytes_of(block))
                 yield line, ends, block
                 line += ends
-            rest = joined[cut:]
-            parts, have = [rest], len(rest)
-            if have > LONGEST_LINE_BYTES:
+            if last:
+                return
+            if len(rest) > LONGEST_LINE_BYTES:
                 self.problem = f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read"
                 return
-        if have:
-            block = b"".join(parts)
-            yield line, _line_ends(block), block
 
     def close(self) -> None:
         """Closes a file that this object opened."""
         if self._owned:
             with suppress(OSError):
                 self._file.close()
-
-
-def _line_ends(block: bytes) -> int:
-    return int(np.count_nonzero(np.frombuffer(block, np.uint8) == 10))
