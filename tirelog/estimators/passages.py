@@ -31,6 +31,8 @@ from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 FEWEST = 6
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, 76 MB
 HELD_SAMPLES = 9_500_000
+#: samples read at once into what is held: they stay in the cache while they are scaled
+HELD_AT_ONCE = 1 << 17
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ def held(channel: Channel) -> Channel:
     if channel.size > HELD_SAMPLES or isinstance(channel.samples, _Held):
         return channel
     values = np.empty(channel.size)
-    for start, some in channel.blocks():
+    for start, some in channel.blocks(HELD_AT_ONCE):
         values[start : start + some.size] = some
     return replace(channel, samples=_Held(values, channel.samples))
 
