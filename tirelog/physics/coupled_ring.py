@@ -126,27 +126,27 @@ class CoupledRing:
         """Undamped stiffness [N/m^2]."""
         return modal_impedance(self.n, self.carcass).real
 
-    @property
+    @cached_property
     def m_r(self) -> float:
         return 2.0 * np.pi * self.R * self.rho_A + self.m_a
 
-    @property
+    @cached_property
     def J_r(self) -> float:
         return self.m_r * self.R**2
 
-    @property
+    @cached_property
     def k_s(self) -> float:
         return self.a_s * np.pi * self.R * (self.k_v + self.k_w)
 
-    @property
+    @cached_property
     def c_s(self) -> float:
         return self.a_c * np.pi * self.R * (self.c_v + self.c_w)
 
-    @property
+    @cached_property
     def k_theta(self) -> float:
         return self.a_theta * 2.0 * np.pi * self.R**3 * self.k_v
 
-    @property
+    @cached_property
     def c_theta(self) -> float:
         return self.a_c * 2.0 * np.pi * self.R**3 * self.c_v
 
