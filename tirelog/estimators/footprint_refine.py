@@ -24,7 +24,7 @@ from tirelog.recording import FloatArray
 
 ROUNDS = 6
 #: stop where the next step promises less than this of the whole chi-square, or the last changed it by less than this share
-GOOD_ENOUGH, SMALL = 1.0, 5e-4
+GOOD_ENOUGH, SMALL = 1.0, 1e-3
 #: shared columns of a class (bending length, tension, tread), and the place of tension among the columns of its table
 SHARED, TENSION = 3, 6
 #: weak knowledge of the shared parameters about their start: bending length (relative), tension, inertia x squared top speed, tread

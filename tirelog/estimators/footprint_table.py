@@ -48,7 +48,7 @@ def footprint_of_channel(
 ) -> FootprintOfChannel:
     """The footprint of one strain channel of `recording`; `like`: the form learnt from another of its channels, None for the first."""
     found = footprint(channel, passages, cutoff, block_samples, like)
-    words = [own | extra for own, extra in zip(found.quality, speed_words(passages), strict=True)]
+    words = [own if own is more else own | more for own, more in zip(found.quality, speed_words(passages), strict=True)]
     columns = begin(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
