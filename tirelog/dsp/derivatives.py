@@ -12,10 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.compiled import compiled
-from tirelog.dsp.lowpass import gain
 from tirelog.recording import FloatArray
 
 ComplexArray = NDArray[np.complex128]
+
+#: order of the Butterworth filter; forwards and backwards it acts twice
+ORDER = 4
+
+
+@compiled
+def gain(frequency_Hz: float, cutoff_Hz: float) -> float:
+    """Gain of the zero-phase low-pass, 1/2 at the cut-off."""
+    ratio2 = (frequency_Hz / cutoff_Hz) ** 2
+    power = 1.0
+    for _ in range(ORDER):
+        power *= ratio2
+    return 1.0 / (1.0 + power)
 
 
 @compiled

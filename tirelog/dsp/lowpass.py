@@ -1,7 +1,6 @@
-"""The zero-phase low-pass of the footprint: its cut-off as the user says it, and its gain.
+"""The cut-off of the footprint's zero-phase low-pass (its gain: `derivatives`), as the user says it.
 
     "auto" | "400Hz" | "40x" --parse--> Cutoff --speed of each passage--> cut-off [Hz], shape (n,)
-    frequency [Hz] --gain--> the squared magnitude of a Butterworth filter run forwards and backwards
 
 P2 used 400 Hz (and 300), "roughly 40 times the wheel frequency", chosen from the spectrum of the log at rest; that multiple holds near
 70 km/h only (errata), so the unit is part of the setting.
@@ -14,12 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.compiled import compiled
 from tirelog.errors import UsageError
 from tirelog.recording import FloatArray
-
-#: order of the Butterworth filter; forwards and backwards it acts twice
-ORDER = 4
 
 
 @dataclass(frozen=True)
@@ -49,13 +44,3 @@ class Cutoff:
 
     def __str__(self) -> str:
         return "auto" if self.unit == "auto" else f"{self.value:g}{self.unit}"
-
-
-@compiled
-def gain(frequency_Hz: float, cutoff_Hz: float) -> float:
-    """Gain of the zero-phase low-pass, 1/2 at the cut-off."""
-    ratio2 = (frequency_Hz / cutoff_Hz) ** 2
-    power = 1.0
-    for _ in range(ORDER):
-        power *= ratio2
-    return 1.0 / (1.0 + power)
