@@ -2,6 +2,7 @@
 
 import io
 import re
+from collections.abc import Callable
 from decimal import Decimal
 
 import numpy as np
@@ -46,13 +47,13 @@ def same(plan: Plan, one: Parsed, other: Parsed) -> None:
 @settings(max_examples=500, deadline=None)
 def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
     m, e, _, stop = number(np.frombuffer((text + behind).encode(), np.uint8), 0, ord("."))
-    digits = re.sub(r"[eE].*|\D", "", text)
-    assert (stop < 0) == (len(digits) > 18)
+    digits = re.sub(r"[eE].*|\D", "", text).lstrip("0")
+    assert stop >= 0 or len(digits) > 18
     if stop >= 0:
         assert stop == len(text)
         assert Decimal(int(m)).scaleb(int(e)) == Decimal(text)
         value, good = as_float(m, e, text.startswith("-"))
-        assert good == (abs(m) <= 2**53 and abs(e) <= 22)
+        assert good == (m == 0 or abs(e) <= 100)
         if good:
             assert value == float(text)
             assert np.signbit(value) == np.signbit(float(text))
@@ -62,7 +63,28 @@ def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
         assert count == (int(exact) if fits and (m == 0 or -4 <= e <= 5) else WIDE)
 
 
-@pytest.mark.parametrize("text", ["", "-", "+", ".", "-.", "e5", "1e", "1e+", ".e1", "--1", "1" * 19, "0." + "1" * 19, "1e12345", "٣"])
+@given(st.floats(min_value=1e-75, max_value=1e100), st.sampled_from([repr, "{:.17g}".format, "{:.16e}".format, "{:.3g}".format]))
+@settings(max_examples=1000, deadline=None)
+def test_any_float_is_rounded_correctly(value: float, write: Callable[[float], str]) -> None:
+    text = write(value)
+    m, e, _, stop = number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))
+    assert stop == len(text)
+    assert as_float(m, e, False) == (float(text), True)
+
+
+@given(st.integers(2**52, 2**53 - 1), st.integers(0, 6))
+@settings(max_examples=300, deadline=None)
+def test_half_way_between_two_floats_goes_to_the_even_one(mantissa: int, up: int) -> None:
+    for off in (-1, 0, 1):
+        whole = ((2 * mantissa + 1) << up) + off
+        assert as_float(whole, 0, False) == (float(whole), True)
+        assert as_float(whole, -1, False) == (whole / 10, True)
+        assert as_float(whole, 1, False) == (float(whole * 10), True)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "-", "+", ".", "-.", "e5", "1e", "1e+", ".e1", "--1", "1" * 19, "0." + "1" * 19, "1e12345", "1" * 18 + "0", "٣"]
+)
 def test_what_is_no_number(text: str) -> None:
     assert number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))[3] < 0
 
