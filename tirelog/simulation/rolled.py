@@ -21,7 +21,8 @@ from tirelog.simulation.belt import Belt
 from tirelog.simulation.drive import GRAVITY_M_S2, Drive, Roughness
 from tirelog.simulation.profile import profile_of
 from tirelog.simulation.rolling import Motion, Rider, RollingTire, standing
-from tirelog.simulation.sampling import RIDING, Trace
+from tirelog.simulation.rolling_kernel import COLUMNS, OUT_ANGLE
+from tirelog.simulation.sampling import RIDING, Trace, lagrange
 from tirelog.simulation.scenario import Scenario, Sensor
 from tirelog.simulation.splines import Splines
 from tirelog.simulation.waveforms import World
@@ -35,6 +36,8 @@ SETTLING_S, HELD = 0.6, 0.7
 _BLOCK = 8192
 #: rows of the motion in a period of the fastest sampling, at least
 _ROWS = 4
+#: rows of the motion that its interpolation in time takes
+ROW_POINTS = 6
 #: margins about the log for the interpolation in time [s], and step of the wheel angle's spline
 _MARGIN_S, _ANGLE_STEP_S = 0.01, 1e-3
 #: share of the friction that a drive may ask for
@@ -63,10 +66,11 @@ class RolledWorld(World):
         self.belt = Belt(tire, tension, Splines(scenario.grid_points // 8))
         self.profile = profile_of(scenario.road, radius, float(self.distance(drive.time_s[-1:])[0]))
         self.belt.check_speed(float(drive.speed_at(drive.time_s).max()))
+        self.standing = standing(self.belt, float(self.load(np.zeros(1))[0]))
         self.motion, self.ridden = self._rolled()
         time = self.motion.time_s
         grid = np.arange(time[0], time[-1], _ANGLE_STEP_S)
-        self.drive = replace(drive, angle=CubicSpline(grid, CubicSpline(time, self.motion.angle_rad)(grid)))
+        self.drive = replace(drive, angle=CubicSpline(grid, self._at(grid, self.motion.angle_rad)))
 
     # ---- conditions -------------------------------------------------------------------------------------------------
 
@@ -115,7 +119,7 @@ class RolledWorld(World):
         before = np.ceil(before / step) * step
         behind = max((8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
         start = float(-before - SETTLING_S)
-        at_rest = standing(self.belt, float(self.load(np.zeros(1))[0]))
+        at_rest = self.standing
         speed = float(self._way.speed_at(np.array(start)))
         tire = RollingTire(self.belt, self.profile, at_rest, speed_m_s=speed, distance_m=float(self.distance(np.array(start))), step_s=step)
         tire.damp_hub(self._held(at_rest.hub_z_m))
@@ -128,12 +132,12 @@ class RolledWorld(World):
         every = max(1, int(1.0 / (_ROWS * fastest * step)))
         steps = int((before + scenario.duration_s + behind) / step / every + 1) * every
         block = _BLOCK // every * every or every
-        tables = [
-            tire.run(self._orders(-before + step * np.arange(float(first), min(first + block, steps))), every=every, riders=riders)
-            for first in range(0, steps, block)
-        ]
-        table = np.concatenate(tables)
-        table[:, 0] -= zero
+        table = np.empty((steps // every, COLUMNS + sum(rider.rows.shape[0] for rider in riders)))
+        for first in range(0, steps, block):
+            last = min(first + block, steps)
+            moment = -before + step * np.arange(float(first), last)
+            table[first // every : last // every] = tire.run(self._orders(moment), every=every, riders=riders)
+        table[:, OUT_ANGLE] -= zero
         motion = Motion.of(-before + step * every * np.arange(table.shape[0]), table)
         return motion, {name: self._place(motion, 3 * k, np.radians(s.angle_deg)) for k, (name, s) in enumerate(riding.items())}
 
@@ -173,13 +177,23 @@ class RolledWorld(World):
             sensor = trace.sensor
             if sensor.kind in RIDING:
                 series = self._outwards(name) if sensor.kind == "radial_acceleration" else self.ridden[name].strain
-                values = CubicSpline(time, self._passed_on(series, sensor))(trace.moment_s)
+                values = self._at(trace.moment_s, self._passed_on(series, sensor))
                 out[name] = values if sensor.kind == "radial_acceleration" else values + self.baseline(trace.moment_s, sensor)
             elif sensor.kind == "vertical_load":
                 out[name] = np.interp(trace.moment_s, time, self.motion.spindle_z_N)
             elif sensor.kind == "longitudinal_force":
                 out[name] = np.interp(trace.moment_s, time, self.motion.spindle_x_N)
         return out
+
+    def _at(self, time_s: FloatArray, series: FloatArray) -> FloatArray:
+        """A series (k,) over the motion's rows at any times (n,), through the six rows around each."""
+        begin, step = self.motion.time_s[0], self.motion.time_s[1] - self.motion.time_s[0]
+        place = (np.asarray(time_s, float) - begin) / step
+        row = np.clip(np.floor(place).astype(np.intp), ROW_POINTS // 2 - 1, series.size - ROW_POINTS // 2 - 1)
+        total = np.zeros(place.size)
+        for i, weight in enumerate(lagrange(place - row, ROW_POINTS)):
+            total += weight * series[row + (i - ROW_POINTS // 2 + 1)]
+        return total
 
     def _outwards(self, name: str) -> FloatArray:
         """Acceleration minus gravity along the outward radius [m/s^2], by second differences of the place, (k,)."""

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from tirelog.simulation.profile import begins
 from tirelog.simulation.rolled import RolledWorld
-from tirelog.simulation.rolling import standing
 from tirelog.simulation.truth import truth_of
 
 FloatArray = NDArray[np.float64]
@@ -98,7 +97,7 @@ def moving(world: RolledWorld) -> dict[str, Any]:
         "load_carried_N": float(motion.force_z_N[logged].mean()),
         "longitudinal_force_N": float(motion.force_x_N[logged].mean()),
         "contact_length_m": float(np.nanmedian(motion.exit_m[logged] - motion.entry_m[logged])),
-        "standing_contact_length_m": standing(world.belt, scenario.conditions.load_N).contact_length_m,
+        "standing_contact_length_m": world.standing.contact_length_m,
         "effective_rolling_radius_m": way / turned if turned > 2.0 * np.pi else None,
         "obstacles": _obstacles(world),
     }
@@ -107,7 +106,7 @@ def moving(world: RolledWorld) -> dict[str, Any]:
 def travelling_waves(world: RolledWorld, speed_m_s: float) -> list[dict[str, float | str]]:
     """The belt's waves of 1 to 6 lobes on a held hub at a speed: what the belt feels, and what an observer beside the tire hears [Hz]."""
     spin = speed_m_s / world.belt.radius_m
-    values, shapes = world.belt.vibrations(spin)
+    values, shapes = world.belt.coarse.vibrations(spin)
     waves: list[dict[str, float | str]] = []
     for value, shape in zip(values, shapes.T, strict=True):
         # shape times e^(i omega t), omega > 0: a harmonic e^(i n theta) of negative n runs towards growing theta
