@@ -92,6 +92,32 @@ def test_a_rolling_tire_backwards_is_told_from_its_waveform(drive, radius_m):
     assert [("reversing" in words) for words in found.quality] == (d.speed_m_s < 0).tolist()
 
 
+@pytest.mark.parametrize("start_turns", [0.82, 0.86, 0.9])
+@pytest.mark.parametrize("shape", ["beam", "ring"])
+def test_a_quick_stop_and_back_within_what_might_have_been_one_turn(drive, pulses, radius_m, start_turns, shape):
+    """The wheel stops some third of a turn behind the patch: by the times alone the next passage might be a turn on."""
+    d = drive([0, 12, 15, 18, 20], [8, 8, 0, -8, -8], seed=1010, start_turns=start_turns, pulse=pulses[shape])
+    found = find_passages(d.channel, radius_m)
+    one_to_one(found, d, 0.01)
+    back = d.speed_m_s < 0
+    assert [("reversing" in words) for words in found.quality] == back.tolist()
+    last = int(np.argmax(back)) - 1
+    away = 0.5 * (d.speed_m_s[last] - d.speed_m_s[last + 1]) / (2 * np.pi * radius_m) * (d.time_s[last + 1] - d.time_s[last])
+    assert 0.7 < away < 1.4
+    assert not found.turn_after[last]
+    assert found.break_after[last] == "reversing"
+    off = np.abs(found.speed_m_s - np.abs(d.speed_m_s))
+    assert off[last - 2 : last + 4].max() < 0.02
+
+
+@pytest.mark.parametrize("start_turns", [0.1, 0.3, 0.5, 0.7])
+def test_stop_and_go_is_not_taken_for_a_way_back(drive, radius_m, start_turns):
+    d = drive([0, 8, 10, 12, 20], [6, 6, 0, 6, 6], seed=1011, start_turns=start_turns)
+    found = find_passages(d.channel, radius_m)
+    assert not any("reversing" in words for words in found.quality)
+    assert "reversing" not in found.break_after.tolist()
+
+
 def test_the_centre_is_the_same_angle_at_every_speed(drive, radius_m):
     """The odd part of the waveform grows with speed; the centre follows it by less than a millimetre from 6 to 25 m/s."""
     centres = []

@@ -25,6 +25,8 @@ KINK = 0.8
 REACH, DEGREE = 3, 3
 #: standard deviation of the jerk where nothing tells it: the acceleration itself, gained or lost over this many turns
 BLIND_TURNS = 2.0
+#: a wheel may have stopped where it would have needed up to so many times the time between: the brake came late in the turns before
+STOPS_WITHIN = 3.0
 #: share of the acceleration that may have changed beyond the last passage without a trace
 UNSEEN = 0.05
 
@@ -43,6 +45,26 @@ class Kinematics:
 def turns_between(time_s: FloatArray, omega: FloatArray) -> FloatArray:
     """Turns from each passage to the next by the mean of the speeds at both, shape (n - 1,)."""
     return np.diff(time_s) * 0.5 * (omega[1:] + omega[:-1]) / TURN_RAD
+
+
+def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
+    """Whether the wheel may have come to rest between each passage and the next, one turn or less away, shape (n - 1,).
+
+    The deceleration of the two turns before and the acceleration of the two turns after, carried on, meet at rest in the time between.
+    """
+    period = np.diff(time_s)
+    speed = TURN_RAD / period
+    stop = np.zeros(period.size, bool)
+    if period.size < 5:
+        return stop
+    # at the passage two turns on: change of the speed over a turn, and how long it has to fall to nothing at that rate
+    rate = (speed[:-1] - speed[1:]) / (0.5 * (period[:-1] + period[1:]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        down = (speed[1:] - 0.5 * rate * period[1:]) / rate
+        up = (speed[:-1] + 0.5 * rate * period[:-1]) / -rate
+    braked, driven = rate[:-3] > 0, rate[3:] < 0
+    stop[2:-2] = braked & driven & (down[:-3] + up[3:] < STOPS_WITHIN * period[2:-2])
+    return stop
 
 
 def _residual() -> tuple[FloatArray, float]:

@@ -84,12 +84,15 @@ def between(t0: float, t1: float, omega0: float, omega1: float, count: int) -> F
     return t0 * (1 + 2 * u) * (1 - u) ** 2 + t1 * u**2 * (3 - 2 * u) + angle * (u * (1 - u) ** 2 / omega0 - u**2 * (1 - u) / omega1)
 
 
-def breaks(channel: Channel, index: FloatArray, turns: FloatArray, linked: NDArray[np.bool_]) -> NDArray[np.str_]:
+def breaks(
+    channel: Channel, index: FloatArray, turns: FloatArray, linked: NDArray[np.bool_], turned: NDArray[np.bool_]
+) -> NDArray[np.str_]:
     """Why a passage and the next are not known to be one turn apart, shape (n,): '' where they are (and for the last), else 'gap',
-    'standstill' (the wheel took longer than its speeds allow) or 'reversing' (it came back before a turn was done)."""
+    'reversing' (it came back before a turn was done, or passed the other way round: `turned`) or 'standstill' (the wheel took longer than
+    its speeds allow)."""
     why = np.zeros(index.size, "U10")
     gaps = channel.axis.first[1:]
     for k in np.flatnonzero(~linked[:-1]):
         gap = np.searchsorted(gaps, index[k]) != np.searchsorted(gaps, index[k + 1])
-        why[k] = "gap" if gap else ("standstill" if turns[k] > 1 else "reversing")
+        why[k] = "gap" if gap else ("standstill" if turns[k] > 1 and not turned[k] else "reversing")
     return why

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.estimators.passage_fit import Fit, Signal, Start, fit, gather
-from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, turns_between
+from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, may_have_stopped, turns_between
 from tirelog.estimators.passage_learn import learn_template
 from tirelog.estimators.passage_screen import one_turn, screen, usual, width_turns
 from tirelog.estimators.passage_search import Pulses
@@ -66,6 +66,7 @@ def match(signal: Signal, pulses: Pulses) -> Matched:
         found = _fit_all(signal, start, pulses.height, template)
     back = _backwards(signal, template, start, found)
     if back.any():
+        start = _start(signal.channel, pulses, back[1:] != back[:-1])
         template = _learn(signal, start, pulses, ~back) or template
         found = _fit_all(signal, start, pulses.height, template)
         found = Fit.choose(back, _fit_all(signal, start, pulses.height, template.mirrored()), found)
@@ -109,13 +110,16 @@ def _doubt(found: Fit, noise: float) -> FloatArray:
     return np.where(found.misfit > DOUBTFUL * expected, 2.0 * found.misfit / noise, 1.0)
 
 
-def _start(channel: Channel, pulses: Pulses) -> Start:
-    """Rough centres, speeds and accelerations: from the neighbours where these are one turn away, else from the pulse's width."""
+def _start(channel: Channel, pulses: Pulses, turned: NDArray[np.bool_] | None = None) -> Start:
+    """Rough centres, speeds and accelerations: from the neighbours where these are one turn away, else from the pulse's width.
+
+    `turned` (n - 1,): where the wheel is known to have rolled back before the next passage.
+    """
     time_s = channel.axis.at(pulses.middle)
     width_s = pulses.width / channel.axis.rate_Hz
     from_width = TURN_RAD * width_turns(time_s, width_s) / width_s
     turns = turns_between(time_s, from_width)
-    linked = np.append(one_turn(turns), False)
+    linked = np.append(one_turn(turns) & (True if turned is None else ~turned), False)
     motion = kinematics(time_s, 0.02 * width_s, linked.astype(float))
     with np.errstate(invalid="ignore"):
         near = np.abs(motion.omega / from_width - 1) < 0.5
@@ -153,12 +157,12 @@ def _rough(signal: Signal, start: Start, pulses: Pulses) -> Fit:
 def _backwards(signal: Signal, template: Template, start: Start, found: Fit) -> NDArray[np.bool_]:
     """Passages of a wheel that rolled backwards, shape (n,): stretches whose waveform fits better the other way round.
 
-    Only a log whose passages break into several stretches is looked at; most of its passages are taken as forwards, and a waveform that
-    is the same both ways tells nothing.
+    Stretches end where the next passage is not one turn away, and where the wheel may have stopped between two.  Most of a log's
+    passages are taken as forwards, and a waveform that is the same both ways tells nothing.
     """
     n = found.time_s.size
     back = np.zeros(n, bool)
-    ends = np.flatnonzero(~one_turn(turns_between(found.time_s, start.omega))) + 1
+    ends = np.flatnonzero(~one_turn(turns_between(found.time_s, start.omega)) | may_have_stopped(found.time_s)) + 1
     if not ends.size:
         return back
     for first, stop in pairwise(np.concatenate([[0], ends, [n]])):
