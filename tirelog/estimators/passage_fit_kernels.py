@@ -110,41 +110,49 @@ def read_window(
     first, stop, shift = span[0], span[1], span[2]
     stride = -(-(stop - first) // MOST_SAMPLES)
     count = -(-(stop - first) // stride)
-    segment = 0
-    for i in range(count):
-        place = first + i * stride
-        value = samples[place + shift]
-        if times.size > 0:
-            scratch[TIME, i] = times[place + shift]
-        else:
-            while segment + 1 < segments.shape[0] and segments[segment + 1, 0] <= place:
-                segment += 1
-            scratch[TIME, i] = segments[segment, 1] + (place - segments[segment, 0]) * segments[segment, 2]
-        scratch[VALUE, i] = sign * value
-        scratch[WEIGHT, i] = 1.0 if np.isfinite(value) else 0.0
-        scratch[STUCK, i] = 0.0
+    values, at, weights, stuck = scratch[VALUE], scratch[TIME], scratch[WEIGHT], scratch[STUCK]
     low, high = sign * low, sign * high
-    for i in range(1, count - 1):
-        value = scratch[VALUE, i]
-        if value in (low, high) and scratch[VALUE, i - 1] == value and scratch[VALUE, i + 1] == value:
-            for j in range(i - 1, i + 2):
-                scratch[STUCK, j], scratch[WEIGHT, j] = 1.0, 0.0
+    run = 0
+    for i in range(count):
+        value = sign * samples[first + i * stride + shift]
+        values[i] = value
+        weights[i] = 1.0 if np.isfinite(value) else 0.0
+        stuck[i] = 0.0
+        on = value == low or value == high
+        run = run + 1 if on and (run == 0 or value == values[i - 1]) else (1 if on else 0)
+        if run >= 3:
+            for j in range(i - 2, i + 1):
+                stuck[j], weights[j] = 1.0, 0.0
+    if times.size > 0:
+        for i in range(count):
+            at[i] = times[first + i * stride + shift]
+        return count
+    i = 0
+    for segment in range(segments.shape[0]):
+        begin, start_s, period_s = segments[segment, 0], segments[segment, 1], segments[segment, 2]
+        end = segments[segment + 1, 0] if segment + 1 < segments.shape[0] else np.inf
+        while i < count and first + i * stride < end:
+            at[i] = start_s + (first + i * stride - begin) * period_s
+            i += 1
     return count
 
 
 @compiled
 def _shapes(count: int, time_s: float, omega: float, alpha: float, table: FloatArray, window_rad: float, scratch: FloatArray) -> None:
     """Angle, template and its slope at each sample: linear between the table's points, constant outside."""
-    scale = (table.shape[0] - 1) / (2.0 * window_rad)
+    times, phis, shapes, slopes = scratch[TIME], scratch[PHI], scratch[SHAPE], scratch[SLOPE]
+    scale, most = (table.shape[0] - 1) / (2.0 * window_rad), table.shape[0] - 1.001
     for i in range(count):
-        tau = scratch[TIME, i] - time_s
+        tau = times[i] - time_s
         phi = (omega + 0.5 * alpha * tau) * tau
-        place = min(max((phi + window_rad) * scale, 0.0), table.shape[0] - 1.001)
+        place = (phi + window_rad) * scale
+        place = place if place > 0.0 else 0.0
+        place = place if place < most else most
         lower = int(place)
         share = place - lower
-        scratch[PHI, i] = phi
-        scratch[SHAPE, i] = table[lower, 0] + share * (table[lower + 1, 0] - table[lower, 0])
-        scratch[SLOPE, i] = table[lower, 1] + share * (table[lower + 1, 1] - table[lower, 1])
+        phis[i] = phi
+        shapes[i] = table[lower, 0] + share * (table[lower + 1, 0] - table[lower, 0])
+        slopes[i] = table[lower, 1] + share * (table[lower + 1, 1] - table[lower, 1])
 
 
 @compiled
@@ -154,33 +162,39 @@ def _step(count: int, hold: float, scratch: FloatArray, small: FloatArray) -> No
 
     The stretch is held by `hold`; the other three have a prior too weak to matter, for rows without samples.
     """
-    small[:] = 0.0
+    values, weights, phis, shapes, slopes, residuals = (
+        scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE], scratch[RESIDUAL],
+    )  # fmt: skip
+    n0 = n10 = n20 = n30 = n11 = n21 = n31 = n22 = n32 = n33 = r0 = r1 = r2 = r3 = 0.0
     for i in range(count):
-        if scratch[WEIGHT, i] > 0:
-            value, shape, slope = scratch[VALUE, i], scratch[SHAPE, i], scratch[SLOPE, i]
-            bent = scratch[PHI, i] * slope
-            small[0, 0] += 1.0
-            small[1, 0] += shape
-            small[2, 0] += slope
-            small[3, 0] += bent
-            small[1, 1] += shape * shape
-            small[2, 1] += slope * shape
-            small[3, 1] += bent * shape
-            small[2, 2] += slope * slope
-            small[3, 2] += bent * slope
-            small[3, 3] += bent * bent
-            small[5, 0] += value
-            small[5, 1] += value * shape
-            small[5, 2] += value * slope
-            small[5, 3] += value * bent
-    small[3, 3] += hold
-    weak = 1e-9 * (small[0, 0] + small[1, 1] + small[2, 2] + small[3, 3] + 1e-30)
-    for j in range(4):
-        small[j, j] += weak
+        if weights[i] > 0:
+            value, shape, slope = values[i], shapes[i], slopes[i]
+            bent = phis[i] * slope
+            n0 += 1.0
+            n10 += shape
+            n20 += slope
+            n30 += bent
+            n11 += shape * shape
+            n21 += slope * shape
+            n31 += bent * shape
+            n22 += slope * slope
+            n32 += bent * slope
+            n33 += bent * bent
+            r0 += value
+            r1 += value * shape
+            r2 += value * slope
+            r3 += value * bent
+    n33 += hold
+    weak = 1e-9 * (n0 + n11 + n22 + n33 + 1e-30)
+    small[0, 0], small[1, 0], small[2, 0], small[3, 0] = n0 + weak, n10, n20, n30
+    small[1, 1], small[2, 1], small[3, 1] = n11 + weak, n21, n31
+    small[2, 2], small[3, 2], small[3, 3] = n22 + weak, n32, n33 + weak
+    small[5, 0], small[5, 1], small[5, 2], small[5, 3] = r0, r1, r2, r3
     _solve(small)
+    a, b, c, d = small[5, 0], small[5, 1], small[5, 2], small[5, 3]
     for i in range(count):
-        model = small[5, 0] + small[5, 1] * scratch[SHAPE, i] + (small[5, 2] + small[5, 3] * scratch[PHI, i]) * scratch[SLOPE, i]
-        scratch[RESIDUAL, i] = scratch[VALUE, i] - model if np.isfinite(scratch[VALUE, i]) else 0.0
+        residual = values[i] - (a + b * shapes[i] + (c + d * phis[i]) * slopes[i])
+        residuals[i] = residual if np.isfinite(residual) else 0.0
 
 
 @compiled
@@ -211,19 +225,24 @@ def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
     """Takes the weight off samples whose residual leaves the mean of its neighbours', by more than theirs do, or which are not the tire at
     all; whether there are any."""
     limit, foreign = max(WILD_SIGMAS * noise, WILD_SHARE * height), max(WILD_SIGMAS * noise, FOREIGN_SHARE * height)
+    values, weights, residuals, bends = scratch[VALUE], scratch[WEIGHT], scratch[RESIDUAL], scratch[BEND]
+    most = 0.0
     for i in range(count):
-        scratch[BEND, i] = 0.0
         if scratch[STUCK, i] > 0:
-            scratch[RESIDUAL, i] = 0.0
+            residuals[i] = 0.0
+        size = abs(residuals[i])
+        most = size if size > most else most
+    if most <= 0.5 * limit:  # no residual leaves its neighbours' mean by more than twice the largest
+        return False
+    bends[0] = bends[count - 1] = 0.0
     for i in range(1, count - 1):
-        if np.isfinite(scratch[VALUE, i - 1] + scratch[VALUE, i] + scratch[VALUE, i + 1]):
-            scratch[BEND, i] = abs(scratch[RESIDUAL, i] - 0.5 * (scratch[RESIDUAL, i - 1] + scratch[RESIDUAL, i + 1]))
+        bend = abs(residuals[i] - 0.5 * (residuals[i - 1] + residuals[i + 1]))
+        bends[i] = bend if np.isfinite(values[i - 1] + values[i] + values[i + 1]) else 0.0
     found = False
     for i in range(count):
-        bend = scratch[BEND, i]
-        largest = max(scratch[BEND, max(i - 1, 0)], scratch[BEND, min(i + 1, count - 1)])
-        if (bend > limit and bend >= largest) or abs(scratch[RESIDUAL, i]) > foreign:
-            scratch[WEIGHT, i] = 0.0
+        largest = max(bends[max(i - 1, 0)], bends[min(i + 1, count - 1)])
+        if (bends[i] > limit and bends[i] >= largest) or abs(residuals[i]) > foreign:
+            weights[i] = 0.0
             found = True
     return found
 
