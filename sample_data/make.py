@@ -24,6 +24,7 @@ LOGS = {
     "hidden_2.csv.gz": "hidden_2",
     "unknown_1.csv.gz": "unknown_1",
     "unknown_2.csv.gz": "unknown_2",
+    "cleat.csv.gz": "cleat",
 }
 _TABLE = re.compile(r"(<!-- sha256 -->\n).*?(<!-- end -->)", re.DOTALL)
 
