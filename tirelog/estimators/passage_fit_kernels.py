@@ -118,7 +118,7 @@ def read_window(
         values[i] = value
         weights[i] = 1.0 if np.isfinite(value) else 0.0
         stuck[i] = 0.0
-        on = value == low or value == high
+        on = value in (low, high)
         run = run + 1 if on and (run == 0 or value == values[i - 1]) else (1 if on else 0)
         if run >= 3:
             for j in range(i - 2, i + 1):
