@@ -61,11 +61,15 @@ def run(
         if not quiet:
             say(f"note: {len(open_tasks)} of {len(tasks)} logs worked on, {len(tasks) - len(open_tasks)} were done; {summary}")
         unmade = []
-        if campaign.models:
+        if campaign.models and only is not None and not quiet:
+            say("note: models are over the whole campaign; they are left to a run without --only")
+        if campaign.models and only is None:
             from tirelog.campaign.models import run_models
 
             unmade = run_models(campaign, ledger, tasks, say if not quiet else lambda text: None)
-    for error in [entry.error for entry in failed if entry.error] + unmade:
+    for entry in failed:
+        say(f"error: {entry.error}" if entry.error else f"note: {entry.log}: lost: {'; '.join(entry.losses)}")
+    for error in unmade:
         say(f"error: {error}")
     if failed or unmade:
         raise typer.Exit(int(ExitStatus.INPUT_LOST))
