@@ -174,11 +174,14 @@ def _hits(log: TransientLog) -> FloatArray:
     else:
         found = _outbursts(log)
     found = found[np.isfinite(found)]
-    if road.spacing_m and found.size:
+    placed = road.time_s is not None or road.position_m is not None
+    if road.spacing_m and placed and found.size:
         period = road.spacing_m / (log.radius_m * log.spin_rad_s)
-        first, last = log.time_s[0], log.time_s[-1]
-        ordinal = np.arange(np.ceil((first - found[0]) / period), np.floor((last - found[0]) / period) + 1)
-        found = found[0] + period * ordinal
+        found = found[0] + period * np.arange(np.floor((log.time_s[-1] - found[0]) / period) + 1)
+        # the way driven is known to a percent: what stands out nearby tells better
+        seen = _outbursts(log)
+        nearest = seen[np.argmin(np.abs(seen[None, :] - found[:, None]), axis=1)] if seen.size else found
+        found = np.where(np.abs(nearest - found) < np.pi / log.spin_rad_s, nearest, found)
     found = found[(found > log.time_s[0] + _ROOM_S) & (found < log.time_s[-1] - _ROOM_S)]
     if not found.size:
         raise UsageError(
