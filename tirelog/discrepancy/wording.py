@@ -8,6 +8,8 @@ from typing import Any
 from tirelog.physics.model import Model
 
 _WHERE = {"entry": "at the entry edge", "patch": "in the patch", "exit": "behind the exit edge", "away": "away from the patch"}
+#: more logs than these are not spelled out in a command
+_MOST_LOGS = 12
 _PARITY = {"even": "even about the patch centre", "odd": "odd about the patch centre", "mixed": "neither even nor odd"}
 
 
@@ -72,7 +74,7 @@ def next_command(verdict: str, selected: Sequence[str], *, model: Model, logs: S
     """The command to type next."""
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")
-    given = " ".join(logs)
+    given = " ".join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
     if verdict in ("missing", "partial", "ambiguous") and selected:
         adds = []
         for effect in selected:

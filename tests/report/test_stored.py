@@ -1,0 +1,54 @@
+"""Property: sections that a campaign stored are those that are shown; several models are told apart; a hostile file is refused."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tirelog.cli import run
+from tirelog.errors import UsageError
+from tirelog.report.figures import Figure, packed
+from tirelog.report.page import Section, Table
+from tirelog.report.stored import model_pages, read_stored, stored
+
+
+def section(name: str = "switches") -> Section:
+    figure = Figure("switch-map", "Map", "A map.", [{"type": "heatmap", "z": packed([[1.0, 2.0], [3.0, 4.0]])}], {"height": 300})
+    states = {"0": {"text": "off", "figures": {"switch-map": {"0": {"z": packed([[0.0, 0.0], [0.0, 0.0]])}}}}}
+    switches = {"effects": ["wear"], "start": 0, "states": states}
+    return Section(name, "Effects", "tirelog x", ["said"], [figure], [Table("T", ["a"], [["1"]])], switches)
+
+
+def write(folder: Path, model: str, *sections: Section) -> Path:
+    page = folder / "models" / model / "page.json"
+    page.parent.mkdir(parents=True)
+    page.write_text(json.dumps(stored(sections, [("what", "tirelog y")])))
+    return page
+
+
+def test_what_is_read_is_what_was_stored(tmp_path: Path) -> None:
+    page = write(tmp_path, "beam", section())
+    assert read_stored(page) == ([section()], [("what", "tirelog y")])
+    assert list(model_pages(tmp_path)) == [([section()], [("what", "tirelog y")])]
+
+
+def test_several_models_are_told_apart(tmp_path: Path) -> None:
+    write(tmp_path, "beam", section())
+    write(tmp_path, "ring", section())
+    (first,), (second,) = (sections for sections, _ in model_pages(tmp_path))
+    assert (first.id, second.id) == ("switches-1", "switches-2")
+    assert (first.title, second.title) == ("Effects: beam", "Effects: ring")
+    for one in (first, second):
+        assert list(one.switches["states"]["0"]["figures"]) == [one.figures[0].id]
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"sections": [{}], "missing": []}', json.dumps(stored([section('"><b>')], []))])
+def test_a_file_that_is_none_is_refused(tmp_path: Path, content: str, capfd: pytest.CaptureFixture[str]) -> None:
+    page = write(tmp_path, "beam")
+    page.write_text(content)
+    with pytest.raises(UsageError, match="no page of a campaign's model"):
+        read_stored(page)
+    (tmp_path / "summary.csv").write_text("log,status\na,done\n")
+    assert run(["report", "--campaign", str(tmp_path), "-o", str(tmp_path / "x.html"), "--quiet"]) == 2
+    assert "Traceback" not in capfd.readouterr().err
+    assert not (tmp_path / "x.html").exists()
