@@ -80,10 +80,11 @@ def test_solver_against_the_full_matrix() -> None:
     stencil = random.standard_normal(11)
     stencil[5] += 12.0
     n = 20
-    lower, upper, border, foot = np.zeros((n, 5)), np.zeros((n, 6)), np.zeros((n, 5)), np.zeros((5, 5))
-    kernel.factor(stencil, lower, upper, border, foot)
+    system = kernel.factors(n + 5)
+    system[0][:] = stencil
+    kernel.factor(system)
     right, x, out = random.standard_normal(n + 5), np.zeros(n + 5), np.zeros(n + 5)
-    kernel.solve(stencil, lower, upper, border, foot, right, x)
+    kernel.solve(system, right, x)
     full = dense_circulant(np.roll(np.pad(stencil[::-1], (0, n - 6)), -5))
     assert np.allclose(circulant(stencil, n + 5), full)
     assert np.allclose(x, np.linalg.solve(full, right), rtol=1e-12, atol=1e-14)

@@ -23,6 +23,7 @@ from tirelog.compiled import compiled
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 #: half width of every stencil, and functions that live on an element
 HALF, LIVING = 5, 6
@@ -44,9 +45,17 @@ FINE, TOO_WIDE, FLOWN = range(3)
 
 
 @compiled
-def factor(stencil: FloatArray, lower: FloatArray, upper: FloatArray, border: FloatArray, foot: FloatArray) -> None:
-    """Factors of the circulant of `stencil` (11,), N = n + 5: lower (n, 5), upper (n, 6, the pivots inverted), border (n, 5) what the last
-    five unknowns cost the rest, foot (5, 5) the inverse of what is left for them."""
+def factors(size: int) -> Factors:
+    """Room for the factors of a circulant of `size` = n + 5 unknowns: stencil (11,); lower (n, 5); upper (n, 6), its pivots inverted;
+    border (n, 5), what the last five unknowns cost the rest; foot (5, 5), the inverse of what is left for them."""
+    n = size - HALF
+    return np.zeros(2 * HALF + 1), np.zeros((n, HALF)), np.zeros((n, HALF + 1)), np.zeros((n, HALF)), np.zeros((HALF, HALF))
+
+
+@compiled
+def factor(system: Factors) -> None:
+    """Fills the factors of the circulant of the stencil that stands in `system`."""
+    stencil, lower, upper, border, foot = system
     n = lower.shape[0]
     size = n + HALF
     for i in range(n):
@@ -89,10 +98,9 @@ def factor(stencil: FloatArray, lower: FloatArray, upper: FloatArray, border: Fl
 
 
 @compiled
-def solve(
-    stencil: FloatArray, lower: FloatArray, upper: FloatArray, border: FloatArray, foot: FloatArray, right: FloatArray, x: FloatArray
-) -> None:
+def solve(system: Factors, right: FloatArray, x: FloatArray) -> None:
     """x (N,) of the factored system for `right` (N,)."""
+    stencil, lower, upper, border, foot = system
     n = lower.shape[0]
     size = n + HALF
     for i in range(n):
@@ -232,6 +240,91 @@ def touch(
 
 
 @compiled
+def kick(
+    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray, middles: FloatArray, mass: Factors,
+    order: FloatArray, step: float, torque: float, work: FloatArray,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Impulses of the road (`work[0]` on the coefficients, `torque`), of hub and drive (`order`: see `run`) over one step, and the spin
+    that follows; leaves the spin of the next belt step's middle.  The sidewall's force on the hub backwards and upwards, and the spin."""
+    load, kicked, swirled, spun, pulling = work[0], work[1], work[2], work[3], work[4]
+    turn_c, turn_s = np.cos(state[ANGLE]), np.sin(state[ANGLE])
+    sum_c = sum_s = 0.0
+    for j in range(v.size):
+        sum_c += v[j] * middles[j, 0]
+        sum_s += v[j] * middles[j, 1]
+    back, up = sum_c * turn_c - sum_s * turn_s, sum_s * turn_c + sum_c * turn_s
+    # hub: the spring's force at this place, the damper's impulse of the last belt step
+    held = constants[SPRING] * up + state[HUB_IMPULSE] / step
+    rigid_z = (held - order[2] - constants[HUB_DAMPING] * state[HUB_RATE]) / constants[HUB_MASS]
+    state[HUB_RATE] += step * rigid_z
+    # the hub moves backwards at minus the drive's acceleration; the belt, seen from it, the other way
+    rigid_s = -order[1]
+    along_s, along_c = rigid_z * turn_c - rigid_s * turn_s, rigid_z * turn_s + rigid_s * turn_c
+    solve(mass, load, kicked)
+    for j in range(v.size):
+        kicked[j] = u[j] + step * (kicked[j] - constants[TRANSLATION] * (along_s * middles[j, 1] + along_c * middles[j, 0]))
+    off = constants[CARRIED] * (back * rigid_z - up * rigid_s)
+    momentum = state[MOMENTUM]
+    state[MOMENTUM] += step * (order[3] + torque - off)
+    # spin: L = (J + v S v) W + u G v + R m u, and a change of spin kicks the belt by -(G v + R m)
+    apply(stencils[1], v, swirled)
+    solve(mass, swirled, spun)
+    apply(stencils[2], v, pulling)
+    pulled = own = carried = carried_before = mean = mean_before = 0.0
+    for j in range(v.size):
+        pulled += v[j] * pulling[j]
+        own += spun[j] * swirled[j]
+        carried += kicked[j] * swirled[j]
+        carried_before += u[j] * swirled[j]
+        mean += kicked[j]
+        mean_before += u[j]
+    arm = constants[RADIUS] * constants[MEAN_INERTIA]
+    left = momentum - (constants[SPIN_INERTIA] + pulled) * state[SPIN] - carried_before - arm * mean_before
+    yielding = constants[HUB_INERTIA] + pulled - own
+    # what the spin has changed by over the last belt step, which was taken at the spin of its middle
+    state[DRIFT] = left / yielding + 0.5 * state[DRIFT]
+    left += state[MOMENTUM] - momentum - carried + carried_before - arm * (mean - mean_before)
+    change = left / yielding
+    now = state[SPIN] + 0.5 * change
+    change += 0.5 * state[DRIFT]
+    state[SPIN] += change
+    for j in range(v.size):
+        u[j] = kicked[j] - change * (spun[j] + constants[RADIUS])
+    return constants[SPRING] * back, held, now
+
+
+@compiled
+def belt_step(
+    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray, middles: FloatArray, system: Factors,
+    step: float, work: FloatArray,
+) -> None:  # fmt: skip
+    """The belt moves on by a step at a steady spin, and wheel and hub with it; `work[5]` holds the stencil K - W^2 S."""
+    right, pushed, moved, place = work[0], work[1], work[2], work[5, : 2 * HALF + 1]
+    spin = state[SPIN]
+    if not abs(spin - state[FACTORED_AT]) < STALE:
+        state[FACTORED_AT] = spin
+        for d in range(2 * HALF + 1):
+            place[d] = stencils[3, d] - spin * spin * stencils[2, d]
+            system[0][d] = 2.0 * stencils[0, d] / step + 2.0 * spin * stencils[1, d] + stencils[4, d] + 0.5 * step * place[d]
+        factor(system)
+    apply(stencils[0], u, right)
+    apply(place, v, pushed)
+    for j in range(v.size):
+        right[j] = 2.0 * right[j] - step * pushed[j]
+    solve(system, right, moved)
+    half_c, half_s = np.cos(state[ANGLE] + 0.5 * step * spin), np.sin(state[ANGLE] + 0.5 * step * spin)
+    sum_c = sum_s = 0.0
+    for j in range(v.size):
+        v[j] += moved[j]
+        u[j] = 2.0 * moved[j] / step - u[j]
+        sum_c += moved[j] * middles[j, 0]
+        sum_s += moved[j] * middles[j, 1]
+    state[HUB_IMPULSE] = constants[DAMPER] * (sum_s * half_c + sum_c * half_s)
+    state[ANGLE] += step * spin
+    state[HUB_Z] += step * state[HUB_RATE]
+
+
+@compiled
 def run(
     v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray, basis: FloatArray, circle: FloatArray,
     middles: FloatArray, corner: FloatArray, height: FloatArray, tread: FloatArray, seen: IntArray, drive: FloatArray, riders: FloatArray,
@@ -242,105 +335,31 @@ def run(
 
     `stencils` (5, 11): inertia M, swirl G, centrifugal S, stiffness K, damping C."""
     size = v.size
-    n = size - HALF
-    inertia, swirl, centrifugal, stiffness, damping = stencils[0], stencils[1], stencils[2], stencils[3], stencils[4]
-    m_lower, m_upper, m_border, m_foot = np.zeros((n, HALF)), np.zeros((n, HALF + 1)), np.zeros((n, HALF)), np.zeros((HALF, HALF))
-    a_lower, a_upper, a_border, a_foot = np.zeros((n, HALF)), np.zeros((n, HALF + 1)), np.zeros((n, HALF)), np.zeros((HALF, HALF))
-    factor(inertia, m_lower, m_upper, m_border, m_foot)
-    system, place = np.zeros(2 * HALF + 1), np.zeros(2 * HALF + 1)
+    mass, system, work, result = factors(size), factors(size), np.zeros((6, size)), np.zeros(5)
+    mass[0][:] = stencils[0]
+    factor(mass)
     state[FACTORED_AT] = np.inf
-    load, result = np.zeros(size), np.zeros(5)
-    kicked, swirled, spun, right, moved, pushed = (
-        np.zeros(size),
-        np.zeros(size),
-        np.zeros(size),
-        np.zeros(size),
-        np.zeros(size),
-        np.zeros(size),
-    )
-    radius = constants[RADIUS]
     for index in range(drive.shape[0]):
-        told = touch(v, state, constants, basis, circle, corner, height, tread, seen, now + index, load, result)
+        told = touch(v, state, constants, basis, circle, corner, height, tread, seen, now + index, work[0], result)
         if told != FINE:
             return told
-        # hub: spring force of this place, damper's impulse of the last belt step
-        turn_c, turn_s = np.cos(state[ANGLE]), np.sin(state[ANGLE])
-        sum_c = sum_s = 0.0
-        for j in range(size):
-            sum_c += v[j] * middles[j, 0]
-            sum_s += v[j] * middles[j, 1]
-        back, up = sum_c * turn_c - sum_s * turn_s, sum_s * turn_c + sum_c * turn_s
-        spindle_z = constants[SPRING] * up + state[HUB_IMPULSE] / step
-        hub_acceleration = (spindle_z - drive[index, 2] - constants[HUB_DAMPING] * state[HUB_RATE]) / constants[HUB_MASS]
-        state[HUB_RATE] += step * hub_acceleration
-        # kick of the belt, but for the change of spin
-        solve(inertia, m_lower, m_upper, m_border, m_foot, load, kicked)
-        # the hub moves backwards at minus the drive's acceleration
-        rigid_s, rigid_z = -drive[index, 1], hub_acceleration
-        along_s, along_c = rigid_z * turn_c - rigid_s * turn_s, rigid_z * turn_s + rigid_s * turn_c
-        for j in range(size):
-            kicked[j] = u[j] + step * (kicked[j] - constants[TRANSLATION] * (along_s * middles[j, 1] + along_c * middles[j, 0]))
-        # spin: L = (J + v S v) W + u G v + R m u, and a change of spin kicks the belt by -(G v + R m)
-        off = constants[CARRIED] * (back * rigid_z - up * rigid_s)
-        momentum = state[MOMENTUM]
-        state[MOMENTUM] += step * (drive[index, 3] + result[0] - off)
-        apply(swirl, v, swirled)
-        solve(inertia, m_lower, m_upper, m_border, m_foot, swirled, spun)
-        apply(centrifugal, v, right)
-        pulled = carried = own = mean = carried_before = mean_before = 0.0
-        for j in range(size):
-            pulled += v[j] * right[j]
-            own += spun[j] * swirled[j]
-            carried += kicked[j] * swirled[j]
-            mean += kicked[j]
-            carried_before += u[j] * swirled[j]
-            mean_before += u[j]
-        left = momentum - (constants[SPIN_INERTIA] + pulled) * state[SPIN] - carried_before - radius * constants[MEAN_INERTIA] * mean_before
-        yielding = constants[HUB_INERTIA] + pulled - own
-        # what the spin has changed by over the last belt step, which was taken at the spin of its middle
-        state[DRIFT] = left / yielding + 0.5 * state[DRIFT]
-        left += state[MOMENTUM] - momentum - carried + carried_before - radius * constants[MEAN_INERTIA] * (mean - mean_before)
-        change = left / yielding
-        if index % every == 0:
-            row = index // every
-            motion[row, OUT_ANGLE], motion[row, OUT_SPIN], motion[row, OUT_HUB_Z] = state[ANGLE], state[SPIN] + 0.5 * change, state[HUB_Z]
+        row = index // every
+        kept = index % every == 0
+        if kept:
+            motion[row, OUT_ANGLE], motion[row, OUT_HUB_Z] = state[ANGLE], state[HUB_Z]
             motion[row, OUT_FORCE_X], motion[row, OUT_FORCE_Z] = -result[1], result[2]
             motion[row, OUT_ENTRY], motion[row, OUT_EXIT] = result[3], result[4]
-            motion[row, OUT_SPINDLE_X], motion[row, OUT_SPINDLE_Z] = -constants[SPRING] * back, spindle_z
             for k in range(riders.shape[0]):
                 value = 0.0
                 for i in range(riders.shape[1]):
                     value += riders[k, i] * v[(ridden[k] + i) % size]
                 motion[row, COLUMNS + k] = value
-            if not abs(sum_s) + abs(sum_c) < 0.25 * size * radius:
+        back, up, spin = kick(v, u, state, constants, stencils, middles, mass, drive[index], step, result[0], work)
+        if kept:
+            motion[row, OUT_SPIN], motion[row, OUT_SPINDLE_X], motion[row, OUT_SPINDLE_Z] = spin, -back, up
+            # a belt that is half a radius off its hub has no small displacements
+            if not abs(back) + abs(up) < 0.25 * constants[SPRING] * size * constants[RADIUS]:
                 return FLOWN
-        # on to the spin of the next belt step's middle
-        change += 0.5 * state[DRIFT]
-        state[SPIN] += change
-        for j in range(size):
-            u[j] = kicked[j] - change * (spun[j] + radius)
-        # belt step
-        spin = state[SPIN]
-        if not abs(spin - state[FACTORED_AT]) < STALE:
-            state[FACTORED_AT] = spin
-            for d in range(2 * HALF + 1):
-                place[d] = stiffness[d] - spin * spin * centrifugal[d]
-                system[d] = 2.0 * inertia[d] / step + 2.0 * spin * swirl[d] + damping[d] + 0.5 * step * place[d]
-            factor(system, a_lower, a_upper, a_border, a_foot)
-        apply(inertia, u, right)
-        apply(place, v, pushed)
-        for j in range(size):
-            right[j] = 2.0 * right[j] - step * pushed[j]
-        solve(system, a_lower, a_upper, a_border, a_foot, right, moved)
-        half_c, half_s = np.cos(state[ANGLE] + 0.5 * step * spin), np.sin(state[ANGLE] + 0.5 * step * spin)
-        sum_c = sum_s = 0.0
-        for j in range(size):
-            v[j] += moved[j]
-            u[j] = 2.0 * moved[j] / step - u[j]
-            sum_c += moved[j] * middles[j, 0]
-            sum_s += moved[j] * middles[j, 1]
-        state[HUB_IMPULSE] = constants[DAMPER] * (sum_s * half_c + sum_c * half_s)
-        state[ANGLE] += step * spin
-        state[HUB_Z] += step * state[HUB_RATE]
+        belt_step(v, u, state, constants, stencils, middles, system, step, work)
         state[HUB_X] = drive[index, 0]
     return FINE
