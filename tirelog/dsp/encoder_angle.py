@@ -107,7 +107,7 @@ def _local_cubics(
             smooth[k], rate[k] = time[i], (count[after] - count[before]) * unit / span if span > 0 else 0.0
         last = smooth[k]
         k += 1
-    return knot[:k], smooth[:k], rate[:k], reaches[:k]
+    return knot[:k], smooth[:k].copy(), rate[:k], reaches[:k].copy()  # views would keep the whole arrays alive
 
 
 @dataclass(frozen=True)
@@ -173,8 +173,11 @@ class KnotBuilder:
         """All knots; nothing can be added after."""
         if self._held is not None:
             self._add(tuple(p[:0] for p in self._held), last=True)
-        names = Knots.__annotations__
-        return Knots(*(np.concatenate([getattr(part, name) for part in self._parts]) for name in names))
+        joined, parts = [], [[getattr(part, name) for part in self._parts] for name in Knots.__annotations__]
+        self._parts = []
+        while parts:  # a field's pieces go as soon as they are joined
+            joined.append(np.concatenate(parts.pop(0)))
+        return Knots(*joined)
 
     def noise_rad(self, otherwise: float) -> float:
         """Standard deviation of a knot: from what the cubics leave; of a passage alone, `otherwise`, where the log is too short."""
