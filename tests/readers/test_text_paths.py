@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from tirelog.readers import counted_floats, text_source
 from tirelog.readers.text import TextReader, open_text
 from tirelog.readers.text_flat import flat
-from tirelog.readers.text_plain import plain
 from tirelog.readers.text_source import ByteSource
 
-from .text_logs import Pipe, joined, read, setup_of
+from .text_logs import Pipe, all_plain, joined, read, setup_of
 
 SETUP = setup_of({"a": {"source": "A"}, "b": {"source": "B", "kind": "strain", "unit": "strain"}})
 
@@ -83,8 +82,8 @@ def test_both_ways_of_parsing_give_the_same_numbers(cells: list[tuple[str, str]]
     head = b"time_s,A,B\n" + b"".join(b"%d,1.5,2.5\n" % i for i in range(8))
     rows = "".join(f"{i + 8},{a},{b}\n" for i, (a, b) in enumerate(cells)).encode()
     plan = parsers(head)._plan
-    (fast, stop, more), careful = plain(plan, rows, 0), flat(plan, 1, rows)
-    assert (stop, more) == (len(rows), False)
+    (fast, stop), careful = all_plain(plan, rows), flat(plan, 1, rows)
+    assert stop == len(rows)
     assert fast.size == careful.size == len(cells)
     for column in fast.values:
         np.testing.assert_array_equal(counted_floats(fast.values[column], plan.places[column]), careful.values[column])

@@ -8,6 +8,8 @@ import numpy as np
 
 from tirelog.readers import RawBlock, counted_floats
 from tirelog.readers.text import TextReader, open_text
+from tirelog.readers.text_plain import plain
+from tirelog.readers.text_rows import Parsed, Plan, concatenated
 from tirelog.setup import Setup, parse_setup
 
 
@@ -50,6 +52,17 @@ def read(text: str | bytes, setup: Setup) -> tuple[TextReader, RawBlock]:
     data = text.encode() if isinstance(text, str) else text
     reader = open_text(io.BytesIO(data), setup, "log.csv")
     return reader, joined(list(reader.blocks()), reader)
+
+
+def all_plain(plan: Plan, block: bytes) -> tuple[Parsed, int]:
+    """(rows that the compiled way reads one pass after the other, byte behind them)."""
+    parts, at, careful = [], 0, False
+    while at < len(block) and not careful:
+        begin = at
+        parsed, at, careful = plain(plan, block, at)
+        parsed.bad_cells = [(block.count(b"\n", 0, begin) + row, what) for row, what in parsed.bad_cells]
+        parts.append(parsed)
+    return concatenated(parts, plan.places), at
 
 
 def joined(blocks: list[RawBlock], reader: TextReader) -> RawBlock:

@@ -1,6 +1,6 @@
 """Decimal numbers out of bytes, for compiled loops: a mantissa and an exponent of ten, both whole, so that nothing is rounded on the way.
 
-    bytes --number: sign, digits, point, exponent--> m, e          value = m 10^e, |m| < 10^18
+    bytes --number: sign, digits, point, exponent--> m, e          value = m 10^e, |m| < 2^63
     m, e --as_count--> int32 counts of 10^-places                  exact, or WIDE
     m, e --as_float--> float64                                     correctly rounded, or none
 
@@ -23,10 +23,10 @@ from tirelog.compiled import compiled
 
 #: in place of a count, where none holds the number
 WIDE = 1 << 31
-#: powers of ten that int64, and that float64, hold exactly; a mantissa from the last but one of int64 on takes no further digit
+#: powers of ten that int64, and that float64, hold exactly; a mantissa from the last number on takes no further digit
 POWERS = 10 ** np.arange(19, dtype=np.int64)
 EXACT_POWERS = np.array([float(10**k) for k in range(23)])
-_FULL = 10**17
+_FULL = (1 << 63) // 10
 _EXACT = 1 << 53
 _MOST_PLACES = 9
 _MOST_POWER = 100

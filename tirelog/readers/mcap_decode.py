@@ -106,7 +106,7 @@ class ChannelDecoder:
 
     def read_piece(self, table: Table, wants: list[Want]) -> list[Column]:
         if self.json is not None:
-            columns = self.json.read(table.messages(), wants)
+            columns = self.json.read(table, wants)
             return columns if columns is not None else self.read_slowly(table, wants)
         if self.plan_of is None:
             return self.read_slowly(table, wants)

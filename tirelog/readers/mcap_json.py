@@ -1,6 +1,6 @@
-"""JSON messages to numbers through pyarrow, a whole piece of a chunk at once.
+"""JSON messages to numbers, a whole piece of a chunk at once.
 
-    messages, wants --all of one shape--> rows of a table (mcap_json_table) --> Column per want
+    messages, wants --all of one shape--> a table of numbers (mcap_json_table) --> Column per want
                     --else, a schema of the wanted fields only--> arrow's JSON reader --> Column per want
 
 None where arrow cannot tell (text or true among the numbers, an element that a list does not have): then each message is decoded alone.
@@ -17,6 +17,7 @@ from tirelog.readers.mcap_source import Want
 
 if TYPE_CHECKING:
     from tirelog.readers.mcap_decode import Column
+    from tirelog.readers.mcap_walk import Table
 
 
 class JsonReader:
@@ -25,18 +26,20 @@ class JsonReader:
     def __init__(self) -> None:
         self.shape: Shape | None = None
 
-    def read(self, messages: list[bytes], wants: list[Want]) -> list[Column] | None:
-        """The columns of JSON `messages`, one object each, or None."""
-        if not messages:
+    def read(self, table: Table, wants: list[Want]) -> list[Column] | None:
+        """The columns of the table's JSON messages, one object each, or None."""
+        if not len(table):
             return None
-        text = b"\n".join(messages)
-        if text.count(b"\n") != len(messages) - 1 or b"\r" in text:
-            return None
-        columns = read_table(text, len(messages), self.shape) if self.shape is not None else None
+        columns = read_table(table, self.shape) if self.shape is not None else None
         if columns is None:
-            self.shape = shape_of(messages[0], wants)
-            columns = read_table(text, len(messages), self.shape) if self.shape is not None else None
-        return columns if columns is not None else read_arrow(text, len(messages), wants)
+            self.shape = shape_of(table.take(slice(0, 1)).messages()[0], wants)
+            columns = read_table(table, self.shape) if self.shape is not None else None
+        if columns is not None:
+            return columns
+        text = b"\n".join(table.messages())
+        if text.count(b"\n") != len(table) - 1 or b"\r" in text:
+            return None
+        return read_arrow(text, len(table), wants)
 
 
 def read_arrow(text: bytes, n: int, wants: list[Want]) -> list[Column] | None:

@@ -1,11 +1,8 @@
 """JSON messages of one shape as a table of numbers: the fast way for what a logger writes, the same fields again and again.
 
-    messages --same skeleton as the first?--> brackets, quotes, blanks deleted, ':' to ',' --> rows of a CSV table --> Column per want
+first message --its text between the numbers--> Shape --compiled: text alike, numbers read--> cells (messages, wanted) --> Column per want
 
-    {"wl": [1550.1, 1551.2], "n": 3}   ->   wl,1550.1,1551.2,n,3        skeleton  {"wl":[,],"n":}
-
-The skeleton is the text without what numbers are written with, so equal skeletons mean equal cells.  Names may hold digits: where they do,
-their cells are compared too.
+{"wl": [1550.1, 1551.2], "n": 3}        texts  {"wl": [   ,    ], "n":   }    cells  1550.1  1551.2  3
 """
 
 from __future__ import annotations
@@ -15,84 +12,88 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.readers.mcap_source import FieldError, Want, is_list
+from tirelog.recording import IntArray
 
 if TYPE_CHECKING:
     from tirelog.readers.mcap_decode import Column
+    from tirelog.readers.mcap_walk import Table
 
-#: what numbers are written with; names are compared apart where they hold any of it
-NUMERIC = b"0123456789.+-eE"
-STRUCTURE = b' \t{}[]"'
-TO_COMMA = bytes.maketrans(b":", b",")
-SPECIAL = frozenset("\\,:{}[]\"'\t\r\n ")
 MOST_CELLS = 4096
 
 
 @dataclass(frozen=True)
 class _Cell:
-    """A number of the template: which cell of its row it is."""
+    """A number of the template: the how manieth of its message it is, and how it is written."""
 
     number: int
+    text: str
 
 
 @dataclass(frozen=True)
 class Shape:
-    """The cells of one message, `names` those that have to be compared, and for each want its cells (True: a batch)."""
+    """One message's `texts` before, between and behind its numbers (joined, cut at `edges`), and for each want its cells (True: a batch).
 
-    skeleton: bytes
-    width: int
-    names: dict[int, str]
+    `slots` shape (cells,): the place of each cell among those that are wanted, -1 where it is not.
+    """
+
+    texts: NDArray[np.uint8]
+    edges: IntArray
+    slots: IntArray
     wanted: list[tuple[list[int], bool]]
 
 
 def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
-    """The shape of `message`; None where it cannot be read as a row."""
+    """The shape of `message`; None where it is no object of numbers, or a want is none of them."""
+    found: list[_Cell] = []
+
+    def cell(text: str) -> _Cell:
+        found.append(_Cell(len(found), text))
+        return found[-1]
+
     try:
-        walk = _Walk()
-        template = walk.value(json.loads(message, object_pairs_hook=_unlike))
+        template = json.loads(message, object_pairs_hook=_unlike, parse_float=cell, parse_int=cell)
         wanted = [_cells(template, want) for want in wants]
+        edges = _edges(message, found)
     except (ValueError, RecursionError):
         return None
-    row = _row(message).split(b",")
-    if len(row) != walk.cells or any(row[at] != name.encode() for at, name in walk.names.items()):
-        return None
-    numeric = set(NUMERIC.decode())
-    return Shape(_skeleton(message), walk.cells, {at: name for at, name in walk.names.items() if set(name) & numeric}, wanted)
+    used = sorted({number for cells, _ in wanted for number in cells})
+    slots = np.full(len(found), -1)
+    slots[used] = np.arange(len(used))
+    texts = b"".join(message[a:b] for a, b in edges)
+    cuts = np.cumsum([0] + [b - a for a, b in edges])
+    return Shape(np.frombuffer(texts, np.uint8), cuts, slots, [([int(slots[c]) for c in cells], batch) for cells, batch in wanted])
 
 
-class _Walk:
-    """Counts the cells of a message's row, and replaces its numbers by cells."""
-
-    def __init__(self) -> None:
-        self.cells = 0
-        self.names: dict[int, str] = {}
-
-    def value(self, value: Any) -> Any:
-        """`value` with its numbers replaced.  ValueError where it is too large, or has names or texts that a row would tear apart."""
-        if self.cells > MOST_CELLS:
-            raise ValueError
-        if isinstance(value, dict) and value:
-            return {name: self.named(name, below) for name, below in value.items()}
-        if isinstance(value, list) and value:
-            return [self.value(below) for below in value]
-        self.cells += 1
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            return _Cell(self.cells - 1)
-        if isinstance(value, str):
-            _plain(value)
-        return value
-
-    def named(self, name: str, value: Any) -> Any:
-        self.names[self.cells] = _plain(name)
-        self.cells += 1
-        return self.value(value)
-
-
-def _plain(text: str) -> str:
-    if SPECIAL & set(text) or not text.isascii():
+def _edges(message: bytes, cells: list[_Cell]) -> list[tuple[int, int]]:
+    """[start, stop) of the texts around the cells, which stand in the message in their order.  ValueError: not to be told from texts."""
+    if len(cells) > MOST_CELLS:
         raise ValueError
-    return text
+    edges, at = [], 0
+    for cell in cells:
+        start = _outside_strings(message, cell.text.encode(), at)
+        edges.append((at, start))
+        at = start + len(cell.text)
+    return [*edges, (at, len(message))]
+
+
+def _outside_strings(message: bytes, text: bytes, at: int) -> int:
+    """Where the number stands next, from `at` on, which is outside of strings."""
+    inside = False
+    while at < len(message):
+        byte = message[at : at + 1]
+        if byte == b'"':
+            inside = not inside
+        elif byte == b"\\":
+            at += 1
+        elif not inside and byte in b"-0123456789":
+            if not message.startswith(text, at):
+                raise ValueError
+            return at
+        at += 1
+    raise ValueError
 
 
 def _unlike(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -122,46 +123,14 @@ def _number(value: Any) -> int:
     return value.number
 
 
-def _skeleton(text: bytes) -> bytes:
-    text = text.replace(b"null", b"") if b"null" in text else text
-    return text.translate(None, NUMERIC)
-
-
-def _row(text: bytes) -> bytes:
-    return text.translate(TO_COMMA, STRUCTURE)
-
-
-def read_table(text: bytes, n: int, shape: Shape) -> list[Column] | None:
-    """The columns of `n` messages, one a line of `text`; None where they have not all this shape."""
-    import pyarrow as pa
-    import pyarrow.csv
-
+def read_table(table: Table, shape: Shape) -> list[Column] | None:
+    """The columns of the table's messages; None where they have not all this shape."""
+    from tirelog.readers.digits import bytes_of
     from tirelog.readers.mcap_decode import Column
+    from tirelog.readers.mcap_json_kernel import numbers_between
 
-    if _skeleton(text) + b"\n" != (shape.skeleton + b"\n") * n:
+    n = len(table)
+    values = np.empty((int(shape.slots.max(initial=-1)) + 1, n))
+    if numbers_between(bytes_of(table.data), table.starts, table.sizes, shape.texts, shape.edges, shape.slots, values) < n:
         return None
-    used = sorted({cell for cells, _ in shape.wanted for cell in cells})
-    types = {**{f"f{cell}": pa.float64() for cell in used}, **{f"f{cell}": pa.string() for cell in shape.names}}
-    rows = _row(text)
-    try:
-        table = pyarrow.csv.read_csv(
-            pa.BufferReader(rows),
-            read_options=pyarrow.csv.ReadOptions(use_threads=False, block_size=len(rows) + 1, autogenerate_column_names=True),
-            parse_options=pyarrow.csv.ParseOptions(quote_char=False, escape_char=False, ignore_empty_lines=False),
-            convert_options=pyarrow.csv.ConvertOptions(include_columns=list(types), column_types=types, null_values=["null"]),
-        )
-    except pa.ArrowException:
-        return None
-    if table.num_rows != n:
-        return None
-    for cell, name in shape.names.items():
-        texts = table.column(f"f{cell}").combine_chunks()
-        if texts.unique().to_pylist() != [name]:
-            return None
-    numbers = {cell: table.column(f"f{cell}").to_numpy() for cell in used}
-    return [
-        Column(np.stack([numbers[c] for c in cells], axis=1).ravel() if cells else np.zeros(0), np.full(n, len(cells)))
-        if batch
-        else Column(numbers[cells[0]])
-        for cells, batch in shape.wanted
-    ]
+    return [Column(values[cells].T.ravel(), np.full(n, len(cells))) if batch else Column(values[cells[0]]) for cells, batch in shape.wanted]

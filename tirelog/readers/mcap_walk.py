@@ -1,13 +1,10 @@
-"""Where the messages of a chunk are: the chain of records followed with numpy instead of a step a message.
+"""Where the messages of a chunk are.
 
-    chunk (bytes) --chain of record lengths--> starts (n,) --by channel--> Table a channel
-
-A record's header holds its length, so where the headers at an equal stride repeat, they are the chain: by induction from the first.
+chunk (bytes) --chain of record lengths, compiled--> starts (n,) --by channel--> Table a channel
 """
 
 from __future__ import annotations
 
-import itertools
 import struct
 from dataclasses import dataclass
 from typing import Any
@@ -15,14 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.compiled import compiled
+from tirelog.readers.digits import Bytes, Whole, bytes_of
 from tirelog.recording import IntArray
 
 HEAD = struct.Struct("<BQ")
-LENGTH = struct.Struct("<Q")
 #: opcode, length; channel, sequence, log time, publish time
 MESSAGE_HEAD_BYTES = 9 + 22
 MESSAGE = 5
-LONGEST_PERIOD = 64
+_8 = np.uint64(8)
 
 
 @dataclass(frozen=True)
@@ -47,54 +45,25 @@ class Table:
 
 def record_starts(data: bytes) -> tuple[IntArray, int]:
     """(starts of the records, end of the last whole one)."""
-    parts: list[IntArray] = []
-    at, steps = 0, 16
-    while True:
-        walked, at, whole = _step(data, at, steps)
-        parts.append(np.array(walked, np.int64))
-        if not whole:
-            return np.concatenate(parts), at
-        run = _repeat(data, [*walked, at])
-        parts.append(run)
-        if run.size:
-            at = int(run[-1]) + 9 + HEAD.unpack_from(data, int(run[-1]))[1]
-        steps = 16 if run.size > 256 else min(2 * steps, 4096)
+    found = np.empty(len(data) // HEAD.size, np.int64)
+    many, end = _chain(bytes_of(data), found)
+    return found[:many].copy(), int(end)
 
 
-def _step(data: bytes, at: int, steps: int) -> tuple[list[int], int, bool]:
-    """Up to `steps` records from `at`: (their starts, the end, whether there may be more)."""
-    walked: list[int] = []
-    append, unpack, whole = walked.append, LENGTH.unpack_from, len(data)
-    for _ in range(steps):
-        if at > whole - 9:
-            return walked, at, False
-        after = at + 9 + unpack(data, at + 1)[0]
-        if after > whole:
-            return walked, at, False
-        append(at)
-        at = after
-    return walked, at, True
-
-
-def _repeat(data: bytes, starts: list[int]) -> IntArray:
-    """The starts that follow while the records repeat with the period of the last ones."""
-    lengths = [b - a for a, b in itertools.pairwise(starts)]
-    for period in range(1, min(LONGEST_PERIOD, len(lengths) // 2) + 1):
-        if lengths[-period:] == lengths[-2 * period : -period]:
+@compiled
+def _chain(data: Bytes, starts: IntArray) -> tuple[int, Whole]:
+    """Writes the starts of the records one behind the other: (how many, end of the last whole one)."""
+    at, many = np.int64(0), 0
+    while at <= data.size - 9:
+        length = np.uint64(0)
+        for place in range(8, 0, -1):
+            length = (length << _8) | np.uint64(data[at + place])
+        if length > np.uint64(data.size - 9 - at):
             break
-    else:
-        return np.zeros(0, np.int64)
-    end, stride = starts[-1], sum(lengths[-period:])
-    turns = (len(data) - end) // stride
-    offsets = np.cumsum([0, *lengths[-period:-1]])
-    same = turns
-    for offset, length in zip(offsets.tolist(), lengths[-period:], strict=True):
-        if same == 0:
-            break
-        stated = np.ndarray((same,), "<u8", data, end + offset + 1, (stride,))
-        wrong = stated != length - 9
-        same = int(np.argmax(wrong)) if wrong.any() else same
-    return (end + stride * np.arange(same)[:, None] + offsets).ravel()
+        starts[many] = at
+        many += 1
+        at += 9 + np.int64(length)
+    return many, at
 
 
 def gather(data: bytes, starts: IntArray, dtype: str) -> NDArray[Any]:
