@@ -5,8 +5,13 @@ The equations of `coupled_ring`, linear about the tire that turns at Omega (seco
     M q'' + (C + G) q' + (K + D) q = 0,    q = (H_s, H_z, C_s, C_z, psi_h, psi, Re V_2, Im V_2, ... Re V_N, Im V_N)
 
 G is the gyroscopic part 4 pi R 2 gamma_n Omega (skew), D what the turning dampers push sideways (circulatory).  On the road the
-tread's springs under the standing patch are added to K, sum k_t h g g' with g the gradient of a node's height; the road is free of
-friction here, so the rotation of the ring does not feel it.  Frequencies are those that an observer beside the tire hears; on the belt
+tread's springs under the standing patch are added to K, sum k_t h g g' with g the gradient of a node's height; and the bristles, which
+cling (they are far from sliding in free rolling), as states of their own that pass through the patch with the belt:
+
+    u_t + Omega u_phi = a . q' + Omega b . q,  u = 0 at the entry,    force on q:  - sum c_x h a u
+
+a the gradient of a node's place along the road, b of (w' - v) sin phi.  A ring model without bristles stands on a road free of friction:
+its rotation does not feel the road.  Frequencies are those that an observer beside the tire hears; on the belt
 itself a wave of n lobes is n Omega / 2 pi away.
 """
 
@@ -37,6 +42,8 @@ _OWN = {
     "mu": "friction",
 }
 _RINGS = 6
+#: Cells of bristles between entry and exit of the patch.
+_CELLS = 48
 #: Slower than this [Hz] is no vibration but a tire that rolls away.
 _SLOWEST = 0.05
 
@@ -65,11 +72,8 @@ def natural_modes(tire: CoupledRing, *, speed_m_s: float = 0.0, load_N: float | 
         raise ModelError(f"modes up to {to_Hz:g} Hz; above zero is allowed; give the highest frequency")
     tire.check_speed(speed_m_s)
     tire = enough_modes(tire, to_Hz, speed_m_s)
-    M, damping, stiffness = matrices(tire, speed_m_s / tire.R, load_N)
+    system, M = first_order(tire, speed_m_s / tire.R, load_N)
     size = M.size
-    system = np.zeros((2 * size, 2 * size))
-    system[:size, size:] = np.eye(size)
-    system[size:] = np.hstack([-stiffness, -damping]) / M[:, None]
     values, vectors = np.linalg.eig(system)
     heard = (values.imag > 2.0 * np.pi * _SLOWEST) & (values.imag <= 2.0 * np.pi * to_Hz)
     found = [_mode(value, vector[:size], M, turning=speed_m_s != 0.0) for value, vector in zip(values[heard], vectors[:, heard].T)]
@@ -79,9 +83,10 @@ def natural_modes(tire: CoupledRing, *, speed_m_s: float = 0.0, load_N: float | 
 def of_model(values: Mapping[str, float], *, hub_mass_kg: float | None = None, hub_inertia_kg_m2: float | None = None) -> CoupledRing:
     """The coupled ring with a ring or coupled ring model's numbers by name (contract, "Model file"); ModelError where they cannot move.
 
-    A ring has no hub of its own: 20 kg and 0.8 kg m^2 without the two; a model without a tread has one that does not matter in the air.
+    A ring has no hub of its own: 20 kg and 0.8 kg m^2 without the two; and no bristles.  A model without a tread has one that does not
+    matter in the air.
     """
-    own: dict[str, Any] = {name: values[key] for name, key in _OWN.items() if key in values}
+    own: dict[str, Any] = {"c_x": 0.0} | {name: values[key] for name, key in _OWN.items() if key in values}
     own |= {name: given for name, given in (("m_h", hub_mass_kg), ("J_h", hub_inertia_kg_m2)) if given is not None}
     return CoupledRing(
         EI=values["flexural_stiffness_N_m2"],
@@ -104,6 +109,18 @@ def enough_modes(tire: CoupledRing, to_Hz: float, speed_m_s: float) -> CoupledRi
     slow = np.sqrt(wide.Z_n / wide.m_n) - n * abs(speed_m_s) / tire.R
     below = n[slow < 2.0 * np.pi * to_Hz]
     return replace(tire, modes=int(np.clip(2.0 * (below[-1] if below.size else 0.0) + 4.0, 12.0, 60.0)))
+
+
+def first_order(tire: CoupledRing, omega_rad_s: float, load_N: float | None = None) -> tuple[FloatArray, FloatArray]:
+    """(A of y' = A y, diagonal of M), y = (q, q', and on the road the bristles' deflections u)."""
+    M, damping, stiffness = matrices(tire, omega_rad_s, load_N)
+    size = M.size
+    system = np.zeros((2 * size, 2 * size))
+    system[:size, size:] = np.eye(size)
+    system[size:] = np.hstack([-stiffness, -damping]) / M[:, None]
+    if load_N is not None and tire.c_x > 0.0 and tire.mu > 0.0:
+        system = _with_bristles(tire, system, M, omega_rad_s, load_N)
+    return system, M
 
 
 def matrices(tire: CoupledRing, omega_rad_s: float, load_N: float | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -140,6 +157,27 @@ def _road(tire: CoupledRing, load_N: float) -> FloatArray:
     gradient[_RINGS::2] = -n * sin * np.cos(phi) + cos * np.sin(phi)
     gradient[_RINGS + 1 :: 2] = -n * cos * np.cos(phi) - sin * np.sin(phi)
     return (tire.k_t * tire.R * contact.STEP) * gradient @ gradient.T
+
+
+def _with_bristles(tire: CoupledRing, system: FloatArray, M: FloatArray, omega: float, load_N: float) -> FloatArray:
+    """The system with the bristles' deflections u (_CELLS,) as states more, in upwind cells from entry to exit."""
+    pressed = contact.solve_contact(tire.carcass, load_N)
+    half = pressed.half_length_m / tire.R
+    width = 2.0 * half / _CELLS
+    phi = -half + width * (np.arange(_CELLS) + 0.5)
+    turns, n, size = np.outer(tire.n, phi), tire.n[:, None], M.size
+    cos, sin = 2.0 * np.cos(turns), 2.0 * np.sin(turns)
+    along, turned = np.zeros((2, size, _CELLS))
+    along[2], along[5] = 1.0, tire.R
+    # s = C_s + w sin phi + v cos phi + R psi;  w' - v = (n^2 - 1) v
+    along[_RINGS::2], along[_RINGS + 1 :: 2] = n * sin * np.sin(phi) + cos * np.cos(phi), n * cos * np.sin(phi) - sin * np.cos(phi)
+    turned[_RINGS::2], turned[_RINGS + 1 :: 2] = (n**2 - 1.0) * cos * np.sin(phi), -(n**2 - 1.0) * sin * np.sin(phi)
+    whole = np.zeros((system.shape[0] + _CELLS,) * 2)
+    whole[: 2 * size, : 2 * size] = system
+    whole[size : 2 * size, 2 * size :] = -tire.c_x * tire.R * width * along / M[:, None]
+    whole[2 * size :, :size], whole[2 * size :, size : 2 * size] = omega * turned.T, along.T
+    whole[2 * size :, 2 * size :] = -abs(omega) / width * (np.eye(_CELLS) - np.eye(_CELLS, k=-1 if omega >= 0.0 else 1))
+    return whole
 
 
 def _mode(value: complex, q: ComplexArray, M: FloatArray, *, turning: bool) -> Mode:
