@@ -26,7 +26,7 @@ from tirelog.chunks import CHUNK, ChunkWriter
 from tirelog.convert import to_si
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers import LOST_COUNT, Group, RawBlock
-from tirelog.recording import Channel, FloatArray, Recording, TimeAxis
+from tirelog.recording import Channel, FloatArray, Recording, Scaled, TimeAxis
 from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
 from tirelog.store_column import Column
 
@@ -194,15 +194,10 @@ def _channel(
     counts = dataset.dtype.kind == "i"
     scale = factor / 10.0 ** int(dataset.attrs["decimals"]) if counts else factor
 
-    def samples(start: int, stop: int) -> FloatArray:
-        raw = _read(dataset, start, stop, name, losses)
-        values = raw.astype(np.float64)
-        values *= scale
-        values += offset
-        if counts:
-            values[raw == LOST_COUNT] = np.nan
-        return values
+    def raw(start: int, stop: int) -> np.ndarray:
+        return _read(dataset, start, stop, name, losses)
 
+    samples = Scaled(raw, scale, offset, LOST_COUNT if counts else None)
     more = {key: getattr(channel, key) for key in ("steps", "gauge_length_m") if getattr(channel, key) is not None}
     resolution = abs(scale) if counts else 0.0
     return Channel(name, channel.kind, KINDS[channel.kind][1], axis, samples, channel.surface or "outer", resolution, flags, more)

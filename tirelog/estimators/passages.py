@@ -25,13 +25,13 @@ from tirelog.estimators.passage_match import match
 from tirelog.estimators.passage_screen import one_turn
 from tirelog.estimators.passage_search import search
 from tirelog.estimators.passage_template import Template
-from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
+from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, Scaled
 
 #: fewer samples in a window are too few for a waveform
 FEWEST = 6
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, 76 MB
 HELD_SAMPLES = 9_500_000
-#: samples read at once into what is held: they stay in the cache while they are scaled
+#: samples read at once into what is held
 HELD_AT_ONCE = 1 << 17
 
 
@@ -123,23 +123,31 @@ def patch_sign(channel: Channel) -> float:
 
 @dataclass(frozen=True)
 class _Held:
-    """The samples of a channel in memory, and where they were `stored`."""
+    """The samples of a channel from memory, and where they were `stored`."""
 
-    values: FloatArray
+    values: Callable[[int, int], FloatArray]
     stored: Callable[[int, int], FloatArray]
 
     def __call__(self, start: int, stop: int) -> FloatArray:
-        return self.values[start:stop]
+        return self.values(start, stop)
 
 
 def held(channel: Channel) -> Channel:
-    """The channel, in memory where it is short: it is gone through more than once.  Read block by block, so that it is there only once."""
+    """The channel, in memory where it is short: it is gone through more than once.  As it is stored, if it is a run's, which is smaller."""
     if channel.size > HELD_SAMPLES or isinstance(channel.samples, _Held):
         return channel
-    values = np.empty(channel.size)
-    for start, some in channel.blocks(HELD_AT_ONCE):
-        values[start : start + some.size] = some
-    return replace(channel, samples=_Held(values, channel.samples))
+    stored = channel.samples
+    if isinstance(stored, Scaled):
+        return replace(channel, samples=_Held(replace(stored, raw=_kept(stored.raw, channel.size)), stored))
+    return replace(channel, samples=_Held(_kept(stored, channel.size), stored))
+
+
+def _kept(read: Callable[[int, int], NDArray[Any]], size: int) -> Callable[[int, int], NDArray[Any]]:
+    """All that `read` gives, from memory; read piece by piece, so that it is there only once."""
+    whole = np.empty(size, read(0, min(size, 1)).dtype)
+    for start in range(0, size, HELD_AT_ONCE):
+        whole[start : start + HELD_AT_ONCE] = read(start, min(start + HELD_AT_ONCE, size))
+    return lambda start, stop: whole[start:stop]
 
 
 def released(channel: Channel) -> Channel:
