@@ -11,12 +11,16 @@ from tirelog.cli.common import say
 
 
 def simulate(
-    scenario: Annotated[Path, typer.Argument(help="TOML file: manoeuvres, tire, sensors, effects, seed.", show_default=False)],
+    scenario: Annotated[Path, typer.Argument(help="TOML file: manoeuvres, tire, road, sensors, effects, seed.", show_default=False)],
     output: Annotated[Path, typer.Option("-o", "--output", help="The log: .csv, .txt, .mcap or .h5.", show_default=False)],
     seed: Annotated[int | None, typer.Option("--seed", help="Another seed than the scenario's.", show_default=False)] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No summary on standard error.")] = False,
 ) -> None:
-    """Write a log with known truth: LOG, LOG.truth.json and its setup."""
+    """Write a log with known truth: LOG, LOG.truth.json and its setup.
+
+    A scenario's truth is "beam" or "ring", steady at every instant, or "coupled_ring", a tire that moves: over the [road] (flat, step, cleat,
+    sine, profile), under [[load_steps]], through every [[manoeuvres]]. The keys are explained in sample_data/README.md.
+    """
     from dataclasses import replace
 
     from tirelog.errors import UsageError
