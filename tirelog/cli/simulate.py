@@ -18,8 +18,8 @@ def simulate(
 ) -> None:
     """Write a log with known truth: LOG, LOG.truth.json and its setup.
 
-    A scenario's truth is "beam" or "ring", steady at every instant, or "coupled_ring", a tire that moves: over the [road] (flat, step, cleat,
-    sine, profile), under [[load_steps]], through every [[manoeuvres]]. The keys are explained in sample_data/README.md.
+    A scenario's truth is "beam" or "ring", steady at every instant, or "coupled_ring", a tire that moves: over the [road] (flat, step,
+    cleat, sine, profile), under [[load_steps]], through every [[manoeuvres]]. The keys are explained in sample_data/README.md.
     """
     from dataclasses import replace
 
