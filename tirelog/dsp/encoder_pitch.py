@@ -19,10 +19,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from tirelog.compiled import compiled
 from tirelog.dsp.encoder_signal import Integers
+from tirelog.dsp.sliding import sliding_mean
 from tirelog.recording import FloatArray
 
 #: turns that a table needs; fewer leave it zero
@@ -245,7 +245,7 @@ def steps_that_repeat(sample: tuple[FloatArray, Integers], steps: int, most: int
     time_s, count = sample
     if count.size < 64 or count[-1] - count[0] != count.size - 1:
         return steps, 0.0, 0.0
-    deviation = ((time_s - uniform_filter1d(time_s, 9)) / np.gradient(time_s))[16:-16]
+    deviation = ((time_s - sliding_mean(time_s, 9)) / np.gradient(time_s))[16:-16]
     deviation = deviation - np.mean(deviation)
     squares = float(deviation @ deviation)
     shares = np.zeros(most + 1)

@@ -16,10 +16,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter, uniform_filter1d
 
 from tirelog.compiled import compiled
 from tirelog.dsp.encoder_signal import FOLLOW_S, Crossings, Integers, Probe, Read
+from tirelog.dsp.sliding import sliding_mean, sliding_median
 from tirelog.recording import FloatArray
 
 #: a turning wheel shows less than this share of the peak between two passages of the same tooth flank
@@ -197,7 +197,7 @@ def _regular(index: FloatArray, rising: np.ndarray, slowest: float) -> tuple[Flo
         return index, rising, halves, uneven, none
     if steps.size < 4 * NEIGHBOURS:
         return index, rising, halves, ~uneven, none
-    ratio = steps / median_filter(steps, 9, mode="nearest")
+    ratio = steps / sliding_median(steps, 9)
     odd = ratio < SHORT
     odd[1:] |= ratio[:-1] < SHORT  # the tooth beside a glitch lost what the glitch took
     odd[:-1] |= ratio[1:] < SHORT
@@ -248,7 +248,7 @@ def _turning_points(read: Read, found: Probe, index: FloatArray, slow: Integers)
         if edges[1] + 3 > x.size or edges[0] < 2 or np.isnan(x).any():
             continue
         size = max(int(edges[1] - edges[0]) // 20, 1)
-        away = np.abs(uniform_filter1d(x, size) - 0.5 * float(x.max() + x.min()))
+        away = np.abs(sliding_mean(x, size) - 0.5 * float(x.max() + x.min()))
         inner, around = away[edges[0] : edges[1]], np.concatenate([away[: edges[0]], away[edges[1] :]])
         peak = float(around.max())
         if peak < 0.7 * found.amplitude:

@@ -13,7 +13,7 @@ import numpy as np
 
 from tirelog.estimators.calibration import Calibration, Cleaned, clean, quasi_static
 from tirelog.estimators.calibration_force import predict_force
-from tirelog.estimators.phase_shift import Passages, measure
+from tirelog.estimators.phase_shift import Passages, mark, measure
 from tirelog.recording import Recording
 from tirelog.tables import quality_text
 
@@ -63,9 +63,9 @@ def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
     n, words = p.time_s.size, list(p.words)
     nothing = np.full(n, np.nan)
     cleaned = clean(p, calibration) if calibration else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
-    _mark(words, cleaned.extrapolated, "extrapolated")
+    mark(words, cleaned.extrapolated, "extrapolated")
     if calibration and calibration.has_delay:
-        _mark(words, np.isfinite(cleaned.shift_deg), "delay_removed")
+        mark(words, np.isfinite(cleaned.shift_deg), "delay_removed")
     columns: dict[str, object] = {
         "log": p.log,
         "channel": p.channel,
@@ -85,15 +85,10 @@ def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
     if calibration and calibration.vertical:
         force, se, outside = predict_force(calibration.vertical, cleaned.width_deg, p.width_se_deg)
         columns |= {"vertical_force_N": force, "vertical_force_se_N": se}
-        _mark(words, outside, "extrapolated")
+        mark(words, outside, "extrapolated")
     if calibration and calibration.longitudinal:
         shift = cleaned.corrected_deg if np.isfinite(calibration.crosstalk) else cleaned.shift_deg
         force, se, outside = predict_force(calibration.longitudinal, shift, p.shift_se_deg)
         columns |= {"longitudinal_force_N": force, "longitudinal_force_se_N": se}
-        _mark(words, outside, "extrapolated")
+        mark(words, outside, "extrapolated")
     return {**columns, "quality": [quality_text(sorted(w)) for w in words]}
-
-
-def _mark(words: list[set[str]], rows: np.ndarray, word: str) -> None:
-    for k in np.flatnonzero(rows):
-        words[k] = words[k] | {word}

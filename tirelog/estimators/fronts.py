@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 
+from tirelog.dsp.sliding import sliding_median
 from tirelog.estimators.fronts_cubic import at_least, crossings
 from tirelog.estimators.fronts_match import matched
 from tirelog.estimators.fronts_samples import flanks_of
@@ -30,6 +30,11 @@ GRAVITY_M_S2 = 9.80665
 FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
 #: passages before and after the middle of the log that the slope is learnt from
 LEARN_FROM = 150
+
+
+#: what is wrong with each passage; most share the one empty set
+Words = list[frozenset[str]]
+NOTHING: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class Fronts:
     exit_rad: FloatArray
     entry_se_rad: FloatArray
     exit_se_rad: FloatArray
-    words: list[set[str]]
+    words: Words
     sign: int
     level_m: float
     gravity: bool
@@ -97,10 +102,12 @@ def find_fronts(channel: Channel, wheel: WheelAngle, radius_m: float, limits: tu
     form = _form(place[n:] - place[:n], np.hypot(se[:n], se[n:]))
     full = np.full((4, expected.size), np.nan)
     full[:, row] = place[:n], place[n:], se[:n] * form, se[n:] * form
-    marks: list[set[str]] = [{"lost_peak"} for _ in expected]
+    marks: Words = [frozenset({"lost_peak"})] * expected.size
     saturated = np.abs(flanks.level[:n]) * flanks.rate[:n] ** 2 > 0.95 * min(-limits[0], limits[1])
     for k, at in enumerate(row):
-        marks[at] = words.get(k, set()) | words.get(n + k, set()) | ({"clipped"} if saturated[k] else set())
+        marks[at] = NOTHING
+        for found in (words.get(k, ()), words.get(n + k, ()), ("clipped",) if saturated[k] else ()):
+            marks[at] = marks[at].union(found) if found else marks[at]
     level = abs(float(np.median(dips.level)))
     return Fronts(expected, full[0], full[1], full[2], full[3], marks, sign, level, gravity, turn)
 
@@ -148,5 +155,5 @@ def _form(width: FloatArray, se: FloatArray) -> FloatArray:
     if scatter.size < 9:
         return np.ones(width.size)
     scatter = np.nan_to_num(scatter, nan=1.0)
-    usual = median_filter(scatter, min(101, scatter.size), mode="reflect")
+    usual = sliding_median(scatter, min(101, scatter.size))
     return np.maximum(np.concatenate([usual[:1], usual, usual[-1:]]), 1.0)

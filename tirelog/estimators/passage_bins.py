@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from tirelog.dsp.angle import AngleFunction
+from tirelog.dsp.sliding import sliding_mean
 from tirelog.recording import Channel, FloatArray, IntArray
 
 DEGREE = np.pi / 180
@@ -134,7 +134,7 @@ def _dips(bins: Bins) -> Dips | None:
         return None
     at = np.arange(m)
     mean, time = np.interp(at, known, bins.mean[known]), np.interp(at, known, bins.time_s[known])
-    lost = uniform_filter1d((bins.count == 0).astype(float), 9) > 0.7
+    lost = sliding_mean((bins.count == 0).astype(float), 9) > 0.7
     ahead, behind = np.minimum(at + 12, m - 1), np.maximum(at - 12, 0)
     rate = (ahead - behind) * DEGREE / np.maximum(time[ahead] - time[behind], 1e-9)
     fast = rate > SLOWEST_rad_s
@@ -144,7 +144,7 @@ def _dips(bins: Bins) -> Dips | None:
     usual = float(np.median(specific[fast & ~lost])) if (fast & ~lost).any() else 0.0
     if usual == 0.0:
         return None
-    q = uniform_filter1d(specific / usual, 3)
+    q = sliding_mean(specific / usual, 3)
     starts, stops = _runs((q < 0.5) & fast & ~lost)
     if starts.size == 0:
         return None

@@ -17,7 +17,7 @@ import numpy as np
 
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.estimators.accelerometer import limits, without_held
-from tirelog.estimators.fronts import Fronts, find_fronts
+from tirelog.estimators.fronts import Fronts, Words, find_fronts
 from tirelog.estimators.wheel_angle import Radius, WheelAngle, encoder_of, rolling_radius
 from tirelog.recording import Channel, FloatArray, IntArray, Recording
 
@@ -57,7 +57,7 @@ class Passages:
     shift_deg: FloatArray
     shift_se_deg: FloatArray
     steady: np.ndarray
-    words: list[set[str]]
+    words: Words
     zero_speed_m_s: float
     remarks: tuple[str, ...] = ()
     without_zero: str = ""
@@ -157,19 +157,16 @@ def _passages(
     margin = 15 / DEG
     low, high = wheel.angle.time_at(middle - margin - 0.3), wheel.angle.time_at(middle + margin + 0.3)
     for row, others in wheel.words(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf)).items():
-        words[row] |= others
-    for k in np.flatnonzero(~found):
-        words[k].add("lost_peak")
+        words[row] |= frozenset(others)
+    mark(words, ~found, "lost_peak")
     reading = np.where(found, middle, np.nan)
     turn, moved, strange = _one_turn(reading, wheel, time)
-    for k in np.flatnonzero(strange):
-        words[k].add("reversing")
+    mark(words, strange, "reversing")
     good = found & np.array([not w for w in words])
     steady = steady_passages(speed, good)
     offset, zero_speed = _zero(turn, speed, time, steady, good, zero)
     if np.isnan(offset):
-        for own in words:
-            own.add("no_zero")
+        mark(words, np.ones(len(words), bool), "no_zero")
     if moved:
         said = [*said, f"channel {wheel.channel}: the tooth count was lost {moved} times; the patch itself gave the whole teeth back"]
     without = _without_zero(zero) if np.isnan(offset) else ""
@@ -181,6 +178,13 @@ def _passages(
         turn + width / 2, width, se, turn - offset, se / 2, steady, words, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, good),
     )  # fmt: skip
+
+
+def mark(words: Words, rows: np.ndarray, word: str) -> None:
+    """Adds a word to the passages `rows` (n,); equal sets are one and the same."""
+    with_it: dict[frozenset[str], frozenset[str]] = {}
+    for k in np.flatnonzero(rows):
+        words[k] = with_it.setdefault(words[k], words[k] | {word})
 
 
 def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, good: np.ndarray) -> FloatArray:
