@@ -41,6 +41,7 @@ def dissipation_of(
     said = False
     for channel, passages in rotating(recording):
         found = dissipation_of_channel(recording, channel, passages, steady_step_m_s, averaged, block_samples)
+        del channel  # before the next one takes its place in memory
         yield replace(found, remarks=()) if said else found
         said = True
 

@@ -34,6 +34,7 @@ def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOC
     like = None
     for channel, passages in rotating(recording):
         found = footprint_of_channel(recording, channel, passages, cutoff, like, block_samples)
+        del channel  # before the next one takes its place in memory
         like = like or found.footprint.learnt  # the first that could be learnt: no channel depends on the order of the others
         yield found
 

@@ -9,7 +9,7 @@ constant acceleration, less what is left of a changing one (`passage_kinematics`
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -69,8 +69,8 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
     }
 
 
-def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[list[Mapping[str, Any]], list[str]]:
-    """(columns of the `speed` table for each channel that tells it, remarks on the whole log).
+def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[Iterable[Mapping[str, Any]], list[str]]:
+    """(columns of the `speed` table for each channel that tells it, made as they are asked for; remarks on the whole log).
 
     Strain channels tell it; without them the encoder; without that the radial acceleration.  `calibrate` takes the rolling radius from
     the log's `vehicle_speed`.  UsageError: no channel tells the speed, or nothing to calibrate against.
@@ -95,9 +95,10 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[list[Ma
             "name one in the setup",
             file=recording.log,
         )
-    found = [find_passages(channel, recording.setup.tire.radius_m) for channel in channels]
+    passages_of = (find_passages(channel, recording.setup.tire.radius_m) for channel in channels)
     if not calibrate:
-        return [speed_columns(recording.log, passages) for passages in found], radius_remarks(recording)
+        return (speed_columns(recording.log, passages) for passages in passages_of), radius_remarks(recording)
+    found = list(passages_of)
     radius = calibrate_radius(references[0], found)
     found = [replace(passages, radius_m=radius.radius_m) for passages in found]
     return [speed_columns(recording.log, passages, radius.radius_se_m) for passages in found], [str(radius)]
