@@ -36,6 +36,7 @@ _TO_HIGH, _HIGH = np.uint64(0x7676767676767676), np.uint64(0x8080808080808080)
 _TENS = (np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0000FFFF0000FFFF), np.uint64(0xFFFFFFFF))
 _10, _100, _10000 = np.uint64(10), np.uint64(100), np.uint64(10_000)
 _8, _16, _32, _63, _NONE, _1, _3 = (np.uint64(k) for k in (8, 16, 32, 63, 0, 1, 3))
+_56, _ONES = np.uint64(56), np.uint64(0x0101010101010101)
 _TOP_BIT, _BELOW, _ALL = np.uint64(1 << 63), np.uint64((1 << 9) - 1), np.uint64(2**64 - 1)
 
 Block = bytes | bytearray
@@ -72,8 +73,19 @@ def digits(word: Whole, count: Whole) -> Whole:
 
 
 @compiled
-def number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole, Whole]:
-    """(m, e, digits before the decimal sign, place behind) of the number at `at`; the place is -1 where there is none, or too many digits.
+def leading_digits(word: Whole) -> Whole:
+    """How many of a word's eight bytes, the lowest first, are ASCII digits before one that is not."""
+    values = word ^ _ZEROS
+    others = ((values + _TO_HIGH) | values) & _HIGH  # above the first one that is no digit, a carry may tell lies
+    if others == _NONE:
+        return np.int64(8)
+    below = ((others & (~others + _1)) - _1) & _ONES
+    return np.int64((below * _ONES) >> _56) - 1
+
+
+@compiled
+def number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole]:
+    """(m, e, place behind) of the number at `at`; the place is -1 where there is none, or too many digits.
 
     Some byte that is no part of a number has to stand behind it.
     """
@@ -96,7 +108,7 @@ def number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole, W
         while data[at] == 48:
             at += 1
     if whole + behind == 0 or 48 <= data[at] <= 57:
-        return np.int64(0), 0, 0, -1
+        return np.int64(0), 0, -1
     e: Whole = -behind
     if data[at] == 69 or data[at] == 101:
         at += 1
@@ -108,9 +120,9 @@ def number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole, W
             power = power * 10 + (np.int64(data[at]) - 48)
             at += 1
         if at == first or at - first == 5:
-            return np.int64(0), 0, 0, -1
+            return np.int64(0), 0, -1
         e += -power if falling else power
-    return -m if negative else m, e, whole, at
+    return -m if negative else m, e, at
 
 
 @compiled

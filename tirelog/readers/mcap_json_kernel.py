@@ -37,7 +37,7 @@ def numbers_between(
             elif at == end or data[at] == 43:
                 return i
             else:
-                m, e, _, stop = number(data, at, 46)
+                m, e, stop = number(data, at, 46)
                 value, good = as_float(m, e, data[at] == 45)
                 if stop < 0 or (slots[k] >= 0 and not good):
                     return i

@@ -5,7 +5,7 @@
     line_ends, collapsed      small helpers
 
 `rows` is guided by the row above: it expects a cell's decimal sign and its end where they stood there, loads the digits as words, and
-checks all of it; only a cell that is written otherwise is read byte by byte.
+checks all of it.  A cell of another length is measured first; only one that is written otherwise is read byte by byte.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tirelog.compiled import compiled
 from tirelog.readers import LOST_COUNT
-from tirelog.readers.digits import EXACT_POWERS, POWERS, WIDE, Bytes, Whole, Words, as_count, as_float, digits, number
+from tirelog.readers.digits import EXACT_POWERS, POWERS, WIDE, Bytes, Whole, Words, as_count, as_float, digits, leading_digits, number
 from tirelog.recording import FloatArray, IntArray
 
 #: what `rows` does with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and byte behind
@@ -91,13 +91,13 @@ def _together(front: Whole, back: Whole, whole: Whole, behind: Whole) -> Whole:
 
 
 @compiled
-def _learnt(what: Whole, places: Whole, whole: Whole, behind: Whole, length: Whole, negative: bool) -> Whole:
-    """`whole` where the row below may be taken for alike, 0 where the cell is not plain digits or its like might not fit the column."""
-    if length != negative + whole + behind + (behind > 0) or not 0 <= behind <= 8 or whole > 8:
-        return 0
+def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
+    """True where a cell of so many digits, before and behind the decimal sign, is read from two words and fits the column."""
+    if not 1 <= whole <= 8:
+        return False
     if what == COUNT:
-        return whole if whole + places <= 9 and behind <= places else 0
-    return whole if what == FLOAT and whole + behind <= 15 else 0
+        return whole + places <= 9 and behind <= places
+    return what == FLOAT and whole + behind <= 15
 
 
 @compiled
@@ -108,7 +108,7 @@ def rows(
     """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
 
     guides  (columns, 8): what, slot in the output, places of counts, whether 0 and -1 are lost, set to 1 where a count could not hold a
-            number; of the row above: digits before (0: unknown) and behind the decimal sign, byte behind the cell
+            number; of a cell above: digits before (0: unknown) and behind the decimal sign, byte behind the cell
     least   cells that a row has to have; `rest` allows cells behind the columns
     begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans: (slots, n, 2)
     hard    (h, 4): row, column, first byte, byte behind of cells that are left to the caller
@@ -126,12 +126,23 @@ def rows(
         for c in range(width):
             what, slot, places = guides[c, _WHAT], guides[c, _SLOT], guides[c, _PLACES]
             whole, behind = guides[c, _WHOLE], guides[c, _BEHIND]
-            if whole > 0 and at < safe and not ended:
+            if at < safe and not ended:
                 negative = data[at] == 45
                 first = at + negative
                 point = first + whole
                 end = point + behind + (behind > 0)
-                if data[end] == guides[c, _END] and (behind == 0 or data[point] == decimal):
+                alike = whole > 0 and data[end] == guides[c, _END] and (behind == 0 or data[point] == decimal)
+                if not alike and COUNT <= what <= FLOAT:  # measured, and taken for the next row's
+                    whole, behind = leading_digits(words[first]), 0
+                    point = first + whole
+                    if data[point] == decimal:
+                        behind = leading_digits(words[point + 1])
+                    end = point + behind + (behind > 0)
+                    last = data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
+                    alike = last and _fits(what, places, whole, behind)
+                    if alike:
+                        guides[c, _WHOLE], guides[c, _BEHIND], guides[c, _END] = whole, behind, data[end]
+                if alike:
                     m = _together(words[first], words[point + 1], whole, behind)
                     if m >= 0:
                         if what == COUNT:
@@ -152,15 +163,11 @@ def rows(
             start = stop = at
             if not ended and COUNT <= what <= TICK:
                 start = _after_blanks(data, at, separator)
-                m, e, whole, stop = number(data, start, decimal)
+                m, e, stop = number(data, start, decimal)
                 if stop >= 0:
                     end = _after_blanks(data, stop, separator)
                     if data[end] == separator or data[end] == 10:
-                        negative, state = data[start] == 45, _NUMBER
-                        plain = (data[stop] == separator) if c + 1 < width else (data[end] == 10 and end - stop <= 1)
-                        guides[c, _WHOLE] = _learnt(what, places, whole, -e, stop - at, negative) if plain else 0
-                        guides[c, _BEHIND], guides[c, _END] = -e, data[stop]
-                        at = end
+                        at, negative, state = end, data[start] == 45, _NUMBER
             if state == _UNREAD:
                 start = _after_blanks(data, at, separator)
                 at = start
@@ -244,7 +251,7 @@ def cells(
         column = cell - first[row]
         wanted = column >= text.size or not text[column]
         if wanted:
-            m, e, _, stop = number(data, start, decimal)
+            m, e, stop = number(data, start, decimal)
         end = _after_blanks(data, max(stop, start), separator)
         if data[end] != separator and data[end] != 10:
             stop = -1

@@ -32,9 +32,10 @@ def plain(plan: Plan, block: Block, at: int) -> tuple[Parsed, int, bool]:
 
     A newline ends the block; `plan.regular` is true.  Lines of `bad_cells` count from 0 at `at`.
     """
-    table = _Table(plan, block, at, set())
-    if table.too_wide:
-        table = _Table(plan, block, at, table.too_wide)
+    table = _Table(plan, block, at)
+    while table.too_wide:
+        plan.uncounted.update(table.too_wide)
+        table = _Table(plan, block, at)
     table.resolve()
     stamps = table.stamps()
     if stamps is not None:
@@ -48,9 +49,9 @@ def plain(plan: Plan, block: Block, at: int) -> tuple[Parsed, int, bool]:
 class _Table:
     """What the compiled pass made of the rows of a block: `size` rows, up to the byte `stop`."""
 
-    def __init__(self, plan: Plan, block: Block, at: int, as_floats: set[int]) -> None:
+    def __init__(self, plan: Plan, block: Block, at: int) -> None:
         self.plan, self.block, self.columns = plan, block, plan.columns
-        self.whats, self.slots = self._roles(as_floats)
+        self.whats, self.slots = self._roles()
         guides = np.zeros((plan.across, kernels.GUIDE), np.int64)
         for k, what in self.whats.items():
             guides[k, :4] = what, self.slots[k], plan.places.get(k) or 0, k in plan.gratings
@@ -72,12 +73,12 @@ class _Table:
         self.hard = hard[:used].copy()
         self.too_wide = {k for k in self.whats if guides[k, kernels.TOO_WIDE]}
 
-    def _roles(self, as_floats: set[int]) -> tuple[dict[int, int], dict[int, int]]:
+    def _roles(self) -> tuple[dict[int, int], dict[int, int]]:
         """What to do with each column that is wanted, and its place among those of its kind."""
         whats = {}
         for k in self.columns.values.values():
             places = self.plan.places.get(k)
-            whats[k] = kernels.COUNT if places is not None and places <= _MOST_PLACES and k not in as_floats else kernels.FLOAT
+            whats[k] = kernels.COUNT if places is not None and places <= _MOST_PLACES and k not in self.plan.uncounted else kernels.FLOAT
         columns = self.columns
         whats |= {k: kernels.SPAN for k in (columns.clock, columns.errors) if k is not None}
         if columns.time is not None:

@@ -81,7 +81,8 @@ class Plan:
 
     `exact` reads a numeric time column as decimals of 1e-9 units, where float64 would round its stamps; `peaks_at` is the first
     column of a flat list of peaks; `gratings` are the columns of wavelengths, where 0 and -1 are lost peaks; `places` are the decimals of
-    the channels' columns (None: written with exponents).
+    the channels' columns (None: written with exponents).  `uncounted` grows: columns that held numbers which no count can hold; it saves
+    work, and the numbers are the same without.
     """
 
     layout: Layout
@@ -91,6 +92,7 @@ class Plan:
     peaks_at: int = 0
     gratings: tuple[int, ...] = ()
     places: Mapping[int, int | None] = field(default_factory=dict)
+    uncounted: set[int] = field(default_factory=set)
 
     @property
     def least(self) -> int:
