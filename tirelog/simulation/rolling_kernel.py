@@ -189,11 +189,16 @@ def touch(
     pressed, stuck = constants[PRESSED] * pitch, constants[BRISTLE] * pitch
     before_depth = before_s = 0.0
     j = (first - 1) % points
+    element, q = j // per, j % per
     for number in range(first, last + 1):
-        j = j + 1 if j + 1 < points else 0
+        # on to the next point, without divisions
+        j, q = j + 1, q + 1
+        if q == per:
+            element, q = element + 1, 0
+        if j == points:
+            j, element = 0, 0
         cos = circle[j, 0] * turn_c - circle[j, 1] * turn_s
         sin = circle[j, 1] * turn_c + circle[j, 0] * turn_s
-        element, q = j // per, j % per
         along = out = 0.0
         if element >= HALF:
             for k in range(LIVING):
