@@ -137,7 +137,7 @@ def traction_waves() -> np.ndarray:
 
 
 def plain_joint(columns, known, wave):
-    """Chi-square of form and wave together, their quadratic terms put back in turns."""
+    """Chi-square of form and wave together, their quadratic terms put back in turns; the solution, and the error of its length column."""
     both = np.column_stack([columns[:, :6], wave])
     weight = np.zeros((7, 7))
     weight[:6, :6] = known_oddness(columns, known, ODD_SD)
@@ -146,7 +146,7 @@ def plain_joint(columns, known, wave):
         solution = np.linalg.solve(both.T @ both + weight, both.T @ (known - columns[:, 6:8] @ quadratic))
         quadratic = np.clip(0.5 * solution[[3, 2]] ** 2 / solution[0], -limit, limit)
     left = known - both @ solution - columns[:, 6:8] @ quadratic
-    return left @ left / SIGMA**2, solution
+    return left @ left / SIGMA**2, solution, SIGMA * np.sqrt(np.linalg.inv(both.T @ both + weight)[3, 3])
 
 
 def test_the_gain_of_a_traction():
@@ -168,23 +168,33 @@ def test_the_gain_of_a_traction():
 
 
 def test_form_and_traction_together():
-    """One turn at a given place: the onset of least chi-square of three about it, and chi-squares of its neighbours."""
+    """From one start: the onset of least chi-square there, and the best of three where that solution puts the form, with its neighbours."""
     table, waves = smooth(8), traction_waves()
     table[:, 5:7] *= 1e-2
     table[:, 7] *= 1e-4
     values, motion = windows(6, 904, table, 0.2 * waves[:, 6])
     shift = np.linspace(-0.002, 0.002, 6)
-    found = onset_rows(values, motion, table, GRID, waves, 1, shift, np.zeros(0), 1, SIGMA, ODD_SD, SCATTER)
+    starts = np.array([0.0, 1e4])  # the second is outside of the window
+    found = onset_rows(values, motion, table, GRID, waves, 1, shift, starts, 1, SIGMA, ODD_SD, np.inf)
+    at = GRID[0] + GRID[1] * np.arange(601)
+
+    def tried(row, place, onsets):
+        columns, known, xi, _ = design(values[row], motion[row], table, 1.0, 7, GRID[3] + place)
+        return [plain_joint(columns, known, np.interp(xi, at, waves[:, k])) for k in onsets], known.size
+
     for row in range(6):
-        columns, known, xi, _ = design(values[row], motion[row], table, 1.0, 7, GRID[3] + shift[row])
-        at = GRID[0] + GRID[1] * np.arange(601)
-        plain = [plain_joint(columns, known, np.interp(xi, at, wave)) for wave in waves.T]
-        best = int(np.argmin([chi2 for chi2, _ in plain]))
-        assert found[row, 0] == best
-        middle = int(found[row, 1])
-        expected = [plain[k][0] / SCATTER**2 for k in (middle - 1, middle, middle + 1)]
-        np.testing.assert_allclose(found[row, 2:5], expected, rtol=1e-6)
-        assert found[row, 5] == pytest.approx(plain[best][1][3] / plain[best][1][0], rel=1e-5)
+        plain, _ = tried(row, shift[row], range(11))
+        rough = int(np.argmin([one[0] for one in plain]))
+        own = plain[rough][1][2] / plain[rough][1][0]
+        near = np.clip(np.arange(rough - 1, rough + 2), 0, 10)
+        plain, used = tried(row, shift[row] + own, near)
+        best = int(np.argmin([one[0] for one in plain]))
+        assert found[row, 0] == near[best]
+        assert found[row, 1] == near[1]
+        np.testing.assert_allclose(found[row, 2:5], [chi2 for chi2, _, _ in plain], rtol=1e-5)
+        np.testing.assert_allclose(found[row, 5:8], [whole[3] / whole[0] for _, whole, _ in plain], rtol=1e-4)
+        chi2, whole, error = plain[best]
+        np.testing.assert_allclose(found[row, 8:], [chi2, whole[3] / whole[0], error / abs(whole[0]), used], rtol=1e-4)
 
 
 @pytest.mark.parametrize("z", [0.02, 0.9, 3.2, 4.4934, 15.9, 16.1, 60.0])

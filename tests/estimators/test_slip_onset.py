@@ -43,6 +43,16 @@ def test_the_onset_is_found_where_p2_puts_it(drive, radius_m, speed, slip):
     assert np.nanmedian(found.length_m[slipping]) == pytest.approx(0.11, rel=0.015)
 
 
+@pytest.mark.parametrize(("speed", "slip"), [(12.0, 0.3), (12.0, -0.3), (20.0, 0.3), (8.0, -0.2)])
+def test_strong_traction_does_not_move_the_length(drive, radius_m, speed, slip):
+    """Traction bends the strain as much as the patch does (a fit without it is 13 % off): the length stands, and its error says how well."""
+    found, slipping, _, onset = mixed(drive, radius_m, speed, slip, 1630)
+    error = found.length_m[slipping] - 0.11
+    assert abs(np.nanmedian(error)) < 0.01 * 0.11
+    assert np.mean(np.abs(error) < found.length_se_m[slipping]) > 0.6
+    assert np.nanmedian(found.slip.onset_m[slipping]) == pytest.approx(onset, abs=0.001)
+
+
 def test_slip_too_small_to_tell_has_a_reason_and_stays_ok(drive, radius_m):
     found, slipping, _, _ = mixed(drive, radius_m, 14.0, 0.0003, 1610)
     assert not np.isfinite(found.slip.onset_m).any()

@@ -15,12 +15,15 @@ import numpy as np
 
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.estimators.footprint_fit import PassageFits
+from tirelog.estimators.footprint_kernel import FITTED
 from tirelog.estimators.footprint_learn import Learnt, learn_reference
 from tirelog.estimators.footprint_measure import Measured, measure
 from tirelog.estimators.passages import Passages
 from tirelog.estimators.slip_onset import SlipOnset
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
+#: error of a length whose traction leaves a share of the misfit: this many times the share's root of what the traction has moved it
+UNEXPLAINED = 2.0
 #: fewer samples between the edges than this cannot tell a length
 LEAST_SAMPLES = 4
 
@@ -79,6 +82,14 @@ def footprint(
     return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)
 
 
+def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArray:
+    """Error of a length with traction from what the traction leaves unexplained: so much of what it has moved the length by."""
+    free = np.maximum(fits.used - FITTED, 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = (slip.left - free) / np.maximum(fits.chi2 * free / scatter**2 - free, 1.0)
+        return UNEXPLAINED * np.sqrt(np.clip(share, 0.0, 1.0)) * np.abs(slip.length_m - fits.length_m)
+
+
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
     """Time from the patch centre at which the distance is `xi_m`; NaN where the wheel stops before."""
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -102,11 +113,11 @@ def _assembled(
     if learnt is not None and n:
         scatter = learnt.scatter(fits.chi2)
         reference_se, form_se = learnt.length_errors(speed)
-    noise_se = np.sqrt(
-        (fits.length_se_m * scatter) ** 2 + reference_se**2 + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
-    )
-    slipping = np.isfinite(work.slip.length_m)
-    length = np.where(slipping, work.slip.length_m, fits.length_m)
+    slip = work.slip
+    slipping = np.isfinite(slip.length_m)
+    length = np.where(slipping, slip.length_m, fits.length_m)
+    own_se = np.where(slipping, np.hypot(slip.length_se_m, _unexplained(fits, slip, scatter)), fits.length_se_m * scatter)
+    noise_se = np.sqrt(own_se**2 + reference_se**2 + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2)
     half = 0.5 * length
     with np.errstate(invalid="ignore"):
         entry = passages.time_s + _time_at(fits.shift_m - half, speed, acceleration)

@@ -28,6 +28,10 @@ ROUNDS = 4
 MOST_BEND = 1.1e-4
 #: a traction of which the passage's other columns leave less than this share cannot be told from them; turns of its quadratic terms
 LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
+#: a joint solution is trusted this share of the starts' spacing about where the form was put; beyond, its cost grows with this power
+TRUST, FAR = 0.5, 4
+#: starts that are followed to their end at most
+ATTEMPTS = 8
 #: a turn of the joint fit moves the form by no more than this [m]
 MOST_SHIFT = 0.01
 
@@ -306,11 +310,13 @@ def traction_gains(
 
 @compiled
 def _joint(
-    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray, sigma: float, odd_sd: float, least: FloatArray,
-    best: FloatArray,
+    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray, sigma: float, odd_sd: float, trust_m: float,
+    told: FloatArray, best: FloatArray,
 ) -> int:  # fmt: skip
-    """Form and traction together by least squares for each onset in `tried`: squared residual over sigma^2 into `least`, coefficients of
-    the best (the form's FITTED, the traction's) into `best`; the place of the best in `tried`."""
+    """Form and traction together by least squares for each onset in `tried`: squared residual over sigma^2, length over height and its
+    standard error into `told` (t, 3), coefficients of the best (the form's FITTED, the traction's) into `best`; its place in `tried`.
+
+    What the columns say further than `trust_m` from where the form was put is not to be believed: such a solution costs more."""
     gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
     bends, whole, along, moved = np.empty((3, OWN)), np.empty(FITTED), np.empty(FITTED), np.empty(OWN)
     wave, wide = np.empty(used), gram.shape[0] - 1
@@ -318,7 +324,7 @@ def _joint(
     _own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         _apply(inverse, gram[column], bends[k])
-    rough, top = abs(bends[0, HEIGHT]), 0
+    rough, top, lowest = abs(bends[0, HEIGHT]), 0, np.inf
     for t in range(tried.size):
         _wave(waves, tried[t], place, used, wave)
         own, right, free = _beside(columns, wave, used, inverse, along, moved)
@@ -336,9 +342,12 @@ def _joint(
         left = _quadratic_form(gram, wide, whole) - 2.0 * size * right + size**2 * own
         for i in range(FITTED):
             left += 2.0 * size * along[i] * whole[i]
-        least[t] = left / sigma**2
-        if t == 0 or least[t] < least[top]:
-            top = t
+        told[t, 0] = left / sigma**2
+        told[t, 1] = whole[LENGTH] / whole[HEIGHT]
+        told[t, 2] = sigma / abs(whole[HEIGHT]) * np.sqrt(inverse[LENGTH, LENGTH] + moved[LENGTH] ** 2 / free)
+        cost = told[t, 0] * max(abs(whole[SHIFT] / whole[HEIGHT]) / trust_m, 1.0) ** FAR
+        if t == 0 or cost < lowest:
+            top, lowest = t, cost
             for i in range(FITTED):
                 best[i] = whole[i]
             best[FITTED] = size
@@ -346,49 +355,59 @@ def _joint(
 
 
 @compiled
-def _own_shift(whole: FloatArray) -> float:
+def _own_shift(whole: FloatArray, most: float) -> float:
     """How far a joint solution moves the form on."""
     shift = whole[SHIFT] / whole[HEIGHT]
-    return 0.0 if np.isnan(shift) else min(max(shift, -MOST_SHIFT), MOST_SHIFT)
+    return 0.0 if np.isnan(shift) else min(max(shift, -most), most)
 
 
 @compiled
 def onset_rows(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, fine: int, shift_m: FloatArray,
-    starts_m: FloatArray, turns: int, sigma: float, odd_sd: float, scatter: float,
+    starts_m: FloatArray, turns: int, sigma: float, odd_sd: float, enough: float,
 ) -> FloatArray:  # fmt: skip
-    """Form and traction of each row, the form put first where `shift_m` (n,) says, with `starts_m` about it tried, then where the best
-    joint solution moves it, `turns` times; onsets are every `fine`-th of `waves` (g, c) first, then those about the best.
+    """Form and traction of each row, the form put first where `shift_m` (n,) says, with the evenly spaced `starts_m` about it tried and
+    every `fine`-th of the onsets of `waves` (g, c); from the best of these, and from the next best ones while more than `enough` squared
+    sigmas a sample are left, the form is put `turns` times where the joint solution moves it, with onsets about the best.
 
-    (n, 6): number of the best onset, of the onset in the middle of three, squared residual over (sigma scatter)^2 at those, and the
-    length's coefficient over the height's; NaN where there are too few samples or the form is not upright.
+    (n, 12): number of the best onset, and of the onset in the middle of three; squared residual over sigma^2 at those; length over height
+    at those; the best's squared residual, length over height, and its error; samples used.  NaN: too few, or the form is not upright.
     """
-    out = np.full((values.shape[0], 6), np.nan)
+    out = np.full((values.shape[0], 12), np.nan)
     columns, place = np.empty((values.shape[1], FITTED + 1)), np.empty(values.shape[1])
     wide, coarse, near = table.shape[1], np.arange(0, waves.shape[1], fine), np.arange(-fine, fine + 1)
-    least, best, at = np.empty(max(coarse.size, near.size)), np.empty(FITTED + 1), grid.copy()
+    tried = near.copy()
+    told, best, at = np.empty((max(coarse.size, near.size), 3)), np.empty(FITTED + 1), grid.copy()
+    cost, onset, moved = np.empty(starts_m.size), np.zeros(starts_m.size, np.int64), np.empty(starts_m.size)
+    trust_m = TRUST * (starts_m[1] - starts_m[0])
     for row in range(values.shape[0]):
-        shift, lowest, used, top = shift_m[row], np.inf, 0, 0
-        tried = coarse
-        for turn in range(starts_m.size + turns):
-            trial = turn < starts_m.size
-            put = shift_m[row] + starts_m[turn] if trial else shift
-            at[3] = grid[3] + put
-            used, _ = _look_up(values[row], window[row], table, at, 1.0, wide - 1, wide, columns, place)
-            top = _joint(columns, place, used, waves, tried, sigma, odd_sd, least, best)
-            if trial and least[top] < lowest:
-                lowest, shift = least[top], put + _own_shift(best)
-            elif not trial and turn < starts_m.size + turns - 1:
-                shift += _own_shift(best)
-                chosen = tried[top]
-                tried = near.copy()
+        for attempt in range(starts_m.size + ATTEMPTS):
+            rough, k = attempt < starts_m.size, attempt
+            if not rough:
+                k = int(np.argmin(cost))
+                cost[k] = np.inf
+            shift = shift_m[row] + starts_m[k] if rough else moved[k]
+            chosen, used, top = int(onset[k]), 0, 0
+            for turn in range(1 if rough else turns):
+                at[3] = grid[3] + shift
+                used, _ = _look_up(values[row], window[row], table, at, 1.0, wide - 1, wide, columns, place)
                 for t in range(near.size):
                     tried[t] = min(max(chosen + near[t], 0), waves.shape[1] - 1)
-        if used < FITTED or not best[HEIGHT] > 0.0:
-            continue
-        middle = min(max(top, 1), near.size - 2)
-        out[row, 0], out[row, 1] = tried[top], tried[middle]
-        for k in range(3):
-            out[row, 2 + k] = least[middle - 1 + k] / scatter**2
-        out[row, 5] = best[LENGTH] / best[HEIGHT]
+                now = coarse if rough else tried
+                top = _joint(columns, place, used, waves, now, sigma, odd_sd, trust_m, told, best)
+                chosen = int(now[top])
+                if rough or turn < turns - 1:
+                    shift += _own_shift(best, trust_m)
+            if rough:
+                far = max(abs(best[SHIFT] / best[HEIGHT]) / trust_m, 1.0)
+                cost[k], onset[k], moved[k] = told[top, 0] * far**FAR, chosen, shift
+                if used <= FITTED or np.isnan(cost[k]):
+                    cost[k] = np.inf
+            elif used > FITTED and best[HEIGHT] > 0.0 and not out[row, 8] <= told[top, 0]:
+                middle = min(max(top, 1), near.size - 2)
+                out[row, 0], out[row, 1], out[row, 11] = chosen, tried[middle], used
+                for c in range(3):
+                    out[row, 2 + c], out[row, 5 + c], out[row, 8 + c] = told[middle - 1 + c, 0], told[middle - 1 + c, 1], told[top, c]
+            if not rough and out[row, 8] < enough * used:
+                break
     return out

@@ -33,8 +33,10 @@ LEAST_GAIN = 20.0
 LEAST_EXCESS = 5.0
 #: weak knowledge of damping and tilt beside a traction; turns of the joint fit (each puts the form anew)
 JOINT_ODD_SD, TURNS = 0.1, 4
+#: squared sigmas a sample that a joint fit may leave before another start is followed, and up to which its onset is believed
+ENOUGH, WORST_LEFT = 1.6, 6.0
 #: where the form is put first, as shares of the half length beside its fit without traction
-START_SHIFTS = (-0.16, -0.08, 0.0, 0.08, 0.16)
+START_SHIFTS = tuple(0.025 * k for k in range(-12, 13))
 #: an onset is not told better than this share of the half length
 LEAST_ERROR = 0.015
 #: and its standard error must be below this share of the half length
@@ -47,16 +49,20 @@ SPEED_UNKNOWN, WORST_SPEED = "speed_uncertain", 0.002
 @dataclass(frozen=True)
 class SlipOnset:
     """One row a passage, shape (n,): `onset_m` (entry -L .. exit +L) and `onset_se_m`, NaN without one; `reason` why not, '' where there is
-    one; `length_m`: the contact length with the traction taken into account, NaN where there is none to see."""
+    one; `length_m`, `length_se_m`: the contact length with the traction taken into account, NaN where there is none to see; `left`: squared
+    sigmas of misfit that it leaves."""
 
     onset_m: FloatArray
     onset_se_m: FloatArray
     length_m: FloatArray
+    length_se_m: FloatArray
+    left: FloatArray
     reason: NDArray[np.object_]
 
     @classmethod
     def none(cls, n: int, reason: str = NO_FORM) -> SlipOnset:
-        return cls(np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan), np.full(n, reason, object))
+        nan = [np.full(n, np.nan) for _ in range(5)]
+        return cls(nan[0], nan[1], nan[2], nan[3], nan[4], np.full(n, reason, object))
 
     def put(self, rows: IntArray, other: SlipOnset) -> None:
         """Write the rows of `other` at the ordinals `rows`."""
@@ -106,19 +112,39 @@ class Tractions:
         """Slip onsets of rows whose residual has room for one; `shift_m` (n,): where their fits put the form beside its own place."""
         L, onsets = self.half_length_m, onset_grid(self.half_length_m)
         starts = np.array(START_SHIFTS) * L
-        best, middle, a, b, c, longer = onset_rows(
-            windows.values, motion, self.table, self.grid, self.waves, FINE, shift_m, starts, TURNS, sigma, JOINT_ODD_SD, self.scatter
+        found = onset_rows(
+            windows.values,
+            motion,
+            self.table,
+            self.grid,
+            self.waves,
+            FINE,
+            shift_m,
+            starts,
+            TURNS,
+            sigma,
+            JOINT_ODD_SD,
+            ENOUGH * self.scatter**2,
         ).T
+        best, middle, (a, b, c), (shorter, _, longer), (left, length, length_se, used) = (
+            found[0],
+            found[1],
+            found[2:5],
+            found[5:8],
+            found[8:],
+        )
+        a, b, c = (part / self.scatter**2 for part in (a, b, c))
         known = np.isfinite(best)
         step, bend = onsets[1] - onsets[0], np.maximum(a - 2.0 * b + c, 1e-300)
         onset = onsets[np.where(known, middle, 0.0).astype(int)] + np.clip(0.5 * (a - c) / bend, -0.5, 0.5) * step
         error = np.maximum(step * np.sqrt(2.0 / bend), LEAST_ERROR * L)
         reason = np.full(best.size, "", object)
-        reason[error > WORST_ERROR * L] = TOO_WIDE
+        reason[(error > WORST_ERROR * L) | (left > WORST_LEFT * self.scatter**2 * used)] = TOO_WIDE
         reason[(best == 0) | (best == onsets.size - 1)] = AT_EDGE
         reason[~known] = NO_FORM
         nan = np.where(reason == "", 1.0, np.nan)
-        return SlipOnset(onset * nan, error * nan, 2.0 * (L + longer), reason)
+        length_se = np.hypot(self.scatter * length_se, error * 0.5 * (longer - shorter) / step)
+        return SlipOnset(onset * nan, error * nan, 2.0 * (L + length), 2.0 * length_se, left / self.scatter**2, reason)
 
 
 def worth_a_look(fits: PassageFits, scatter: float) -> NDArray[np.bool_]:
