@@ -121,3 +121,34 @@ def test_a_log_without_teeth_is_lost_and_the_rest_goes_on(logs, tmp_path, capfd)
     assert status == 3
     assert len(rows(out)) == TURNS
     assert "no teeth" in err
+
+
+def test_swapped_channels_are_named_with_the_file(logs, tmp_path, capfd):
+    setup = logs[1].with_suffix(".toml").read_text()
+    for old, new in (("/wheel/encoder", "/x"), ("/wheel/acceleration", "/wheel/encoder"), ("/x", "/wheel/acceleration")):
+        setup = setup.replace(old, new)
+    (tmp_path / "swapped.toml").write_text(setup)
+    status, out, err = command(capfd, logs[1], "--setup", tmp_path / "swapped.toml")
+    assert (status, len(rows(out))) == (2, 0)
+    assert "swapped" in err
+    assert f"tirelog: error: {logs[1]}" in err
+
+
+def test_a_wrong_number_of_steps_is_named_with_the_file(logs, tmp_path, capfd):
+    (tmp_path / "s.toml").write_text(logs[1].with_suffix(".toml").read_text().replace("steps = 48", "steps = 96"))
+    status, _, err = command(capfd, logs[1], "--setup", tmp_path / "s.toml")
+    assert status == 2
+    assert f"error: {logs[1]}: channel encoder: the patch comes every 48.00 steps, not every 96; " in err
+
+
+def test_a_log_driven_fast_only_takes_the_calibrations_zero(logs, tmp_path, capfd):
+    assert command(capfd, logs[0], "--calibrate", tmp_path / "c.toml")[0] == 0
+    fast = write(tmp_path, "fast", ((0, 20), (20, 20)), Tread(seed=8600, shift=lambda v, a: 0.02 * (v - 10)))
+    status, out, err = command(capfd, fast)
+    assert (status, {row["quality"] for row in rows(out)}) == (0, {"no_zero"})
+    assert "--calibration" in err
+    status, out, err = command(capfd, fast, "--calibration", tmp_path / "c.toml")
+    assert (status, {row["quality"] for row in rows(out)}) == (0, {"delay_removed"})
+    assert "zero of the phase shift: the calibration's" in err
+    shifts = [float(row["phase_shift_deg"]) for row in rows(out)]
+    assert abs(np.mean(shifts) - 0.2) < 0.02

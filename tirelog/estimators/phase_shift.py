@@ -18,6 +18,7 @@ import numpy as np
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.estimators.accelerometer import limits, without_held
 from tirelog.estimators.fronts import Fronts, Words, find_fronts
+from tirelog.estimators.phase_shift_doubts import doubts, refuse_swapped
 from tirelog.estimators.wheel_angle import Radius, WheelAngle, encoder_of, rolling_radius
 from tirelog.recording import Channel, FloatArray, IntArray, Recording
 
@@ -26,8 +27,6 @@ DEG = 180 / np.pi
 LOW_SPEED_M_S = 13.0
 #: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many passages, within this range
 STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
-#: level outside over Omega^2 R: beyond these the time axis or a unit is wrong
-LEVEL_RATIO = (0.7, 1.4)
 #: forces do not move the patch's usual place by more than this after a standstill
 ELSEWHERE_DEG = 2.0
 
@@ -84,62 +83,26 @@ def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> I
     accelerometers = recording.of_kind("radial_acceleration")
     if not accelerometers:
         raise SetupError(f"{recording.log}: no radial_acceleration channel; phase-shift needs one and a wheel_encoder; add it to the setup")
-    encoder, wheel = encoder_of(recording)
+    try:
+        encoder, wheel = encoder_of(recording)
+    except DataLoss:
+        refuse_swapped(recording, accelerometers[0], recording.of_kind("wheel_encoder")[0])
+        raise
     radius = rolling_radius(recording, wheel)
     said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
     for channel in accelerometers:
         low, high, share = limits(channel)
         fronts = find_fronts(without_held(channel, low, high), wheel, radius.radius_m, (low, high))
         if fronts is None:
-            raise DataLoss(_no_patch(recording, channel, encoder))
-        said += _doubts(channel, wheel, fronts, radius, share)
+            refuse_swapped(recording, channel, encoder)
+            raise DataLoss(
+                f"channel {channel.name} shows no patch: its signal does not fall below half of its level once a turn; "
+                "check that it is a radial in-tire acceleration and that the wheel turned faster than 2 m/s",
+                file=recording.log,
+            )
+        said += doubts(recording, channel, wheel, fronts, radius, share)
         yield _passages(recording, channel, wheel, radius, fronts, zero, forces, said)
         said = []
-
-
-def _no_patch(recording: Recording, channel: Channel, encoder: Channel) -> str:
-    """Why an accelerometer has no passages; SetupError where the channels look swapped."""
-    from tirelog.dsp.encoder_signal import crossings, probe
-
-    rates = []
-    for one in (channel, encoder):
-        found, size = probe(one.read, one.size), min(one.size, 1 << 20)
-        alive = found.form != "dead"
-        rates.append(sum(piece.size for piece in crossings(one.read, size, one.axis.rate_Hz, found)) if alive else 0)
-    if rates[0] > 6 * rates[1]:
-        raise SetupError(
-            f"{recording.log}: {channel.name} swings like an encoder and {encoder.name} does not: the channels look swapped; "
-            "an encoder swings `steps` times a turn; exchange their sources in the setup"
-        )
-    return (
-        f"{recording.log}: channel {channel.name} shows no patch: its signal does not fall below half of its level once a turn; "
-        "check that it is a radial in-tire acceleration and that the wheel turned faster than 2 m/s"
-    )
-
-
-def _doubts(channel: Channel, wheel: WheelAngle, fronts: Fronts, radius: Radius, share: float) -> list[str]:
-    """Sentences on the whole channel.  SetupError: the patch does not come once in `steps` steps."""
-    said = []
-    turns = fronts.turn_rad / (2 * np.pi)
-    if abs(turns - 1) > 0.01:
-        steps = wheel.steps * turns
-        table = " and the learnt pitch table does not repeat" if any("does not repeat" in remark for remark in wheel.remarks) else ""
-        raise SetupError(
-            f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every {wheel.steps},{table}; "
-            f"the setup's steps must be those of a whole turn; write steps = {round(steps)}"
-        )
-    ratio = fronts.level_m / radius.radius_m
-    if share < 0.01 and not LEVEL_RATIO[0] < ratio < LEVEL_RATIO[1]:
-        said.append(
-            f"channel {channel.name}: the level outside the patch is {ratio:.3g} times Omega^2 R: the sampling rate is wrong by a factor "
-            f"{ratio**0.5:.3g}, or a unit by {ratio:.3g}; angles do not depend on it, speeds do"
-        )
-    if share > 1e-4:
-        said.append(f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits (clipped)")
-    outward = "outward" if fronts.sign < 0 else "inward"
-    gravity = "with" if fronts.gravity else "without"
-    said.append(f"channel {channel.name}: {outward} positive by its level outside the patch, {gravity} gravity")
-    return said
 
 
 def _passages(

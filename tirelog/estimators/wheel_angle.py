@@ -246,8 +246,8 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
     try:
         speeds = recording.of_kind("vehicle_speed")
         return encoders[0], wheel_angle(encoders[0], unit, speeds[0] if speeds else None)
-    except DataLoss as problem:
-        raise DataLoss(problem.message, file=recording.log) from None
+    except (DataLoss, SetupError) as problem:
+        raise type(problem)(problem.message, file=recording.log) from None
 
 
 def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:

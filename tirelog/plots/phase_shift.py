@@ -53,7 +53,7 @@ def _fronts(axes: Axes, logs: Sequence[Passages]) -> None:
     axes.axhline(0.5, color="0.8", lw=0.8)
     axes.set(xlabel="wheel angle from the patch's middle [deg]", ylabel="acceleration / level outside [-]", title="Fronts (P4 Fig. 7)")
     if logs:
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=7, loc="lower left")  # where no front passes
 
 
 def _map(axes: Axes, logs: Sequence[Passages], calibration: Calibration | None, what: str) -> None:

@@ -95,7 +95,7 @@ def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict]:
 
 def phase_shift(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Section:
     """P4 Figs. 8 to 13: phase shift and patch width in time and against speed, raw and cleaned; forces where there is a map."""
-    good = table[table["quality"] == "ok"]
+    good = table[table["quality"].isin(["ok", "delay_removed"])]  # a removed delay is no fault
     figures = [
         Figure("phase-speed", "Speed at the passages", f"Speed against time: {reach(good['speed_m_s'], 'm/s')}.",
                [dots(rows["time_s"], rows["speed_m_s"], name, i) for i, (name, rows) in enumerate(groups(good))],
