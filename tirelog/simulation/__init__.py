@@ -3,9 +3,13 @@
     SCENARIO.toml --load_scenario--> Scenario --simulate--> Simulated --write_log--> LOG, LOG.truth.json, setup
                                                                      --to_recording--> Recording in memory
 
-Nothing here is shared with `tirelog.physics`, and neither imports the other: the carcass stands on a fine closed grid as
-difference operators (order eight), contact is one-sided by an active set, sensors and drive are sampled from that.  P1 to P4 are the
-papers of the README.
+Nothing here is shared with `tirelog.physics`, and neither imports the other.  Two kinds of truth:
+
+    beam, ring      steady at every instant (`World`): a fine closed grid with difference operators (order eight), contact by an active set
+    coupled_ring    a tire that moves (`RolledWorld`): finite elements that turn with the belt (`belt`), on a hub, over a road (`profile`),
+                    stepped in time (`rolling_kernel`) through the whole log
+
+Sensors and drive are sampled from that.  P1 to P4 are the papers of the README.
 """
 
 from tirelog.simulation.recording import setup_text, to_recording
