@@ -198,4 +198,4 @@ def _rounded(m: Whole, e: Whole) -> tuple[float, bool]:
     power = ((217706 * e) >> 16) + 63 + top - shift - 52
     if power < -1022 or power > 970:
         return np.nan, False
-    return math.ldexp(np.float64(mantissa), power), True
+    return math.ldexp(np.float64(mantissa), int(power)), True
