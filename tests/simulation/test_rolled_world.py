@@ -214,3 +214,30 @@ def test_other_roads(kind: str, tmp_path: Path) -> None:
     assert np.interp(0.58, motion.time_s, risen) == pytest.approx(
         0.002 * (1 - np.cos(2 * np.pi * 5.8 / 3.0)) if kind == "sine" else 0.004, abs=4e-4
     )
+
+
+def test_load_follows_planted_effects() -> None:
+    """`aero_load` F (1 + a (v/30)^2): carried by the road, seen by the hub."""
+    channels = {"load": CHANNELS["load"]}
+    made = simulate(scenario(0.4, 24.0, channels=channels, effects=[{"name": "aero_load", "coefficient": 0.25}]))
+    expected = 3434.0 * (1.0 + 0.25 * (24.0 / 30.0) ** 2)
+    assert made.channels["load"].mean() == pytest.approx(expected, rel=2e-3)
+    assert made.truth["coupled_ring"]["load_carried_N"] == pytest.approx(expected, rel=2e-3)
+    assert [effect["name"] for effect in made.truth["effects"]] == ["aero_load"]
+
+
+def test_standing_start_and_stop() -> None:
+    """The wheel stands, is driven off, brakes and stands again, wound up a little."""
+    parts = [
+        {"duration_s": 0.3, "speed_m_s": 0.0, "regime": "standstill"},
+        {"duration_s": 1.0, "speed_m_s": 2.0, "regime": "drive"},
+        {"duration_s": 1.0, "speed_m_s": 0.0, "regime": "brake"},
+        {"duration_s": 0.4, "speed_m_s": 0.0},
+    ]
+    tire = {**DAMPED, "bristle_stiffness_N_m2": 2e7, "friction": 1.0}
+    made = simulate(scenario(manoeuvres=parts, conditions={"driven": True}, tire=tire, rounding_s=0.2))
+    motion = world(made).motion
+    turned = np.interp([0.0, 0.1, 2.6], motion.time_s, motion.angle_rad) * 0.305
+    assert turned[0] == pytest.approx(turned[1], abs=1e-4)
+    assert turned[2] - turned[0] == pytest.approx(float(world(made).distance(np.array([2.6]))[0]), rel=0.02)
+    assert np.abs(motion.spin_rad_s[(motion.time_s > 2.6)]).max() < 0.1
