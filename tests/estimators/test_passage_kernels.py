@@ -77,13 +77,13 @@ def swings_removed(values, least):
 @given(st.integers(0, 10_000), st.integers(2, 60), st.floats(0.1, 6.0))
 def test_turning_points_are_what_is_left_of_the_swings(seed, size, least):
     values = np.random.default_rng(seed).normal(size=size).cumsum().astype(np.float32)
-    points = np.empty(size + 1, np.int64)
+    points = np.empty(size + 1, np.int32)
     count = turning_points(values, least, points)
     assert points[:count].tolist() == swings_removed(values.astype(float), least)
 
 
 def test_a_plateau_is_one_turning_point_and_still_values_are_none():
-    points = np.empty(9, np.int64)
+    points = np.empty(9, np.int32)
     assert points[: turning_points(np.array([0, 1, 1, 1, 0, 0, 2, 2], np.float32), 0.5, points)].tolist() == [0, 1, 4, 6]
     assert turning_points(np.ones(8, np.float32), 0.0, points) == 0
 

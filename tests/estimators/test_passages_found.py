@@ -78,7 +78,7 @@ def test_the_same_rows_whatever_the_block_size(drive, radius_m, block_samples, m
     whole = find_passages(channel, radius_m)
     # as a long log is read: never held in memory, fitted block by block
     monkeypatch.setattr(passages, "HELD_SAMPLES", 0)
-    monkeypatch.setattr(passage_match, "BLOCK_SAMPLES", block_samples)
+    monkeypatch.setattr(passage_match, "AT_ONCE", block_samples)
     parts = find_passages(channel, radius_m, block_samples)
     for name in ("index", "time_s", "time_se_s", "omega_rad_s", "omega_se_rad_s", "height", "turn_after", "measured"):
         np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))

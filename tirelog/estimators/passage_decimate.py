@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from tirelog.dsp.noise import PIECE_SAMPLES, SampleNoise
 from tirelog.estimators.passage_kernels import bucket_medians, running_medians
-from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
+from tirelog.recording import Channel, FloatArray, IntArray
 
+#: samples read at once: they stay in the cache until they are done with
+AT_ONCE = 1 << 17
 #: length of a bucket [s]: at 25 m/s a patch of 0.1 m takes 4 ms
 BUCKET_S = 1.6e-3
 
@@ -45,7 +47,7 @@ def bucket_samples(rate_Hz: float) -> int:
     return 1 << int(np.log2(samples)) if samples >= 4 else 1
 
 
-def decimate(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) -> Decimated:
+def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Decimated:
     """The channel by buckets, times `sign`.  The buckets lie at fixed samples, whatever `block_samples`.
 
     A bucket is the median of its four quarters' means, of those that are not lost; a bucket of one sample is the median with its

@@ -101,7 +101,7 @@ def running_medians(values: FloatArray, first: int, sign: float, medians: NDArra
 
 
 @compiled
-def turning_points(values: NDArray[np.float32], least: float, points: IntArray) -> int:
+def turning_points(values: NDArray[np.float32], least: float, points: NDArray[np.int32]) -> int:
     """Places of the alternating extremes of `values` whose rises and falls are at least `least`, into `points`; how many.
 
     The first and the last are the extremes before the first and after the last such rise or fall.  Of equal extremes the first counts.

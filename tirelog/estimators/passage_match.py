@@ -11,13 +11,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.estimators.passage_decimate import AT_ONCE
 from tirelog.estimators.passage_fit import Fit, Signal, Start, fit, gather
 from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, may_have_stopped, turns_between
 from tirelog.estimators.passage_learn import learn_template
 from tirelog.estimators.passage_screen import one_turn, screen, usual, width_turns
 from tirelog.estimators.passage_search import Pulses
 from tirelog.estimators.passage_template import Template
-from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
+from tirelog.recording import Channel, FloatArray
 
 #: relative uncertainty of the speed from neighbouring passages, and from a pulse's width
 STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
@@ -136,7 +137,7 @@ def _start(channel: Channel, pulses: Pulses, turned: NDArray[np.bool_] | None = 
 
 def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Template) -> Fit:
     """All rows, a block of the log at a time."""
-    block = np.floor(start.index / BLOCK_SAMPLES)
+    block = np.floor(start.index / AT_ONCE)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]])
     parts = []
     for low, high in pairwise(edges):

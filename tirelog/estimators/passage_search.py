@@ -17,9 +17,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.estimators.passage_decimate import Decimated, decimate
+from tirelog.estimators.passage_decimate import AT_ONCE, Decimated, decimate
 from tirelog.estimators.passage_kernels import half_level, turning_points
-from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
+from tirelog.recording import Channel, FloatArray, IntArray
 
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3
 LEAST_HEIGHT = 0.45
@@ -53,8 +53,8 @@ NO_PULSES = Pulses(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
 
 def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
     """Places of the alternating extremes of `values` whose rises and falls are at least `least`."""
-    points = np.empty(values.size + 1, np.int64)
-    return points[: turning_points(values, least, points)].copy()
+    points = np.empty(values.size + 1, np.int32)
+    return points[: turning_points(values, least, points)].astype(np.int64)
 
 
 def usual_height(heights: FloatArray) -> float:
@@ -93,7 +93,7 @@ def _without_plateaus(values: NDArray[np.float32], peak: IntArray, left: IntArra
     return peak[kept], left[kept], right[kept]
 
 
-def search(channel: Channel, sign: float, block_samples: int = BLOCK_SAMPLES) -> tuple[Pulses, Decimated]:
+def search(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> tuple[Pulses, Decimated]:
     """The pulses of `channel`, and what they were found in.  `sign` turns the patch upward.
 
     Radial acceleration, whose pulses grow with the square of the speed, is searched in units of its level outside the patch.

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.estimators import passage_marks as marks
+from tirelog.estimators.passage_decimate import AT_ONCE
 from tirelog.estimators.passage_fit import Signal
 from tirelog.estimators.passage_kinematics import kinematics, turns_between
 from tirelog.estimators.passage_match import match
@@ -31,8 +32,6 @@ from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, Scaled
 FEWEST = 6
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, 76 MB
 HELD_SAMPLES = 9_500_000
-#: samples read at once into what is held
-HELD_AT_ONCE = 1 << 17
 
 
 @dataclass(frozen=True)
@@ -145,8 +144,8 @@ def held(channel: Channel) -> Channel:
 def _kept(read: Callable[[int, int], NDArray[Any]], size: int) -> Callable[[int, int], NDArray[Any]]:
     """All that `read` gives, from memory; read piece by piece, so that it is there only once."""
     whole = np.empty(size, read(0, min(size, 1)).dtype)
-    for start in range(0, size, HELD_AT_ONCE):
-        whole[start : start + HELD_AT_ONCE] = read(start, min(start + HELD_AT_ONCE, size))
+    for start in range(0, size, AT_ONCE):
+        whole[start : start + AT_ONCE] = read(start, min(start + AT_ONCE, size))
     return lambda start, stop: whole[start:stop]
 
 
@@ -155,7 +154,7 @@ def released(channel: Channel) -> Channel:
     return replace(channel, samples=channel.samples.stored) if isinstance(channel.samples, _Held) else channel
 
 
-def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_SAMPLES) -> Passages:
+def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONCE) -> Passages:
     """The passages of `channel` (strain or radial acceleration), `radius_m` the rolling radius.
 
     The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
@@ -163,9 +162,11 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
     channel = held(channel)
     sign = patch_sign(channel)
     pulses, data = search(channel, sign, block_samples)
+    noise, extremes = data.noise, data.extremes
+    del data  # memory
     if not len(pulses):
-        return _none(channel, radius_m, sign, data.noise)
-    matched = match(Signal(channel, sign, data.noise, data.extremes), pulses)
+        return _none(channel, radius_m, sign, noise)
+    matched = match(Signal(channel, sign, noise, extremes), pulses)
     template, found, omega, time_s = matched.template, matched.fit, matched.start.omega, matched.time_s
     turns = turns_between(time_s, omega)
     turned = matched.backwards[1:] != matched.backwards[:-1]
@@ -183,7 +184,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = BLOCK_
         channel=channel.name,
         radius_m=radius_m,
         sign=sign,
-        noise=data.noise,
+        noise=noise,
         window_rad=window_rad,
         template=template,
         index=index,
