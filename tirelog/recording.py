@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-#: Samples a block, for whoever reads a channel piece by piece (8 MB of float64).
-BLOCK_SAMPLES = 1 << 20
+#: Samples a block, for whoever reads a channel piece by piece (2 MB of float64).
+BLOCK_SAMPLES = 1 << 18
 
 
 @dataclass(frozen=True)

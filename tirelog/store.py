@@ -33,7 +33,7 @@ from tirelog.store_column import Column
 FORMAT_VERSION = 1
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a lost one
 _TWIN_REACH = 4096
-_CACHE_BYTES = 1 << 20  # of each dataset; the default of HDF5 2 is 8 MB, which many channels multiply
+_CACHE_BYTES = 1 << 18  # of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
 
 
 class RunWriter:
