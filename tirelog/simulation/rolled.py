@@ -32,6 +32,8 @@ FloatArray = NDArray[np.float64]
 
 #: the tire rolls on the level so long before anything is kept [s], its hub held by so much of the critical damping
 SETTLING_S, HELD = 0.6, 0.7
+#: damping of the sidewall beside its own meanwhile, in equal parts of that time [N s/m^2]: without it an undamped belt rings from the start
+QUIETED_N_S_M2 = (500.0, 500.0, 300.0, 150.0, 60.0, 20.0, 0.0)
 #: steps that are taken at once
 _BLOCK = 8192
 #: rows of the motion in a period of the fastest sampling, at least
@@ -122,10 +124,7 @@ class RolledWorld(World):
         at_rest = self.standing
         speed = float(self._way.speed_at(np.array(start)))
         tire = RollingTire(self.belt, self.profile, at_rest, speed_m_s=speed, distance_m=float(self.distance(np.array(start))), step_s=step)
-        tire.damp_hub(self._held(at_rest.hub_z_m))
-        settling = round(SETTLING_S / step)
-        tire.run(self._orders(start + step * np.arange(float(settling))), every=settling)
-        tire.damp_hub(scenario.vehicle.suspension_damping_N_s_m)
+        self._settle(tire, start)
         zero = tire.angle_rad + before * tire.spin_rad_s
         riders = tuple(self._rider(s, -zero - np.radians(s.angle_deg)) for s in riding.values())
         fastest = max(s.sampling_rate_Hz for s in scenario.channels.values())
@@ -141,11 +140,16 @@ class RolledWorld(World):
         motion = Motion.of(-before + step * every * np.arange(table.shape[0]), table)
         return motion, {name: self._place(motion, 3 * k, np.radians(s.angle_deg)) for k, (name, s) in enumerate(riding.items())}
 
-    def _held(self, hub_z_m: float) -> float:
-        """The settling hub's damper: a share of the critical damping of the mass on the standing tire's spring."""
-        scenario = self.scenario
-        spring = scenario.conditions.load_N / max(self.belt.radius_m - hub_z_m, 1e-4)
-        return float(HELD * 2.0 * np.sqrt(spring * (scenario.tire.hub_mass_kg + self.belt.mass_kg)))
+    def _settle(self, tire: RollingTire, start_s: float) -> None:
+        """Rolls for SETTLING_S, belt and hub quieted: the hub by a share of critical damping (its mass on the standing tire's spring)."""
+        scenario, step = self.scenario, self.scenario.step_s
+        spring = scenario.conditions.load_N / max(self.belt.radius_m - self.standing.hub_z_m, 1e-4)
+        tire.damp_hub(float(HELD * 2.0 * np.sqrt(spring * (scenario.tire.hub_mass_kg + self.belt.mass_kg))))
+        parts = np.array_split(np.arange(float(round(SETTLING_S / step))), len(QUIETED_N_S_M2))
+        for damping, part in zip(QUIETED_N_S_M2, parts, strict=True):
+            tire.damp_belt(damping)
+            tire.run(self._orders(np.asarray(start_s + step * part, float)), every=part.size)
+        tire.damp_hub(scenario.vehicle.suspension_damping_N_s_m)
 
     def _rider(self, sensor: Sensor, angle_rad: float) -> Rider:
         """Reads v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle) at a place of the belt."""

@@ -172,6 +172,13 @@ class RollingTire:
         """A damper between the hub and something that stands still above it."""
         self.constants[kernel.HUB_DAMPING] = damper_N_s_m
 
+    def damp_belt(self, damping_N_s_m2: float) -> None:
+        """Damping of the sidewall, radial and tangential, beside the tire's own."""
+        belt, gram = self.belt, self.belt.splines.gram
+        self._stencils[4] = belt.damping + belt.radius_m * damping_N_s_m2 * (gram(0, 0) + gram(1, 1))
+        more = 2.0 * belt.radius_m * belt.splines.first_harmonic * damping_N_s_m2
+        self.constants[kernel.DAMPER] = belt.held[1] + more
+
     def run(self, drive: FloatArray, *, every: int = 1, riders: tuple[Rider, ...] = ()) -> FloatArray:
         """One step a row of `drive` (n, 4): distance [m] at its end, forward acceleration, load, torque.  The kept rows, of the steps'
         begins, shape (ceil(n/every), 9 + readings).  UsageError where the belt leaves what small displacements can say."""
