@@ -32,8 +32,6 @@ LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
 TRUST, FAR = 0.5, 4
 #: starts that are followed to their end at most
 ATTEMPTS = 8
-#: a turn of the joint fit moves the form by no more than this [m]
-MOST_SHIFT = 0.01
 
 
 @compiled

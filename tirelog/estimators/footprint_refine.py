@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tirelog.estimators.edge_shapes import HIGHEST, LOWEST, EdgeShape
 from tirelog.estimators.footprint_fit import shape_table
-from tirelog.estimators.footprint_kernel import HEIGHT, MOST_SHIFT, OWN, SHIFT, class_sums
+from tirelog.estimators.footprint_kernel import HEIGHT, OWN, SHIFT, class_sums
 from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
 from tirelog.recording import FloatArray
@@ -31,6 +31,8 @@ SHARED, TENSION = 3, 6
 PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
 #: weak knowledge of a passage's own damping and tilt
 ODD_SD = 0.5
+#: a round moves a class' form by no more than this [m]
+MOST_SHIFT = 0.01
 #: cells of what is left, and the misfit above which it is more than noise
 CELLS, REMARKABLE = 120, 1.3
 #: passages with more than this times the usual misfit do not belong
