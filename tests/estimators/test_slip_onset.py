@@ -45,7 +45,7 @@ def test_the_onset_is_found_where_p2_puts_it(drive, radius_m, speed, slip):
 
 @pytest.mark.parametrize(("speed", "slip"), [(12.0, 0.3), (12.0, -0.3), (20.0, 0.3), (8.0, -0.2)])
 def test_strong_traction_does_not_move_the_length(drive, radius_m, speed, slip):
-    """Traction bends the strain as much as the patch does (a fit without it is 13 % off): the length stands, and its error says how well."""
+    """Traction bends the strain as the patch does (a fit without it is 13 % off): the length stands, and its error says how well."""
     found, slipping, _, onset = mixed(drive, radius_m, speed, slip, 1630)
     error = found.length_m[slipping] - 0.11
     assert abs(np.nanmedian(error)) < 0.01 * 0.11
