@@ -127,7 +127,10 @@ PIECE = st.one_of(
 )
 
 
-@given(st.lists(st.lists(PIECE, min_size=1, max_size=5), min_size=1, max_size=30), st.integers(0, 2))
+ROW = st.one_of(st.lists(PIECE, min_size=3, max_size=3), st.lists(PIECE, min_size=1, max_size=5))
+
+
+@given(st.lists(ROW, min_size=1, max_size=30), st.integers(0, 2))
 @settings(max_examples=300, deadline=None)
 def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], often: int) -> None:
     """Bad rows, bad cells and lost peaks among good rows: both ways agree on samples, on losses and on their lines."""
@@ -182,6 +185,14 @@ def test_a_separator_in_a_cell_that_nobody_wants() -> None:
     parsed = parse(plan, 1, block)
     assert parsed.bad_rows == [(8, "not 4 cells")]
     assert np.isnan(parsed.values[2]).tolist() == [i == 7 for i in range(20)]
+
+
+def test_a_bad_cell_behind_a_row_without_a_time_is_told_once() -> None:
+    block = b"0.1,1550.0,0.5\noops,1550.0,0.5\n0.3,1550.0,bad\n"
+    parsed = parse(plan_of(), 5, block)
+    assert parsed.bad_rows == [(6, "no readable time")]
+    assert parsed.bad_cells == [(7, "'bad'")]
+    assert parsed.size == 2
 
 
 @given(st.lists(st.text(alphabet=" \t\rab1.", max_size=8), max_size=6), st.booleans())
