@@ -96,7 +96,7 @@ def named_alone(result: dict[str, Any], effect: str) -> bool:
 
 
 def says_so(result: dict[str, Any], effect: str) -> bool:
-    """One log's answer: the effect is not claimed (nothing, a set, something unknown), and what does not vary is said, with who follows it."""
+    """One log's answer: the effect is not claimed (nothing, a set, unknown), and what does not vary is said, with who follows it."""
     word = {"stiffening": "load", "water_film": "water depth"}[effect]
     unclaimed = result["verdict"] in ("nothing_missing", "ambiguous", "too_few", "unknown")
     same, _, followers = result["note"].partition("What follows them")

@@ -42,8 +42,9 @@ class Seen:
         found, _ = all_signatures(Problem(base.cells, base.white), base.model, candidate_effects(base.model), base.fit.prediction)
         best, _ = assess(base, found)
         self.residual = residual.reshape(-1)
-        self.effects = [a.id for a in best for _ in range(a.projected.shape[-1])]
-        columns = np.concatenate([a.projected.reshape(self.residual.size, -1) for a in best], axis=1)
+        self.effects = [a.id for a in best for _ in a.signature.strengths]
+        projected = [known.without(base.white(a.signature.columns)) for a in best]
+        columns = np.concatenate([x.reshape(self.residual.size, -1) for x in projected], axis=1)
         self.columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         self.manoeuvre = np.repeat(base.cells.manoeuvre, residual.shape[1])
         self.freedom = base.fit.freedom

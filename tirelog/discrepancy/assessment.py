@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tirelog.discrepancy.base import Base
 from tirelog.discrepancy.floor import held_out_losses
 from tirelog.discrepancy.offsets import Nuisance, Offsets
-from tirelog.discrepancy.projection import orthonormal, per_manoeuvre
+from tirelog.discrepancy.projection import per_manoeuvre
 from tirelog.discrepancy.selection import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, Scores, flip_test, gain_and_error
 from tirelog.discrepancy.signatures import Signature
 
@@ -28,8 +28,7 @@ _INVISIBLE = 1e-3
 @dataclass(frozen=True)
 class Assessed:
     """A candidate's best variant: statistic, family-wise p, strengths (k,) of the linear fit, held-out gain with its standard error,
-    removed
-    mean square [unit^2], projected whitened signature (C, m, k)."""
+    removed mean square [unit^2]."""
 
     signature: Signature
     statistic: float
@@ -38,7 +37,6 @@ class Assessed:
     gain: float
     gain_error: float
     removed: float
-    projected: FloatArray
 
     @property
     def id(self) -> str:
@@ -61,7 +59,7 @@ def assess(
     """Every candidate's best variant, by falling statistic; and why some show nothing.  `more`: whitened columns to project out besides."""
     other = nuisance(base, more)
     residual = other.without(base.white(np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)))
-    kept, scores, projected = [], [], []
+    kept, scores = [], []
     reasons: dict[str, str] = {}
     for signature in signatures:
         white = base.white(signature.columns)
@@ -74,32 +72,21 @@ def assess(
         score = per_manoeuvre((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre)
         kept.append(signature)
         scores.append(Scores(score, flat.T @ flat, signature.one_sided))
-        projected.append(left)
     statistic, p = flip_test(scores, base.cells.manoeuvres, seed)
     best: dict[str, int] = {}
     for i, signature in enumerate(kept):
         name = signature.effect.id
         if name not in best or statistic[i] > statistic[best[name]]:
             best[name] = i
-    found = [_assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i]), projected[i], more) for i in best.values()]
+    found = [_assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i])) for i in best.values()]
     tested = {a.id for a in found}
     return sorted(found, key=lambda a: -a.statistic), {k: v for k, v in reasons.items() if k not in tested}
 
 
-def _assessed(
-    base: Base, signature: Signature, scores: Scores, statistic: float, p: float, projected: FloatArray, more: FloatArray | None
-) -> Assessed:
+def _assessed(base: Base, signature: Signature, scores: Scores, statistic: float, p: float) -> Assessed:
     held_white, held_plain = held_out_losses(base.cells, base.white, base.plain, base.fit, signature.columns)
     gain, error = gain_and_error(base.held_white, held_white)
     removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
     total = scores.scores.sum(axis=0)
     strengths = np.linalg.lstsq(scores.gram, total, rcond=1e-8)[0]
-    return Assessed(signature, statistic, p, strengths, gain, error, removed, projected)
-
-
-def cosine(direction: FloatArray, span: FloatArray) -> float:
-    """How much of `direction` (C, m) lies in the span of `span` (C, m, k), both projected and whitened: 0 ... 1."""
-    flat = direction.reshape(-1)
-    basis = orthonormal(span)
-    size = float(np.linalg.norm(flat))
-    return float(np.linalg.norm(basis.T @ flat)) / size if size > 0 and basis.shape[1] else 0.0
+    return Assessed(signature, statistic, p, strengths, gain, error, removed)

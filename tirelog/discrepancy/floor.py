@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from tirelog.discrepancy.cells import Cells
 from tirelog.discrepancy.fitting import Fit
 from tirelog.discrepancy.offsets import Levelled, Nuisance, Offsets
-from tirelog.discrepancy.projection import Normal, solve_scaled
+from tirelog.discrepancy.projection import Normal, in_blocks, side_by_side, solve_scaled
 from tirelog.discrepancy.whitening import Whitener
 from tirelog.errors import ModelError
 
@@ -56,10 +56,13 @@ class Plain:
     def __call__(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) in this metric."""
         flat = x.ndim == 2
-        x = np.where(self.weights[..., None] > 0, (x[..., None] if flat else x), 0.0)
-        along = np.swapaxes(self.direction[..., None], 1, 2) @ x
-        x = (x - self.direction[..., None] @ along) * self.weights[..., None]
+        x = in_blocks(self._of_cells, x[..., None] if flat else x)
         return x[..., 0] if flat else x
+
+    def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
+        weights, direction = self.weights[rows, :, None], self.direction[rows, :, None]
+        x = np.where(weights > 0, x, 0.0)
+        return (x - direction @ (np.swapaxes(direction, 1, 2) @ x)) * weights
 
     def mean_square(self, losses: FloatArray) -> float:
         """Mean square error of a revolution's value above `within`, from sums of squares (M,) of cell means."""
@@ -198,11 +201,11 @@ def held_out_losses(cells: Cells, white: Whitener, plain: Plain, fit: Fit, more:
 
     One step from the fitted point, which is where leaving one manoeuvre out moves it.  `more` (C, m, k) adds columns to the model.
     """
-    columns = fit.jacobian if more is None else np.concatenate([fit.jacobian, more], axis=-1)
+    parts = [fit.jacobian] if more is None else [fit.jacobian, more]
     residual = np.where(np.isfinite(cells.values), cells.values - fit.prediction, 0.0)
     level = np.full_like(cells.phi, float(cells.phi.shape[1] > 1))  # a number per revolution has no offset of its own
     in_white, in_plain = (
-        Levelled.of(metric(columns), metric(residual), metric(level), cells.manoeuvre, cells.log) for metric in (white, plain)
+        Levelled.of(side_by_side(metric, parts), metric(residual), metric(level), cells.manoeuvre, cells.log) for metric in (white, plain)
     )
     solution = in_white.left_out()
     return in_white.loss(*solution), in_plain.loss(*solution)

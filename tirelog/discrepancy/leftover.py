@@ -20,7 +20,7 @@ from tirelog.discrepancy.floor import held_out_losses
 from tirelog.discrepancy.naming import even_share, hats
 from tirelog.discrepancy.offsets import Nuisance
 from tirelog.discrepancy.pressure_shapes import pressure_columns
-from tirelog.discrepancy.projection import per_manoeuvre
+from tirelog.discrepancy.projection import per_manoeuvre, side_by_side
 from tirelog.discrepancy.selection import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, Scores, flip_test, gain_and_error
 
 FloatArray = NDArray[np.float64]
@@ -81,8 +81,15 @@ def _factors(base: Base) -> dict[str, FloatArray]:
     return result
 
 
-def _score(base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray) -> Scores:
-    left = taken.without(base.white(columns))
+def _shapes(base: Base) -> FloatArray:
+    """Free shapes over the angle, (C, m, k)."""
+    phi = base.cells.phi
+    return hats(phi) if phi.shape[1] > 1 else np.ones((*phi.shape, 1))
+
+
+def _score(base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray, factor: FloatArray | float = 1.0) -> Scores:
+    """Evidence for factor x columns, (C, m, k); free shapes are many, so some columns are projected at a time."""
+    left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
     flat = left.reshape(-1, left.shape[-1])
     return Scores(per_manoeuvre((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre), flat.T @ flat)
 
@@ -92,18 +99,19 @@ def describe(base: Base) -> Leftover:
     cells = base.cells
     taken = nuisance(base)
     residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
-    free = hats(cells.phi) if cells.phi.shape[1] > 1 else np.ones((*cells.phi.shape, 1))
-    factors = _factors(base)
-    scores = [_score(base, taken, residual, factor[:, None, None] * free) for factor in factors.values()]
+    factors, free = _factors(base), _shapes(base)
+    scores = [_score(base, taken, residual, free, factor[:, None, None]) for factor in factors.values()]
     statistic, p = flip_test(scores, cells.manoeuvres)
     best = int(np.argmax(statistic))
     name = list(factors)[best]
-    held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, factors[name][:, None, None] * free)
+    free *= factors[name][:, None, None]  # in place: this is what takes most memory of a diagnosis
+    held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
     gain, error = gain_and_error(base.held_white, held_white)
     size = float((base.held_plain - held_plain).sum()) / base.plain.weight
     shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
     if p[best] > ALARM_P or gain < GAIN_SIGMAS * error or size < LEAST_SHARE_OF_FLOOR * base.floor.square:
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
+    free = _shapes(base)
     exponent, in_pressure = _exponent(base, taken, residual, free) if name.startswith("speed") else (None, False)
     if cells.phi.shape[1] == 1:
         return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi)
@@ -119,7 +127,7 @@ def _exponent(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArra
     observable."""
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
     kinds = [free] if free.shape[-1] == 1 else [pressure_columns(base), free]
-    explained = [[_explained(_score(base, taken, residual, speed**e * columns)) for e in FINE_EXPONENTS] for columns in kinds]
+    explained = [[_explained(_score(base, taken, residual, columns, speed**e)) for e in FINE_EXPONENTS] for columns in kinds]
     best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
     return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
 
@@ -133,7 +141,7 @@ def _one_side(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArra
     factor = (base.cells.conditions.speed_m_s / 20.0)[:, None, None] ** exponent
 
     def explains(low: float, high: float) -> float:
-        return _explained(_score(base, taken, residual, factor * free * ((phi >= low) & (phi <= high))[..., None]))
+        return _explained(_score(base, taken, residual, free, factor * ((phi >= low) & (phi <= high))[..., None]))
 
     both, sides = explains(-reach, reach), {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)}
     best, other = sorted(sides, key=lambda name: -sides[name])

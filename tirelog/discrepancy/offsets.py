@@ -22,6 +22,8 @@ IntArray = NDArray[np.int64]
 
 #: columns of which this share of the norm is left beside the offsets are offsets
 _NOTHING = 3e-4
+#: manoeuvres that are left out at a time
+_BLOCK = 32
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ class Offsets:
             return x
         flat = x.ndim == 2
         x = x[..., None] if flat else x
-        x = x - self.direction[..., None] * self.products(x)[self.log][:, None, :]
+        level = self.direction[..., None] * self.products(x)[self.log][:, None, :]
+        x = np.subtract(x, level, out=level)
         return x[..., 0] if flat else x
 
     def fit(self, x: FloatArray) -> FloatArray:
@@ -117,20 +120,24 @@ class Levelled:
         """
         everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)
         of_log = [_sums(x, self.log) for x in everything]
-        others = [x[self.log] - own for x, own in zip(of_log, everything, strict=True)]  # of the same log
-        alone = others[3] <= 1e-12 * self.size
-        others[3] = np.where(alone, 0.0, others[3])
         gram_of_log, right_of_log = _without_offset(*of_log)
-        gram, right = _without_offset(*others)
-        gram = gram + gram_of_log.sum(axis=0) - gram_of_log[self.log]
-        right = right + right_of_log.sum(axis=0) - right_of_log[self.log]
-        whole = self.normal.gram.sum(axis=0) - self.normal.gram
-        seen = np.einsum("mii->mi", gram) > RANK * np.einsum("mii->mi", whole)  # a column that the offsets take whole is none
-        theta = solve_scaled(np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0), np.where(seen, right, 0.0))
-        size = np.where(alone, self.size, others[3])
-        cross = np.where(alone[:, None], self.cross, others[2])
-        level = np.where(alone, self.right, others[4]) - (cross * theta).sum(axis=1)
-        return theta, np.divide(level, size, out=np.zeros_like(level), where=size > 0)
+        whole = (self.normal.gram.sum(axis=0), gram_of_log.sum(axis=0), right_of_log.sum(axis=0))
+        theta, offset = np.empty_like(self.cross), np.empty_like(self.size)
+        for start in range(0, self.size.size, _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            log = self.log[rows]
+            own = [x[rows] for x in everything]
+            others = [x[log] - mine for x, mine in zip(of_log, own, strict=True)]  # of the same log
+            alone = others[3] <= 1e-12 * own[3]
+            others[3] = np.where(alone, 0.0, others[3])
+            gram, right = _without_offset(*others)
+            gram, right = gram + whole[1] - gram_of_log[log], right + whole[2] - right_of_log[log]
+            seen = np.einsum("mii->mi", gram) > RANK * np.einsum("mii->mi", whole[0] - own[0])  # a column that the offsets take is none
+            theta[rows] = solve_scaled(np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0), np.where(seen, right, 0.0))
+            cross = np.where(alone[:, None], own[2], others[2])
+            size, level = np.where(alone, own[3], others[3]), np.where(alone, own[4], others[4]) - (cross * theta[rows]).sum(axis=1)
+            offset[rows] = np.divide(level, size, out=np.zeros_like(level), where=size > 0)
+        return theta, offset
 
     def loss(self, theta: FloatArray, offset: FloatArray) -> FloatArray:
         """Sum of squares of residual - columns theta - offset o in each manoeuvre, (M,)."""

@@ -6,6 +6,7 @@ with before they came here: whitened for significance, plain (shift removed, wei
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,10 @@ IntArray = NDArray[np.int64]
 
 #: singular values below this share of the largest are no directions: EJ, k, mu, y and load share one scale
 RANK = 1e-7
+#: cells that are worked on at a time
+_BLOCK = 32
+#: columns of free shapes that are worked on at a time
+SOME_COLUMNS = 8
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
@@ -34,7 +39,29 @@ def orthonormal(columns: FloatArray) -> FloatArray:
 def without(basis: FloatArray, x: FloatArray) -> FloatArray:
     """x (C, m) or (C, m, k) with its part in the span of `basis` (N, r) taken out."""
     flat = x.reshape(basis.shape[0], -1)
-    return (flat - basis @ (basis.T @ flat)).reshape(x.shape)
+    taken = basis @ (basis.T @ flat)
+    return np.subtract(flat, taken, out=taken).reshape(x.shape)
+
+
+def in_blocks(operator: Callable[[slice, FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """operator(rows, x[rows]) for all cells of x (C, m, k), some at a time: what it needs besides its result stays small."""
+    result = np.empty(x.shape)
+    for start in range(0, x.shape[0], _BLOCK):
+        rows = slice(start, start + _BLOCK)
+        result[rows] = operator(rows, x[rows])
+    return result
+
+
+def side_by_side(metric: Callable[[FloatArray], FloatArray], parts: Sequence[FloatArray]) -> FloatArray:
+    """metric of all columns of the parts (C, m, k), as one array; some columns at a time, since free shapes are many."""
+    result = np.empty((*parts[0].shape[:-1], sum(part.shape[-1] for part in parts)))
+    first = 0
+    for part in parts:
+        for start in range(0, part.shape[-1], SOME_COLUMNS):
+            some = part[..., start : start + SOME_COLUMNS]
+            result[..., first : first + some.shape[-1]] = metric(some)
+            first += some.shape[-1]
+    return result
 
 
 def per_manoeuvre(products: FloatArray, manoeuvre: IntArray) -> FloatArray:

@@ -26,6 +26,7 @@ LEAST_SHARE_OF_FLOOR = 0.05
 FEWEST_MANOEUVRES = 8
 _EXACT = 13
 _RANDOM = 16383
+_BLOCK = 1024
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,10 @@ def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
     if manoeuvres <= _EXACT:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1
         return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
-    signs = np.asarray(np.random.default_rng(seed).integers(0, 2, (_RANDOM + 1, manoeuvres)) * 2.0 - 1.0, dtype=np.float64)
+    random, signs = np.random.default_rng(seed), np.empty((_RANDOM + 1, manoeuvres))
+    for start in range(0, signs.shape[0], _BLOCK):  # row by row, so that the signs are those of one draw
+        block = signs[start : start + _BLOCK]
+        block[:] = random.integers(0, 2, block.shape) * 2.0 - 1.0
     signs[0] = 1.0
     return signs
 

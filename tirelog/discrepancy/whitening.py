@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.cells import Cells
+from tirelog.discrepancy.projection import in_blocks
 
 FloatArray = NDArray[np.float64]
 
@@ -49,12 +50,17 @@ class Whitener:
             return x
         flat = x.ndim == 2
         x = x[..., None] if flat else x
-        x = np.where(self.inverse_sd[..., None] > 0, x * self.inverse_sd[..., None], 0.0)
-        x = x - self.basis @ (self.shrink[..., None] * (np.swapaxes(self.basis, 1, 2) @ x))
+        x = in_blocks(self._of_cells, x)
         for rows, basis, shrink in zip(self.groups, self.group_basis, self.group_shrink, strict=True):
             part = x[rows].reshape(-1, x.shape[-1])
             x[rows] = (part - basis @ (shrink[:, None] * (basis.T @ part))).reshape(rows.size, -1, x.shape[-1])
         return x[..., 0] if flat else x
+
+    def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
+        """The operator of single cells on some of them."""
+        inverse, basis = self.inverse_sd[rows, :, None], self.basis[rows]
+        x = np.where(inverse > 0, x * inverse, 0.0)
+        return x - basis @ (self.shrink[rows, :, None] * (np.swapaxes(basis, 1, 2) @ x))
 
     def with_manoeuvres(self, manoeuvre: NDArray[np.int64], columns: FloatArray, sd: FloatArray) -> Whitener:
         """The same with random effects of manoeuvres: `columns` (C, m, k) in the observable's unit per unit of effect, `sd` (k,)."""
