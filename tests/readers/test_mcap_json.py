@@ -81,3 +81,22 @@ def test_names_and_texts_that_hold_numbers() -> None:
 def test_what_is_no_shape() -> None:
     for text in ("[1, 2]", "7", '{"a": 1, "a": 2}', '{"a": NaN}', '{"a": true}', '{"b": 1}', "{", '{"a": "1"}'):
         assert shape_of(text.encode(), [Want("/t:a", ("a",))]) is None
+
+
+def test_messages_that_look_alike_and_are_not() -> None:
+    good = b'{"a": 1550.5, "n": 17}'
+    shape = shape_of(good, [Want("/t:n", ("n",))])
+    assert shape is not None
+    for bad in (
+        good + b"}",
+        good + good,
+        b'{"a": 1550.5, "n": +17}',
+        b'{"a": 1550.5, "n": nul}',
+        b'{"a": , "n": 17}',
+        b'{"a": 1.5, "n": }',
+        b"",
+    ):
+        assert read_table(table_of([good, bad]), shape) is None
+    columns = read_table(table_of([good, b'{"a": null, "n": -2e1}']), shape)
+    assert columns is not None
+    assert columns[0].values.tolist() == [17.0, -20.0]
