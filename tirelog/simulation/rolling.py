@@ -139,13 +139,13 @@ class RollingTire:
         self._middles = np.stack([np.cos(splines.middle_rad), np.sin(splines.middle_rad)], axis=1)
         self._tread, self._seen = np.zeros((points, 3)), np.zeros(points, np.int64)
         spring, damper = belt.held
-        self.constants = np.zeros(18)
+        self.constants = np.zeros(17)
         self.constants[:8] = (
             belt.radius_m, tire.tread_stiffness_N_m2, tire.bristle_stiffness_N_m2, tire.friction, 2.0 * np.pi * belt.radius_m / points,
             tire.hub_mass_kg, tire.hub_inertia_kg_m2, tire.hub_inertia_kg_m2 + belt.mass_kg * belt.radius_m**2,
         )  # fmt: skip
         self.constants[8:] = (
-            belt.carried, belt.translation, spring, damper, tire.line_mass_kg_m * belt.radius_m * splines.step_rad, belt.mass_kg,
+            belt.carried, belt.translation, spring, damper, tire.line_mass_kg_m * belt.radius_m * splines.step_rad,
             0.0, profile.top_m, profile.amplitude_m, 2.0 * np.pi / profile.wavelength_m,
         )  # fmt: skip
         self.state = np.zeros(9)
