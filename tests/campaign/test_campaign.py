@@ -1,17 +1,24 @@
 """Property: a campaign's result depends on bytes, setups, options and version, and on nothing else."""
 
+import json
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.cli.conftest import SETUP
+from tests.discrepancy.toy import stack
+from tirelog.campaign.folder import folder_at
+from tirelog.campaign.pieces_file import pieces_bytes, read_pieces
 from tirelog.cli import run
+from tirelog.discrepancy.pieces import joined_pieces, pieces_of
 from tirelog.setup import parse_setup
 
 
@@ -117,3 +124,52 @@ def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
     assert [log.setup.conditions.load_N for log in campaign.logs if log.setup] == [3000.0, 3100.0, 3200.0, 3300.0]
     assert parse_setup(campaign.logs[0].setup.text).conditions.load_N == 3000.0
     assert parse_setup(SETUP).channels == campaign.logs[0].setup.channels
+
+
+def test_models_that_come_later_leave_the_tables_as_they_are(manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    call("campaign", "run", manifest, "--quiet")
+    parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
+    assert call("model", "new", "--carcass", "beam", "--setup", tmp_path / "setup.toml", "-o", tmp_path / "beam.toml") == 0
+    manifest.write_text(MANIFEST + '[[models]]\nfile = "beam.toml"\ncommands = ["compare"]\n')
+    assert call("campaign", "run", manifest, "--only", "*run_1*") == 0
+    assert "left to a run without --only" in capfd.readouterr().err
+    assert not (tmp_path / "results" / "models").exists()
+    assert call("campaign", "run", manifest, "--quiet") == 0
+    assert {path: path.stat().st_mtime_ns for path in parts} == parts
+    result = json.loads((tmp_path / "results" / "models" / "beam" / "compare.json").read_text())
+    assert (result["logs"], result["logs_used"], result["cells_used"]) == (4, 4, result["cells"])
+    before = (tmp_path / "results" / "models" / "beam" / "compare.json").stat().st_mtime_ns
+    assert call("campaign", "run", manifest, "--quiet") == 0
+    assert (tmp_path / "results" / "models" / "beam" / "compare.json").stat().st_mtime_ns == before
+    summary = pd.read_csv(tmp_path / "results" / "summary.csv")
+    assert summary["rows"].notna().all()
+
+
+def test_status_and_dry_run_do_not_wait_for_a_run(manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with folder_at(tmp_path / "results").held():
+        assert call("campaign", "status", manifest) == 0
+        assert "4 open" in capfd.readouterr().out
+        assert call("campaign", "run", manifest, "--dry-run") == 0
+        assert capfd.readouterr().out.count("speed, dissipation") == 4
+
+
+def test_logs_that_left_the_manifest_are_named(manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    call("campaign", "run", manifest, "--quiet")
+    (tmp_path / "logs" / "run_3.csv").unlink()
+    assert call("campaign", "run", manifest) == 0
+    assert "does not have: logs_run_3.csv;" in capfd.readouterr().err
+
+
+def test_a_thinned_share_spans_the_speeds_and_files_give_the_same_bits() -> None:
+    pieces = joined_pieces([pieces_of(stack(seed, manoeuvres=12, m=32)) for seed in (1, 2)])
+    again = read_pieces(pieces_bytes(pieces))
+    for f in fields(pieces):
+        if f.name != "conditions":
+            np.testing.assert_array_equal(getattr(again, f.name), getattr(pieces, f.name))
+    few = pieces.thinned(6)
+    assert len(few) == 6
+    assert few.coefficients.shape[0] == few.number.sum()
+    speed, all_speeds = few.conditions.speed_m_s, np.sort(pieces.conditions.speed_m_s)
+    assert np.ptp(speed) > 0.6 * np.ptp(all_speeds)
+    assert set(pieces.thinned(6, turn=1).conditions.speed_m_s) != set(speed)
+    assert pieces.thinned(10**6) is pieces

@@ -16,7 +16,7 @@ from tirelog.discrepancy.pieces import Pieces
 from tirelog.recording import Conditions
 
 #: pieces that a campaign's models work on, all logs together: what keeps them within 400 MB (measured by `benchmarks campaign`)
-MOST_PIECES = 400
+MOST_PIECES = 240
 _WORDS = ("observable", "channel", "surface", "radius_m", "logs")
 
 

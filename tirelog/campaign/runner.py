@@ -99,6 +99,11 @@ def _log_of(name: str) -> str:
     return parts[1].removeprefix("log=") if len(parts) == 3 and parts[0].startswith("table=") else ""
 
 
+def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
+    """Logs whose parts stand in the dataset and that the manifest does not have (any more): whoever reads the dataset reads them too."""
+    return sorted({_log_of(name) for name in ledger.folder.names()} - {log.name for log in campaign.logs} - {""})
+
+
 def _with_tables(entry: Entry, task: Task, before: Entry | None) -> Entry:
     """The outcome of a task that made no tables, since they were there, on top of the one that made them."""
     if task.tables or entry.error or before is None or before.key != entry.key or before.error:

@@ -43,7 +43,7 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Make what is not made yet: every log's tables, then the models over all logs."""
-    from tirelog.campaign.runner import plan, to_do, write_summary
+    from tirelog.campaign.runner import plan, strangers, to_do, write_summary
     from tirelog.campaign.runner import run as carry_out
 
     campaign, ledger = _load(manifest)
@@ -60,6 +60,8 @@ def run(
         failed = [entry for task in tasks if (entry := ledger.entry(task.name)) is not None and (entry.error or entry.losses)]
         if not quiet:
             say(f"note: {len(open_tasks)} of {len(tasks)} logs worked on, {len(tasks) - len(open_tasks)} were done; {summary}")
+            if more := strangers(campaign, ledger):
+                say(f"note: the dataset holds logs that the manifest does not have: {', '.join(more)}; remove their log=... folders")
         unmade = []
         if campaign.models and only is not None and not quiet:
             say("note: models are over the whole campaign; they are left to a run without --only")
