@@ -1,4 +1,4 @@
-"""Fronts of a simulated carcass, whose soft flanks nobody drew for the estimator: the issue's goals at 10 m/s, where the noise tells most."""
+"""Fronts of a simulated carcass, whose soft flanks nobody drew for the estimator: the goals at 10 m/s, where the noise tells most."""
 
 from dataclasses import replace
 

@@ -20,11 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.dsp.encoder_kernel import CHUNK, changes, extremes, finite, places, sides, sliding_maximum, without_spikes
+from tirelog.dsp.encoder_kernel import AROUND, CHUNK, changes, extremes, finite, places, sides, sliding_maximum, without_spikes
 from tirelog.recording import FloatArray, IntArray
 
 #: samples a block: small enough for the second-level cache
 BLOCK = 1 << 17
+#: changes of side on each side that the place of one depends on
+BESIDE = 2 * AROUND + 2
 #: the middle level and the amplitude follow the signal within this time; a slower tooth counts as standstill
 FOLLOW_S = 0.3
 #: longer where the amplitude does not follow the speed, so that a wheel that begins to turn shows a whole swing
@@ -134,11 +136,13 @@ def crossings(read: Read, size: int, rate_Hz: float, found: Probe, block: int | 
         side = sides(x, *_hysteresis(x, rate_Hz, found))
         before, after = changes(side, min(at - low, -1), last if at < low else 0)
         rising = side[after] > 0
-        core = slice(*np.searchsorted(after, [start - low, stop - low]))
-        place = places(x, before, after, slow, found.form == "square")
+        first, end = np.searchsorted(after, [start - low, stop - low])
+        near = slice(max(first - BESIDE, 0), end + BESIDE)
+        place = places(x, before[near], after[near], slow, found.form == "square")[first - near.start : end - near.start]
+        core = slice(first, end)
         if after[core].size:
             at, last = int(after[core][-1]) + low, 1 if rising[core][-1] else -1
-        yield Crossings(place[core] + low, rising[core], holes[(holes >= start - low) & (holes < stop - low)] + low)
+        yield Crossings(place + low, rising[core], holes[(holes >= start - low) & (holes < stop - low)] + low)
 
 
 def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
