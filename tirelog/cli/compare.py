@@ -45,6 +45,7 @@ def stacks_model_and_obstacles(
     """What compare starts from: steady revolutions, the model, and the logs that met an obstacle (their setup has a [road])."""
     from tirelog.cli.transients import parted, watched
     from tirelog.discrepancy import stacks_from_logs
+    from tirelog.discrepancy.transient_learn import held
     from tirelog.physics.model import Model
     from tirelog.physics.user_effects import catalogue_with
 
@@ -54,7 +55,7 @@ def stacks_model_and_obstacles(
     steady, obstacles = parted(stacks, kept)
     for log in obstacles:
         session.note(f"{log.log}: {log.hits_s.size} hits on an obstacle; the revolutions on it are kept apart from the steady ones")
-    return steady, read, obstacles
+    return steady, held(read), obstacles
 
 
 def own_effects(effects: Path | None) -> list[Any]:

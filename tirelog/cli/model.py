@@ -169,10 +169,14 @@ def fit(
     effects: EffectsFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Fit a model's free parameters to all revolutions of the logs, and write the model with values and standard errors."""
-    from tirelog.cli.model_page import fit_page
+    """Fit a model's free parameters to all revolutions of the logs, and write the model with values and standard errors.
+
+    Masses, damping and bristles of a coupled ring are fitted to the obstacles of logs whose setup has a [road].
+    """
+    from tirelog.cli.model_page import fit_page, learned_page
     from tirelog.cli.transients import parted, watched
     from tirelog.discrepancy.stack import stacks_from_logs
+    from tirelog.discrepancy.transient_learn import held, learn, motion_names
     from tirelog.physics.carcass import WAVEFORMS
     from tirelog.physics.fit import fit as fit_model
 
@@ -180,16 +184,24 @@ def fit(
     words = [w for w in nuisances.replace(",", " ").split() if w != "none"] if start.observable in WAVEFORMS else []
     with Session(setup, quiet) as session:
         recordings = session.all_recordings(logs)
-        stacks = []
+        stacks: list[Any] = []
+        obstacles: list[Any] = []
         for name in channel or (None,):
             observable = _observable(recordings, name, start)
             kept: dict[str, Any] = {}
             measured = stacks_from_logs(watched(recordings, observable, name, kept), observable, name)
-            stacks += parted(measured, kept)[0]
-        result = fit_model(start, stacks, nuisances=words, scatter=True)
-        result.model.save(output)
+            steady, met = parted(measured, kept)
+            stacks, obstacles = stacks + steady, obstacles + met
+        result = fit_model(held(start), stacks, nuisances=words, scatter=True)
+        fitted = result.model.with_parameters({name: start.parameters[name] for name in motion_names(start)})
+        learned = learn(obstacles, fitted) if obstacles and motion_names(start) else None
+        (fitted if learned is None else learned.model).save(output)
         if not quiet:
             typer.echo(fit_page(result))
+            if learned is not None:
+                typer.echo(learned_page(learned))
+            elif motion_names(start):
+                say(f"note: {', '.join(motion_names(start))}: told by obstacles alone; no log has a [road] in its setup: kept")
 
 
 def _observable(recordings: list[Any], name: str | None, model: Model) -> str:

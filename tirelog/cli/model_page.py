@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tirelog.discrepancy.transient_learn import Learned
     from tirelog.physics.effects import Effect
     from tirelog.physics.fit import FitResult
     from tirelog.physics.model import Model
@@ -91,6 +92,14 @@ def fit_page(result: FitResult) -> str:
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]
     lines += [f"{name} stands at a bound" for name in result.at_bound]
     return "\n".join([*lines, *result.degenerate])
+
+
+def learned_page(learned: Learned) -> str:
+    """What obstacles told."""
+    found = [learned.model.parameters[name] for name in learned.names]
+    rows = [(p.name, f"{p.value:.6g}", "" if p.se is None else f"+- {p.se:.2g}", _unit(p.unit)) for p in found]
+    less = 100.0 * (1.0 - learned.after / learned.before)
+    return "\n".join([f"{learned.hits} hits on obstacles; the error of the answer to them fell by {less:.0f} %", _aligned(rows)])
 
 
 def effect_page(effect: Effect) -> str:

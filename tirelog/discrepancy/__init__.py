@@ -17,6 +17,10 @@ What flows through it (n revolutions, m angles, C cells, N = C m values, p param
       -> `leftover`   what is left, in physical words;  `separation` the manoeuvre that would part rivals
       -> `results`    Comparison, Diagnosis, Ladder: frozen, JSON-serialisable, with waveforms, bands and maps for plots and pages
 
+Logs that met an obstacle (their setup has a [road]) take a way beside: `transient_log` finds the hits and keeps the disturbed revolutions
+out of the stack, `transient_fit` lays a coupled ring's answer on them, `transient` gives the errors in time and frequency,
+`transient_learn` fits what only a motion tells.
+
 Entry points: `stacks_from_logs(recordings)`, `compare(stacks, model)`, `diagnose(stacks, model)`, `ladder(stacks, model)`.
 A stack with one angle (m = 1) is a number per revolution (patch_length, ...): the same machinery without shift and amplitude.
 

@@ -96,12 +96,18 @@ def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = W
     return _fitted(log, transient, reached, rough_s, window_s)
 
 
+def view_of(log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float) -> View:
+    """The samples from before to after the hit beside the motion."""
+    early = rough_s - _BEFORE * 2.0 * np.pi / log.spin_rad_s
+    rows = (log.time_s >= early) & (log.time_s <= rough_s + window_s)
+    return View(log, transient, reached, rows, alignment(log, transient.model, transient.conditions))
+
+
 def _fitted(log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float) -> Hit:
     turn = 2.0 * np.pi / log.spin_rad_s
-    early = rough_s - _BEFORE * turn
-    rows = (log.time_s >= early) & (log.time_s <= rough_s + window_s)
-    view = _View(log, transient, reached, rows, alignment(log, transient.model, transient.conditions))
-    best = _sought(view, np.arange(early, rough_s + _AFTER * turn, _GRID_S), max(round(_SMOOTH_S * log.rate_Hz), 1))
+    view = view_of(log, transient, reached, rough_s, window_s)
+    times = np.arange(rough_s - _BEFORE * turn, rough_s + _AFTER * turn, _GRID_S)
+    best = _sought(view, times, max(round(_SMOOTH_S * log.rate_Hz), 1))
 
     def left_at(x: FloatArray) -> FloatArray:
         return view.left(best + 1e-3 * float(x[0]), float(x[1]))
@@ -130,7 +136,7 @@ def alignment(log: TransientLog, model: Model, conditions: Conditions) -> float:
     return float(minimize_scalar(left, bounds=(-_ALIGNED_RAD, _ALIGNED_RAD), method="bounded", options={"xatol": 1e-6}).x)
 
 
-def _sought(view: _View, times: FloatArray, width: int) -> float:
+def _sought(view: View, times: FloatArray, width: int) -> float:
     """The time [s] at which the model's answer is most like the measured one."""
     # where the waveform is steep, a wheel that was turned a little off weighs more than the time of the hit
     apart = np.abs(split_turns(view.log.wheel.theta(view.log.time_s[view.rows]))[1]) > _STEEP_RAD
@@ -143,7 +149,7 @@ def _sought(view: _View, times: FloatArray, width: int) -> float:
 
 
 @dataclass(frozen=True)
-class _View:
+class View:
     """The samples `rows` of a log beside a motion that meets the obstacle at `reached` [s]."""
 
     log: TransientLog

@@ -22,6 +22,8 @@ An effect whose strength is zero is skipped: off is the base model to the last b
 Modules: `parameters` a number with unit and bounds; `spectral` Fourier tools and the evaluation at angles; `pressure`, `brush`,
 `contact` the load on the carcass; `beam` (P1, P2), `ring` (P3) its response; `effects` one mechanism per file; `expression` a user's own;
 `pipeline` the stages above; `scalars` the numbers per revolution; `model` the list a person reads; `model_file` its TOML; `fit`.
+A tire that moves in time: `coupled_ring` its equations, `coupled_ring_steady` where a motion begins, `coupled_ring_contact` and
+`coupled_ring_motion` the steps, `road` under it, `coupled_ring_transient` what a model's sensor reads meanwhile, `modes` how it rings.
 
 Orientation: xi [m] and phi = xi / R [rad] grow in the direction in which tread material passes the patch, entry edge at -L, exit edge
 at +L.  Displacement w is positive inward, slip positive in braking, y positive toward the axle (errata).

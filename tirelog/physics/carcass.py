@@ -55,6 +55,8 @@ _COUPLED = (
     _p("bristle_stiffness_N_m2", "N/m^2", "c_x, tread along the road", 1.9e6, 0.0, 1e10, free=False),
     _p("friction", "1", "mu of the bristles on the road", 0.8, 0.0, 5.0, free=False),
 )
+#: What the steady waveform does not tell, or hardly, and a motion does.
+MOTION = (*(p.name for p in _COUPLED), "line_mass_kg_m", "radial_damping_N_s_m2", "tangential_damping_N_s_m2")
 #: Damping [N s/m^2] that a new coupled ring starts with: without any it would ring for ever.
 _ROLLS_WITH = 60.0
 _TREAD = (_p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),)
