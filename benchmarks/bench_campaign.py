@@ -139,7 +139,7 @@ def complete(folder: Path, said: str) -> None:
     print(f"summary: {counts}; named: {len(named)} ({' '.join(sorted(n.removeprefix('broken_') for n in named))})")
     print(f"peak memory of a worker: {summary['peak_memory_MB'].max():.0f} MB")
     for table in TABLES:
-        rows = pd.read_parquet(folder / "results" / f"table={table}", columns=["channel", "revolution", "quality"])
+        rows = pd.read_parquet(folder / "results" / f"table={table}", columns=["log", "channel", "quality"])
         logs = rows.groupby("log", observed=True)["channel"].nunique()
         good = logs[[str(name).startswith("logs_drive") for name in logs.index]]
         print(f"{table:12} {len(rows)} rows, {len(good)} drives of {int(good.min())} channels; ok {(rows['quality'] == 'ok').mean():.3f}")

@@ -66,7 +66,8 @@ def make_tables(task: Task) -> Entry:
             entry.losses = list(recording.losses)
         entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
     except TirelogError as problem:
-        entry.error, entry.exit_status = str(problem), int(problem.exit_status)
+        said = str(problem)  # a shared setup that does not fit this log names itself
+        entry.error, entry.exit_status = said if task.log in said else f"{task.log}: {said}", int(problem.exit_status)
         entry.unwritable = isinstance(problem, OutputError)
     except Exception as problem:  # one log's failure, also a defect of our own, must not stop the campaign
         entry.error, entry.exit_status = (

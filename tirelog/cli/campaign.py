@@ -108,7 +108,8 @@ class _Progress:
         if self.quiet:
             return
         left = (time.monotonic() - self.begun) / finished * (of - finished)
-        outcome = "failed" if entry.error else f"{sum(entry.rows.values())} rows, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
+        made = f"{sum(entry.rows.values())} rows" if entry.rows else "kept for models"
+        outcome = "failed" if entry.error else f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
         line = f"tirelog: {finished}/{of} {entry.log}: {outcome}; {left:.0f} s left"
         sys.stderr.write(f"\r\x1b[K{line}" + ("\n" if finished == of else "") if self.terminal else f"{line}\n")
         sys.stderr.flush()
