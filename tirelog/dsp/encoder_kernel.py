@@ -66,13 +66,14 @@ def without_spikes(high: FloatArray) -> FloatArray:
 def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
     """Largest value within `reach` places on both sides, shape as given: by maxima from the edges of blocks of one window."""
     n, width = values.size, 2 * reach + 1
-    padded = np.full(n + 2 * reach, -np.inf)
-    padded[reach : reach + n] = values
-    ahead, behind, result = padded.copy(), padded.copy(), np.empty(n)
-    for i in range(padded.size):
+    size = n + 2 * reach
+    ahead, behind, result = np.empty(size), np.empty(size), np.empty(n)
+    for i in range(size):  # loops only: every array function that numba has to compile costs memory and time at the first call
+        ahead[i] = behind[i] = values[i - reach] if reach <= i < reach + n else -np.inf
+    for i in range(size):
         if i % width:
             ahead[i] = max(ahead[i - 1], ahead[i])
-    for i in range(padded.size - 2, -1, -1):
+    for i in range(size - 2, -1, -1):
         if (i + 1) % width:
             behind[i] = max(behind[i + 1], behind[i])
     for i in range(n):
@@ -146,13 +147,12 @@ def places(x: FloatArray, before: IntArray, after: IntArray, slow: float, square
 
 
 @compiled
-def _windows(x: FloatArray, coarse: FloatArray, before: IntArray, after: IntArray, slow: float) -> FloatArray:
-    """(5, n): the middle level's crossing between `before` and `after` by a straight line; the middle of the window, k, omega, the sum over
-    the difference, NaN where no sine can be laid."""
+def _windows(x: FloatArray, coarse: FloatArray, before: IntArray, after: IntArray, slow: float) -> tuple[FloatArray, ...]:
+    """(n,) each: the middle level's crossing between `before` and `after` by a straight line; the middle of the window, k, omega, and the
+    sum over the difference, NaN where no sine can be laid."""
     n, total = coarse.size, _sums(x)
     level = _middles(x, total, coarse, before, after, slow)
-    result = np.full((5, n), np.nan)
-    rough = result[0]
+    rough, middle, k_of, omega_of, quotient = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for k in range(n):
         low, high = x[max(before[k], 0)], x[after[k]]
         span = after[k] - before[k]
@@ -163,15 +163,15 @@ def _windows(x: FloatArray, coarse: FloatArray, before: IntArray, after: IntArra
         right = rough[min(k, n - 2) + 1] - rough[min(k, n - 2)]
         half = 0.5 * (left + right) if max(left, right) <= 1.8 * min(left, right) else min(left, right)
         centre, reach = int(rough[k] + 0.5), max(int(WINDOW * half), 1)
+        middle[k] = k_of[k] = omega_of[k] = quotient[k] = np.nan
         near = before[k] >= 0 and after[k] - before[k] < slow and 2.0 < half < slow
         if near and centre >= reach and centre < x.size - reach:
             earlier, later = total[centre] - total[centre - reach], total[centre + reach + 1] - total[centre + 1]
             if later != earlier:
                 omega = np.pi / half
                 area = earlier + later + x[centre] - (2 * reach + 1) * level[k]
-                result[1, k], result[2, k], result[3, k] = centre, reach, omega
-                result[4, k] = area / (later - earlier)
-    return result
+                middle[k], k_of[k], omega_of[k], quotient[k] = centre, reach, omega, area / (later - earlier)
+    return rough, middle, k_of, omega_of, quotient
 
 
 @compiled
