@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.estimators import passage_match, passages
+from tirelog.estimators import held, passage_match
 from tirelog.estimators.passages import Passages, find_passages
 from tirelog.recording import TimeAxis
 
@@ -77,7 +77,7 @@ def test_the_same_rows_whatever_the_block_size(drive, radius_m, block_samples, m
     channel = d.with_values(values)
     whole = find_passages(channel, radius_m)
     # as a long log is read: never held in memory, fitted block by block
-    monkeypatch.setattr(passages, "HELD_SAMPLES", 0)
+    monkeypatch.setattr(held, "HELD_SAMPLES", 0)
     monkeypatch.setattr(passage_match, "AT_ONCE", block_samples)
     parts = find_passages(channel, radius_m, block_samples)
     for name in ("index", "time_s", "time_se_s", "omega_rad_s", "omega_se_rad_s", "height", "turn_after", "measured"):

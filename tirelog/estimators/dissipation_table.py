@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from tirelog.estimators.dissipation import AVERAGED, STEADY_STEP_M_S, Dissipation, dissipation
-from tirelog.estimators.passages import Passages, released
+from tirelog.estimators.held import released
+from tirelog.estimators.passages import Passages
 from tirelog.estimators.speed import begin, speed_words
 from tirelog.estimators.strain_channels import rotating
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray, Recording

@@ -11,7 +11,8 @@ import numpy as np
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.estimators.footprint import Footprint, footprint
 from tirelog.estimators.footprint_learn import Learnt
-from tirelog.estimators.passages import Passages, released
+from tirelog.estimators.held import released
+from tirelog.estimators.passages import Passages
 from tirelog.estimators.speed import begin, speed_words
 from tirelog.estimators.strain_channels import rotating
 from tirelog.recording import BLOCK_SAMPLES, Channel, Recording

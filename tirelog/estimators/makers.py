@@ -125,7 +125,8 @@ class _Made:
 
 def _make(recording: Recording, stored: Channel, wanted: Mapping[str, Options], like: Learnt | None) -> _Made:
     """The tables of one channel."""
-    from tirelog.estimators.passages import find_passages, held
+    from tirelog.estimators.held import held
+    from tirelog.estimators.passages import find_passages
 
     channel = held(stored)
     passages = find_passages(channel, recording.setup.tire.radius_m)

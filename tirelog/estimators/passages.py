@@ -11,7 +11,6 @@ are fitted, a block at a time at places fixed by the passages, so the rows do no
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.estimators import passage_marks as marks
+from tirelog.estimators.held import held
 from tirelog.estimators.passage_decimate import AT_ONCE
 from tirelog.estimators.passage_fit import Signal
 from tirelog.estimators.passage_kinematics import kinematics, turns_between
@@ -26,12 +26,10 @@ from tirelog.estimators.passage_match import match
 from tirelog.estimators.passage_screen import one_turn
 from tirelog.estimators.passage_search import search
 from tirelog.estimators.passage_template import Template
-from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, Scaled
+from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
 #: fewer samples in a window are too few for a waveform
 FEWEST = 6
-#: a channel up to this length is read once and held: an hour at 2.5 kHz, 76 MB
-HELD_SAMPLES = 9_500_000
 
 
 @dataclass(frozen=True)
@@ -118,40 +116,6 @@ def patch_sign(channel: Channel) -> float:
         some = some[np.isfinite(some)]
         return -1.0 if some.size and np.median(some) > 0 else 1.0
     return 1.0 if channel.surface == "inner" else -1.0
-
-
-@dataclass(frozen=True)
-class _Held:
-    """The samples of a channel from memory, and where they were `stored`."""
-
-    values: Callable[[int, int], FloatArray]
-    stored: Callable[[int, int], FloatArray]
-
-    def __call__(self, start: int, stop: int) -> FloatArray:
-        return self.values(start, stop)
-
-
-def held(channel: Channel) -> Channel:
-    """The channel, in memory where it is short: it is gone through more than once.  As it is stored, if it is a run's, which is smaller."""
-    if channel.size > HELD_SAMPLES or isinstance(channel.samples, _Held):
-        return channel
-    stored = channel.samples
-    if isinstance(stored, Scaled):
-        return replace(channel, samples=_Held(replace(stored, raw=_kept(stored.raw, channel.size)), stored))
-    return replace(channel, samples=_Held(_kept(stored, channel.size), stored))
-
-
-def _kept(read: Callable[[int, int], NDArray[Any]], size: int) -> Callable[[int, int], NDArray[Any]]:
-    """All that `read` gives, from memory; read piece by piece, so that it is there only once."""
-    whole = np.empty(size, read(0, min(size, 1)).dtype)
-    for start in range(0, size, AT_ONCE):
-        whole[start : start + AT_ONCE] = read(start, min(start + AT_ONCE, size))
-    return lambda start, stop: whole[start:stop]
-
-
-def released(channel: Channel) -> Channel:
-    """The channel without the memory that `held` took."""
-    return replace(channel, samples=channel.samples.stored) if isinstance(channel.samples, _Held) else channel
 
 
 def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONCE) -> Passages:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tirelog.errors import UsageError
-from tirelog.estimators.passages import Passages, find_passages, held
+from tirelog.estimators.held import held
+from tirelog.estimators.passages import Passages, find_passages
 from tirelog.estimators.speed import STRAIN_KINDS
 from tirelog.recording import Channel, Recording
 

@@ -1,0 +1,63 @@
+"""Property: what is read from a channel in memory is what was stored, to the bit, in as few bytes as its numbers need."""
+
+import numpy as np
+import pytest
+
+from tirelog.estimators import held as module
+from tirelog.estimators.held import held, released
+from tirelog.recording import Channel, Scaled, TimeAxis
+
+LOST = int(np.iinfo(np.int32).min)
+SIZE = 1000
+
+
+def channel(raw: np.ndarray) -> Channel:
+    lost = LOST if raw.dtype.kind == "i" else None
+    return Channel("c", "strain", "", TimeAxis.uniform(raw.size, 100.0), Scaled(lambda a, b: raw[a:b], 1.27e-7, -0.5, lost))
+
+
+def walk(step: int, seed: int) -> np.ndarray:
+    return (15_500_000 + np.cumsum(np.random.default_rng(seed).integers(-step, step + 1, SIZE))).astype(np.int32)
+
+
+def cases() -> dict[str, np.ndarray]:
+    some_lost, ends = walk(30, 1), np.full(SIZE, -7, np.int32)
+    some_lost[[0, 5, 6, 7, 99, 640, SIZE - 1]] = LOST
+    ends[::2] = 65_534 - 7 - 1
+    too_far = ends.copy()
+    too_far[4] += 1
+    return {
+        "near": walk(30, 2), "some_lost": some_lost, "all_lost": np.full(SIZE, LOST, np.int32), "far": walk(3_000_000, 3),
+        "as far as fits": ends, "one too far": too_far, "floats": walk(30, 4) / 3.0,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", cases())
+@pytest.mark.parametrize("piece", [64, 1000, 4096])
+def test_slices_are_those_of_the_stored_channel(name, piece, monkeypatch):
+    monkeypatch.setattr(module, "PIECE", piece)
+    stored = channel(cases()[name])
+    kept = held(stored)
+    random = np.random.default_rng(5)
+    for start, length in [(0, SIZE), (0, 0), (SIZE, 0), (63, 2), (64, 64), *random.integers(0, SIZE, (20, 2)).tolist()]:
+        got, wanted = kept.read(start, start + length), stored.read(start, start + length)
+        np.testing.assert_array_equal(got, wanted)
+        assert got.dtype == wanted.dtype
+    assert released(kept).samples is stored.samples
+    assert held(kept) is kept
+
+
+def test_two_bytes_a_sample_where_they_fit(monkeypatch):
+    monkeypatch.setattr(module, "PIECE", 100)
+    kept: list[int] = []
+    packed = module._packed
+
+    def spied(raw, lost):
+        piece = packed(raw, lost)
+        kept.append(sum(cell.cell_contents.nbytes for cell in piece.__closure__ if getattr(cell.cell_contents, "size", 0) == raw.size))
+        return piece
+
+    monkeypatch.setattr(module, "_packed", spied)
+    held(channel(cases()["some_lost"]))
+    held(channel(cases()["floats"]))
+    assert kept == [200] * 10 + [800] * 10
