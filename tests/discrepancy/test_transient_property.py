@@ -41,6 +41,7 @@ def made(hit_s: float, seed: int, phase: float = 0.7, noise: float = NOISE) -> T
     conditions = replace(conditions, time_s=passages)
     flat = TransientLog(
         "made.csv", "groove", "outer", "strain", 0.305, ROAD, "", conditions, time, np.zeros(time.size), passages,
+        np.arange(passages.size) * 1.0,
         WheelAngle.through(passages), CubicSpline([0.0, 1.0], [0.0, 0.0]), SPIN, np.ones(time.size, bool), np.array([hit_s]), RATE,
     )  # fmt: skip
     transient, reached = motion_at(flat, MODEL, hit_s, 0.5)
@@ -54,7 +55,7 @@ def made(hit_s: float, seed: int, phase: float = 0.7, noise: float = NOISE) -> T
     values = MODEL.predict(transient.conditions, np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)[0]
     inside = (when >= first) & (when <= last)
     values[inside] = transient.sensed("strain", theta, when[inside])
-    flat = replace(flat, passages_s=passages, wheel=WheelAngle.through(passages))
+    flat = replace(flat, passages_s=passages, turns=np.arange(passages.size) * 1.0, wheel=WheelAngle.through(passages))
     values = values + np.random.default_rng(seed).normal(0.0, noise, time.size)
     calm = (time < hit_s - 0.15) | (time > hit_s + 0.65)
     return around(replace(flat, values=values, calm=calm), hit_s)
@@ -133,3 +134,13 @@ def test_a_log_without_an_obstacle_or_without_calm():
     log = made(1.61, 24)
     with pytest.raises(UsageError, match=r"steady revolutions beside the obstacles .*needed .*; give a log"):
         transient_log(*recording(log.values, replace(ROAD, time_s=0.3, spacing_m=0.55 * SPIN * 0.305)))
+
+
+def test_passages_that_an_obstacle_hid_are_counted_on():
+    log = made(1.61, 31)
+    recorded, channel, stack = recording(log.values, ROAD)
+    hidden = (stack.conditions.time_s > 1.6) & (stack.conditions.time_s < 2.2)
+    found = transient_log(recorded, channel, stack.take(~hidden))
+    assert np.diff(found.turns).max() == 1 + hidden.sum()
+    assert found.wheel.theta(np.array([0.7 / SPIN, 2.9]))[1] == pytest.approx(2.9 * SPIN - 0.7, abs=1e-6)
+    assert found.hits_s == pytest.approx([1.61], abs=0.03)

@@ -31,6 +31,8 @@ _SMOOTH_S, _STANDS_OUT = 0.01, 8.0
 _MOST_HITS = 12
 #: A hit closer than this [s] to an end of the log cannot be compared; passages so many turns around it may be disturbed.
 _ROOM_S = 0.1
+#: Revolutions without a passage that may be counted by the speed, and by how much of one the count may be off.
+_LONGEST_GAP, _PLAIN = 20.0, 0.25
 #: Steady rolling nearest to a hit that it is compared with [s].
 _STEADY_S = 4.0
 DISTURBED = (-0.3, 1.2)
@@ -42,7 +44,7 @@ class TransientLog:
     """One channel of one log around its obstacles.
 
     time_s, values  (N,) samples that are there
-    passages_s      (k,), and wheel: theta(t) through those that no obstacle disturbs
+    passages_s      (k,), turns (k,) their numbers, and wheel: theta(t) through those that no obstacle disturbs
     steady          T(phi), of the observable (for an acceleration over (Omega / Omega_0)^2, Omega_0 `spin_rad_s`)
     calm            (N,) True where no obstacle disturbs; hits_s rough times, (h,)
     """
@@ -58,6 +60,7 @@ class TransientLog:
     time_s: FloatArray
     values: FloatArray
     passages_s: FloatArray
+    turns: FloatArray
     wheel: WheelAngle
     steady: CubicSpline
     spin_rad_s: float
@@ -83,7 +86,8 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
     time_s, values = channel.axis.time(), channel.read()
     good = np.isfinite(values)
     time_s, values = time_s[good], values[good]
-    wheel = WheelAngle.through(_unbroken(stack))
+    passages, turns = _numbered(stack)
+    wheel = _wheel(passages, turns)
     inside = (time_s >= wheel.centre_s[0]) & (time_s <= wheel.centre_s[-1])
     time_s, values = time_s[inside], values[inside]
     spin = float(np.median(stack.conditions.speed_m_s)) / stack.radius_m
@@ -98,7 +102,8 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
         conditions=stack.conditions,
         time_s=time_s,
         values=values,
-        passages_s=wheel.centre_s,
+        passages_s=passages,
+        turns=turns,
         wheel=wheel,
         steady=CubicSpline([0.0, 1.0], [0.0, 0.0]),
         spin_rad_s=spin,
@@ -113,11 +118,23 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
     return made
 
 
-def _unbroken(stack: Stack) -> FloatArray:
-    """Times of the longest run of passages one turn apart, (k,)."""
-    cut = np.flatnonzero(np.diff(stack.revolution) != 1) + 1
-    runs = np.split(stack.conditions.time_s, cut)
-    return max(runs, key=len)
+def _numbered(stack: Stack) -> tuple[FloatArray, FloatArray]:
+    """Times and numbers of passages, (k,) each, through stretches where an obstacle hid some: their number follows from the speed.
+
+    Where that is not plain (the wheel stood, or a long gap) the longest stretch is taken.
+    """
+    time = stack.conditions.time_s
+    rate = stack.conditions.speed_m_s / (2.0 * np.pi * stack.radius_m)
+    passed = np.diff(time) * 0.5 * (rate[1:] + rate[:-1])
+    plain = (np.abs(passed - np.round(passed)) < _PLAIN) & (passed < _LONGEST_GAP)
+    runs = np.split(np.arange(time.size), np.flatnonzero(~plain) + 1)
+    longest = max(runs, key=len)
+    steps = np.round(passed[longest[:-1]])
+    return time[longest], np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _wheel(passages_s: FloatArray, turns: FloatArray) -> WheelAngle:
+    return WheelAngle(passages_s, CubicSpline(passages_s, 2.0 * np.pi * turns, bc_type="natural"))
 
 
 def _with_steady(log: TransientLog) -> TransientLog:
@@ -159,7 +176,7 @@ def _smooth_wheel(log: TransientLog, hits_s: FloatArray, turn_s: float) -> Wheel
     if kept.sum() < _FEWEST_STEADY:
         return log.wheel
     times = log.passages_s[kept]
-    return WheelAngle(times, CubicSpline(times, 2.0 * np.pi * np.flatnonzero(kept), bc_type="natural"))
+    return _wheel(times, log.turns[kept])
 
 
 def _hits(log: TransientLog) -> FloatArray:
