@@ -28,3 +28,27 @@ def test_compiled_is_as_plain_python(tmp_path, switch):
     assert compiled.split()[-1] == "True"
     assert plain.split()[-1] == "False"
     assert compiled.split()[:-1] == plain.split()[:-1]
+
+
+def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
+    """numba itself looks at the caller's file alone."""
+    inner, outer = tmp_path / "inner_kernel.py", tmp_path / "outer_kernel.py"
+    head = "from tirelog.compiled import compiled\n"
+    outer.write_text(
+        head
+        + "from inner_kernel import scale\n@compiled\ndef middle(x):\n    return scale(x)\n@compiled\ndef whole(x):\n    return middle(x)\n"
+    )
+    program = "import outer_kernel; print(outer_kernel.whole(2.0), sum(outer_kernel.whole.stats.cache_hits.values()))"
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    def run(factor: float) -> str:
+        text = head + f"@compiled\ndef scale(x):\n    return {factor} * x\n"
+        if not inner.exists() or inner.read_text() != text:
+            inner.write_text(text)
+        return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True).stdout.strip()
+
+    assert run(3.0) == "6.0 0"
+    assert run(3.0) == "6.0 1"
+    assert run(5.0) == "10.0 0"
+    assert run(5.0) == "10.0 1"

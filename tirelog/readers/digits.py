@@ -7,8 +7,6 @@
 Where |m| <= 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or division rounds once, as a correct
 parser does.  Else 128 bits of 5^e decide (D. Lemire, "Number parsing at a gigabyte per second", Software: Practice and Experience 51,
 2021); where even they leave a doubt, or the result is no ordinary number, the caller has to ask a slower parser.
-
-Kernels elsewhere have these functions compiled in, and their caches do not see that this file was edited: delete `__pycache__` after that.
 """
 
 from __future__ import annotations
