@@ -9,7 +9,8 @@ Scenario -> `simulate` -> `Motion`, columns over time.  One step h:
 The kicks on a mode are not h / 2 m but beta and beta', chosen such that a load at rest in space holds the mode at E_n / (Z_n + i n
 Omega c_n) to the last bit: steady rolling is the steady ring at any h, and error is left for transients only (second order in h). The
 spin's momentum J_r Omega + P is what is integrated, so that energy and angular momentum pass between belt and spin as the equations
-say.
+say.  Without damping all energy stays to some 1e-6 over 10 s of rolling; of the energy of the vibration alone a few percent come and go at
+h = 1e-4 and one at 5e-5, since nodes that touch and leave give the force a kink which no order of the step smooths.
 """
 
 from __future__ import annotations
