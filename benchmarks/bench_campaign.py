@@ -122,10 +122,10 @@ def make(folder: Path, logs: int) -> None:
     (folder / "models.toml").write_text(MANIFEST + MODELS)
 
 
-def campaign(manifest: Path, *more: str) -> tuple[Cost, str]:
-    """One run of it, which ends with status 3, and what it said."""
+def campaign(manifest: Path, *more: str, status: int = 3) -> tuple[Cost, str]:
+    """One run of it, which ends with this status, and what it said."""
     said = manifest.with_suffix(".said")
-    command = f'"$@" 2> {said}; test $? = 3'
+    command = f'"$@" 2> {said}; test $? = {status}'
     return cost(["sh", "-c", command, "sh", *TIRELOG, "campaign", "run", str(manifest), *more]), said.read_text()
 
 
@@ -162,6 +162,7 @@ def main() -> None:
         print(
             f"{logs} logs, {logs - 10} drives of {SECONDS} s x 4 gratings at {RATE_HZ} Hz, ten broken; load {os.getloadavg()[0]:.1f} before"
         )
+        campaign(folder / "tables.toml", "--only", "*drive_000*", status=0)  # compiled kernels are kept; a first run compiles them
         walls = {}
         for workers in ("1", "2"):
             shutil.rmtree(folder / "results", ignore_errors=True)
@@ -169,11 +170,11 @@ def main() -> None:
             walls[workers] = taken.wall_s
             print(f"workers {workers}     {taken}")
         print(f"two cores against one: {walls['1'] / walls['2']:.2f} x")
-        complete(folder, said)
         print(f"unchanged     {campaign(folder / 'tables.toml')[0]}")
         print(f"with models   {campaign(folder / 'models.toml', '--workers', '2')[0]}")
-        models(folder)
         print(f"unchanged     {campaign(folder / 'models.toml')[0]}")
+        models(folder)
+        complete(folder, said)  # last: what it imports would count for the processes started here
     finally:
         if not given:
             shutil.rmtree(folder, ignore_errors=True)

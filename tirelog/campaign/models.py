@@ -17,7 +17,7 @@ import hashlib
 import json
 import shlex
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,14 +25,12 @@ from tirelog import __version__
 from tirelog.campaign.folder import json_of
 from tirelog.campaign.ledger import Ledger
 from tirelog.campaign.manifest import Campaign, CampaignModel
-from tirelog.campaign.pieces_file import MOST_PIECES, read_pieces
 from tirelog.campaign.work import Task, pieces_name
-from tirelog.discrepancy import compare, diagnose, ladder
-from tirelog.discrepancy.pieces import Pieces, joined_pieces
 from tirelog.errors import ReadError, TirelogError, UsageError
-from tirelog.physics.model import Model
 
-_COMMANDS: dict[str, Callable[..., Any]] = {"compare": compare, "diagnose": diagnose, "ladder": ladder}
+if TYPE_CHECKING:
+    from tirelog.discrepancy.pieces import Pieces
+
 _LEAST_SHARE = 2
 
 
@@ -48,22 +46,28 @@ def run_models(campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Call
 
 
 def _run(model: CampaignModel, manifest: str, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]) -> None:
-    """One model's results."""
-    read = Model.load(model.file)
-    measured = [
-        task for task in tasks if (entry := ledger.entry(task.name)) and not entry.error and entry.pieces.get(read.observable) == ""
-    ]
+    """One model's results; what is made already is seen without the science."""
+    measured = [t for t in tasks if (entry := ledger.entry(t.name)) and not entry.error and entry.pieces.get(model.observable) == ""]
+    try:
+        text = model.file.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise UsageError(f"cannot be read ({problem}); a model is a TOML file; mend its path in the manifest") from None
     if not measured:
-        raise UsageError(f"no log of the campaign measures {read.observable}, so there is nothing to hold the model against")
-    key = hashlib.sha256(json.dumps([[t.key for t in measured], model.file.read_text(), __version__]).encode()).hexdigest()
+        raise UsageError(f"no log of the campaign measures {model.observable}, so there is nothing to hold the model against")
+    key = hashlib.sha256(json.dumps([[t.key for t in measured], text, __version__]).encode()).hexdigest()
     folder = f"models/{model.file.stem}"
     waiting = [name for name in model.commands if json_of(ledger.folder.read(f"{folder}/{name}.json")).get("key") != key]
     if not waiting:
         return
-    pieces, about = _pieces(measured, read.observable, ledger)
+    from tirelog.discrepancy import compare, diagnose, ladder
+    from tirelog.physics.model import Model
+
+    read = Model.load(model.file)
+    commands: dict[str, Callable[..., Any]] = {"compare": compare, "diagnose": diagnose, "ladder": ladder}
+    pieces, about = _pieces(measured, model.observable, ledger)
     results = {}
     for name in model.commands:
-        results[name] = _COMMANDS[name](pieces, read)
+        results[name] = commands[name](pieces, read)
         said(f"note: {ledger.folder.root}/{folder}/{name}.json" + _outcome(results[name]))
     ledger.folder.check_held()
     ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
@@ -96,6 +100,9 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
 
 def _pieces(tasks: list[Task], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:
     """Each log's share of pieces, and what to say of it."""
+    from tirelog.campaign.pieces_file import MOST_PIECES, read_pieces
+    from tirelog.discrepancy.pieces import joined_pieces
+
     share = max(MOST_PIECES // len(tasks), _LEAST_SHARE)
     most_logs = MOST_PIECES // share
     chosen = sorted({int(i) for i in np.linspace(0, len(tasks) - 1, min(len(tasks), most_logs)).round()})
