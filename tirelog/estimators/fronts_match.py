@@ -140,7 +140,8 @@ def _shifts(channel: Channel, wheel: WheelAngle, flanks: Flanks, form: Form) -> 
             at = u - moved[owner]
             weight, (level, slope) = form.weight(at), form.values(at)
             known = np.bincount(owner, weight * slope**2, group.size)
-            step = -np.bincount(owner, weight * slope * (y - level), group.size) / np.where(known > 0, known, np.nan)
+            known[known == 0] = np.nan
+            step = -np.bincount(owner, weight * slope * (y - level), group.size) / known
             moved += np.clip(step, -LONGEST * DEGREE, LONGEST * DEGREE)
         # a level that is wrong by a share moves the fit by what its form times its slope says
         lever = np.bincount(owner, weight * slope * level, group.size) / known
