@@ -45,8 +45,8 @@ def weights(stack: Stack) -> FloatArray:
 @dataclass(frozen=True)
 class Scatter:
     """Covariances (4, 4) of load, its rise [1/rad] and bend [1/rad^2] over the turn, and baseline (relative; the baseline to the
-    waveform's rms): of a revolution about its manoeuvre, and of manoeuvres; the shapes, (n, m) each, that they belong to; and each revolution's likely load, (n,),
-    less the one predicted with, relative."""
+    waveform's rms): of a revolution about its manoeuvre, and of manoeuvres; the shapes, (n, m) each, that they belong to; and each
+    revolution's likely load, (n,), less the one predicted with, relative."""
 
     shapes: tuple[FloatArray, ...]
     within: FloatArray
