@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.compiled import compiled
 from tirelog.recording import Channel, FloatArray, Scaled
 
 #: a channel up to this length is read once and held: an hour at 2.5 kHz, of a run 19 MB
@@ -23,18 +24,20 @@ HELD_SAMPLES = 9_500_000
 PIECE = 1 << 17
 _MOST = np.iinfo(np.uint16).max - 1
 
-Read = Callable[[int, int], NDArray[Any]]
+Read = Callable[[int, int], FloatArray]
 
 
 @dataclass(frozen=True)
 class _Held:
-    """The samples of a channel from memory, and where they were `stored`."""
+    """The samples of a channel from memory, piece by piece, and where they were `stored`."""
 
-    values: Callable[[int, int], FloatArray]
-    stored: Callable[[int, int], FloatArray]
+    pieces: tuple[Read, ...]
+    stored: Read
 
     def __call__(self, start: int, stop: int) -> FloatArray:
-        return self.values(start, stop)
+        wanted = range(start // PIECE, -(-stop // PIECE))
+        parts = [self.pieces[n](max(start - n * PIECE, 0), stop - n * PIECE) for n in wanted]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.zeros(0)
 
 
 def held(channel: Channel) -> Channel:
@@ -42,9 +45,8 @@ def held(channel: Channel) -> Channel:
     if channel.size > HELD_SAMPLES or isinstance(channel.samples, _Held):
         return channel
     stored = channel.samples
-    if isinstance(stored, Scaled):
-        return replace(channel, samples=_Held(replace(stored, raw=_kept(stored.raw, channel.size, stored.lost)), stored))
-    return replace(channel, samples=_Held(_kept(stored, channel.size, None), stored))
+    pieces = tuple(_piece(stored, start, min(start + PIECE, channel.size)) for start in range(0, channel.size, PIECE))
+    return replace(channel, samples=_Held(pieces, stored))
 
 
 def released(channel: Channel) -> Channel:
@@ -52,31 +54,38 @@ def released(channel: Channel) -> Channel:
     return replace(channel, samples=channel.samples.stored) if isinstance(channel.samples, _Held) else channel
 
 
-def _kept(read: Read, size: int, lost: int | None) -> Read:
-    """All that `read` gives, from memory."""
-    pieces = [_packed(read(start, min(start + PIECE, size)), lost) for start in range(0, size, PIECE)]
+def _piece(stored: Read, start: int, stop: int) -> Read:
+    """The samples [start, stop) from memory, counted from `start`."""
+    if not isinstance(stored, Scaled):
+        values = stored(start, stop)
+        return lambda a, b: values[a:b]
+    raw = stored.raw(start, stop)
+    packed = None if stored.lost is None else _packed(raw, stored.lost)
+    if packed is None:
+        return replace(stored, raw=lambda a, b: raw[a:b])
+    short, least = packed
+    scale, offset = stored.scale, stored.offset
 
-    def kept(start: int, stop: int) -> NDArray[Any]:
-        first = start // PIECE
-        parts = [
-            piece(max(start - n * PIECE, 0), stop - n * PIECE) for n, piece in enumerate(pieces[first : -(-stop // PIECE)], start=first)
-        ]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else read(0, 0)
+    def counts(a: int, b: int) -> FloatArray:
+        some = short[a:b]
+        out = np.empty(some.size)
+        unpacked(some, least, scale, offset, out)
+        return out
 
-    return kept
+    return counts
 
 
-def _packed(raw: NDArray[Any], lost: int | None) -> Read:
-    """Slices of `raw`: counts (`lost` is not None) within 65,534 of each other from two bytes each."""
-    if lost is not None:
-        known = raw[raw != lost]
-        least, most = (int(known.min()), int(known.max())) if known.size else (0, 0)
-        if most - least < _MOST:
-            short, kind = np.where(raw == lost, 0, raw - (least - 1)).astype(np.uint16), raw.dtype  # not `raw`, which is to go
+def _packed(raw: NDArray[Any], lost: int) -> tuple[NDArray[np.uint16], int] | None:
+    """Counts above the second number, 0 where `lost`; None where they are too far apart for two bytes."""
+    known = raw[raw != lost]
+    least, most = (int(known.min()), int(known.max())) if known.size else (0, 0)
+    if most - least >= _MOST:
+        return None
+    return np.where(raw == lost, 0, raw - (least - 1)).astype(np.uint16), least - 1
 
-            def counts(start: int, stop: int) -> NDArray[Any]:
-                some = short[start:stop]
-                return np.where(some == 0, lost, some + np.int32(least - 1)).astype(kind)
 
-            return counts
-    return lambda start, stop: raw[start:stop]
+@compiled
+def unpacked(short: NDArray[np.uint16], least: int, scale: float, offset: float, out: FloatArray) -> None:
+    """What `_packed` made, in SI: (short + least) x scale + offset, NaN where lost."""
+    for i in range(short.size):
+        out[i] = np.nan if short[i] == 0 else (np.int64(short[i]) + least) * scale + offset
