@@ -220,3 +220,13 @@ def test_usage(folder: Path, tirelog: Command, arguments: list[str], words: str)
     outcome = tirelog(*arguments)
     assert outcome.status == 2, outcome.err
     assert words in message(outcome.err)
+
+
+@pytest.mark.parametrize("name", ["compare", "diagnose", "ladder"])
+def test_a_model_against_nothing_that_can_be_read(folder: Path, tirelog: Command, name: str) -> None:
+    assert tirelog("model", "new", "--carcass", "beam", "--setup", "log.toml", "-o", "beam.toml").status == 0
+    (folder / "empty.csv").write_text("")
+    outcome = tirelog(name, "empty.csv", "--setup", "log.toml", "--model", "beam.toml")
+    assert outcome.status == 4
+    assert outcome.err.count("error:") == 1
+    assert "is empty" in outcome.err

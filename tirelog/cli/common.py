@@ -127,6 +127,8 @@ class Session:
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
         self._resources.close()
+        if isinstance(value, UsageError) and self._unread and not self._read:  # why has been said
+            raise typer.Exit(int(ExitStatus.NOTHING_READ))
         if isinstance(value, UsageError) and self._lost:  # what was asked for is not there because it was lost
             say(f"error: {value}")
             raise typer.Exit(int(DataLoss.exit_status))
