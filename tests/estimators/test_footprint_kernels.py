@@ -11,8 +11,9 @@ from tirelog.dsp.derivatives import closed, derivative, noise_gains, window_spec
 from tirelog.estimators.edge_shapes import EdgeFamily, EdgeShape
 from tirelog.estimators.edge_spectra import ORDERS, inverted, spherical_bessel
 from tirelog.estimators.edges import find_edges, least
-from tirelog.estimators.footprint_kernel import MOST_BEND, class_sums, fit_rows, onset_rows, traction_gains
+from tirelog.estimators.footprint_kernel import MOST_BEND, class_sums, fit_rows
 from tirelog.estimators.footprint_windows import gather_windows
+from tirelog.estimators.onset_kernel import onset_rows, traction_gains
 from tirelog.recording import Channel, TimeAxis
 
 SIGMA, ODD_SD, SCATTER = 0.02, 0.3, 1.2

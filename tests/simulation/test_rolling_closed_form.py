@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.linalg import circulant as dense_circulant
 
+from tirelog.simulation import circulant_kernel as banded
 from tirelog.simulation import rolling_kernel as kernel
 from tirelog.simulation.profile import Profile
 from tirelog.simulation.rolling import Standing, standing
@@ -80,15 +81,15 @@ def test_solver_against_the_full_matrix() -> None:
     stencil = random.standard_normal(11)
     stencil[5] += 12.0
     n = 20
-    system = kernel.factors(n + 5)
+    system = banded.factors(n + 5)
     system[0][:] = stencil
-    kernel.factor(system)
+    banded.factor(system)
     right, x, out = random.standard_normal(n + 5), np.zeros(n + 5), np.zeros(n + 5)
-    kernel.solve(system, right, x)
+    banded.solve(system, right, x)
     full = dense_circulant(np.roll(np.pad(stencil[::-1], (0, n - 6)), -5))
     assert np.allclose(circulant(stencil, n + 5), full)
     assert np.allclose(x, np.linalg.solve(full, right), rtol=1e-12, atol=1e-14)
-    kernel.apply(stencil, x, out)
+    banded.apply(stencil, x, out)
     assert np.allclose(out, right, rtol=1e-12, atol=1e-13)
 
 

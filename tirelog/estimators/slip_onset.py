@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from tirelog.estimators.edge_shapes import EdgeFamily, EdgeShape
 from tirelog.estimators.footprint_fit import ODD_SD, PassageFits, grid_of
-from tirelog.estimators.footprint_kernel import OWN, onset_rows, traction_gains
+from tirelog.estimators.footprint_kernel import OWN
 from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
+from tirelog.estimators.onset_kernel import onset_rows, traction_gains
 from tirelog.recording import FloatArray, IntArray
 
 #: onsets that are tried, as a share of the half length, coarse steps and fine ones between them

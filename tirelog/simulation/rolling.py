@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tirelog.errors import UsageError
 from tirelog.simulation import rolling_kernel as kernel
 from tirelog.simulation.belt import Belt
+from tirelog.simulation.circulant_kernel import HALF
 from tirelog.simulation.profile import Profile
 
 FloatArray = NDArray[np.float64]
@@ -219,7 +220,7 @@ class RollingTire:
         """Height (points,) of the tread."""
         points, size = self._circle.shape[0], self.v.size
         element = np.arange(points) // POINTS
-        living = self.v[(element[:, None] + np.arange(kernel.LIVING) - kernel.HALF) % size]
+        living = self.v[(element[:, None] + np.arange(kernel.LIVING) - HALF) % size]
         along, slope = (np.einsum("ik,ik->i", np.tile(each, (size, 1)), living) for each in self._basis)
         phi = (np.arange(points) + 0.5) * (2.0 * np.pi / points) + self.state[kernel.ANGLE]
         return np.asarray(self.state[kernel.HUB_Z] - (self.belt.radius_m - slope) * np.cos(phi) + along * np.sin(phi), float)
