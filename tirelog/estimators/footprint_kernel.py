@@ -22,6 +22,8 @@ FITTED = OWN + 2
 ROUNDS = 4
 #: largest quadratic term [m^2]: half of the square of 15 mm
 MOST_BEND = 1.1e-4
+#: rows that arrays of columns have beyond the samples
+SPARE = 3
 
 
 @compiled
@@ -61,15 +63,21 @@ def look_up(
 
 @compiled
 def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
-    """Products of all pairs of columns and values, summed over the samples."""
+    """Products of all pairs of columns and values, summed over the samples; `columns` has room for SPARE more than are used.
+
+    SPARE + 1 samples at a time: what is summed is loaded and stored once for all of them.
+    """
     for i in range(wide + 1):
         for j in range(i + 1):
             gram[i, j] = 0.0
-    for k in range(used):
-        row = columns[k]
+    for k in range(used, used + SPARE):
         for i in range(wide + 1):
+            columns[k, i] = 0.0
+    for k in range(0, used, SPARE + 1):
+        for i in range(wide + 1):
+            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
             for j in range(i + 1):
-                gram[i, j] += row[i] * row[j]
+                gram[i, j] += a * columns[k, j] + b * columns[k + 1, j] + c * columns[k + 2, j] + d * columns[k + 3, j]
     for i in range(wide + 1):
         for j in range(i):
             gram[j, i] = gram[i, j]
@@ -165,7 +173,7 @@ def fit_rows(
     """
     wide = tables.shape[2]
     out = np.full((values.shape[0], OWN + 4), np.nan)
-    columns, place = np.empty((values.shape[1], FITTED + 1)), np.empty(values.shape[1])
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
     bends, whole = np.empty((3, OWN)), np.empty(FITTED)
     for row in range(values.shape[0]):
@@ -200,7 +208,7 @@ def class_sums(
     wide = table.shape[1] + 1
     shared = wide - OWN
     sums, rows, left = np.zeros((shared, shared + 2)), np.zeros((values.shape[0], OWN + 2)), np.zeros((2, cells))
-    columns, place = np.empty((values.shape[1], wide + 1)), np.empty(values.shape[1])
+    columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
     gram, lower, inverse = np.empty((wide + 1, wide + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
     cross, own = np.empty((shared, OWN)), np.empty(OWN)
     per_cell = cells / (2.0 * grid[4])

@@ -14,7 +14,7 @@ import numpy as np
 from tirelog.estimators.edge_shapes import EdgeFamily
 from tirelog.estimators.footprint_reference import Average, Reference, average, fit_averages
 from tirelog.estimators.footprint_refine import Sample, refine
-from tirelog.estimators.footprint_windows import gather_windows
+from tirelog.estimators.footprint_windows import gather_windows, joined
 from tirelog.estimators.passage_template import LENGTH_TO_WIDTH
 from tirelog.estimators.passages import Passages
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
@@ -132,10 +132,7 @@ def _samples(
         fewer = 2 ** int(np.log2(max(STEP * half_window_m / WINDOW * channel.axis.rate_Hz / float(speed[chosen].max()), 1.0)))
         same = np.full(len(passages), reach)
         parts = [w.reduced(fewer) for w in gather_windows(channel, passages.sign, passages.index, same, chosen, block_samples)]
-        row = np.concatenate([part.row for part in parts])
-        windows = replace(
-            parts[0], row=row, values=np.concatenate([p.values for p in parts]), centre=np.concatenate([p.centre for p in parts])
-        )
+        windows = joined(parts)
         out.append(Sample(windows, windows.motion(speed, acceleration)))
     return sorted(out, key=lambda sample: sample.speed_m_s)
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.estimators.edges import SEARCH, Edges, find_edges
 from tirelog.estimators.footprint_fit import FormTables, PassageFits, fit
@@ -36,6 +37,9 @@ FIT_STEP = 1.0 / 36.0
 PLAIN_OVERSAMPLING = 10.0
 #: rows whose plain edges are worked on at once
 ROWS = 512
+
+#: speed and acceleration at the passages of a log, (n,) each
+Motions = tuple[FloatArray, FloatArray]
 
 
 @dataclass
@@ -83,6 +87,8 @@ def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: Flo
     rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
     if not rows.size:
         return
+    motion = speed, np.nan_to_num(passages.acceleration_m_s2)
+    vague = ~(passages.speed_se_m_s < WORST_SPEED * speed)
     forms = Forms(learnt, speed[rows])
     number = forms.nearest(speed)
     half_length = forms.tables.half_length_m[number]
@@ -94,11 +100,11 @@ def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: Flo
     work.inside[rows] = (2.0 * half_length * rate / speed)[rows]
     for windows in gather_windows(channel, passages.sign, passages.index, reach, rows, block_samples):
         for averaged, part in _alike(windows, for_fit):
-            _fit_alike(part.reduced(averaged), passages, forms, number[part.row], work)
+            _fit_alike(part.reduced(averaged), passages.noise, motion, vague, forms, number[part.row], work)
         for key, part in _alike(windows, 8 * for_plain + upsample):
             plain = part.reduced(key // 8)
             for low in range(0, len(plain.row), ROWS):
-                _edges_alike(plain.take(slice(low, low + ROWS)), passages, cutoff_Hz, half_length, key % 8, work)
+                _edges_alike(plain.take(slice(low, low + ROWS)), passages.noise, motion, cutoff_Hz, half_length, key % 8, work)
 
 
 def _alike(windows: PatchWindows, keys: IntArray) -> Iterator[tuple[int, PatchWindows]]:
@@ -114,17 +120,18 @@ def _power_of_two(values: FloatArray) -> IntArray:
     return (2.0 ** np.floor(np.log2(np.clip(np.nan_to_num(values, nan=1.0), 1.0, 1024.0)))).astype(np.int64)
 
 
-def _fit_alike(windows: PatchWindows, passages: Passages, forms: Forms, number: IntArray, work: Measured) -> None:
-    """Fits and slip onsets of rows that share averaging; `number` (n,) of their forms."""
+def _fit_alike(
+    windows: PatchWindows, noise: float, motions: Motions, vague: NDArray[np.bool_], forms: Forms, number: IntArray, work: Measured
+) -> None:
+    """Fits and slip onsets of rows that share averaging; `number` (rows,) of their forms, `vague` (n,) where the speed is."""
     row = windows.row
-    motion = windows.motion(passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2))
-    fits = fit(windows, motion, forms.tables, number, passages.noise)
+    motion = windows.motion(*motions)
+    fits = fit(windows, motion, forms.tables, number, noise)
     work.fits.put(row, fits)
-    vague = ~(passages.speed_se_m_s[row] < WORST_SPEED * passages.speed_m_s[row])
     known = np.isfinite(fits.length_m)
-    work.slip.reason[row] = np.where(known, np.where(vague, SPEED_UNKNOWN, TOO_SMALL), NO_FORM)
-    look = np.flatnonzero(worth_a_look(fits, forms.scatter) & ~vague)
-    sigma = passages.noise / np.sqrt(windows.averaged)
+    work.slip.reason[row] = np.where(known, np.where(vague[row], SPEED_UNKNOWN, TOO_SMALL), NO_FORM)
+    look = np.flatnonzero(worth_a_look(fits, forms.scatter) & ~vague[row])
+    sigma = noise / np.sqrt(windows.averaged)
     for knot in np.unique(number[look]):
         traction = forms.traction(int(knot))
         which = look[number[look] == knot]
@@ -135,13 +142,13 @@ def _fit_alike(windows: PatchWindows, passages: Passages, forms: Forms, number: 
 
 
 def _edges_alike(
-    windows: PatchWindows, passages: Passages, cutoff_Hz: FloatArray, half_length_m: FloatArray, upsample: int, work: Measured
+    windows: PatchWindows, noise: float, motions: Motions, cutoff_Hz: FloatArray, half_length_m: FloatArray, upsample: int, work: Measured
 ) -> None:
     """Plain edges of rows that share averaging."""
     row = windows.row
-    speed, acceleration = passages.speed_m_s[row], np.nan_to_num(passages.acceleration_m_s2[row])
+    speed, acceleration = motions[0][row], motions[1][row]
     middle = windows.centre + np.nan_to_num(work.fits.shift_m[row]) / speed * windows.rate_Hz
-    noise = passages.noise / np.sqrt(windows.averaged)
-    found = find_edges(windows.values, windows.rate_Hz, middle, speed, acceleration, cutoff_Hz[row], half_length_m[row], noise, upsample)
+    sigma = noise / np.sqrt(windows.averaged)
+    found = find_edges(windows.values, windows.rate_Hz, middle, speed, acceleration, cutoff_Hz[row], half_length_m[row], sigma, upsample)
     for name, column in work.edges.items():
         column[row] = getattr(found, name)

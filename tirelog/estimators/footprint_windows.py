@@ -1,6 +1,6 @@
 """Rectangular windows of a channel around its passages, with the distance of every sample along the tread.
 
-    Channel + Passages --passages of like window length, a stretch of the log at a time--> PatchWindows (rows x columns)
+    Channel + Passages --passages of like window length, read a stretch of the log at a time--> PatchWindows (rows x columns)
                        --neighbouring samples averaged where they lie closer than needed--> PatchWindows, fewer columns
 
 A row's window depends on its own passage only (its length is the next power of two above what its speed needs), so rows do not change
@@ -10,7 +10,7 @@ with the blocks that are read.  Values are turned so that the patch is a minimum
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,9 @@ import numpy as np
 from tirelog.compiled import compiled
 from tirelog.estimators.edges import travelled
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
+
+#: numbers in the windows that are given at a time: what works on them does so without leaving the processor's cache
+_AT_ONCE = 1 << 17
 
 
 @dataclass(frozen=True)
@@ -71,22 +74,37 @@ def window_class(reach_samples: FloatArray) -> IntArray:
 def gather_windows(
     channel: Channel, sign: float, index: FloatArray, reach_samples: FloatArray, rows: IntArray, block_samples: int = BLOCK_SAMPLES
 ) -> Iterator[PatchWindows]:
-    """Windows around `index` (fractional samples, NaN is left out) of the passages `rows`, block by block.
+    """Windows around `index` (fractional samples, NaN is left out) of the passages `rows`, many of one length at a time.
 
     `sign`: +1 where the patch is a maximum of the recorded signal; `reach_samples` (n,): half of the window that each passage needs.
+    The channel is read in blocks of about `block_samples`.
     """
     rows = rows[np.isfinite(index[rows])]
     half = window_class(np.minimum(reach_samples, channel.size))
     block = np.floor(index[rows] / max(block_samples, 1)).astype(np.int64)
+    waiting: dict[int, list[PatchWindows]] = {}
     for number in np.unique(block):
         inside = rows[block == number]
         nearest = np.round(index[inside]).astype(np.int64)
         low = max(int((nearest - half[inside]).min()), 0)
         high = min(int((nearest + half[inside]).max()) + 1, channel.size)
         samples = np.ascontiguousarray(channel.read(low, high), np.float64)
-        for size in np.unique(half[inside]):
+        for size in np.unique(half[inside]).tolist():
             some = half[inside] == size
-            yield _cut(channel, -sign, samples, low, index[inside[some]], nearest[some], int(size), inside[some])
+            held = waiting.setdefault(size, [])
+            held.append(_cut(channel, -sign, samples, low, index[inside[some]], nearest[some], size, inside[some]))
+            if sum(part.values.size for part in held) >= _AT_ONCE:
+                yield joined(waiting.pop(size))
+    for held in waiting.values():
+        yield joined(held)
+
+
+def joined(parts: list[PatchWindows]) -> PatchWindows:
+    """Windows of one length and rate after one another."""
+    if len(parts) == 1:
+        return parts[0]
+    row, values, centre = (np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "values", "centre"))
+    return replace(parts[0], row=row, values=values, centre=centre)
 
 
 def _cut(

@@ -16,6 +16,7 @@ from tirelog.estimators.footprint_kernel import (
     LENGTH,
     OWN,
     SHIFT,
+    SPARE,
     apply,
     bend,
     fitted,
@@ -74,7 +75,7 @@ def traction_gains(
     `waves` (g, c): tractions on the table's grid, of which `every`-th is tried; shape (n,).
     """
     out, wide = np.zeros(values.shape[0]), table.shape[1]
-    columns, place, wave = np.empty((values.shape[1], FITTED + 1)), np.empty(values.shape[1]), np.empty(values.shape[1])
+    columns, place, wave = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1]), np.empty(values.shape[1])
     gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
     bends, whole, along, moved = np.empty((3, OWN)), np.empty(FITTED), np.empty(FITTED), np.empty(OWN)
     for row in range(values.shape[0]):
@@ -161,7 +162,7 @@ def onset_rows(
     at those; the best's squared residual, length over height, and its error; samples used.  NaN: too few, or the form is not upright.
     """
     out = np.full((values.shape[0], 12), np.nan)
-    columns, place = np.empty((values.shape[1], FITTED + 1)), np.empty(values.shape[1])
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     wide, coarse, near = table.shape[1], np.arange(0, waves.shape[1], fine), np.arange(-fine, fine + 1)
     tried = near.copy()
     told, best, at = np.empty((max(coarse.size, near.size), 3)), np.empty(FITTED + 1), grid.copy()
