@@ -82,15 +82,20 @@ def test_what_is_not_there_and_a_bucket_that_is_not(bucket: str, manifest: Path,
     assert "cannot be reached" in capfd.readouterr().err
 
 
-def test_no_credentials(
-    bucket: str, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def without_credentials(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:
+    """Nobody has told who asks: no variables, no files, and what was remembered is forgotten."""
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.delenv(name)
     monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
-    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("HOME", str(home))
     import s3fs
 
     s3fs.S3FileSystem.clear_instance_cache()
+
+
+def test_no_credentials(
+    bucket: str, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    without_credentials(monkeypatch, tmp_path)
     assert run(["speed", f"{bucket}/run_1.csv", "--setup", str(tmp_path / "setup.toml")]) == 4
     assert "credentials" in capfd.readouterr().err

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
-from tests.campaign.test_elsewhere import bucket  # noqa: F401  (a fixture)
+from tests.campaign.test_elsewhere import bucket, without_credentials  # noqa: F401  (a fixture)
 from tirelog.campaign import remote_folder
 from tirelog.campaign.folder import folder_at
 from tirelog.campaign.remote_folder import RemoteFolder
@@ -175,13 +175,7 @@ def test_no_credentials_for_the_output(
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
-        monkeypatch.delenv(name)
-    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
-    monkeypatch.setenv("HOME", str(tmp_path))
-    import s3fs
-
-    s3fs.S3FileSystem.clear_instance_cache()
+    without_credentials(monkeypatch, tmp_path)
     manifest.write_text(MANIFEST.replace('"results"', f'"{bucket}/results"'))
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
     assert "credentials" in capfd.readouterr().err
