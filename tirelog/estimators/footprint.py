@@ -62,14 +62,14 @@ def footprint(
     passages: Passages,
     cutoff: Cutoff | None = None,
     block_samples: int = BLOCK_SAMPLES,
-    like: Learnt | None = None,
+    learnt: Learnt | None = None,
 ) -> Footprint:
-    """The footprint at each of `passages` of the strain `channel`; `cutoff` of the low-pass (auto); `like`: what another grating of the
-    same wheel has taught, as a start."""
+    """The footprint at each of `passages` of the strain `channel`; `cutoff` of the low-pass (auto); `learnt`: the form of its passages,
+    which is learnt here where it is not given."""
     cutoff = cutoff or Cutoff()
     n = len(passages)
     speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
-    learnt = learn_reference(channel, passages, block_samples, like)
+    learnt = learnt or learn_reference(channel, passages, block_samples)
     work = Measured.empty(n)
     nyquist = 0.5 * channel.axis.rate_Hz
     if learnt is None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.estimators.footprint import Footprint, footprint
-from tirelog.estimators.footprint_learn import Learnt
+from tirelog.estimators.footprint_learn import Learnt, learn_reference
 from tirelog.estimators.held import released
 from tirelog.estimators.passages import Passages
 from tirelog.estimators.speed import begin, speed_words
@@ -34,9 +34,10 @@ def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOC
     """The footprint of each strain channel of `recording`."""
     like = None
     for channel, passages in rotating(recording):
-        found = footprint_of_channel(recording, channel, passages, cutoff, like, block_samples)
+        learnt = learn_reference(channel, passages, block_samples, like)
+        like = like or learnt  # the first that could be learnt: no channel depends on the order of the others
+        found = footprint_of_channel(recording, channel, passages, cutoff, learnt, block_samples)
         del channel  # before the next one takes its place in memory
-        like = like or found.footprint.learnt  # the first that could be learnt: no channel depends on the order of the others
         yield found
 
 
@@ -45,11 +46,11 @@ def footprint_of_channel(
     channel: Channel,
     passages: Passages,
     cutoff: Cutoff,
-    like: Learnt | None = None,
+    learnt: Learnt | None,
     block_samples: int = BLOCK_SAMPLES,
 ) -> FootprintOfChannel:
-    """The footprint of one strain channel of `recording`; `like`: the form learnt from another of its channels, None for the first."""
-    found = footprint(channel, passages, cutoff, block_samples, like)
+    """The footprint of one strain channel of `recording`; `learnt`: the form of its passages, None where there is none."""
+    found = footprint(channel, passages, cutoff, block_samples, learnt)
     words = [own if own is more else own | more for own, more in zip(found.quality, speed_words(passages), strict=True)]
     columns = begin(recording.log, passages) | {
         "length_m": found.length_m,

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Condition
 from typing import TYPE_CHECKING, Any
 
 from tirelog.recording import Channel, Recording
@@ -94,18 +95,22 @@ def _strain_tables(recording: Recording, wanted: Mapping[str, Options], workers:
     from tirelog.estimators.speed import radius_remarks
     from tirelog.estimators.strain_channels import not_turning, strain_channels
 
-    turned, like = False, None
+    turned = False
     told: set[tuple[str, str]] = set()
-    channels = deque(strain_channels(recording))
+    forms = _Forms()
+    channels = deque(enumerate(strain_channels(recording)))
     with ThreadPoolExecutor(workers) as pool:
         ahead: deque[Future[_Made]] = deque()
-        while channels or ahead:
-            # the first form that is learnt is where all others start from, so nothing runs ahead of it
-            while channels and len(ahead) < (workers if like is not None or "footprint" not in wanted else 1):
-                ahead.append(pool.submit(_make, recording, channels.popleft(), wanted, like))
+
+        def fill() -> None:
+            while channels and len(ahead) < workers:
+                ahead.append(pool.submit(_make, recording, *channels.popleft(), wanted, forms))
+
+        fill()
+        while ahead:
             made = ahead.popleft().result()
+            fill()  # the next one is at work while this one's rows are written
             turned |= made.turns
-            like = like or made.learnt
             for name, columns, remarks in made.parts:
                 fresh = [remark for remark in [*radius_remarks(recording), *remarks] if (name, remark) not in told]
                 told |= {(name, remark) for remark in fresh}
@@ -114,55 +119,87 @@ def _strain_tables(recording: Recording, wanted: Mapping[str, Options], workers:
         raise not_turning(recording)
 
 
+class _Forms:
+    """The forms of the channels' passages, by the channels' ordinals: the first that could be learnt is where all later ones start from.
+
+    A channel that asks waits for those before it, which are at work or done already, so that its rows do not depend on who is quicker.
+    """
+
+    def __init__(self) -> None:
+        self._learnt: dict[int, Learnt | None] = {}
+        self._news = Condition()
+
+    def learn(self, number: int, channel: Channel, passages: Passages) -> Learnt | None:
+        """The form of the passages of `channel`, the `number`-th."""
+        from tirelog.estimators.footprint_learn import learn_reference
+
+        learnt = learn_reference(channel, passages, like=self._first_before(number))
+        self.tell(number, learnt)
+        return learnt
+
+    def tell(self, number: int, learnt: Learnt | None) -> None:
+        """What was learnt from a channel, or that nothing more will be."""
+        with self._news:
+            self._learnt.setdefault(number, learnt)
+            self._news.notify_all()
+
+    def _first_before(self, number: int) -> Learnt | None:
+        for before in range(number):
+            with self._news:
+                self._news.wait_for(lambda before=before: before in self._learnt)  # type: ignore[misc]  # bound in each round
+                learnt = self._learnt[before]
+            if learnt is not None:
+                return learnt
+        return None
+
+
 @dataclass(frozen=True)
 class _Made:
     """One channel's tables."""
 
     parts: list[Part]
     turns: bool
-    learnt: Learnt | None
 
 
-def _make(recording: Recording, stored: Channel, wanted: Mapping[str, Options], like: Learnt | None) -> _Made:
-    """The tables of one channel."""
+def _make(recording: Recording, number: int, stored: Channel, wanted: Mapping[str, Options], forms: _Forms) -> _Made:
+    """The tables of one channel, the `number`-th."""
     from tirelog.estimators.held import held
     from tirelog.estimators.passages import find_passages
 
-    channel = held(stored)
-    passages = find_passages(channel, recording.setup.tire.radius_m)
-    parts: list[Part] = []
-    learnt = None
-    for name, options in wanted.items():
-        columns, remarks, form = _OF_CHANNEL[name](recording, channel, passages, options, like)
-        parts.append((name, columns, remarks))
-        learnt = form or learnt
-    return _Made(parts, len(passages) > 0, learnt)
+    try:
+        channel = held(stored)
+        passages = find_passages(channel, recording.setup.tire.radius_m)
+        learnt = forms.learn(number, channel, passages) if "footprint" in wanted else None
+    finally:
+        forms.tell(number, None)
+    parts = [(name, *_OF_CHANNEL[name](recording, channel, passages, options, learnt)) for name, options in wanted.items()]
+    return _Made(parts, len(passages) > 0)
 
 
-_Table = tuple[Mapping[str, Any], Sequence[str], "Learnt | None"]
+_Table = tuple[Mapping[str, Any], Sequence[str]]
 
 
-def _speed_of(recording: Recording, channel: Channel, passages: Passages, options: Options, like: Learnt | None) -> _Table:
+def _speed_of(recording: Recording, channel: Channel, passages: Passages, options: Options, learnt: Learnt | None) -> _Table:
     from tirelog.estimators.speed import speed_columns
 
-    return speed_columns(recording.log, passages), (), None
+    return speed_columns(recording.log, passages), ()
 
 
-def _footprint_of(recording: Recording, channel: Channel, passages: Passages, options: Options, like: Learnt | None) -> _Table:
+def _footprint_of(recording: Recording, channel: Channel, passages: Passages, options: Options, learnt: Learnt | None) -> _Table:
     from tirelog.dsp.lowpass import Cutoff
     from tirelog.estimators.footprint_table import footprint_of_channel
 
-    found = footprint_of_channel(recording, channel, passages, Cutoff.parse(str(options.get("cutoff", "auto"))), like)
-    return found.columns, found.remarks, found.footprint.learnt
+    found = footprint_of_channel(recording, channel, passages, Cutoff.parse(str(options.get("cutoff", "auto"))), learnt)
+    return found.columns, found.remarks
 
 
-def _dissipation_of(recording: Recording, channel: Channel, passages: Passages, options: Options, like: Learnt | None) -> _Table:
+def _dissipation_of(recording: Recording, channel: Channel, passages: Passages, options: Options, learnt: Learnt | None) -> _Table:
     from tirelog.estimators.dissipation import AVERAGED, STEADY_STEP_M_S
     from tirelog.estimators.dissipation_table import dissipation_of_channel
 
     step, average = float(options.get("steady_step", STEADY_STEP_M_S)), int(options.get("average", AVERAGED))
     found = dissipation_of_channel(recording, channel, passages, step, average)
-    return found.columns, found.remarks, None
+    return found.columns, found.remarks
 
 
 _OF_CHANNEL: Mapping[str, Callable[[Recording, Channel, Passages, Options, Learnt | None], _Table]] = {
