@@ -57,56 +57,30 @@ def quality_column(rows: Iterable[frozenset[str]]) -> np.ndarray:
     return np.array([texts.get(words) or texts.setdefault(words, quality_text(words)) for words in rows], object)
 
 
-def _digits(values: np.ndarray, digits: int) -> np.ndarray:
-    """`values` rounded to significant digits."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        exponent = digits - 1 - np.floor(np.log10(np.abs(values)))
-        scale = 10.0 ** np.clip(np.where(np.isfinite(exponent), exponent, 0.0), -300, 300)
-        rounded = np.round(values * scale) / scale
-    return np.where(np.isfinite(rounded), rounded, values)
-
-
-def _array(name: str, values: Any, rows: int, rounded: bool) -> pa.Array:
-    """One column as an arrow array; floats with NaN as null."""
+def _kind(name: str, values: np.ndarray) -> str:
+    """float, int, bool or text: as the vocabulary says, else as the values are."""
     column = COLUMNS.get(name)
-    values = np.asarray(values)
-    kind = column.kind if column else {"f": "float", "i": "int", "u": "int", "b": "bool"}.get(values.dtype.kind, "text")
-    if values.ndim == 0:
-        values = np.broadcast_to(values, (rows,))
+    return column.kind if column else {"f": "float", "i": "int", "u": "int", "b": "bool"}.get(values.dtype.kind, "text")
+
+
+def _digits(name: str) -> int:
+    """Significant digits of a number in a text format."""
+    return 12 if name in COLUMNS and COLUMNS[name].unit == "s" else 9
+
+
+def _plain(name: str, values: np.ndarray) -> tuple[int, np.ndarray] | Words | None:
+    """A column as the compiled loop takes it; None where it must be left to arrow."""
+    from tirelog.csv_rows import WHOLE, Words
+
+    kind = _kind(name, values)
     if kind == "text":
-        return _text_array(values.tolist())
-    if kind == "float" or values.dtype.kind == "f":
-        floats = np.ascontiguousarray(values, dtype=np.float64)
-        if rounded and kind == "float":
-            floats = _digits(floats, 12 if column and column.unit == "s" else 9)
-        known = ~np.isnan(floats)
-        array = _plain_array(pa.float64(), floats, known)
-        return array if kind == "float" else array.cast({"int": pa.int64(), "bool": pa.bool_()}[kind])
+        words = Words.of(values)
+        return words if words.plain else None
     if kind == "bool":
-        return _plain_array(pa.bool_(), np.packbits(values.astype(np.bool_), bitorder="little"), np.ones(rows, bool))
-    return _plain_array(pa.int64(), np.ascontiguousarray(values, dtype=np.int64), np.ones(rows, bool))
-
-
-def _plain_array(type: pa.DataType, data: np.ndarray, known: np.ndarray) -> pa.Array:
-    """Numbers (or packed bits) as an arrow array, null where not `known`.
-
-    Out of buffers: `pa.array` would import pandas to ask whether it was given a pandas object, which takes as long as all the rest.
-    """
-    lost = known.size - int(np.count_nonzero(known))
-    valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
-    return pa.Array.from_buffers(type, known.size, [valid, pa.py_buffer(data)], lost)
-
-
-def _text_array(values: Sequence[Any]) -> pa.Array:
-    """Texts as an arrow array, null where None; out of buffers for the same reason."""
-    texts = {value: b"" if value is None else str(value).encode() for value in dict.fromkeys(values)}
-    parts = [next(iter(texts.values()))] * len(values) if len(texts) == 1 else [texts[value] for value in values]
-    offsets = np.zeros(len(parts) + 1, np.int32)
-    np.cumsum(np.fromiter(map(len, parts), np.int32, len(parts)), out=offsets[1:])
-    known = np.array([value is not None for value in values], bool) if None in texts else np.ones(len(parts), bool)
-    lost = known.size - int(np.count_nonzero(known))
-    valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
-    return pa.StringArray.from_buffers(known.size, pa.py_buffer(offsets), pa.py_buffer(b"".join(parts)), valid, lost)
+        return Words(("false", "true"), values.astype(np.int64)) if values.dtype.kind == "b" else None
+    if kind == "int" and values.dtype.kind in "iuf":
+        return WHOLE, values
+    return (_digits(name), values) if kind == "float" and values.dtype.kind in "iuf" else None
 
 
 class TableWriter(AbstractContextManager["TableWriter"]):
@@ -131,11 +105,43 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         rows = max((np.asarray(v).shape[0] for v in columns.values() if np.ndim(v) > 0), default=1)
         order = [c for c in TABLES.get(self.name, tuple(columns)) if c in columns]
         order += [c for c in columns if c not in order]
-        arrays = [_array(name, columns[name], rows, self.format != "parquet") for name in order]
-        if self._schema is None:
-            self._begin(pa.schema([_field(name, array.type) for name, array in zip(order, arrays, strict=True)]))
-        assert self._schema is not None
-        table = pa.Table.from_arrays(arrays, schema=self._schema)
+        arrays = {name: np.asarray(columns[name]) for name in order}
+        arrays = {name: array if array.ndim else np.broadcast_to(array, (rows,)) for name, array in arrays.items()}
+        if self.format == "csv" and rows >= _LEAST_COMPILED:
+            self._write_compiled(arrays, rows)
+        else:
+            self._write_arrow(arrays)
+
+    def _write_compiled(self, columns: Mapping[str, np.ndarray], rows: int) -> None:
+        """Rows of csv, those by arrow that the compiled loop cannot write."""
+        from tirelog.csv_rows import AT_ONCE, Rows
+
+        plain = [column for name, values in columns.items() if (column := _plain(name, values)) is not None]
+        if len(plain) < len(columns):
+            self._write_arrow(columns)
+            return
+        self._begin(tuple(columns))
+        table = Rows(plain)
+        for start in range(0, rows, AT_ONCE):
+            part = slice(start, min(start + AT_ONCE, rows))
+            text = table.written(part)
+            if text is None:
+                self._write_arrow({name: values[part] for name, values in columns.items()})
+            else:
+                self._stream.write(text.data)
+                self.rows += part.stop - part.start
+
+    def _write_arrow(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Rows of any format."""
+        import pyarrow as pa
+
+        from tirelog.arrow_columns import arrow_column, arrow_field
+
+        digits = {name: None if self.format == "parquet" else _digits(name) for name in columns}
+        arrays = [arrow_column(values, _kind(name, values), digits[name]) for name, values in columns.items()]
+        schema = pa.schema([arrow_field(name, array.type) for name, array in zip(columns, arrays, strict=True)])
+        self._begin(tuple(columns), schema)
+        table = pa.Table.from_arrays(arrays, schema=self._schema or schema)
         for start in range(0, table.num_rows, _ROWS_A_PART):
             self._rows(table.slice(start, _ROWS_A_PART))
 

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import RATE_HZ, SETUP, Command, pulse_rows
+from tirelog.errors import ReadError
+from tirelog.recording import Channel
 
 THREE = ("speed", "footprint", "dissipation")
 GRATINGS = 4
@@ -76,3 +78,19 @@ def test_a_file_where_the_folder_should_be(folder: Path, tirelog: Command) -> No
     outcome = tirelog("tables", "log.csv", "-o", "made")
     assert outcome.status == 2
     assert "it is a file; give the path of a folder" in outcome.err
+
+
+def test_a_channel_that_fails_is_not_waited_for(several: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tirelog.estimators import passages
+
+    found = passages.find_passages
+
+    def fails(channel: Channel, radius_m: float) -> passages.Passages:
+        if channel.name == "G0":
+            raise ReadError("is damaged; G0 cannot be read; copy the log again", file="more.csv")
+        return found(channel, radius_m)
+
+    monkeypatch.setattr(passages, "find_passages", fails)
+    outcome = tirelog("tables", "more.csv", "-o", "made", "--workers", "2")
+    assert (outcome.status, list((several / "made").glob("*"))) == (4, [])
+    assert "G0 cannot be read" in outcome.err
