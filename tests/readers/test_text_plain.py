@@ -42,6 +42,13 @@ def same(plan: Plan, one: Parsed, other: Parsed) -> None:
     assert sorted(one.bad_rows) == sorted(other.bad_rows)
 
 
+@pytest.mark.parametrize("text", ["99999999999.5", "1e999999", "1e99999999", "-1e30", "inf", "sNaN"])
+def test_a_time_beyond_all_times_is_no_readable_time(text: str) -> None:
+    plan = plan_of(head="1700000{}00.5")
+    block = "".join(f"{head},1550.5,2.5\n" for head in ("1700000000.5", text, "1700000001.5")).encode()
+    assert parse(plan, 1, block).bad_rows == [(2, "no readable time")]
+
+
 @given(NUMBER, st.sampled_from([",", ";", "\n", " ", "x"]))
 @settings(max_examples=500, deadline=None)
 def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
@@ -118,6 +125,40 @@ def test_rows_of_digits(
     wavelength = np.array([float(row[1].replace(decimal, ".")) for row in cells])
     wavelength[(wavelength == 0.0) | (wavelength == -1.0)] = np.nan
     np.testing.assert_array_equal(counted_floats(fast.values[1], plan.places[1]), wavelength)
+
+
+#: cells of an instrument: 9 is any digit
+CELL = st.one_of(
+    st.sampled_from(["9999.9999", "9999.999999", "99", "-9.99", "+9.9", "999999999.9999999", "9.", ".9", "0", "-1", "-1.0000", "nan", ""]),
+    st.from_regex(r" {0,2}[+-]?9{0,9}(\.9{0,9})? {0,2}", fullmatch=True),
+)
+
+
+@given(
+    st.tuples(CELL, CELL), st.tuples(CELL, CELL),
+    st.sampled_from(["{}", "99.99", "1700000999.9999", "9999999999.9", "2024-05-01T12:49:49.999"]),
+    st.sampled_from(["\n", "\r\n", " \n"]), st.sampled_from([0.0, 0.004, 0.3]), st.integers(0, 2**32),
+)  # fmt: skip
+@settings(max_examples=300, deadline=None)
+def test_rows_that_are_written_alike(usual: tuple[str, str], other: tuple[str, str], head: str, end: str, often: float, seed: int) -> None:
+    """Whatever all rows have in common, and wherever it ends: samples, losses and their lines are those of the careful way."""
+    rng = np.random.default_rng(seed)
+    places = "5" * len(usual[0].partition(".")[2].strip())
+    plan = plan_of(a="1550{}" + places if places else "1550", head=head.replace("9.9", "{}.9", 1) if head != "{}" else head)
+    rows = []
+    for i in range(300):
+        cells = [head.format(i), *(other if rng.random() < often else usual)]
+        rows.append(",".join(re.sub("9", lambda _: str(rng.integers(0, 10)), cell) for cell in cells) + end)
+    block = "".join(rows).encode()
+    same(plan, parse(plan, 7, block), flat(plan, 7, block))
+
+
+@pytest.mark.parametrize("large", ["2147483646", "2147483647", "2147483648", "9999999999", "0214748364700"])
+def test_a_number_too_large_among_alike_rows(large: str) -> None:
+    plan = plan_of(a="1550", head="99.{}")
+    usual = "".join(f"{i % 100:02d}.5,{i:0{len(large)}d},2.5\n" for i in range(200))
+    block = (usual + f"11.5,{large},2.5\n" + usual).encode()
+    same(plan, parse(plan, 7, block), flat(plan, 7, block))
 
 
 PIECE = st.one_of(

@@ -31,6 +31,8 @@ _MOST_POWER = 100
 
 _ZEROS = np.uint64(0x3030303030303030)
 _TO_HIGH, _HIGH = np.uint64(0x7676767676767676), np.uint64(0x8080808080808080)
+#: what of each byte a digit's value is
+NIBBLES = np.uint64(0x0F0F0F0F0F0F0F0F)
 _TENS = (np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0000FFFF0000FFFF), np.uint64(0xFFFFFFFF))
 _10, _100, _10000 = np.uint64(10), np.uint64(100), np.uint64(10_000)
 _8, _16, _32, _63, _NONE, _1, _3 = (np.uint64(k) for k in (8, 16, 32, 63, 0, 1, 3))
@@ -57,14 +59,11 @@ def words_of(data: Bytes) -> Words:
 
 
 @compiled
-def digits(word: Whole, count: Whole) -> Whole:
-    """The whole number of the `count` ASCII digits that are the upper bytes of a word, zero bytes below; -1 where one is no digit.
+def value_of(values: Whole) -> Whole:
+    """The number whose eight digits are the bytes of a word, the highest place in the lowest byte.
 
     Neighbours are joined to numbers of two, four, eight digits.
     """
-    values = word - (_ZEROS << np.uint64(64 - 8 * count))
-    if ((values + _TO_HIGH) | values) & _HIGH != _NONE:
-        return -1
     values = (values * _10 + (values >> _8)) & _TENS[0]
     values = (values * _100 + (values >> _16)) & _TENS[1]
     return np.int64((values * _10000 + (values >> _32)) & _TENS[2])

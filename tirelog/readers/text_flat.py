@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.readers import counted_floats
 from tirelog.readers.digits import Block, bytes_of
+from tirelog.readers.text_alike import LARGEST
 from tirelog.readers.text_kernels import cells, line_ends, separated
 from tirelog.readers.text_numbers import cell_numbers
 from tirelog.readers.text_rows import ERROR_CODE, Parsed, Plan, joined, without_lost
@@ -162,9 +163,9 @@ class _Rows:
 
 
 def _tick(cell: str) -> int:
-    """A decimal in units of 1e-9."""
+    """A decimal in units of 1e-9, MISSING where it is none that int64 holds."""
     try:
-        value = Decimal(cell)
-        return int(value.scaleb(9)) if value.is_finite() else MISSING
-    except (InvalidOperation, ValueError):
+        value = Decimal(cell).scaleb(9)
+        return int(value) if abs(value) <= LARGEST else MISSING
+    except (ArithmeticError, ValueError):
         return MISSING

@@ -4,8 +4,8 @@
     cells      a block of anything to its cells, with the number in each
     line_ends, collapsed      small helpers
 
-`rows` is guided by the row above: it expects a cell's decimal sign and its end where they stood there, loads the digits as words, and
-checks all of it.  A cell of another length is measured first; only one that is written otherwise is read byte by byte.
+`rows` hands rows that are written like the one above to `text_alike`, and takes others cell by cell: it measures a cell's digits a word at
+a time and loads them as words; only a cell that is written otherwise is read byte by byte.
 """
 
 from __future__ import annotations
@@ -15,22 +15,47 @@ from numpy.typing import NDArray
 
 from tirelog.compiled import compiled
 from tirelog.readers import LOST_COUNT
-from tirelog.readers.digits import EXACT_POWERS, POWERS, WIDE, Bytes, Whole, Words, as_count, as_float, digits, leading_digits, number
+from tirelog.readers.digits import (
+    EXACT_POWERS,
+    NIBBLES,
+    POWERS,
+    WIDE,
+    Bytes,
+    Whole,
+    Words,
+    as_count,
+    as_float,
+    leading_digits,
+    number,
+    value_of,
+)
+from tirelog.readers.text_alike import (
+    COUNT,
+    FLOAT,
+    LARGEST,
+    MARKS_LOST,
+    PLACES,
+    SKIP,
+    SLOT,
+    SPAN,
+    TICK,
+    TICK_PLACES,
+    TOO_WIDE,
+    WHAT,
+    Counts,
+    alike_rows,
+    learn,
+    unlearnt,
+)  # fmt: skip
 from tirelog.recording import FloatArray, IntArray
 
-#: what `rows` does with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and byte behind
-SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
 #: what is known about a cell: not yet anything, a number, that it is blank
 _UNREAD, _NUMBER, _BLANK = range(3)
-#: columns of the table that guides `rows`, described there
-GUIDE = 8
-_WHAT, _SLOT, _PLACES, _MARKS_LOST, TOO_WIDE, _WHOLE, _BEHIND, _END = range(GUIDE)
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
-_TICK_PLACES = 9
-_LARGEST = np.iinfo(np.int64).max
 
-Counts = NDArray[np.int32]
+#: rows that are read cell by cell before alike ones are looked for: at first, and at most, where none were found
+_SOON, _MOST_PATIENCE = 2, 256
 
 
 @compiled
@@ -79,15 +104,14 @@ def _is_lost(data: Bytes, start: Whole, stop: Whole) -> bool:
 
 @compiled
 def _together(front: Whole, back: Whole, whole: Whole, behind: Whole) -> Whole:
-    """The number whose digits before and behind the decimal sign begin two words, -1 where one is no digit."""
-    front <<= np.uint64(64 - 8 * whole)
+    """The number whose digits before and behind the decimal sign begin two words."""
+    front = (front & NIBBLES) << np.uint64(64 - 8 * whole)
     if behind == 0:
-        return digits(front, whole)
-    back <<= np.uint64(64 - 8 * behind)
+        return value_of(front)
+    back = (back & NIBBLES) << np.uint64(64 - 8 * behind)
     if whole + behind <= 8:
-        return digits((front >> np.uint64(8 * behind)) | back, whole + behind)
-    upper, lower = digits(front, whole), digits(back, behind)
-    return -1 if upper < 0 or lower < 0 else upper * POWERS[behind] + lower
+        return value_of((front >> np.uint64(8 * behind)) | back)
+    return value_of(front) * POWERS[behind] + value_of(back)
 
 
 @compiled
@@ -107,8 +131,8 @@ def rows(
 ) -> tuple[Whole, Whole, Whole]:  # fmt: skip
     """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
 
-    guides  (columns, 8): what, slot in the output, places of counts, whether 0 and -1 are lost, set to 1 where a count could not hold a
-            number; of a cell above: digits before (0: unknown) and behind the decimal sign, byte behind the cell
+    guides  (columns, GUIDE): what, slot in the output, places of counts, whether 0 and -1 are lost, set to 1 where a count could not hold
+            a number
     least   cells that a row has to have; `rest` allows cells behind the columns
     begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans: (slots, n, 2)
     hard    (h, 4): row, column, first byte, byte behind of cells that are left to the caller
@@ -117,48 +141,49 @@ def rows(
     One long function, since an array that is passed on costs more than a cell.
     """
     width, used, safe = guides.shape[0], 0, data.size - _TAIL
-    for r in range(begins.size):
-        begin, kept = at, used
+    low, span, cells_of = unlearnt(width)
+    r, begin, kept, wait, patience = 0, at, 0, _SOON, _SOON
+    while True:
+        if wait == 0 and used == kept:  # the row above left nothing to the caller
+            first_row, many = r, learn(data, begin, at, guides, separator, decimal, low, span, cells_of)
+            if many:
+                r, at = alike_rows(data, words, at, at - begin, low, span, cells_of[:many], r, begins, counts, floats, ticks, spans)
+            patience = _SOON if r > first_row else min(2 * patience, _MOST_PATIENCE)
+            wait = patience
+        if r == begins.size:
+            return r, at, used
+        begin, kept, wait = at, used, max(wait - 1, 0)
         begins[r] = at
         if used + width > hard.shape[0] or at >= data.size or data[_after_blanks(data, at, separator)] == 10:
             return r, begin, kept
         ended = False
         for c in range(width):
-            what, slot, places = guides[c, _WHAT], guides[c, _SLOT], guides[c, _PLACES]
-            whole, behind = guides[c, _WHOLE], guides[c, _BEHIND]
-            if at < safe and not ended:
+            what, slot, places = guides[c, WHAT], guides[c, SLOT], guides[c, PLACES]
+            if at < safe and not ended and COUNT <= what <= FLOAT:
                 negative = data[at] == 45
                 first = at + negative
+                whole, behind = leading_digits(words[first]), np.int64(0)
                 point = first + whole
+                if data[point] == decimal:
+                    behind = leading_digits(words[point + 1])
                 end = point + behind + (behind > 0)
-                alike = whole > 0 and data[end] == guides[c, _END] and (behind == 0 or data[point] == decimal)
-                if not alike and COUNT <= what <= FLOAT:  # measured, and taken for the next row's
-                    whole, behind = leading_digits(words[first]), 0
-                    point = first + whole
-                    if data[point] == decimal:
-                        behind = leading_digits(words[point + 1])
-                    end = point + behind + (behind > 0)
-                    last = data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
-                    alike = last and _fits(what, places, whole, behind)
-                    if alike:
-                        guides[c, _WHOLE], guides[c, _BEHIND], guides[c, _END] = whole, behind, data[end]
-                if alike:
+                last = data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
+                if last and _fits(what, places, whole, behind):
                     m = _together(words[first], words[point + 1], whole, behind)
-                    if m >= 0:
-                        if what == COUNT:
-                            m *= POWERS[places - behind]
-                            count = -m if negative else m
-                            if (negative or m == 0) and guides[c, _MARKS_LOST] and (m == 0 or m == POWERS[places]):
-                                count = LOST_COUNT
-                            counts[slot, r] = count
-                        else:
-                            value = m / EXACT_POWERS[behind]
-                            value = -value if negative else value
-                            if (negative or m == 0) and guides[c, _MARKS_LOST] and (m == 0 or value == -1.0):
-                                value = np.nan
-                            floats[slot, r] = value
-                        at = end + (c + 1 < width)
-                        continue
+                    if what == COUNT:
+                        m *= POWERS[places - behind]
+                        count = -m if negative else m
+                        if (negative or m == 0) and guides[c, MARKS_LOST] and (m == 0 or m == POWERS[places]):
+                            count = LOST_COUNT
+                        counts[slot, r] = count
+                    else:
+                        value = m / EXACT_POWERS[behind]
+                        value = -value if negative else value
+                        if (negative or m == 0) and guides[c, MARKS_LOST] and (m == 0 or value == -1.0):
+                            value = np.nan
+                        floats[slot, r] = value
+                    at = end + (c + 1 < width)
+                    continue
             m, e, state, negative = np.int64(0), np.int64(0), _BLANK if ended else _UNREAD, False
             start = stop = at
             if not ended and COUNT <= what <= TICK:
@@ -184,7 +209,7 @@ def rows(
                     count = as_count(m, e, places)
                     if count == WIDE:
                         guides[c, TOO_WIDE], count = 1, 0
-                    elif guides[c, _MARKS_LOST] and (count == 0 or count == -POWERS[places]):
+                    elif guides[c, MARKS_LOST] and (count == 0 or count == -POWERS[places]):
                         count = LOST_COUNT
                 counts[slot, r] = count
             elif what == FLOAT:
@@ -192,12 +217,12 @@ def rows(
                 if state == _NUMBER:
                     value, good = as_float(m, e, negative)
                     state = _NUMBER if good else _UNREAD
-                    if guides[c, _MARKS_LOST] and (value == 0.0 or value == -1.0):
+                    if guides[c, MARKS_LOST] and (value == 0.0 or value == -1.0):
                         value = np.nan
                 floats[slot, r] = value
             elif what == TICK:
-                up = e + _TICK_PLACES
-                if state != _NUMBER or up < 0 or up > _TICK_PLACES or abs(m) > _LARGEST // POWERS[up]:
+                up = e + TICK_PLACES
+                if state != _NUMBER or up < 0 or up > TICK_PLACES or abs(m) > LARGEST // POWERS[up]:
                     return r, begin, kept
                 ticks[slot, r] = m * POWERS[up]
             elif what == SPAN:
@@ -218,7 +243,7 @@ def rows(
         if data[at] != 10:
             return r, begin, kept
         at += 1
-    return begins.size, at, used
+        r += 1
 
 
 @compiled

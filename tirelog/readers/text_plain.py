@@ -14,8 +14,9 @@ import re
 import numpy as np
 
 from tirelog.readers import Samples, counted_floats
-from tirelog.readers import text_kernels as kernels
 from tirelog.readers.digits import Block, bytes_of, words_of
+from tirelog.readers.text_alike import COUNT, FLOAT, GUIDE, SPAN, TICK, TOO_WIDE
+from tirelog.readers.text_kernels import rows
 from tirelog.readers.text_numbers import cell_numbers
 from tirelog.readers.text_rows import ERROR_CODE, Parsed, Plan, joined, without_lost
 from tirelog.readers.text_time import MISSING, Nanoseconds, column_ns
@@ -52,7 +53,7 @@ class _Table:
     def __init__(self, plan: Plan, block: Block, at: int) -> None:
         self.plan, self.block, self.columns = plan, block, plan.columns
         self.whats, self.slots = self._roles()
-        guides = np.zeros((plan.across, kernels.GUIDE), np.int64)
+        guides = np.zeros((plan.across, GUIDE), np.int64)
         for k, what in self.whats.items():
             guides[k, :4] = what, self.slots[k], plan.places.get(k) or 0, k in plan.gratings
         data = bytes_of(block)
@@ -62,7 +63,7 @@ class _Table:
         self.counts, self.floats = np.empty((counts, lines), np.int32), np.empty((floats, lines))
         self.ticks, self.spans = np.empty((ticks, lines), np.int64), np.empty((spans, lines, 2), np.int64)
         hard = np.empty((_HARD + plan.across, 4), np.int64)
-        self.size, self.stop, used = kernels.rows(
+        self.size, self.stop, used = rows(
             data, words_of(data), at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least, plan.layout.ragged,
             self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
         )  # fmt: skip
@@ -71,21 +72,21 @@ class _Table:
             self.counts, self.floats = self.counts[:, : self.size].copy(), self.floats[:, : self.size].copy()
             self.ticks, self.spans = self.ticks[:, : self.size].copy(), self.spans[:, : self.size].copy()
         self.hard = hard[:used].copy()
-        self.too_wide = {k for k in self.whats if guides[k, kernels.TOO_WIDE]}
+        self.too_wide = {k for k in self.whats if guides[k, TOO_WIDE]}
 
     def _roles(self) -> tuple[dict[int, int], dict[int, int]]:
         """What to do with each column that is wanted, and its place among those of its kind."""
         whats = {}
         for k in self.columns.values.values():
             places = self.plan.places.get(k)
-            whats[k] = kernels.COUNT if places is not None and places <= _MOST_PLACES and k not in self.plan.uncounted else kernels.FLOAT
+            whats[k] = COUNT if places is not None and places <= _MOST_PLACES and k not in self.plan.uncounted else FLOAT
         columns = self.columns
-        whats |= {k: kernels.SPAN for k in (columns.clock, columns.errors) if k is not None}
+        whats |= {k: SPAN for k in (columns.clock, columns.errors) if k is not None}
         if columns.time is not None:
-            number = kernels.TICK if self.plan.exact else kernels.FLOAT
-            whats[columns.time] = number if columns.form == "number" else kernels.SPAN
+            number = TICK if self.plan.exact else FLOAT
+            whats[columns.time] = number if columns.form == "number" else SPAN
         if columns.number is not None:
-            whats[columns.number] = kernels.FLOAT
+            whats[columns.number] = FLOAT
         slots = dict.fromkeys(_OUTPUTS, 0)
         places_of = {}
         for k, what in whats.items():
@@ -96,7 +97,7 @@ class _Table:
         """Reads the cells that were left."""
         self.found, self.unread = cell_numbers(self.block, self.hard[:, 2], self.hard[:, 3], self.plan.layout.decimal)
         for k, what in self.whats.items():
-            if what == kernels.FLOAT and self.hard.size:
+            if what == FLOAT and self.hard.size:
                 mine = self.hard[:, 1] == k
                 self.floats[self.slots[k], self.hard[mine, 0]] = self._lost_of(k, self.found[mine])
 
@@ -123,7 +124,7 @@ class _Table:
 
     def _samples(self, k: int) -> Samples:
         """A channel's column."""
-        if self.whats[k] == kernels.FLOAT:
+        if self.whats[k] == FLOAT:
             return self.floats[self.slots[k], : self.size]
         counts = self.counts[self.slots[k], : self.size]
         mine = self.hard[:, 1] == k
@@ -155,4 +156,4 @@ class _Table:
         return np.array([codes[cell] for cell in cells], np.int64)
 
 
-_OUTPUTS = (kernels.COUNT, kernels.FLOAT, kernels.TICK, kernels.SPAN)
+_OUTPUTS = (COUNT, FLOAT, TICK, SPAN)
