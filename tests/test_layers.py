@@ -21,6 +21,8 @@ LAYERS = [
         "store_column",
         "store",
         "ingest",
+        "arrow_columns",
+        "csv_rows",
         "tables",
         "regression",
         "overview",

@@ -17,19 +17,25 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-import pyarrow as pa
 
 from tirelog import __version__
 from tirelog.columns import COLUMNS, TABLES
 from tirelog.errors import UsageError, nearest
 from tirelog.files import whole_file
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from tirelog.csv_rows import Words
+
 FORMATS = ("csv", "ndjson", "parquet", "json")
 _SUFFIXES = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet", ".json": "json"}
 _ROWS_A_PART = 20_000
+#: rows of csv from which on they are worth the compiled loop; all commands that make so many have compiled loops of their own
+_LEAST_COMPILED = 256
 
 
 def table_format(output: Path | str | None, format: str | None) -> str:
@@ -51,10 +57,17 @@ def quality_text(words: Iterable[str]) -> str:
     return ";".join(sorted(set(words))) or "ok"
 
 
-def quality_column(rows: Iterable[frozenset[str]]) -> np.ndarray:
+class _Texts(dict[frozenset[str], str]):
+    """The text of each set of words, made when it is first asked for."""
+
+    def __missing__(self, words: frozenset[str]) -> str:
+        return self.setdefault(words, quality_text(words))
+
+
+def quality_column(rows: Sequence[frozenset[str]]) -> np.ndarray:
     """The quality column of a table whose rows have these words, shape (n,); few sets of words are different, so each is put once."""
-    texts: dict[frozenset[str], str] = {}
-    return np.array([texts.get(words) or texts.setdefault(words, quality_text(words)) for words in rows], object)
+    texts = _Texts()
+    return np.fromiter(map(texts.__getitem__, rows), object, len(rows))
 
 
 def _kind(name: str, values: np.ndarray) -> str:
@@ -90,6 +103,7 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         self.name, self.output, self.format = name, output, table_format(output, format)
         self.metadata = dict(metadata or {})
         self.rows = 0
+        self._names: tuple[str, ...] | None = None
         self._schema: pa.Schema | None = None
         self._parquet: Any = None
         self._file: AbstractContextManager[Path] | None = None
@@ -149,28 +163,35 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         """Append a pandas DataFrame's rows."""
         self.write({str(name): frame[name].to_numpy() for name in frame.columns})
 
-    def _begin(self, schema: pa.Schema) -> None:
-        """Whatever stands before the first row."""
-        if self.format == "parquet":
+    def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
+        """Whatever stands before the first row of a table of these columns; parquet needs their `schema`."""
+        if self._names is not None:
+            if names != self._names:
+                raise ValueError(f"the columns {', '.join(names)} are not those of the rows before, {', '.join(self._names)}")
+            return
+        self._names = names
+        if self.format == "parquet" and schema is not None:
             import pyarrow.parquet as pq
 
             about = {"tirelog": json.dumps({"version": __version__, "table": self.name, **self.metadata}, default=str)}
-            schema = schema.with_metadata(about)
-            self._parquet = pq.ParquetWriter(self._stream, schema, compression="zstd")
+            self._schema = schema.with_metadata(about)
+            self._parquet = pq.ParquetWriter(self._stream, self._schema, compression="zstd")
         elif self.format == "csv":
-            self._stream.write((",".join(schema.names) + "\n").encode())
+            self._stream.write((",".join(names) + "\n").encode())
         elif self.format == "json":
             self._stream.write(b"[")
-        self._schema = schema
 
     def _rows(self, table: pa.Table) -> None:
+        """Some rows by arrow."""
         if self.format == "parquet":
             self._parquet.write_table(table)
         elif self.format == "csv":
             import pyarrow.csv as pc
 
+            from tirelog.arrow_columns import quoting
+
             part = io.BytesIO()
-            pc.write_csv(table, part, pc.WriteOptions(include_header=False, quoting_style=_quoting(table)))
+            pc.write_csv(table, part, pc.WriteOptions(include_header=False, quoting_style=quoting(table)))
             self._stream.write(part.getvalue())
         else:
             lines = [json.dumps(row, ensure_ascii=False) for row in table.to_pylist()]
@@ -197,33 +218,21 @@ class TableWriter(AbstractContextManager["TableWriter"]):
 
     def _end(self) -> None:
         """Whatever stands behind the last row."""
-        if self._schema is None:
-            self._begin(pa.schema([_field(name, _type(name)) for name in TABLES.get(self.name, ())]))
+        if self._names is None:
+            self._begin_empty()
         if self._parquet is not None:
             self._parquet.close()
         elif self.format == "json":
             self._stream.write(b"]\n")
 
+    def _begin_empty(self) -> None:
+        """The columns of a table without rows."""
+        import pyarrow as pa
 
-def _quoting(table: pa.Table) -> str:
-    """Quotes only where a text needs them (arrow's own "needed" quotes every text)."""
-    for column in table.columns:
-        if pa.types.is_string(column.type):
-            for data in (chunk.buffers()[2] for chunk in column.chunks):
-                if data is not None and any(mark in data.to_pybytes() for mark in (b'"', b",", b"\r", b"\n")):
-                    return "needed"
-    return "none"
+        from tirelog.arrow_columns import arrow_field
 
-
-def _type(name: str) -> pa.DataType:
-    """The arrow type of a column of the vocabulary."""
-    return {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}[COLUMNS[name].kind]
-
-
-def _field(name: str, type: pa.DataType) -> pa.Field:
-    """A column with its unit and meaning, which parquet keeps."""
-    column = COLUMNS.get(name)
-    return pa.field(name, type, metadata={"unit": column.unit, "meaning": column.meaning} if column else None)
+        names = TABLES.get(self.name, ())
+        self._begin(names, pa.schema([arrow_field(name) for name in names]))
 
 
 def read_table(path: Path | str) -> Any:
@@ -232,6 +241,7 @@ def read_table(path: Path | str) -> Any:
     ReadError: nothing there, or not a table.
     """
     import pandas as pd
+    import pyarrow as pa
 
     from tirelog.errors import ReadError
 
