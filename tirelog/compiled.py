@@ -9,11 +9,12 @@ Python: slower, and the same numbers.  No fast-math: sums keep their order, so r
 
 numba knows a cached kernel by its own file only; one that calls kernels of other files is forgotten here where those were edited since.
 
-numba takes half a second to start and 130 MB; modules with kernels are imported inside the functions that need them.
+numba takes half a second to start and 110 MB; modules with kernels are imported inside the functions that need them.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -25,6 +26,25 @@ Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
 #: the source files that each kernel is compiled from, by the kernel's id
 _SOURCES: dict[int, frozenset[Path]] = {}
+
+
+def _without_blas() -> None:
+    """Loads numba's array functions, as the first kernel would, without the linear algebra of scipy that they look for and no kernel needs.
+
+    It takes a tenth of a second and 16 MB; a kernel that does need it (an inverse) has numba import it then.
+    """
+    blas = "scipy.linalg.cython_blas"
+    if blas in sys.modules:
+        return
+    modules: dict[str, Any] = sys.modules  # None in the place of a module: not to be found
+    modules[blas] = None
+    try:
+        import numba.np.arraymath  # noqa: F401
+    finally:
+        del modules[blas]
+
+
+_without_blas()
 
 
 def compiled(kernel: Kernel) -> Kernel:
