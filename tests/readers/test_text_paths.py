@@ -36,15 +36,21 @@ def same(one, other) -> None:
 
 @pytest.mark.parametrize("size", [64, 1000, 65_536])
 def test_any_block_size(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, whole = read(log(), SETUP)
+    """The same samples, and losses that are told with the same lines."""
+    lines = log().splitlines(keepends=True)
+    damaged = b"".join([*lines[:700], b"\n", b"0.1,what,1\n", *lines[700:800], b"noon,1,2\n", *lines[800:], b"9.9,155"])
+    plain, whole = read(damaged, SETUP)
     original = ByteSource.blocks
     monkeypatch.setattr(text_source, "BLOCK_BYTES", size)
-    monkeypatch.setattr(ByteSource, "blocks", lambda self, skip, line, **more: original(self, skip, line, size, **more))
+    monkeypatch.setattr(ByteSource, "blocks", lambda self, skip, **more: original(self, skip, size, **more))
     monkeypatch.setattr(text_source, "HEAD_BYTES", 4096)
-    reader = open_text(Pipe(log()), SETUP, "-")
+    reader = open_text(Pipe(damaged), SETUP, "-")
     blocks = list(reader.blocks())
     assert len(blocks) > 1 or size > 60_000
     same(joined(blocks, reader), whole)
+    assert reader.report.losses == plain.report.losses
+    told = " ".join(reader.report.losses)
+    assert all(f"line {line}:" in told for line in (702, 803, len(lines) + 4)), told
 
 
 WRAP = {

@@ -46,7 +46,7 @@ def same(plan: Plan, one: Parsed, other: Parsed) -> None:
 def test_a_time_beyond_all_times_is_no_readable_time(text: str) -> None:
     plan = plan_of(head="1700000{}00.5")
     block = "".join(f"{head},1550.5,2.5\n" for head in ("1700000000.5", text, "1700000001.5")).encode()
-    assert parse(plan, 1, block).bad_rows == [(2, "no readable time")]
+    assert parse(plan, block).bad_rows == [(1, "no readable time")]
 
 
 @given(NUMBER, st.sampled_from([",", ";", "\n", " ", "x"]))
@@ -150,7 +150,7 @@ def test_rows_that_are_written_alike(usual: tuple[str, str], other: tuple[str, s
         cells = [head.format(i), *(other if rng.random() < often else usual)]
         rows.append(",".join(re.sub("9", lambda _: str(rng.integers(0, 10)), cell) for cell in cells) + end)
     block = "".join(rows).encode()
-    same(plan, parse(plan, 7, block), flat(plan, 7, block))
+    same(plan, parse(plan, block), flat(plan, 0, block))
 
 
 @pytest.mark.parametrize("large", ["2147483646", "2147483647", "2147483648", "9999999999", "0214748364700"])
@@ -158,7 +158,7 @@ def test_a_number_too_large_among_alike_rows(large: str) -> None:
     plan = plan_of(a="1550", head="99.{}")
     usual = "".join(f"{i % 100:02d}.5,{i:0{len(large)}d},2.5\n" for i in range(200))
     block = (usual + f"11.5,{large},2.5\n" + usual).encode()
-    same(plan, parse(plan, 7, block), flat(plan, 7, block))
+    same(plan, parse(plan, block), flat(plan, 0, block))
 
 
 PIECE = st.one_of(
@@ -178,7 +178,7 @@ def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], of
     plan = plan_of()
     good = "0.5,1550.1234,-0.25\n" * (40 * often)
     block = "".join(",".join(row) + "\n" + good for row in rows).encode()
-    same(plan, parse(plan, 7, block), flat(plan, 7, block))
+    same(plan, parse(plan, block), flat(plan, 0, block))
 
 
 @pytest.mark.parametrize("place", range(len("000.0000,1550.0000,0.00000")))
@@ -188,7 +188,7 @@ def test_any_other_byte_in_a_row(place: int, byte: bytes) -> None:
     at = 37 * (len(block) // 50) + place
     block[at : at + 1] = byte
     plan = plan_of()
-    same(plan, parse(plan, 1, bytes(block)), flat(plan, 1, bytes(block)))
+    same(plan, parse(plan, bytes(block)), flat(plan, 0, bytes(block)))
 
 
 def test_counts_are_handed_on_as_they_are_written() -> None:
@@ -223,16 +223,16 @@ def test_a_separator_in_a_cell_that_nobody_wants() -> None:
     block = "".join(f"{i:02d},1550.5,2.5,{'ab' if i != 7 else 'a,b'}\n" for i in range(20)).encode()
     plan = plan_of(more="x")
     assert all_plain(plan, block)[1] == block.index(b"07")
-    parsed = parse(plan, 1, block)
-    assert parsed.bad_rows == [(8, "not 4 cells")]
+    parsed = parse(plan, block)
+    assert parsed.bad_rows == [(7, "not 4 cells")]
     assert np.isnan(parsed.values[2]).tolist() == [i == 7 for i in range(20)]
 
 
 def test_a_bad_cell_behind_a_row_without_a_time_is_told_once() -> None:
     block = b"0.1,1550.0,0.5\noops,1550.0,0.5\n0.3,1550.0,bad\n"
-    parsed = parse(plan_of(), 5, block)
-    assert parsed.bad_rows == [(6, "no readable time")]
-    assert parsed.bad_cells == [(7, "'bad'")]
+    parsed = parse(plan_of(), block)
+    assert parsed.bad_rows == [(1, "no readable time")]
+    assert parsed.bad_cells == [(2, "'bad'")]
     assert parsed.size == 2
 
 

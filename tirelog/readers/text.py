@@ -26,7 +26,7 @@ from tirelog.readers.peaks import GratingTracker
 from tirelog.readers.sniff import LOST_WORDS, Layout, filled, is_number, sniff, split
 from tirelog.readers.text_columns import Columns, assign, decimals, most_decimals, resolution_s, start_iso
 from tirelog.readers.text_parse import Parsed, Plan, parse
-from tirelog.readers.text_source import ByteSource
+from tirelog.readers.text_source import LONGEST_LINE_BYTES, ByteSource
 from tirelog.readers.text_time import MISSING, month_first, unwrap_midnight
 from tirelog.recording import FloatArray
 from tirelog.setup import Setup
@@ -85,35 +85,40 @@ class TextReader:
     def blocks(self) -> Iterator[RawBlock]:
         """All rows, block by block."""
         try:
-            rows = 0
+            rows, line = 0, self.layout.first_line
             with closing(self._parsed()) as blocks:
                 for parsed in blocks:
-                    self._bad["row"] += parsed.bad_rows
-                    self._bad["cell"] += parsed.bad_cells
+                    self._bad["row"] += [(line + at, what) for at, what in parsed.bad_rows]
+                    self._bad["cell"] += [(line + at, what) for at, what in parsed.bad_cells]
+                    line += parsed.lines
                     if parsed.size:
                         rows += parsed.size
                         yield self._block(parsed)
-            self._finish(rows)
+            self._finish(rows, line)
         finally:
             self._source.close()
 
     def _parsed(self) -> Generator[Parsed]:
         """Parsed blocks in order.  One is read and two are parsed while others are used: all of that leaves the interpreter's lock."""
         waiting: deque[Future[Parsed]] = deque()
-        blocks = self._source.blocks(self.layout.skip, self.layout.first_line, returns=self.layout.returns)
+        blocks = self._source.blocks(self.layout.skip, returns=self.layout.returns)
         with ThreadPoolExecutor(_AHEAD, "tirelog-parse") as pool, ThreadPoolExecutor(1, "tirelog-read") as reading:
             coming = reading.submit(next, blocks, None)
-            while found := coming.result():
+            while block := coming.result():
                 coming = reading.submit(next, blocks, None)
-                line, ends, block = found
-                waiting.append(pool.submit(parse, self._plan, line, self._whole(line + ends, block)))
+                waiting.append(pool.submit(self._parse, self._whole(block)))
                 if len(waiting) > _AHEAD:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
 
-    def _whole(self, line: int, block: bytearray) -> bytearray:
-        """The block without a last row, in this line, that is cut off."""
+    def _parse(self, block: bytearray) -> Parsed:
+        parsed = parse(self._plan, block)
+        self._source.reuse(block)
+        return parsed
+
+    def _whole(self, block: bytearray) -> bytearray:
+        """The block without a last row that is cut off."""
         if block.endswith(b"\n"):
             return block
         start = block.rfind(b"\n") + 1
@@ -121,7 +126,6 @@ class TextReader:
         if not (self._source.problem or cut_off(self.layout, last)):
             return block
         self.report.counts["rows_cut_off"] = 1
-        self.report.losses.append(f"line {line}: the last row is cut off and was left out")
         return block[:start]
 
     def _block(self, parsed: Parsed) -> RawBlock:
@@ -166,14 +170,18 @@ class TextReader:
         if number:
             self.report.counts[what] = self.report.counts.get(what, 0) + number
 
-    def _finish(self, rows: int) -> None:
-        """The report, once all is read."""
+    def _finish(self, rows: int, line: int) -> None:
+        """The report, once all is read, which `line` is the first one behind."""
         report = self.report
+        if "rows_cut_off" in report.counts:
+            report.losses.append(f"line {line}: the last row is cut off and was left out")
         for what, sentence in (("row", "rows do not parse"), ("cell", "cells are no numbers")):
             bad = self._bad[what]
             self._count(f"bad_{what}s", len(bad))
             if bad:
                 report.losses.append(f"{len(bad)} {sentence} (first in line {min(bad)[0]}: {min(bad)[1]})")
+        if self._source.endless:
+            report.losses.append(f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read")
         if self._source.problem:
             report.losses.append(f"{self._source.problem}; the rows before it were read")
         if not rows:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tirelog.readers import counted_floats
 from tirelog.readers.digits import Block, bytes_of
 from tirelog.readers.text_alike import LARGEST
-from tirelog.readers.text_kernels import cells, line_ends, separated
+from tirelog.readers.text_kernels import cells, separated
 from tirelog.readers.text_numbers import cell_numbers
 from tirelog.readers.text_rows import ERROR_CODE, Parsed, Plan, joined, without_lost
 from tirelog.readers.text_time import MISSING, Nanoseconds, column_ns
@@ -29,7 +29,7 @@ def flat(plan: Plan, line: int, block: Block) -> Parsed:
     layout = plan.layout
     data = bytes_of(block)
     text = np.array([kind not in ("number", "blank") for kind in layout.kinds])
-    lines, many = line_ends(data), separated(data, ord(layout.separator))
+    lines, many = block.count(b"\n"), separated(data, ord(layout.separator))
     starts, stops, first = np.empty(many, np.int64), np.empty(many, np.int64), np.empty(lines + 1, np.int64)
     numbers, unread = np.empty(many), np.empty(many, bool)
     cells(data, ord(layout.separator), ord(layout.decimal), text, starts, stops, first, numbers, unread)

@@ -2,7 +2,7 @@
 
     rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row that is not like the others
     cells      a block of anything to its cells, with the number in each
-    line_ends, collapsed      small helpers
+    separated, collapsed      small helpers
 
 `rows` hands rows that are written like the one above to `text_alike`, and takes others cell by cell: it measures a cell's digits a word at
 a time and loads them as words; only a cell that is written otherwise is read byte by byte.
@@ -56,15 +56,6 @@ _TAIL = 48
 
 #: rows that are read cell by cell before alike ones are looked for: at first, and at most, where none were found
 _SOON, _MOST_PATIENCE = 2, 256
-
-
-@compiled
-def line_ends(data: Bytes) -> int:
-    """Number of newlines."""
-    total = 0
-    for byte in data:
-        total += byte == 10
-    return total
 
 
 @compiled

@@ -24,12 +24,12 @@ __all__ = ["Parsed", "Plan", "parse"]
 _PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18
 
 
-def parse(plan: Plan, line: int, block: Block) -> Parsed:
-    """The rows of one block, whose first line has the number `line`."""
+def parse(plan: Plan, block: Block) -> Parsed:
+    """The rows of one block, whose lines count from 0."""
     if block.isspace():
-        return Parsed({column: np.zeros(0) for column in plan.columns.values.values()})
+        return Parsed({column: np.zeros(0) for column in plan.columns.values.values()}, lines=block.count(b"\n"))
     block = normalized(plan.layout, block)
-    parts, at, piece, careful = [], 0, _PIECE_BYTES if plan.regular else _MOST_PIECE_BYTES, True
+    parts, line, at, piece, careful = [], 0, 0, _PIECE_BYTES if plan.regular else _MOST_PIECE_BYTES, True
     while at < len(block):
         if plan.regular:
             begin = at
@@ -43,4 +43,6 @@ def parse(plan: Plan, line: int, block: Block) -> Parsed:
             parts.append(flat(plan, line, block[at:stop]))
             line += block.count(b"\n", at, stop)
             at = stop
-    return concatenated(parts, plan.places)
+    parsed = concatenated(parts, plan.places)
+    parsed.lines = line
+    return parsed

@@ -31,7 +31,7 @@ class Parsed:
     `values[column]` shape (n,), NaN where blank or unreadable (or counts, see `RawBlock`); `stamps` shape (n,): int64 ns (MISSING where
     unreadable) for times, float64 in the column's unit for numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0;
     `first` shape (n + 1,) and `cells`: the peaks of row i are cells[first[i]:first[i + 1]]; `counts` shape (n, fibres).
-    `bad_rows` and `bad_cells` are (line, what stands there).
+    `bad_rows` and `bad_cells` are (line, what stands there); `lines` were read, blank ones too.
     """
 
     values: dict[int, Samples]
@@ -42,6 +42,7 @@ class Parsed:
     cells: FloatArray = field(default_factory=lambda: np.zeros(0))
     counts: IntArray | None = None
     size: int = 0
+    lines: int = 0
     bad_rows: list[tuple[int, str]] = field(default_factory=list)
     bad_cells: list[tuple[int, str]] = field(default_factory=list)
 
@@ -61,8 +62,8 @@ def concatenated(parts: list[Parsed], places: Mapping[int, int | None]) -> Parse
         np.concatenate([part.cells for part in parts]),
         None if first.counts is None else np.concatenate([part.counts for part in parts if part.counts is not None]),
         sum(part.size for part in parts),
-        [bad for part in parts for bad in part.bad_rows],
-        [bad for part in parts for bad in part.bad_cells],
+        bad_rows=[bad for part in parts for bad in part.bad_rows],
+        bad_cells=[bad for part in parts for bad in part.bad_cells],
     )
 
 

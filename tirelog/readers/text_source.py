@@ -1,9 +1,10 @@
 """Bytes of a text log, whatever wraps them: plain, gzip, zstd or xz, from a file or from standard input.
 
-    path or stream --magic bytes--> ByteSource --cut at newlines--> (first line's number, bytes) pieces of 2 MB
+    path or stream --magic bytes--> ByteSource --cut at newlines--> pieces of 2 MB
 
-Nothing seeks, so standard input serves as well as a file.  A compressed stream that is cut off or damaged gives what could be
-unpacked; `ByteSource.problem` then says so.
+Memory that is new to a process costs more than what is read into it, so blocks are given back and filled again.  Nothing seeks, so
+standard input serves as well as a file.  A compressed stream that is cut off or damaged gives what could be unpacked;
+`ByteSource.problem` then says so.
 """
 
 from __future__ import annotations
@@ -16,8 +17,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tirelog.errors import ReadError
-from tirelog.readers.digits import bytes_of
-from tirelog.readers.text_kernels import line_ends
 
 #: bytes that sniffing may look at
 HEAD_BYTES = 1 << 18
@@ -64,11 +63,12 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 class ByteSource:
     """The unpacked bytes of a log, read forward only.
 
-    `kind` is plain, gzip, zstd or xz; `problem` is a sentence where the compressed stream ended early or is damaged.
+    `kind` is plain, gzip, zstd or xz; `problem` is a sentence where the compressed stream ended early or is damaged; `endless` is true
+    where a line has no end within LONGEST_LINE_BYTES (a hole in the file), and neither it nor what follows was given.
     """
 
     def __init__(self, source: Path | str | BinaryIO, name: str) -> None:
-        self.name, self.problem, self.unpacked_bytes = name, "", 0
+        self.name, self.problem, self.endless, self.unpacked_bytes = name, "", False, 0
         try:
             self._file: BinaryIO = open(source, "rb") if isinstance(source, str | Path) else source  # noqa: SIM115
             self._owned = isinstance(source, str | Path)
@@ -79,6 +79,7 @@ class ByteSource:
         self._pieces = self._read(start)
         self._spare = b""  # of a piece that did not fit
         self._held = b""
+        self._free: list[bytearray] = []
 
     def _read(self, start: bytes) -> Iterator[bytes]:
         """Unpacked pieces.  A plain file gives its start alone: what follows is read where it is wanted."""
@@ -127,16 +128,17 @@ class ByteSource:
                     break
         return at - begun
 
-    def blocks(self, skip: int, line: int, size: int = BLOCK_BYTES, *, returns: bool = False) -> Iterator[tuple[int, int, bytearray]]:
-        """(number of the first line, line ends, whole lines) from byte `skip`, which begins line `line`, to the end.
+    def blocks(self, skip: int, size: int = BLOCK_BYTES, *, returns: bool = False) -> Iterator[bytearray]:
+        """Whole lines from byte `skip` to the end; `returns` takes carriage returns for the ends of lines.
 
-        `returns` takes carriage returns for the ends of lines.  A last line without its end comes as it is.  A line without end
-        (a hole in the file) is given up: `problem` says where.
+        A last line without its end comes as it is.
         """
         rest, self._held = bytearray(self._held[skip:]), b""
         while True:
             room = max(size, 2 * len(rest))
-            block = bytearray(room)
+            block = self._free.pop() if self._free else bytearray(room)
+            del block[room:]
+            block.extend(bytes(room - len(block)))
             block[: len(rest)] = rest
             have = len(rest) + self._into(block, len(rest))
             last = have < room
@@ -147,14 +149,16 @@ class ByteSource:
             rest = block[cut:]
             del block[cut:]
             if block:
-                ends = line_ends(bytes_of(block))
-                yield line, ends, block
-                line += ends
+                yield block
             if last:
                 return
-            if len(rest) > LONGEST_LINE_BYTES:
-                self.problem = f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read"
+            self.endless = len(rest) > LONGEST_LINE_BYTES
+            if self.endless:
                 return
+
+    def reuse(self, block: bytearray) -> None:
+        """Takes back a block whose bytes nobody needs any more, from any thread."""
+        self._free.append(block)
 
     def close(self) -> None:
         """Closes a file that this object opened."""
