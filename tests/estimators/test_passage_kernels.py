@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tirelog.dsp.noise import DIFFERENCE_GAIN, NORMAL_MEDIAN, ORDER, white_noise
+from tirelog.dsp.noise import DIFFERENCE_GAIN, NORMAL_MEDIAN, ORDER, PIECE_SAMPLES, white_noise
+from tirelog.estimators.passage_decimate import decimate
 from tirelog.estimators.passage_fit import Signal, Start, curve_sums, fit, gather
 from tirelog.estimators.passage_fit_kernels import MOST_SAMPLES
 from tirelog.estimators.passage_kernels import bucket_medians, half_level, medians_around, running_medians, turning_points
@@ -28,36 +29,38 @@ def holed(rng, size, share):
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
 def test_medians_of_buckets(bucket, share):
     values = holed(np.random.default_rng(1800), 40 * bucket + 3 * bucket // 4 + 1, share)
-    medians, extremes = np.empty(41, np.float32), np.array([np.inf, -np.inf])
-    bucket_medians(values, bucket, -1.0, medians, extremes)
+    medians = np.empty(41, np.float32)
+    bucket_medians(values, bucket, -1.0, medians)
     means = np.pad(values, (0, -values.size % bucket), constant_values=np.nan).reshape(-1, 4, bucket // 4).mean(axis=2)
     expected = [-np.median(row[~np.isnan(row)]) if not np.isnan(row).all() else np.nan for row in means]
     np.testing.assert_allclose(medians, expected, rtol=1e-6)
-    if share < 1.0:
-        assert extremes.tolist() == [np.nanmin(values), np.nanmax(values)]
-    else:
-        assert extremes.tolist() == [np.inf, -np.inf]
+
+
+@pytest.mark.parametrize("rate_Hz", [1000.0, 2500.0])
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_extremes_are_those_of_all_samples(rate_Hz, share):
+    values = holed(np.random.default_rng(8010), 3 * PIECE_SAMPLES + 5, share)
+    found = decimate(Channel.of_array("c", "strain", values, TimeAxis.uniform(values.size, rate_Hz)), -1.0, PIECE_SAMPLES)
+    assert found.extremes == ((np.nanmin(values), np.nanmax(values)) if share < 1.0 else (np.inf, -np.inf))
 
 
 def test_one_infinite_sample_does_not_matter_to_a_bucket():
     medians = np.empty(1, np.float32)
-    bucket_medians(np.array([1.0, np.inf, 4.0, 2.0]), 4, 1.0, medians, np.zeros(2))
+    bucket_medians(np.array([1.0, np.inf, 4.0, 2.0]), 4, 1.0, medians)
     assert medians.tolist() == [3.0]
 
 
 def test_running_medians_leave_ends_and_neighbours_of_lost_samples():
     values = holed(np.random.default_rng(1801), 300, 0.05)
-    medians, extremes = np.empty(296, np.float32), np.array([np.inf, -np.inf])
-    running_medians(values, 2, 1.0, medians[:-1], extremes)
+    medians = np.empty(296, np.float32)
+    running_medians(values, 2, 1.0, medians[:-1])
     expected = values.copy()
     for i in range(1, values.size - 1):
         three = values[i - 1 : i + 2]
         expected[i] = values[i] if np.isnan(three).any() else np.median(three)
     np.testing.assert_array_equal(medians[:-1], expected[2:297].astype(np.float32))
-    running_medians(values[-3:], 2, 1.0, medians[-1:], extremes)
+    running_medians(values[-3:], 2, 1.0, medians[-1:])
     np.testing.assert_array_equal(medians[-1], values[-1].astype(np.float32))
-    kept = np.concatenate([values[2:297], values[-1:]])
-    assert extremes.tolist() == [np.nanmin(kept), np.nanmax(kept)]
 
 
 def swings_removed(values, least):

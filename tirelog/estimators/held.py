@@ -28,6 +28,25 @@ Read = Callable[[int, int], FloatArray]
 
 
 @dataclass(frozen=True)
+class _Packed:
+    """A piece of a channel as counts above a `least` one, 0 where a sample is lost."""
+
+    short: NDArray[np.uint16]
+    least: int
+    scale: float
+    offset: float
+
+    def __call__(self, start: int, stop: int) -> FloatArray:
+        some = self.short[start:stop]
+        return self.into(start, np.empty(some.size))
+
+    def into(self, start: int, out: FloatArray) -> FloatArray:
+        """The samples from `start` on into `out`, which is given back."""
+        unpacked(self.short[start : start + out.size], self.least, self.scale, self.offset, out)
+        return out
+
+
+@dataclass(frozen=True)
 class _Held:
     """The samples of a channel from memory, piece by piece, and where they were `stored`."""
 
@@ -35,9 +54,19 @@ class _Held:
     stored: Read
 
     def __call__(self, start: int, stop: int) -> FloatArray:
-        wanted = range(start // PIECE, -(-stop // PIECE))
-        parts = [self.pieces[n](max(start - n * PIECE, 0), stop - n * PIECE) for n in wanted]
-        return parts[0] if len(parts) == 1 else np.concatenate(parts) if parts else np.zeros(0)
+        parts = [(self.pieces[n], max(start - n * PIECE, 0), stop - n * PIECE) for n in range(start // PIECE, -(-stop // PIECE))]
+        if len(parts) == 1:
+            piece, begin, end = parts[0]
+            return piece(begin, end)
+        out, at = np.empty(max(stop - start, 0)), 0
+        for piece, begin, end in parts:
+            size = min(end, PIECE) - begin
+            if isinstance(piece, _Packed):
+                piece.into(begin, out[at : at + size])
+            else:
+                out[at : at + size] = piece(begin, end)
+            at += size
+        return out
 
 
 def held(channel: Channel) -> Channel:
@@ -63,25 +92,27 @@ def _piece(stored: Read, start: int, stop: int) -> Read:
     packed = None if stored.lost is None else _packed(raw, stored.lost)
     if packed is None:
         return replace(stored, raw=lambda a, b: raw[a:b])
-    short, least = packed
-    scale, offset = stored.scale, stored.offset
-
-    def counts(a: int, b: int) -> FloatArray:
-        some = short[a:b]
-        out = np.empty(some.size)
-        unpacked(some, least, scale, offset, out)
-        return out
-
-    return counts
+    return _Packed(*packed, stored.scale, stored.offset)
 
 
 def _packed(raw: NDArray[Any], lost: int) -> tuple[NDArray[np.uint16], int] | None:
     """Counts above the second number, 0 where `lost`; None where they are too far apart for two bytes."""
-    known = raw[raw != lost]
-    least, most = (int(known.min()), int(known.max())) if known.size else (0, 0)
+    least, most = (int(raw.min()), int(raw.max())) if raw.size else (0, 0)
+    if lost in (least, most):
+        known = raw[raw != lost]
+        least, most = (int(known.min()), int(known.max())) if known.size else (0, 0)
     if most - least >= _MOST:
         return None
-    return np.where(raw == lost, 0, raw - (least - 1)).astype(np.uint16), least - 1
+    short = np.empty(raw.size, np.uint16)
+    pack(raw, lost, least - 1, short)
+    return short, least - 1
+
+
+@compiled
+def pack(raw: NDArray[Any], lost: int, least: int, short: NDArray[np.uint16]) -> None:
+    """How far each count is above `least`, 0 where it is `lost`."""
+    for i in range(raw.size):
+        short[i] = np.uint16(0) if raw[i] == lost else np.uint16(raw[i] - least)
 
 
 @compiled

@@ -58,18 +58,19 @@ def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Dec
     margin = 1 if bucket == 1 else 0
     noise = SampleNoise(channel.size, channel.resolution)
     medians = np.empty(-(-channel.size // bucket), np.float32)
-    extremes = np.array([np.inf, -np.inf])
+    low, high = np.inf, -np.inf
     for start in range(0, channel.size, step):
         first, stop = max(start - margin, 0), min(start + step, channel.size)
         values = np.ascontiguousarray(channel.read(first, min(stop + margin, channel.size)), dtype=np.float64)
         noise.take(start, values[start - first : stop - first])
+        low, high = np.fmin.reduce(values, initial=low), np.fmax.reduce(values, initial=high)
         own = medians[start // bucket : -(-stop // bucket)]
         if bucket == 1:
-            running_medians(values, start - first, sign, own, extremes)
+            running_medians(values, start - first, sign, own)
         else:
-            bucket_medians(values, bucket, sign, own, extremes)
+            bucket_medians(values, bucket, sign, own)
     parts = np.ceil((channel.axis.first[1:] - 0.5 * (bucket - 1)) / bucket).astype(np.int64)
-    return Decimated(_bridged(medians), bucket, np.concatenate([[0], parts]), (extremes[0], extremes[1]), noise.sigma())
+    return Decimated(_bridged(medians), bucket, np.concatenate([[0], parts]), (float(low), float(high)), noise.sigma())
 
 
 def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:

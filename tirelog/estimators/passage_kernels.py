@@ -15,41 +15,40 @@ from tirelog.recording import FloatArray, IntArray
 
 
 @compiled
-def bucket_medians(values: FloatArray, bucket: int, sign: float, medians: NDArray[np.float32], extremes: FloatArray) -> None:
+def bucket_medians(values: FloatArray, bucket: int, sign: float, medians: NDArray[np.float32]) -> None:
     """Median of the four quarters' means in each bucket of `values` (n,), times `sign`, into `medians` (ceil(n / bucket),); of those
-    quarters that are whole; NaN where none is.  `extremes` (2,): least and largest sample so far.  `bucket`: a multiple of 4."""
+    quarters that are whole; NaN where none is.  `bucket`: a multiple of 4."""
     quarter = bucket // 4
-    low, high = extremes[0], extremes[1]
-    for k in range(medians.size):
-        first = k * bucket
-        if first + bucket <= values.size:
-            if quarter == 1:
-                t0, t1, t2, t3 = values[first], values[first + 1], values[first + 2], values[first + 3]
-            else:
-                t0 = _sum(values, first, quarter)
-                t1 = _sum(values, first + quarter, quarter)
-                t2 = _sum(values, first + 2 * quarter, quarter)
-                t3 = _sum(values, first + 3 * quarter, quarter)
-            if np.isfinite(t0 + t1 + t2 + t3):
-                # selects, which the compiler makes branchless; min() and max() are not
-                low01, high01 = (t0, t1) if t0 < t1 else (t1, t0)
-                low23, high23 = (t2, t3) if t2 < t3 else (t3, t2)
-                least, second = (low01, low23) if low01 < low23 else (low23, low01)
-                largest, third = (high01, high23) if high01 > high23 else (high23, high01)
-                medians[k] = sign * 0.5 * (second + third) / quarter
-                if quarter == 1:
-                    low = least if least < low else low
-                    high = largest if largest > high else high
-                else:
-                    for i in range(first, first + bucket):
-                        low = values[i] if values[i] < low else low
-                        high = values[i] if values[i] > high else high
-                continue
-        medians[k] = sign * _median_of_some(values, first, quarter)
-        for i in range(first, min(first + bucket, values.size)):
-            low = values[i] if values[i] < low else low
-            high = values[i] if values[i] > high else high
-    extremes[0], extremes[1] = low, high
+    whole = values.size // bucket
+    if quarter == 1:
+        fours = values[: 4 * whole].reshape(whole, 4)
+    else:
+        fours = np.empty((whole, 4))
+        for k in range(whole):
+            for j in range(4):
+                fours[k, j] = _sum(values, (4 * k + j) * quarter, quarter)
+    lost = _medians_of_four(fours, sign * 0.5 / quarter, medians)
+    for k in range(0 if lost > 0 else whole, medians.size):
+        if k >= whole or medians[k] != medians[k]:
+            medians[k] = sign * _median_of_some(values, k * bucket, quarter)
+
+
+@compiled
+def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float32]) -> int:
+    """Sum of the inner two of each row of `fours` (m, 4), times `factor`, NaN where one of the four is lost; how many are."""
+    lost = 0
+    for k in range(fours.shape[0]):
+        t0, t1, t2, t3 = fours[k, 0], fours[k, 1], fours[k, 2], fours[k, 3]
+        # selects, which the compiler makes branchless; min() and max() are not
+        low01, high01 = (t0, t1) if t0 < t1 else (t1, t0)
+        low23, high23 = (t2, t3) if t2 < t3 else (t3, t2)
+        second = low23 if low01 < low23 else low01
+        third = high23 if high01 > high23 else high01
+        total = t0 + t1 + t2 + t3
+        finite = total - total == 0.0
+        medians[k] = factor * (second + third) if finite else np.nan
+        lost += not finite
+    return lost
 
 
 @compiled
@@ -83,16 +82,12 @@ def _median_of_some(values: FloatArray, first: int, quarter: int) -> float:
 
 
 @compiled
-def running_medians(values: FloatArray, first: int, sign: float, medians: NDArray[np.float32], extremes: FloatArray) -> None:
+def running_medians(values: FloatArray, first: int, sign: float, medians: NDArray[np.float32]) -> None:
     """Running median of three of `values` from place `first` on, times `sign`, into `medians`; the ends of `values` and the neighbours of
-    lost samples stay as they are.  `extremes` as for `bucket_medians`."""
+    lost samples stay as they are."""
     for k in range(medians.size):
         i = first + k
         value = values[i]
-        if value < extremes[0]:
-            extremes[0] = value
-        if value > extremes[1]:
-            extremes[1] = value
         if 0 < i < values.size - 1:
             before, after = values[i - 1], values[i + 1]
             if before == before and after == after and value == value:
@@ -106,28 +101,30 @@ def turning_points(values: NDArray[np.float32], least: float, points: NDArray[np
 
     The first and the last are the extremes before the first and after the last such rise or fall.  Of equal extremes the first counts.
     """
-    low = high = 0
-    count = 0
-    direction = 0
-    for i in range(1, values.size):
-        value = values[i]
-        if direction >= 0 and value > values[high]:
-            high = i
-        if direction <= 0 and value < values[low]:
-            low = i
-        fall, rise = values[high] - value, value - values[low]
-        if direction >= 0 and fall > 0 and fall >= least:
-            points[count] = high
+    enough = np.float32(least)
+    if enough < least or enough == 0.0:  # the least float32 above 0 that is not below `least`
+        enough = np.nextafter(enough, np.float32(np.inf))
+    low = high = i = 0
+    while i < values.size and values[high] - values[low] < enough:
+        high = i if values[i] > values[high] else high
+        low = i if values[i] < values[low] else low
+        i += 1
+    if values.size == 0 or values[high] - values[low] < enough:
+        return 0
+    points[0], count = min(low, high), 1
+    # turned over after each, so that there is only one way to go
+    place, sign = max(low, high), np.float32(1.0 if high > low else -1.0)
+    extreme = sign * values[place]
+    for k in range(place + 1, values.size):
+        value = sign * values[k]
+        if value > extreme:
+            place, extreme = k, value
+        elif extreme - value >= enough:
+            points[count] = place
             count += 1
-            direction, low = -1, i
-        elif direction <= 0 and rise > 0 and rise >= least:
-            points[count] = low
-            count += 1
-            direction, high = 1, i
-    if direction != 0:
-        points[count] = high if direction > 0 else low
-        count += 1
-    return count
+            place, sign, extreme = k, -sign, -value
+    points[count] = place
+    return count + 1
 
 
 @compiled
