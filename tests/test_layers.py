@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: lower layers first; a module imports its own layer and those below
 LAYERS = [
-    {"errors", "columns", "units", "remote", "compiled"},
+    {"errors", "columns", "units", "remote", "compiled", "process"},
     {"recording", "dsp", "files"},
     {
         "setup",

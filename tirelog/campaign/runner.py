@@ -22,6 +22,7 @@ from tirelog.campaign.ledger import Entry, Ledger, key_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.campaign.work import Task, make_tables, part_name, pieces_name
 from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
+from tirelog.process import one_heap
 
 #: a log whose worker died this often is failed
 _ATTEMPTS = 3
@@ -125,7 +126,7 @@ def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # inherited: a worker's share is one core, and its libraries start their threads on import
     while waiting:
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_say_it_once) as pool:
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin) as pool:
             queue = list(waiting.values())
             running: dict[Future[Entry], Task] = {}
             try:
@@ -146,8 +147,10 @@ def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
                     yield _died(task)
 
 
-def _say_it_once() -> None:
-    """In a worker: HDF5 objects that are forgotten on a full disk print a traceback each, behind the error that the entry carries."""
+def _begin() -> None:
+    """In a worker, before anything else."""
+    one_heap()
+    # HDF5 objects that are forgotten on a full disk print a traceback each, behind the error that the entry carries
     sys.excepthook = lambda *_: None
     sys.unraisablehook = lambda _: None
 

@@ -73,4 +73,7 @@ def run(arguments: list[str] | None = None) -> int:
 
 def main() -> None:
     """Entry point of the console script."""
+    from tirelog.process import one_heap
+
+    one_heap()
     sys.exit(run())

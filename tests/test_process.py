@@ -1,0 +1,28 @@
+"""Property: what a process is told about itself holds."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import ctypes, sys, threading
+from tirelog.process import one_heap
+if sys.argv[1] == "told":
+    one_heap()
+held = []
+for _ in range(4):
+    thread = threading.Thread(target=lambda: held.append([bytes(600) for _ in range(1000)]))
+    thread.start()
+    thread.join()
+ctypes.CDLL(None).malloc_stats()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "confstr") or "glibc" not in (os.confstr("CS_GNU_LIBC_VERSION") or ""), reason="no glibc")
+@pytest.mark.parametrize(("told", "one"), [("told", True), ("untold", False)])
+def test_threads_share_one_heap(told: str, one: bool) -> None:
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}
+    said = subprocess.run([sys.executable, "-c", PROGRAM, told], capture_output=True, text=True, check=True, env=environment).stderr
+    assert (said.count("Arena ") == 1) == one
