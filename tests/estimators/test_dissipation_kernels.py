@@ -6,32 +6,39 @@ import numpy as np
 import pytest
 
 from tirelog.dsp.differentiator import bridged, differentiator
-from tirelog.estimators.dissipation_kernels import revolution_sums
+from tirelog.estimators.dissipation_kernels import SCRATCH_ROWS, revolution_sums
 
 
-@pytest.mark.parametrize("half", [10, 13])
+@pytest.mark.parametrize("half", [10, 13, 3])
 @pytest.mark.parametrize("cut", [2000, 700])
 def test_sums_are_those_of_the_filtered_gradient_wherever_the_values_are_cut(half, cut):
     rng = np.random.default_rng(1830)
     values, side = rng.normal(size=2000).cumsum(), rng.normal(size=half)
-    low, high = np.array([0, 300, 690, 1500, 1990]), np.array([300, 690, 1200, 1700, 2000])
+    low, high = np.array([0, 300, 690, 1501, 1990]), np.array([300, 691, 1202, 1703, 2000])
     kernel = np.concatenate([side[::-1], [0.0], -side])
     slope = np.pad(np.convolve(values, kernel, "valid"), half)
     change = np.gradient(slope)
     expected = [[np.sum(slope[a:b] ** 2), np.sum(change[a:b] ** 2)] for a, b in zip(low, high, strict=True)]
-    sums, scratch = np.zeros((7, 2)), np.empty(2000)
+    sums = summed(values, side, low, high, cut)
+    np.testing.assert_allclose(sums[[6, 5, 4, 3, 1]], expected, rtol=1e-12)
+    assert np.count_nonzero(sums[[0, 2]]) == 0
+    np.testing.assert_array_equal(sums, summed(values, side, low, high, 92))
+
+
+def summed(values, side, low, high, cut):
+    """The sums of five rows among seven, some values at a time."""
+    sums, scratch, reach = np.zeros((7, 2)), np.empty((SCRATCH_ROWS, 2000)), side.size + 3
     rows = np.array([6, 5, 4, 3, 1])
     for start in range(0, 2000, cut):
-        first, stop = max(start - half - 3, 0), min(start + cut, 2000)
-        part = values[first : min(stop + half + 3, 2000)]
-        revolution_sums(part, side, scratch, rows, np.maximum(low, start) - first, np.minimum(high, stop) - first, sums)
-    np.testing.assert_allclose(sums[rows], expected, rtol=1e-12)
-    assert np.count_nonzero(sums[[0, 2]]) == 0
+        first, stop = max(start - reach, 0), min(start + cut, 2000)
+        part = values[first : min(stop + reach, 2000)]
+        revolution_sums(part, first, side, scratch, rows, np.maximum(low, start), np.minimum(high, stop), sums)
+    return sums
 
 
 def test_values_shorter_than_the_filter_have_no_energy():
     sums = np.zeros((1, 2))
-    revolution_sums(np.arange(15.0), np.ones(10), np.empty(15), np.array([0]), np.array([0]), np.array([15]), sums)
+    revolution_sums(np.arange(15.0), 0, np.ones(10), np.empty((SCRATCH_ROWS, 15)), np.array([0]), np.array([0]), np.array([15]), sums)
     assert sums.tolist() == [[0.0, 0.0]]
 
 
@@ -40,7 +47,8 @@ def test_the_side_is_the_half_of_the_filter_that_reaches_ahead():
     half = how.size // 2
     sums = np.zeros((1, 2))
     values = 3.0 * np.arange(100.0) / 1000.0
-    revolution_sums(values, how[:half][::-1].copy(), np.empty(100), np.array([0]), np.array([40]), np.array([60]), sums)
+    side, scratch = how[:half][::-1].copy(), np.empty((SCRATCH_ROWS, 100))
+    revolution_sums(values, 0, side, scratch, np.array([0]), np.array([40]), np.array([60]), sums)
     np.testing.assert_allclose(sums, [[20 * 9.0, 0.0]], rtol=1e-3, atol=1e-9)
 
 

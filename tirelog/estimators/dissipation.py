@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.dsp.differentiator import bridged, differentiator
-from tirelog.estimators.dissipation_kernels import revolution_sums
+from tirelog.estimators.dissipation_kernels import FOUR, SCRATCH_ROWS, revolution_sums
 from tirelog.estimators.passage_template import LENGTH_TO_WIDTH
 from tirelog.estimators.passages import Passages
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
@@ -112,19 +112,21 @@ def _energies(channel: Channel, passages: Passages, how: _Filter, block_samples:
     wild = max(WILD_SIGMAS * passages.noise / np.sqrt(how.averaged), WILD_SHARE * float(np.nanmedian(np.abs(passages.height))))
     half = how.coefficients.size // 2
     side = how.coefficients[:half][::-1].copy()
-    step = max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size)
-    sums, slope = np.zeros((len(passages), 2)), np.empty(step + 2 * (half + 3))
+    step = max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size) // FOUR * FOUR
+    sums, scratch = np.zeros((len(passages), 2)), np.empty((SCRATCH_ROWS, step + 2 * (half + 3)))
     breaks = np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]]) if channel.axis.explicit is None else np.array([0, last])
+    # rows are in order, and their revolutions nearly so: those of a block stand together
+    furthest, nearest = np.maximum.accumulate(high), np.minimum.accumulate(np.where(known, low, last)[::-1])[::-1]
     for begin, end in pairwise(breaks.tolist()):
         for start in range(begin, end, step):
             stop = min(start + step, end)
-            rows = np.flatnonzero((high > start) & (low < stop))
+            rows = np.arange(np.searchsorted(furthest, start, "right"), np.searchsorted(nearest, stop))
             if rows.size:
                 first, final = max(start - half - 3, begin), min(stop + half + 3, end)
                 raw = np.asarray(channel.read(first * how.averaged, final * how.averaged), dtype=np.float64)
                 means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
-                within = np.maximum(low[rows], start) - first, np.minimum(high[rows], stop) - first
-                revolution_sums(means, side, slope, rows, *within, sums)
+                within = np.maximum(low[rows], start) - begin, np.minimum(high[rows], stop) - begin
+                revolution_sums(means, first - begin, side, scratch, rows, *within, sums)
     return sums[:, 0], sums[:, 1], (high - low).astype(float) * known
 
 
