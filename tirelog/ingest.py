@@ -35,12 +35,12 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 _HEAD_BYTES = 4096
 
 
-class _HashedStream(io.RawIOBase):
-    """A binary stream that hashes what is read through it, behind a head that was read before."""
+class _Stream(io.RawIOBase):
+    """A binary stream behind a head that was read before; counts, and where asked for hashes, what is read through it."""
 
-    def __init__(self, head: bytes, rest: BinaryIO) -> None:
+    def __init__(self, head: bytes, rest: BinaryIO, hashed: bool) -> None:
         self._head, self._rest = head, rest
-        self.sha256 = hashlib.sha256()
+        self._sha256 = hashlib.sha256() if hashed else None
         self.size = 0
 
     def readable(self) -> bool:
@@ -52,16 +52,17 @@ class _HashedStream(io.RawIOBase):
             buffer[:got], self._head = self._head[:got], self._head[got:]
         else:
             got = self._rest.readinto(buffer) or 0  # type: ignore[attr-defined]  # every binary stream has it
-        self.sha256.update(memoryview(buffer)[:got])
+        if self._sha256 is not None:
+            self._sha256.update(memoryview(buffer)[:got])
         self.size += got
         return got
 
     def finish(self) -> str:
-        """Read to the end (a reader may stop before it) and give the hash of the whole."""
+        """Read to the end (a reader may stop before it) and give the hash of the whole, '' where it was not asked for."""
         buffer = bytearray(1 << 20)
         while self.readinto(buffer):
             pass
-        return self.sha256.hexdigest()
+        return "" if self._sha256 is None else self._sha256.hexdigest()
 
 
 @dataclass
@@ -106,7 +107,7 @@ def _open(log: str) -> BinaryIO:
         raise ReadError(f"cannot be read ({problem.strerror}); a log is a file or '-'; give another path", file=log) from None
 
 
-def _reader(stream: _HashedStream, head: bytes, path: Path | None, setup: Setup, log: str) -> LogReader:
+def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: str) -> LogReader:
     """The reader for what the bytes are; names and suffixes do not matter."""
     if path is not None:
         from tirelog.readers.hdf5 import open_hdf5
@@ -123,7 +124,7 @@ def _reader(stream: _HashedStream, head: bytes, path: Path | None, setup: Setup,
     return open_text(buffered, setup, log)
 
 
-def _hdf5_path(log: str, head: bytes, stream: _HashedStream) -> tuple[Path | None, bool]:
+def _hdf5_path(log: str, head: bytes, stream: _Stream) -> tuple[Path | None, bool]:
     """(path of the HDF5 file or None, whether it is a temporary copy).  HDF5 needs a file to seek in: what is no file is copied to one."""
     user_block = any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048))
     if not user_block:
@@ -136,9 +137,10 @@ def _hdf5_path(log: str, head: bytes, stream: _HashedStream) -> tuple[Path | Non
     return Path(copy.name), True
 
 
-def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks: int | None = None) -> IngestSummary:
+def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks: int | None = None, hashed: bool = False) -> IngestSummary:
     """Write the run of `log` ('-' for standard input) to `path`, in one pass over its blocks (or the first `blocks` of them).
 
+    `hashed` has its sha256 in the provenance, which for a text log takes as long as reading it: for who keeps or prints it.
     ReadError: nothing could be read.  SetupError: no setup, or it does not fit.  What was lost, though the rest could be read, is in the
     summary's `losses` and in the run.
     """
@@ -148,7 +150,7 @@ def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks:
         head = _read_head(raw)
         if not head:
             raise ReadError("is empty; a log has at least a header and samples; record it again", file=log)
-        stream = _HashedStream(head, raw)
+        stream = _Stream(head, raw, hashed)
         hdf5, temporary = _hdf5_path(log, head, stream)
         try:
             if hdf5 is not None and is_run(hdf5):
@@ -170,7 +172,7 @@ def _read_head(raw: BinaryIO) -> bytes:
 
 
 def _write(
-    reader: LogReader, setup: Setup, path: Path, summary: IngestSummary, stream: _HashedStream, compress: bool, blocks: int | None
+    reader: LogReader, setup: Setup, path: Path, summary: IngestSummary, stream: _Stream, compress: bool, blocks: int | None
 ) -> None:
     """Blocks through the clocks and into the run; then what only the end of the log tells."""
     clocks = {group.name: _clock(group, setup) for group in reader.groups}
@@ -231,9 +233,10 @@ def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
 
 
 @contextmanager
-def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None = None) -> Iterator[Recording]:
+def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False) -> Iterator[Recording]:
     """`log` (a run, a log, or '-') as a Recording, open as long as the context is; of a log only the first `blocks` where given.
 
+    A run has its log's sha256 in its provenance, a log only where `hashed`.
     ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit.
     """
     if log != "-" and address(log) is None and is_run(log):
@@ -243,7 +246,7 @@ def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None =
     with tempfile.TemporaryDirectory(prefix="tirelog-") as folder:
         run = Path(folder) / "run.h5"
         with failed_writes(run):
-            ingest(log, setup, run, compress=False, blocks=blocks)
+            ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
         with open_run(run, log, setup) as recording:
             yield recording
 
@@ -251,4 +254,4 @@ def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None =
 def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
     """`ingest -o`: the run of `log`, compressed, whole under the name `output` or not at all."""
     with whole_file(output) as part:
-        return ingest(log, setup, part, compress=True)
+        return ingest(log, setup, part, compress=True, hashed=True)

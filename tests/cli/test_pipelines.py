@@ -1,6 +1,7 @@
 """Property: a log, its run, standard input and compressed copies give the same rows, and tables flow into other programs."""
 
 import gzip
+import hashlib
 import io
 import json
 import lzma
@@ -9,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 import zstandard
 
@@ -45,6 +47,19 @@ def test_every_format_of_one_table_passes_check(folder: Path, tirelog: Command, 
     assert tirelog("speed", "log.csv", "-o", name).status == 0
     assert tirelog("speed", "log.csv", "-o", "want.csv").status == 0
     assert tirelog("check", name, "--against", "want.csv").status == 0
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [(["speed", "-o", "t.parquet"], "t.parquet"), (["tables", "--table", "speed", "-o", "f", "--format", "parquet"], "f/speed.parquet")],
+)
+def test_a_parquet_table_and_a_run_carry_the_hash_of_the_log(folder: Path, tirelog: Command, command: list[str], name: str) -> None:
+    digest = hashlib.sha256((folder / "log.csv").read_bytes()).hexdigest()
+    assert tirelog("ingest", "log.csv", "-o", "run.h5").status == 0
+    for log in ("log.csv", "run.h5"):
+        assert tirelog(command[0], log, *command[1:]).status == 0
+        assert json.loads(pq.read_schema(name).metadata[b"tirelog"])["inputs"] == {log: digest}
+    assert digest[:12] in tirelog("info", "log.csv").out
 
 
 def test_check_says_what_moved_and_bless_takes_it(folder: Path, tirelog: Command) -> None:

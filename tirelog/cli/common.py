@@ -1,6 +1,6 @@
 """What the commands share: their common options, and a session that opens logs and adds up what was lost.
 
-    with Session(setup, quiet) as session:
+    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         with session.table("speed", output, format) as table:
             for recording in session.recordings(logs):
                 table.write(columns)
@@ -40,11 +40,18 @@ def say(text: str) -> None:
     sys.stderr.write(f"tirelog: {text}\n")
 
 
-class Session:
-    """One command's work on its logs."""
+def keeps_hashes(output: Path | None, format: str | None) -> bool:
+    """True where the table asked for carries the sha256 of its inputs: parquet has room for them."""
+    from tirelog.tables import table_format
 
-    def __init__(self, setup: Path | None, quiet: bool = False) -> None:
-        self.quiet = quiet
+    return table_format(output, format) == "parquet"
+
+
+class Session:
+    """One command's work on its logs; `hashed` where it tells their sha256."""
+
+    def __init__(self, setup: Path | None, quiet: bool = False, *, hashed: bool = False) -> None:
+        self.quiet, self._hashed = quiet, hashed
         self._setup_file = setup
         self._shared: Setup | None = None
         self._resources = ExitStack()
@@ -95,7 +102,7 @@ class Session:
         from tirelog.ingest import open_recording
 
         try:
-            recording = resources.enter_context(open_recording(log, self.setup(), blocks=blocks))
+            recording = resources.enter_context(open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed))
         except ReadError as problem:
             self._unread.append(log)
             say(f"error: {problem}")

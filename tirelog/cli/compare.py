@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile
+from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
 
 if TYPE_CHECKING:
     from tirelog.discrepancy import Comparison
@@ -105,7 +105,7 @@ def compare(
     tables = ("revolution", "angle", "speed", "regime", "conditions", *TABLES)
     if by is not None and by not in tables:
         raise UsageError(f"--by {by}{nearest(by, tables)}; allowed are {', '.join(tables)}; choose one")
-    with Session(setup, quiet) as session:
+    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         stacks, read, obstacles = stacks_model_and_obstacles(session, logs, model, effects, channel)
         from tirelog.discrepancy import compare as compare_stacks
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, say
+from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, keeps_hashes, say
 from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ def diagnose(
     plot: Plot = None,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
-    with Session(setup, quiet) as session:
+    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         stacks, read = stacks_and_model(session, logs, model, effects, channel)
         from tirelog.discrepancy import diagnose as diagnose_stacks
 

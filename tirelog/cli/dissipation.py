@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile
+from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
 from tirelog.process import one_thread
 
 
@@ -34,7 +34,7 @@ def dissipation(
         raise UsageError("--fit and --by-speed are two tables; allowed is one of them; run the command twice")
     kept = []
     name = "dissipation-fit" if fit else "dissipation"
-    with Session(setup, quiet) as session, session.table(name, output, format) as table:
+    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table(name, output, format) as table:
         for recording in session.recordings(logs):
             for remark in radius_remarks(recording):
                 session.note(f"{recording.log}: {remark}")

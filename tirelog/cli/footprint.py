@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile
-from tirelog.process import one_thread
+from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.threads import one_thread
 
 
 def footprint(
@@ -29,7 +29,7 @@ def footprint(
 
     setting = Cutoff.parse(cutoff)
     kept = []
-    with Session(setup, quiet) as session, session.table("footprint", output, format) as table:
+    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table("footprint", output, format) as table:
         for recording in session.recordings(logs):
             for remark in radius_remarks(recording):
                 session.note(f"{recording.log}: {remark}")

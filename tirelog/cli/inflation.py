@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile
+from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
 
 
 def inflation(
@@ -27,7 +27,7 @@ def inflation(
         raise UsageError("--from and --to go together and differ; allowed are two pressures in Pa; e.g. --from 1.7e5 --to 2.3e5")
     ends = None if begin is None or end is None else (begin, end)
     kept = []
-    with Session(setup, quiet) as session, session.table("inflation", output, format) as table:
+    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table("inflation", output, format) as table:
         for recording in session.recordings(logs):
             for found in inflation_of(recording, ends):
                 table.write(found.columns)

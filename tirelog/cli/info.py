@@ -13,7 +13,7 @@ def info(logs: Logs, setup: SetupFile = None, output: Output = None, format: For
     from tirelog.cli.summary import print_summary
     from tirelog.overview import channel_rows
 
-    with Session(setup, quiet) as session:
+    with Session(setup, quiet, hashed=True) as session:
         if format is None and output is None:
             for recording in session.recordings(logs, blocks=_BLOCKS):
                 print_summary(recording)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, say
+from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, keeps_hashes, say
 from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def ladder(
     by_log: Annotated[bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")] = False,
 ) -> None:
     """Add effects one by one until nothing more is worth adding; one row a step."""
-    with Session(setup, quiet) as session:
+    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         stacks, read = stacks_and_model(session, logs, model, effects, channel)
         from tirelog.discrepancy import ladder as climb
 

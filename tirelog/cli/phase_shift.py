@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile
+from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
 
 if TYPE_CHECKING:
     from tirelog.estimators.calibration import Calibration
@@ -39,7 +39,10 @@ def phase_shift(
     if fit_forces and calibrate is None:
         raise UsageError("--fit-forces without --calibrate; the force maps are part of a calibration; give --calibrate FILE")
     applied = read_calibration(calibration) if calibration is not None else None
-    with Session(setup, quiet) as session, session.table("phase-shift", output, format, calibration=str(calibration or "")) as writer:
+    with (
+        Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
+        session.table("phase-shift", output, format, calibration=str(calibration or "")) as writer,
+    ):
         if applied is not None:
             _note_delay(session, applied)
         kept: list[Passages] = []

@@ -10,7 +10,7 @@ import typer
 
 from tirelog.cli.common import Quiet, Session, SetupFile, say
 from tirelog.cli.compare import ChannelName, Effects
-from tirelog.process import one_thread
+from tirelog.cli.threads import one_thread
 
 if TYPE_CHECKING:
     from tirelog.report.build import Report
@@ -40,7 +40,7 @@ def report(
     _possible(logs, output, campaign, format, figures)
     paths = tuple(logs or ())
     asked = Asked(paths, setup, model, ladder, campaign, tuple(table or ()), channel, effects)
-    with Session(setup, quiet) as session:
+    with Session(setup, quiet, hashed=True) as session:
         made = build(session.all_recordings(list(paths)) if paths else [], asked, (lambda text: None) if quiet else say)
         if output is not None:
             _write_page(made, output, session)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, Output, Quiet, Session, SetupFile
+from tirelog.cli.common import Format, Logs, Output, Quiet, Session, SetupFile, keeps_hashes
 
 
 def speed(
@@ -22,7 +22,7 @@ def speed(
     """Tell the speed at each passage of the patch, with standard error and acceleration."""
     from tirelog.estimators.speed import speed_tables
 
-    with Session(setup, quiet) as session, session.table("speed", output, format) as table:
+    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table("speed", output, format) as table:
         for recording in session.recordings(logs):
             tables, remarks = speed_tables(recording, calibrate_radius)
             for columns in tables:

@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import Logs, Quiet, Session, SetupFile
-from tirelog.process import one_thread
+from tirelog.cli.common import Logs, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.threads import one_thread
 
 
 def tables(
@@ -37,7 +37,7 @@ def tables(
         if name not in MAKERS:
             raise UsageError(f"--table {name}{nearest(name, MAKERS)}; allowed are {', '.join(MAKERS)}; choose among them")
     suffix = table_format(None, format)
-    with Session(setup, quiet) as session, ExitStack() as open_tables:
+    with Session(setup, quiet, hashed=keeps_hashes(None, format)) as session, ExitStack() as open_tables:
         writers: dict[str, TableWriter] = {}
         for recording in session.recordings(logs):
             suited = [name for name in table or MAKERS if MAKERS[name].suits(recording)]
