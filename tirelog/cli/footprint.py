@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
-from tirelog.cli.threads import one_thread
+from tirelog.process import one_thread
 
 
 def footprint(

@@ -10,7 +10,7 @@ import typer
 
 from tirelog.cli.common import Quiet, Session, SetupFile, say
 from tirelog.cli.compare import ChannelName, Effects
-from tirelog.cli.threads import one_thread
+from tirelog.process import one_thread
 
 if TYPE_CHECKING:
     from tirelog.report.build import Report

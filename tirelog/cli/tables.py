@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Logs, Quiet, Session, SetupFile, keeps_hashes
-from tirelog.cli.threads import one_thread
+from tirelog.process import one_thread
 
 
 def tables(
