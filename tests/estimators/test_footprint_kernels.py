@@ -298,6 +298,17 @@ def test_the_least_of_a_row_between_samples():
     assert np.isnan(least(-((x - 17.3) ** 2), 10.2, 25.0)[2])
 
 
+@pytest.mark.parametrize(("columns", "off"), [(6.0, 0.005), (8.0, 0.0016), (16.0, 0.00012)])
+def test_the_least_of_a_wave_lies_where_it_is(columns, off):
+    """A wave of so many columns a period, wherever its trough lies between two of them; a parabola is off by 0.019 at six."""
+    x, omega = np.arange(40.0), 2 * np.pi / columns
+    for trough in np.linspace(19.0, 20.0, 21):
+        place, height, curvature = least(-np.cos(omega * (x - trough)), trough - 0.6 * columns, trough + 0.6 * columns)
+        assert place == pytest.approx(trough, abs=off)
+        assert height == pytest.approx(-1.0, abs=1.3 * off)
+        assert curvature == pytest.approx(omega**2, rel=10 * off)
+
+
 def test_edges_of_a_known_curve():
     """Two humps of the slope with their centres told: the extrema of the derivatives of two tanh steps."""
     rate, speed, at = 25_000.0, np.array([10.0]), 0.05

