@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.estimators import passage_fit_kernels as kernels
+from tirelog.estimators.passage_spline_kernels import spline_sums
 from tirelog.estimators.passage_template import CurveSums, Template
 from tirelog.recording import Channel, FloatArray, IntArray
 
@@ -131,8 +132,8 @@ def fit(windows: Windows, template: Template, start: Start, height: FloatArray) 
     n, noise = height.size, windows.signal.noise
     found, used, marks = np.empty((n, 7)), np.zeros(n, np.int64), np.zeros((n, 3), bool)
     table = np.column_stack([template.values, template.slope])
-    rows, small = _rows(start, height), np.empty((6, 4))
-    kernels.fit_rows(*windows.source, noise, table, template.window_rad, rows, windows.spans, found, used, marks, _scratch(), small)
+    rows = _rows(start, height)
+    kernels.fit_rows(*windows.source, noise, table, template.window_rad, rows, windows.spans, found, used, marks, _scratch())
     time_s, time_se_s, omega, omega_se, height, offset, misfit = found.T.copy()
     lost, spike, clipped = marks.T.copy()
     return Fit(time_s, time_se_s, omega, omega_se, height, offset, misfit, used, lost, spike, clipped, windows.outside)
@@ -142,5 +143,5 @@ def curve_sums(windows: Windows, start: Start, offset: FloatArray, height: Float
     """The rows' samples, scaled to height 1, as what a template's curve over +-`window_rad` is learnt from."""
     sums = CurveSums()
     rows = _rows(start, height)
-    sums.count = kernels.spline_sums(*windows.source, rows, offset, windows.spans, window_rad, sums.normal, sums.right, _scratch())
+    sums.count = spline_sums(*windows.source, rows, offset, windows.spans, window_rad, sums.normal, sums.right, _scratch())
     return sums

@@ -1,7 +1,6 @@
-"""Compiled loops over the windows of passages: the matched fit, and the sums from which a template is learnt.
+"""Compiled loops over the windows of passages: the matched fit.
 
-    samples around rows, template --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,), `marks` (n, 4)
-    samples around rows --cubic B-splines over the angle--> normal equations
+    samples around rows, template --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,), `marks` (n, 3)
 
 A window is the row's `spans` (n, 3): samples [first, stop) of the channel, thinned to MOST_SAMPLES, and what to add to their numbers to
 find them in `samples`.  Their times are `times` where these are given, else those of `segments` (k, 3): first sample, its time, step.
@@ -50,29 +49,27 @@ def fit_rows(
     used: IntArray,
     marks: NDArray[np.bool_],
     scratch: FloatArray,
-    small: FloatArray,
 ) -> None:
     """Each row's fit by the template `table` (g, 2) of values and slopes over +-`window_rad`: y = a + b T(phi (1 + e) - s).
 
     `found`: time, its standard error, omega, its standard error, height, offset, misfit; `marks`: lost, spike, clipped; `low`, `high`: the
-    channel's extremes.  `scratch` (SCRATCH_ROWS, MOST_SAMPLES), `small` (6, 4) are the caller's.
+    channel's extremes.  `scratch` (SCRATCH_ROWS, MOST_SAMPLES) is the caller's.
     """
     for k in range(rows.shape[0]):
-        count = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
-        for i in range(count):
-            marks[k, 0] |= not np.isfinite(scratch[VALUE, i])
+        count, lost = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
+        marks[k, 0] = lost > 0
         time_s, omega, alpha, height = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 4]
         for iteration in range(ITERATIONS):
             hold = (max(noise, 1e-12 * height) / (height * rows[k, 3])) ** 2
             _shapes(count, time_s, omega, alpha, table, window_rad, scratch)
-            _step(count, hold, scratch, small)
+            a, b, c, d, variance_c, variance_d = _step(count, hold, scratch)
             if iteration == 0 and _wild(count, abs(height), noise, scratch):
                 marks[k, 1] = True
-                _step(count, hold, scratch, small)
-            guess = small[5, 1] if abs(small[5, 1]) > 0.05 * height else height
-            shift = min(max(-small[5, 2] / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
+                a, b, c, d, variance_c, variance_d = _step(count, hold, scratch)
+            guess = b if abs(b) > 0.05 * height else height
+            shift = min(max(-c / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
             time_s += shift / omega
-            omega *= 1.0 + min(max(small[5, 3] / guess, -MOST_STRETCH), MOST_STRETCH)
+            omega *= 1.0 + min(max(d / guess, -MOST_STRETCH), MOST_STRETCH)
             height = abs(guess)
         square, off, stuck = 0.0, 0.0, 0.0
         for i in range(count):
@@ -84,11 +81,11 @@ def fit_rows(
                 off += abs(scratch[RESIDUAL, i])
         marks[k, 2] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
         found[k, 0] = time_s
-        found[k, 1] = noise * np.sqrt(small[4, 2]) / (height * omega)
+        found[k, 1] = noise * np.sqrt(variance_c) / (height * omega)
         found[k, 2] = omega
-        found[k, 3] = noise * np.sqrt(small[4, 3]) / height * omega
-        found[k, 4] = small[5, 1]
-        found[k, 5] = small[5, 0]
+        found[k, 3] = noise * np.sqrt(variance_d) / height * omega
+        found[k, 4] = b
+        found[k, 5] = a
         found[k, 6] = np.sqrt(square / max(used[k], 1))
 
 
@@ -102,39 +99,50 @@ def read_window(
     high: float,
     span: IntArray,
     scratch: FloatArray,
-) -> int:
-    """The samples of a `span` and their times into `scratch`, thinned; how many.  Lost and stuck ones have no weight.
+) -> tuple[int, int]:
+    """The samples of a `span` and their times into `scratch`, thinned; how many, and how many of them are lost.
 
-    Stuck are three or more in a row on the channel's least or largest value.
+    Lost and stuck ones have no weight.  Stuck are three or more in a row on the channel's least or largest value.
     """
     first, stop, shift = span[0], span[1], span[2]
     stride = -(-(stop - first) // MOST_SAMPLES)
     count = -(-(stop - first) // stride)
-    values, at, weights, stuck = scratch[VALUE], scratch[TIME], scratch[WEIGHT], scratch[STUCK]
     low, high = sign * low, sign * high
-    run = 0
+    lost = extreme = 0
     for i in range(count):
         value = sign * samples[first + i * stride + shift]
-        values[i] = value
-        weights[i] = 1.0 if np.isfinite(value) else 0.0
-        stuck[i] = 0.0
-        on = value in (low, high)
-        run = run + 1 if on and (run == 0 or value == values[i - 1]) else (1 if on else 0)
-        if run >= 3:
-            for j in range(i - 2, i + 1):
-                stuck[j], weights[j] = 1.0, 0.0
+        there = value - value == 0.0
+        scratch[VALUE, i] = value
+        scratch[WEIGHT, i] = 1.0 if there else 0.0
+        scratch[STUCK, i] = 0.0
+        lost += not there
+        extreme += (value == low) | (value == high)
+    if extreme > 2:
+        _without_stuck(count, low, high, scratch)
     if times.size > 0:
         for i in range(count):
-            at[i] = times[first + i * stride + shift]
-        return count
+            scratch[TIME, i] = times[first + i * stride + shift]
+        return count, lost
     i = 0
     for segment in range(segments.shape[0]):
         begin, start_s, period_s = segments[segment, 0], segments[segment, 1], segments[segment, 2]
         end = segments[segment + 1, 0] if segment + 1 < segments.shape[0] else np.inf
         while i < count and first + i * stride < end:
-            at[i] = start_s + (first + i * stride - begin) * period_s
+            scratch[TIME, i] = start_s + (first + i * stride - begin) * period_s
             i += 1
-    return count
+    return count, lost
+
+
+@compiled
+def _without_stuck(count: int, low: float, high: float, scratch: FloatArray) -> None:
+    """Marks stuck samples and takes their weight."""
+    values = scratch[VALUE]
+    run = 0
+    for i in range(count):
+        on = values[i] in (low, high)
+        run = run + 1 if on and (run == 0 or values[i] == values[i - 1]) else (1 if on else 0)
+        if run >= 3:
+            scratch[STUCK, i - 2 : i + 1], scratch[WEIGHT, i - 2 : i + 1] = 1.0, 0.0
 
 
 @compiled
@@ -156,21 +164,21 @@ def _shapes(count: int, time_s: float, omega: float, alpha: float, table: FloatA
 
 
 @compiled
-def _step(count: int, hold: float, scratch: FloatArray, small: FloatArray) -> None:
-    """One Gauss-Newton step: `small` (6, 4) holds the normal equations' factor, the variances per noise variance in row 4, and the solution
-    a, b, -b s, b e in row 5; residuals of all samples that are there (0 where lost) go to `scratch`.
+def _step(count: int, hold: float, scratch: FloatArray) -> tuple[float, float, float, float, float, float]:
+    """One Gauss-Newton step: a, b, -b s, b e, and the variances of the last two per noise variance; residuals of all samples that are there
+    (0 where lost) go to `scratch`.
 
     The stretch is held by `hold`; the other three have a prior too weak to matter, for rows without samples.
     """
     values, weights, phis, shapes, slopes, residuals = (
         scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE], scratch[RESIDUAL],
     )  # fmt: skip
-    n0 = n10 = n20 = n30 = n11 = n21 = n31 = n22 = n32 = n33 = r0 = r1 = r2 = r3 = 0.0
+    n00 = n10 = n20 = n30 = n11 = n21 = n31 = n22 = n32 = n33 = r0 = r1 = r2 = r3 = 0.0
     for i in range(count):
         if weights[i] > 0:
             value, shape, slope = values[i], shapes[i], slopes[i]
             bent = phis[i] * slope
-            n0 += 1.0
+            n00 += 1.0
             n10 += shape
             n20 += slope
             n30 += bent
@@ -185,39 +193,44 @@ def _step(count: int, hold: float, scratch: FloatArray, small: FloatArray) -> No
             r2 += value * slope
             r3 += value * bent
     n33 += hold
-    weak = 1e-9 * (n0 + n11 + n22 + n33 + 1e-30)
-    small[0, 0], small[1, 0], small[2, 0], small[3, 0] = n0 + weak, n10, n20, n30
-    small[1, 1], small[2, 1], small[3, 1] = n11 + weak, n21, n31
-    small[2, 2], small[3, 2], small[3, 3] = n22 + weak, n32, n33 + weak
-    small[5, 0], small[5, 1], small[5, 2], small[5, 3] = r0, r1, r2, r3
-    _solve(small)
-    a, b, c, d = small[5, 0], small[5, 1], small[5, 2], small[5, 3]
+    weak = 1e-9 * (n00 + n11 + n22 + n33 + 1e-30)
+    solved = _solve((n00 + weak, n11 + weak, n22 + weak, n33 + weak), (n10, n20, n30, n21, n31, n32), (r0, r1, r2, r3))
+    a, b, c, d = solved[0], solved[1], solved[2], solved[3]
     for i in range(count):
         residual = values[i] - (a + b * shapes[i] + (c + d * phis[i]) * slopes[i])
         residuals[i] = residual if np.isfinite(residual) else 0.0
+    return solved
 
 
 @compiled
-def _solve(small: FloatArray) -> None:
-    """Cholesky's factor of the lower triangle of rows 0 to 3, in place; row 5 becomes the solution, and in row 4 stand the diagonal
-    elements 2 and 3 of the inverse."""
-    for j in range(4):
-        for k in range(j):
-            for i in range(j, 4):
-                small[i, j] -= small[i, k] * small[j, k]
-        pivot = np.sqrt(small[j, j])
-        for i in range(j, 4):
-            small[i, j] /= pivot
-    for i in range(4):
-        for k in range(i):
-            small[5, i] -= small[i, k] * small[5, k]
-        small[5, i] /= small[i, i]
-    for i in range(3, -1, -1):
-        for k in range(i + 1, 4):
-            small[5, i] -= small[k, i] * small[5, k]
-        small[5, i] /= small[i, i]
-    small[4, 3] = 1.0 / small[3, 3] ** 2
-    small[4, 2] = (1.0 + (small[3, 2] / small[3, 3]) ** 2) / small[2, 2] ** 2
+def _solve(
+    diagonal: tuple[float, float, float, float],
+    below: tuple[float, float, float, float, float, float],
+    right: tuple[float, float, float, float],
+) -> tuple[float, float, float, float, float, float]:
+    """The solution of four normal equations, and the last two diagonal elements of the inverse, by L D L'.
+
+    `below` the diagonal: 10, 20, 30, 21, 31, 32.  Nothing here is a loop or a root: a fit waits for this.
+    """
+    n10, n20, n30, n21, n31, n32 = below
+    r0, r1, r2, r3 = right
+    i0 = 1.0 / diagonal[0]
+    l10, l20, l30 = n10 * i0, n20 * i0, n30 * i0
+    i1 = 1.0 / (diagonal[1] - l10 * n10)
+    n21 -= l20 * n10
+    n31 -= l30 * n10
+    l21, l31 = n21 * i1, n31 * i1
+    i2 = 1.0 / (diagonal[2] - l20 * n20 - l21 * n21)
+    n32 -= l30 * n20 + l31 * n21
+    l32 = n32 * i2
+    i3 = 1.0 / (diagonal[3] - l30 * n30 - l31 * n31 - l32 * n32)
+    r1 -= l10 * r0
+    r2 -= l20 * r0 + l21 * r1
+    r3 -= l30 * r0 + l31 * r1 + l32 * r2
+    d = r3 * i3
+    c = r2 * i2 - l32 * d
+    b = r1 * i1 - l21 * c - l31 * d
+    return r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3
 
 
 @compiled
@@ -245,70 +258,3 @@ def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
             weights[i] = 0.0
             found = True
     return found
-
-
-@compiled
-def spline_sums(
-    samples: FloatArray,
-    times: FloatArray,
-    segments: FloatArray,
-    sign: float,
-    low: float,
-    high: float,
-    rows: FloatArray,
-    offset: FloatArray,
-    spans: IntArray,
-    window_rad: float,
-    normal: FloatArray,
-    right: FloatArray,
-    scratch: FloatArray,
-) -> int:
-    """Adds the rows' samples, less `offset` and over the height, to the normal equations of a cubic spline over +-`window_rad`; how many.
-
-    `normal` (s, s), of which the upper triangle is filled, `right` (s,), s three more than the knot intervals.
-    """
-    intervals = right.size - 3
-    used = 0
-    for k in range(rows.shape[0]):
-        count = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
-        for i in range(count):
-            tau = scratch[TIME, i] - rows[k, 0]
-            phi = (rows[k, 1] + 0.5 * rows[k, 2] * tau) * tau
-            value = (scratch[VALUE, i] - offset[k]) / rows[k, 4]
-            if scratch[WEIGHT, i] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
-                place = min(max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0), intervals - 1e-9)
-                cell = int(place)
-                for a in range(4):
-                    weight = basis(place - cell, a)
-                    right[cell + a] += weight * value
-                    for b in range(a, 4):
-                        normal[cell + a, cell + b] += weight * basis(place - cell, b)
-                used += 1
-    return used
-
-
-@compiled
-def spline_curve(coefficients: FloatArray, window_rad: float, phi: FloatArray, curve: FloatArray) -> None:
-    """Value and slope [1/rad] of the spline at `phi` (n,), into `curve` (n, 2)."""
-    intervals = coefficients.size - 3
-    scale = intervals / (2.0 * window_rad)
-    for i in range(phi.size):
-        place = min(max((phi[i] + window_rad) * scale, 0.0), intervals - 1e-9)
-        cell = int(place)
-        u = place - cell
-        c0, c1, c2, c3 = coefficients[cell], coefficients[cell + 1], coefficients[cell + 2], coefficients[cell + 3]
-        curve[i, 0] = basis(u, 0) * c0 + basis(u, 1) * c1 + basis(u, 2) * c2 + basis(u, 3) * c3
-        slope = (3 * u**2 - 4 * u) * c1 - (1 - u) ** 2 * c0 + (-3 * u**2 + 2 * u + 1) * c2 + u**2 * c3
-        curve[i, 1] = 0.5 * scale * slope
-
-
-@compiled
-def basis(u: float, which: int) -> float:
-    """The four cubic B-splines that are not zero at the fraction `u` in [0, 1] of a knot interval."""
-    if which == 0:
-        return (1 - u) ** 3 / 6.0
-    if which == 1:
-        return (3 * u**3 - 6 * u**2 + 4) / 6.0
-    if which == 2:
-        return (-3 * u**3 + 3 * u**2 + 3 * u + 1) / 6.0
-    return u**3 / 6.0

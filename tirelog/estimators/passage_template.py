@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.estimators.passage_fit_kernels import spline_curve
+from tirelog.estimators.passage_spline_kernels import spline_curve
 from tirelog.recording import FloatArray
 
 #: knots over the template's window, and points of its table
