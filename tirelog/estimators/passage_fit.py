@@ -10,6 +10,7 @@ Cramer-Rao bound of the template at the noise of the log.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from tirelog.estimators import passage_fit_kernels as kernels
 from tirelog.estimators.passage_spline_kernels import spline_sums
 from tirelog.estimators.passage_template import CurveSums, Template
 from tirelog.recording import Channel, FloatArray, IntArray
+
+#: samples, times, segments of the axis, sign, least and largest sample of the channel
+Source = tuple[FloatArray, FloatArray, FloatArray, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -69,10 +73,6 @@ class Fit:
         """Rows of `there` where `which`, of `elsewhere` otherwise."""
         return cls(**{f.name: np.where(which, getattr(there, f.name), getattr(elsewhere, f.name)) for f in fields(cls)})
 
-    @classmethod
-    def concatenate(cls, parts: list[Fit]) -> Fit:
-        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
-
 
 @dataclass(frozen=True)
 class Windows:
@@ -97,25 +97,42 @@ class Windows:
         return replace(self, spans=self.spans[which], outside=self.outside[which])
 
     @property
-    def source(self) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
+    def source(self) -> Source:
         """The samples as the kernels take them."""
-        axis, signal = self.signal.channel.axis, self.signal
-        segments = np.column_stack([axis.first, axis.start_s, axis.period_s])
-        return self.samples, self.times, segments, signal.sign, signal.extremes[0], signal.extremes[1]
+        return _source(self.signal, self.samples, self.times)
 
 
-def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
-    """The windows of all rows of `start`, which must lie within one block's reach of one another."""
+def _source(signal: Signal, samples: FloatArray, times: FloatArray) -> Source:
+    axis = signal.channel.axis
+    segments = np.column_stack([axis.first, axis.start_s, axis.period_s])
+    return samples, times, segments, signal.sign, signal.extremes[0], signal.extremes[1]
+
+
+def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, NDArray[np.bool_]]:
+    """First and last + 1 sample of each row's window and 0, (n, 3), and whether the window leaves the log, (n,)."""
     axis = signal.channel.axis
     reach = window_rad / start.omega * axis.rate_Hz
     low, high = np.ceil(start.index - reach), np.floor(start.index + reach) + 1
     first = np.clip(low, 0, axis.size - 1).astype(np.int64)
     stop = np.clip(high, first + 1, axis.size).astype(np.int64)
-    begin, end = int(first.min()), int(stop.max())
-    samples = np.ascontiguousarray(signal.channel.read(begin, end), dtype=np.float64)
-    times = np.asarray(axis.explicit(begin, end), np.float64) if axis.explicit is not None else np.zeros(0)
-    spans = np.column_stack([first, stop, np.full(first.size, -begin)])
-    return Windows(signal, samples, times, spans, (low < 0) | (high > axis.size))
+    return np.column_stack([first, stop, np.zeros_like(first)]), (low < 0) | (high > axis.size)
+
+
+def _read(signal: Signal, spans: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Samples and times from the first to the last window; the third column of `spans` becomes what leads there."""
+    channel = signal.channel
+    begin, end = int(spans[:, 0].min()), int(spans[:, 1].max())
+    spans[:, 2] = -begin
+    samples = np.ascontiguousarray(channel.read(begin, end), dtype=np.float64)
+    explicit = channel.axis.explicit
+    return samples, np.asarray(explicit(begin, end), np.float64) if explicit is not None else np.zeros(0)
+
+
+def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
+    """The windows of all rows of `start`, which must lie within one block's reach of one another."""
+    spans, outside = _spans(signal, start, window_rad)
+    samples, times = _read(signal, spans)
+    return Windows(signal, samples, times, spans, outside)
 
 
 def _rows(start: Start, height: FloatArray) -> FloatArray:
@@ -129,14 +146,42 @@ def _scratch() -> FloatArray:
 
 def fit(windows: Windows, template: Template, start: Start, height: FloatArray) -> Fit:
     """Each row's centre by the template; `height` (n,) a first guess."""
-    n, noise = height.size, windows.signal.noise
-    found, used, marks = np.empty((n, 7)), np.zeros(n, np.int64), np.zeros((n, 3), bool)
-    table = np.column_stack([template.values, template.slope])
-    rows = _rows(start, height)
-    kernels.fit_rows(*windows.source, noise, table, template.window_rad, rows, windows.spans, found, used, marks, _scratch())
-    time_s, time_se_s, omega, omega_se, height, offset, misfit = found.T.copy()
-    lost, spike, clipped = marks.T.copy()
-    return Fit(time_s, time_se_s, omega, omega_se, height, offset, misfit, used, lost, spike, clipped, windows.outside)
+    fits = _Fits(windows.signal.noise, template, start, height)
+    fits.fit(slice(None), windows.source, windows.spans)
+    return fits.found(windows.outside)
+
+
+def fit_blocks(signal: Signal, template: Template, start: Start, height: FloatArray, block_samples: int) -> Fit:
+    """`fit` of rows from all over the log, in order, a block of it at a time."""
+    fits = _Fits(signal.noise, template, start, height)
+    spans, outside = _spans(signal, start, template.window_rad)
+    empty = np.zeros(0)
+    source = _source(signal, empty, empty)
+    block = np.floor(start.index / block_samples)
+    for low, high in pairwise(np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]]).tolist()):
+        part = slice(low, high)
+        fits.fit(part, (*_read(signal, spans[part]), *source[2:]), spans[part])
+    return fits.found(outside)
+
+
+class _Fits:
+    """The fits of some rows by one template, made part by part."""
+
+    def __init__(self, noise: float, template: Template, start: Start, height: FloatArray) -> None:
+        n = height.size
+        self._found, self._used, self._marks = np.empty((n, 7)), np.zeros(n, np.int64), np.zeros((n, 3), bool)
+        self._known = noise, np.column_stack([template.values, template.slope]), template.window_rad
+        self._rows, self._scratch = _rows(start, height), _scratch()
+
+    def fit(self, part: slice, source: Source, spans: IntArray) -> None:
+        """A part of the rows, whose windows are `spans` of the `source`."""
+        made = self._found[part], self._used[part], self._marks[part]
+        kernels.fit_rows(*source, *self._known, self._rows[part], spans, *made, self._scratch)
+
+    def found(self, outside: NDArray[np.bool_]) -> Fit:
+        time_s, time_se_s, omega, omega_se, height, offset, misfit = self._found.T.copy()
+        lost, spike, clipped = self._marks.T.copy()
+        return Fit(time_s, time_se_s, omega, omega_se, height, offset, misfit, self._used, lost, spike, clipped, outside)
 
 
 def curve_sums(windows: Windows, start: Start, offset: FloatArray, height: FloatArray, window_rad: float) -> CurveSums:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.estimators.passage_decimate import AT_ONCE
-from tirelog.estimators.passage_fit import Fit, Signal, Start, fit, gather
+from tirelog.estimators.passage_fit import Fit, Signal, Start, fit, fit_blocks, gather
 from tirelog.estimators.passage_kinematics import TURN_RAD, kinematics, may_have_stopped, turns_between
 from tirelog.estimators.passage_learn import learn_template
 from tirelog.estimators.passage_screen import one_turn, screen, usual, width_turns
@@ -137,14 +137,7 @@ def _start(channel: Channel, pulses: Pulses, turned: NDArray[np.bool_] | None = 
 
 def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Template) -> Fit:
     """All rows, a block of the log at a time."""
-    block = np.floor(start.index / AT_ONCE)
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]])
-    parts = []
-    for low, high in pairwise(edges):
-        some = start.take(slice(low, high))
-        windows = gather(signal, some, template.window_rad)
-        parts.append(fit(windows, template, some, height[low:high]))
-    return Fit.concatenate(parts)
+    return fit_blocks(signal, template, start, height, AT_ONCE)
 
 
 def _rough(signal: Signal, start: Start, pulses: Pulses) -> Fit:
