@@ -15,6 +15,10 @@ import math
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, overload
+from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from tirelog.compiled import compiled
@@ -41,7 +45,6 @@ _TOP_BIT, _BELOW, _ALL = np.uint64(1 << 63), np.uint64((1 << 9) - 1), np.uint64(
 
 Block = bytes | bytearray
 Bytes = NDArray[np.uint8]
-Words = NDArray[np.uint64]
 #: whatever whole number the compiler makes of it
 Whole = Any
 
@@ -53,9 +56,26 @@ def bytes_of(block: Block) -> Bytes:
     return data
 
 
-def words_of(data: Bytes) -> Words:
-    """The eight bytes from each place of `data` on as little-endian words, without a copy; shape (data.size - 7,)."""
-    return np.ndarray((max(data.size - 7, 0),), np.dtype("<u8"), data, 0, (1,))
+def word(data: Bytes, at: Whole) -> Whole:
+    """The eight bytes from the place `at` of `data` on as a little-endian word; one load in compiled code."""
+    return np.frombuffer(data[at : at + 8].tobytes(), np.uint64)[0]
+
+
+@overload(word, strict=False)  # the annotations are mypy's
+def _compiled_word(data: Any, at: Any) -> Any:
+    return lambda data, at: _load(data, at)  # type: ignore[call-arg]  # the context is numba's own
+
+
+@intrinsic
+def _load(context: Any, data: Any, at: Any) -> Any:
+    """The load itself, from any place, which numba has no word for."""
+
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        first = make_array(signature.args[0])(context, builder, values[0]).data
+        place = builder.bitcast(builder.gep(first, [values[1]]), ir.IntType(64).as_pointer())
+        return builder.load(place, align=1)
+
+    return types.uint64(data, at), code
 
 
 @compiled

@@ -13,9 +13,10 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Generator, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
+from threading import Lock
 from typing import BinaryIO
 
 import numpy as np
@@ -33,8 +34,8 @@ from tirelog.setup import Setup
 
 #: the name of the one group of a text log: all columns share the row's clock
 GROUP = "rows"
-#: blocks that are parsed or wait to be used at one time, beside the one that is read
-_AHEAD = 2
+#: threads that read and parse, and blocks that are read, parsed or wait to be used at one time
+_THREADS, _AHEAD = 2, 4
 #: stamps above this many seconds are kept as whole numbers until the first one is taken off
 _EXACT_ABOVE_S = 1e6
 
@@ -99,23 +100,32 @@ class TextReader:
             self._source.close()
 
     def _parsed(self) -> Generator[Parsed]:
-        """Parsed blocks in order.  One is read and two are parsed while others are used: all of that leaves the interpreter's lock."""
-        waiting: deque[Future[Parsed]] = deque()
-        blocks = self._source.blocks(self.layout.skip, returns=self.layout.returns)
-        with ThreadPoolExecutor(_AHEAD, "tirelog-parse") as pool, ThreadPoolExecutor(1, "tirelog-read") as reading:
-            coming = reading.submit(next, blocks, None)
-            while block := coming.result():
-                coming = reading.submit(next, blocks, None)
-                waiting.append(pool.submit(self._parse, self._whole(block)))
-                if len(waiting) > _AHEAD:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
+        """Parsed blocks in order, each read and parsed by one thread while others are used: all of that leaves the interpreter's lock.
 
-    def _parse(self, block: bytearray) -> Parsed:
-        parsed = parse(self._plan, block)
+        What a thread has read is still near to its processor when it parses it.
+        """
+        blocks = enumerate(self._source.blocks(self.layout.skip, returns=self.layout.returns))
+        reading, early, number = Lock(), dict[int, Parsed](), 0
+        with ThreadPoolExecutor(_THREADS, "tirelog-text") as pool:
+            waiting = deque(pool.submit(self._next, blocks, reading) for _ in range(_AHEAD))
+            while waiting:
+                found = waiting.popleft().result()
+                if found is not None:
+                    waiting.append(pool.submit(self._next, blocks, reading))
+                    early[found[0]] = found[1]
+                while number in early:
+                    yield early.pop(number)
+                    number += 1
+
+    def _next(self, blocks: Iterator[tuple[int, bytearray]], reading: Lock) -> tuple[int, Parsed] | None:
+        """(number of the next block, what is in it), None behind the last one."""
+        with reading:
+            number, block = next(blocks, (0, None))
+        if block is None:
+            return None
+        parsed = parse(self._plan, self._whole(block))
         self._source.reuse(block)
-        return parsed
+        return number, parsed
 
     def _whole(self, block: bytearray) -> bytearray:
         """The block without a last row that is cut off."""

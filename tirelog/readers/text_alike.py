@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from tirelog.compiled import compiled
 from tirelog.readers import LOST_COUNT
-from tirelog.readers.digits import EXACT_POWERS, NIBBLES, POWERS, Bytes, Whole, Words, value_of
+from tirelog.readers.digits import EXACT_POWERS, NIBBLES, POWERS, Bytes, Whole, value_of, word
 from tirelog.recording import FloatArray, IntArray
 
 #: what is done with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and byte behind
@@ -37,14 +37,14 @@ _EARLIER = 13
 TICK_PLACES = 9
 #: rows of more bytes have no template
 _LONGEST_ROW = 1 << 12
-#: bytes that are compared at once
-_PAD = 32
 #: no word is loaded from further before a row
 _BEFORE = 8
 #: rows that are compared, and then read column by column, at once
 _BATCH = 64
 
 Counts = NDArray[np.int32]
+#: of each byte of a row: what it is (a digit 0), what sets the highest bit when it is added to any other difference, and that bit
+Pattern = NDArray[np.uint8]
 
 _ALL = np.uint64(2**64 - 1)
 _LARGEST_COUNT = (1 << 31) - 2
@@ -52,9 +52,9 @@ LARGEST = np.iinfo(np.int64).max
 
 
 @compiled
-def unlearnt(width: int) -> tuple[Bytes, Bytes, IntArray]:
-    """Room for a template of so many columns."""
-    return np.empty(_LONGEST_ROW + _PAD, np.uint8), np.empty(_LONGEST_ROW + _PAD, np.uint8), np.empty((width, _CELL), np.int64)
+def unlearnt(width: int) -> tuple[Pattern, IntArray]:
+    """Room for a template of so many columns: (pattern of the row's bytes, table of its cells)."""
+    return np.empty((3, _LONGEST_ROW), np.uint8), np.empty((width, _CELL), np.int64)
 
 
 @compiled
@@ -84,21 +84,17 @@ def _most_digits(what: Whole, power: Whole) -> Whole:
 
 @compiled
 def learn(
-    data: Bytes, begin: Whole, stop: Whole, guides: IntArray, separator: int, decimal: int, low: Bytes, span: Bytes, cells: IntArray
+    data: Bytes, begin: Whole, stop: Whole, guides: IntArray, separator: int, decimal: int, pattern: Pattern, cells: IntArray
 ) -> Whole:
-    """The template of the row from `begin` to `stop`, newline included, which has been read: how many cells of it are wanted, or 0: none.
-
-    low, span  a byte of an alike row, less the one, is at most the other; cells: one row for each cell that is wanted
-    """
+    """The template of the row from `begin` to `stop`, newline included, which has been read: its cells that are wanted, 0 for none."""
     width, used, at = guides.shape[0], 0, begin
-    if stop - begin > _LONGEST_ROW or begin < _BEFORE:
+    if stop - begin > _LONGEST_ROW - 8 or begin < _BEFORE:
         return 0
     for i in range(stop - begin):
         byte = data[begin + i]
         digit = 48 <= byte <= 57
-        low[i], span[i] = (48, 9) if digit else (byte, 0)
-    for i in range(stop - begin, stop - begin + _PAD):  # what stands behind the row may be anything
-        low[i], span[i] = 0, 255
+        pattern[0, i], pattern[1, i], pattern[2, i] = (48, 0x76, 0x80) if digit else (byte, 0x7F, 0x80)
+    pattern[2, stop - begin : stop - begin + 8] = 0  # what stands behind the row may be anything
     for c in range(width):
         first = at
         while data[at] != separator and data[at] != 10:
@@ -133,7 +129,7 @@ def learn(
                 if what == TICK:
                     return 0
                 for i in range(first - begin, end - begin):
-                    low[i], span[i] = data[begin + i], 0
+                    pattern[0, i], pattern[1, i] = data[begin + i], 0x7F
                 cells[used, _WORD] = 1
             elif up < 0 or whole + behind > _most_digits(what, up):
                 return 0
@@ -148,32 +144,34 @@ def learn(
 
 
 @compiled
-def _fitting(data: Bytes, at: Whole, size: Whole, most: Whole, low: Bytes, span: Bytes) -> Whole:
-    """How many rows, `most` at most, of `size` bytes from `at` on fit the template."""
-    padded, total = (size + np.uint64(_PAD - 1)) // np.uint64(_PAD) * np.uint64(_PAD), np.uint64(data.size)
+def _fitting(data: Bytes, at: Whole, size: Whole, most: Whole, pattern: Pattern) -> Whole:
+    """How many rows, `most` at most, of `size` bytes from `at` on fit the pattern."""
+    usual, above, bit = pattern[0].view(np.uint64), pattern[1].view(np.uint64), pattern[2].view(np.uint64)
+    words = (size + 7) // 8
     for n in range(most):
-        if at + padded > total:
+        if at + 8 * words > data.size:
             return n
-        other = np.uint8(0)
-        for i in range(padded):
-            other |= np.uint8(np.uint8(data[at + i] - low[i]) > span[i])
-        if other:
+        other = np.uint64(0)
+        for i in range(words):
+            rest = word(data, at + 8 * i) ^ usual[i]
+            other |= ((rest + above[i]) | rest) & bit[i]  # carries leave a byte whose bit is set
+        if other != 0:
             return n
         at += size
     return most
 
 
 @compiled
-def _gathered(words: Words, base: Whole, size: Whole, n: Whole, cell: IntArray, at: int, numbers: IntArray, times: Whole) -> None:
+def _gathered(data: Bytes, base: Whole, size: Whole, n: Whole, cell: IntArray, at: int, numbers: IntArray, times: Whole) -> None:
     """Adds the numbers that a group of digits is in `n` rows of `size` bytes, multiplied."""
-    one, before, other, behind = np.uint64(cell[at]), np.uint64(cell[at + 1]), np.uint64(cell[at + 2]), np.uint64(cell[at + 3])
-    for i in range(np.uint64(n)):
-        numbers[i] += times * value_of((words[base + one + i * size] & before) | (words[base + other + i * size] & behind))
+    one, before, other, behind = base + cell[at], np.uint64(cell[at + 1]), base + cell[at + 2], np.uint64(cell[at + 3])
+    for i in range(n):
+        numbers[i] += times * value_of((word(data, one + i * size) & before) | (word(data, other + i * size) & behind))
 
 
 @compiled
 def alike_rows(
-    data: Bytes, words: Words, at: Whole, size: Whole, low: Bytes, span: Bytes, cells: IntArray, row: Whole,
+    data: Bytes, at: Whole, size: Whole, pattern: Pattern, cells: IntArray, row: Whole,
     begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray,
 ) -> tuple[Whole, Whole]:  # fmt: skip
     """Rows of `size` bytes like the one learnt, which lies before them, into columns from `row` on; (row behind them, byte behind them).
@@ -183,27 +181,27 @@ def alike_rows(
     numbers = np.empty(_BATCH, np.int64)
     r = row
     while True:
-        n = _fitting(data, np.uint64(at), np.uint64(size), min(_BATCH, begins.size - r), low, span)
+        n = _fitting(data, at, size, min(_BATCH, begins.size - r), pattern)
         too_large = False
         for i in range(n):
             begins[r + i] = at + i * size
         for k in range(cells.shape[0]):
             cell = cells[k]
-            what, slot, ten = cell[_WHAT], cell[_SLOT], POWERS[cell[_POWER]]
+            what, slot, times = cell[_WHAT], cell[_SLOT], 1 if cell[_WHAT] == FLOAT else POWERS[cell[_POWER]]
             sign = -1 if cell[_NEGATIVE] else 1
             if what == SPAN:
                 for i in range(n):
                     spans[slot, r + i, 0], spans[slot, r + i, 1] = begins[r + i] + cell[_FIRST], begins[r + i] + cell[_STOP]
                 continue
             numbers[:n] = 0
-            _gathered(words, np.uint64(at - _BEFORE), np.uint64(size), n, cell, _LAST, numbers, 1)
+            _gathered(data, at - _BEFORE, size, n, cell, _LAST, numbers, times)
             if cell[_LONG]:
-                _gathered(words, np.uint64(at - _BEFORE), np.uint64(size), n, cell, _EARLIER, numbers, 100_000_000)
+                _gathered(data, at - _BEFORE, size, n, cell, _EARLIER, numbers, 100_000_000 * times)
             if what == COUNT:
                 zero = counts[slot, r - 1] if cell[_WORD] else np.int32(LOST_COUNT if cell[_MARKS_LOST] else 0)
                 for i in range(n):
-                    too_large |= numbers[i] * ten > _LARGEST_COUNT
-                    counts[slot, r + i] = zero if numbers[i] == 0 else np.int32(sign * ten * numbers[i])
+                    too_large |= numbers[i] > _LARGEST_COUNT
+                    counts[slot, r + i] = zero if numbers[i] == 0 else np.int32(sign * numbers[i])
             elif what == FLOAT:
                 divisor = sign * EXACT_POWERS[cell[_POWER]]
                 nought = floats[slot, r - 1] if cell[_WORD] else (np.nan if cell[_MARKS_LOST] else 0.0 / divisor)
@@ -211,8 +209,8 @@ def alike_rows(
                     floats[slot, r + i] = nought if numbers[i] == 0 else numbers[i] / divisor
             else:
                 for i in range(n):
-                    too_large |= numbers[i] > LARGEST // ten
-                    ticks[slot, r + i] = sign * ten * numbers[i]
+                    too_large |= numbers[i] < 0  # beyond 2^63, and below 2^64
+                    ticks[slot, r + i] = sign * numbers[i]
         if n == 0 or too_large:
             return r, at
         r += n

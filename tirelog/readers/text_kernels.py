@@ -22,12 +22,12 @@ from tirelog.readers.digits import (
     WIDE,
     Bytes,
     Whole,
-    Words,
     as_count,
     as_float,
     leading_digits,
     number,
     value_of,
+    word,
 )
 from tirelog.readers.text_alike import (
     COUNT,
@@ -117,7 +117,7 @@ def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
 
 @compiled
 def rows(
-    data: Bytes, words: Words, at: Whole, guides: IntArray, separator: int, decimal: int, least: int, rest: bool,
+    data: Bytes, at: Whole, guides: IntArray, separator: int, decimal: int, least: int, rest: bool,
     begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray, hard: IntArray,
 ) -> tuple[Whole, Whole, Whole]:  # fmt: skip
     """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
@@ -132,13 +132,13 @@ def rows(
     One long function, since an array that is passed on costs more than a cell.
     """
     width, used, safe = guides.shape[0], 0, data.size - _TAIL
-    low, span, cells_of = unlearnt(width)
+    pattern, template = unlearnt(width)
     r, begin, kept, wait, patience = 0, at, 0, _SOON, _SOON
     while True:
         if wait == 0 and used == kept:  # the row above left nothing to the caller
-            first_row, many = r, learn(data, begin, at, guides, separator, decimal, low, span, cells_of)
+            first_row, many = r, learn(data, begin, at, guides, separator, decimal, pattern, template)
             if many:
-                r, at = alike_rows(data, words, at, at - begin, low, span, cells_of[:many], r, begins, counts, floats, ticks, spans)
+                r, at = alike_rows(data, at, at - begin, pattern, template[:many], r, begins, counts, floats, ticks, spans)
             patience = _SOON if r > first_row else min(2 * patience, _MOST_PATIENCE)
             wait = patience
         if r == begins.size:
@@ -153,14 +153,14 @@ def rows(
             if at < safe and not ended and COUNT <= what <= FLOAT:
                 negative = data[at] == 45
                 first = at + negative
-                whole, behind = leading_digits(words[first]), np.int64(0)
+                whole, behind = leading_digits(word(data, first)), np.int64(0)
                 point = first + whole
                 if data[point] == decimal:
-                    behind = leading_digits(words[point + 1])
+                    behind = leading_digits(word(data, point + 1))
                 end = point + behind + (behind > 0)
                 last = data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
                 if last and _fits(what, places, whole, behind):
-                    m = _together(words[first], words[point + 1], whole, behind)
+                    m = _together(word(data, first), word(data, point + 1), whole, behind)
                     if what == COUNT:
                         m *= POWERS[places - behind]
                         count = -m if negative else m

@@ -14,7 +14,7 @@ import re
 import numpy as np
 
 from tirelog.readers import Samples, counted_floats
-from tirelog.readers.digits import Block, bytes_of, words_of
+from tirelog.readers.digits import Block, bytes_of
 from tirelog.readers.text_alike import COUNT, FLOAT, GUIDE, SPAN, TICK, TOO_WIDE
 from tirelog.readers.text_kernels import rows
 from tirelog.readers.text_numbers import cell_numbers
@@ -64,7 +64,7 @@ class _Table:
         self.ticks, self.spans = np.empty((ticks, lines), np.int64), np.empty((spans, lines, 2), np.int64)
         hard = np.empty((_HARD + plan.across, 4), np.int64)
         self.size, self.stop, used = rows(
-            data, words_of(data), at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least, plan.layout.ragged,
+            data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least, plan.layout.ragged,
             self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
         )  # fmt: skip
         self.full = used > _HARD or self.size == lines
@@ -96,8 +96,8 @@ class _Table:
     def resolve(self) -> None:
         """Reads the cells that were left."""
         self.found, self.unread = cell_numbers(self.block, self.hard[:, 2], self.hard[:, 3], self.plan.layout.decimal)
-        for k, what in self.whats.items():
-            if what == FLOAT and self.hard.size:
+        for k, what in self.whats.items() if self.hard.size else ():
+            if what == FLOAT:
                 mine = self.hard[:, 1] == k
                 self.floats[self.slots[k], self.hard[mine, 0]] = self._lost_of(k, self.found[mine])
 
@@ -117,9 +117,9 @@ class _Table:
             out.number = self.floats[self.slots[columns.number], : self.size]
         if columns.errors is not None:
             out.errors = self._errors(columns.errors)
-        channels = np.isin(self.hard[:, 1], list(columns.values.values()))
-        for row, _, start, stop in self.hard[self.unread & channels].tolist():
-            out.bad_cells.append((row, repr(self.block[start:stop].decode(self.plan.layout.encoding, errors="replace")[:40])))
+        for row, column, start, stop in self.hard[self.unread].tolist():
+            if column in out.values:
+                out.bad_cells.append((row, repr(self.block[start:stop].decode(self.plan.layout.encoding, errors="replace")[:40])))
         return out
 
     def _samples(self, k: int) -> Samples:
@@ -128,7 +128,7 @@ class _Table:
             return self.floats[self.slots[k], : self.size]
         counts = self.counts[self.slots[k], : self.size]
         mine = self.hard[:, 1] == k
-        if not mine.any():
+        if not self.hard.size or not mine.any():
             return counts
         values = counted_floats(counts, self.plan.places[k] or 0)
         values[self.hard[mine, 0]] = self._lost_of(k, self.found[mine])
