@@ -37,6 +37,13 @@ ZERO, POINT, MINUS, COMMA, NEWLINE, LETTER = b"0.-,\ne"
 Bytes = NDArray[np.uint8]
 
 
+class _Known(dict[Any, int]):
+    """The place of each value among those that were asked for."""
+
+    def __missing__(self, value: Any) -> int:
+        return self.setdefault(value, len(self))
+
+
 @dataclass(frozen=True)
 class Words:
     """A column of few different texts: the `texts`, and the place in them of each row's, shape (n,)."""
@@ -48,9 +55,9 @@ class Words:
     def of(cls, values: NDArray[Any]) -> Words:
         """The `values` (n,) as text; None is an empty field."""
         listed = [values[0]] if values.size and values.strides == (0,) else values.tolist()
-        place = {value: k for k, value in enumerate(dict.fromkeys(listed))}
-        places = np.fromiter(map(place.__getitem__, listed), np.int64, len(listed))
-        return cls(["" if value is None else str(value) for value in place], np.broadcast_to(places, values.shape))
+        known = _Known()
+        places = np.fromiter(map(known.__getitem__, listed), np.int64, len(listed))
+        return cls(["" if value is None else str(value) for value in known], np.broadcast_to(places, values.shape))
 
     @property
     def plain(self) -> bool:
