@@ -14,9 +14,9 @@ from tirelog.tables import TableWriter
 ROWS = 3 * AT_ONCE + 17
 
 
-def by(path: Path, columns: dict[str, object], least: int, monkeypatch: pytest.MonkeyPatch) -> bytes:
-    """The csv of two parts, the second of few rows; the loop takes parts from `least` rows on."""
-    monkeypatch.setattr(tables, "_LEAST_COMPILED", least)
+def by(path: Path, columns: dict[str, object], loop: bool, monkeypatch: pytest.MonkeyPatch) -> bytes:
+    """The csv of two parts, the second of few rows; by the `loop` or by arrow."""
+    monkeypatch.setattr(tables, "_loop_at_hand", lambda: loop)
     with TableWriter("speed", path, "csv") as table:
         table.write(columns)
         table.write({name: values[:3] if isinstance(values, np.ndarray) else values for name, values in columns.items()})
@@ -29,9 +29,9 @@ def by_both(folder: Path, columns: dict[str, object], monkeypatch: pytest.Monkey
     rows: list[int] = []
     by_arrow = TableWriter._rows
     monkeypatch.setattr(TableWriter, "_rows", lambda table, some: (rows.append(some.num_rows), by_arrow(table, some)))
-    compiled = by(folder / "loop.csv", columns, 4, monkeypatch)
+    compiled = by(folder / "loop.csv", columns, True, monkeypatch)
     left = sum(rows)
-    return compiled, by(folder / "arrow.csv", columns, 10**9, monkeypatch), ROWS + 3 - left
+    return compiled, by(folder / "arrow.csv", columns, False, monkeypatch), ROWS + 3 - left
 
 
 def numbers(seed: int) -> dict[str, np.ndarray]:
@@ -57,7 +57,7 @@ def test_numbers(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "_digits", lambda name: 12 if name.endswith("_s") else 9)
     compiled, arrow, looped = by_both(tmp_path, columns, monkeypatch)
     assert compiled == arrow
-    assert looped == ROWS
+    assert looped == ROWS + 3
     for form in (b"e-10,", b",0.000001,", b",-0,", b",100000000,"):
         assert form in compiled
 
@@ -78,7 +78,7 @@ def test_other_columns(tmp_path, monkeypatch):
     }
     compiled, arrow, looped = by_both(tmp_path, columns, monkeypatch)
     assert compiled == arrow
-    assert looped == ROWS
+    assert looped == ROWS + 3
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,9 @@ def test_whole_numbers_and_words_end_where_they_should():
     assert rows.written(slice(2, 2)).size == 0
 
 
-def test_columns_that_change_are_refused(tmp_path):
+@pytest.mark.parametrize("loop", [True, False])
+def test_columns_that_change_are_refused(tmp_path, monkeypatch, loop):
+    monkeypatch.setattr(tables, "_loop_at_hand", lambda: loop)
     with pytest.raises(ValueError, match="not those of the rows before"), TableWriter("new", tmp_path / "t.csv", None) as table:
-        table.write({"a": np.zeros(300)})
-        table.write({"b": np.zeros(300)})
+        table.write({"a": np.zeros(3)})
+        table.write({"b": np.zeros(3)})

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 FORMATS = ("csv", "ndjson", "parquet", "json")
 _SUFFIXES = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet", ".json": "json"}
 _ROWS_A_PART = 20_000
-#: rows of csv from which on they are worth the compiled loop; all commands that make so many have compiled loops of their own
-_LEAST_COMPILED = 256
 
 
 def table_format(output: Path | str | None, format: str | None) -> str:
@@ -81,6 +79,11 @@ def _digits(name: str) -> int:
     return 12 if name in COLUMNS and COLUMNS[name].unit == "s" else 9
 
 
+def _loop_at_hand() -> bool:
+    """True where compiled loops have been used before: to write csv, one more costs less than arrow, and arrow less than the first."""
+    return "numba" in sys.modules
+
+
 def _plain(name: str, values: np.ndarray) -> tuple[int, np.ndarray] | Words | None:
     """A column as the compiled loop takes it; None where it must be left to arrow."""
     from tirelog.csv_rows import WHOLE, Words
@@ -121,7 +124,7 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         order += [c for c in columns if c not in order]
         arrays = {name: np.asarray(columns[name]) for name in order}
         arrays = {name: array if array.ndim else np.broadcast_to(array, (rows,)) for name, array in arrays.items()}
-        if self.format == "csv" and rows >= _LEAST_COMPILED:
+        if self.format == "csv" and _loop_at_hand():
             self._write_compiled(arrays, rows)
         else:
             self._write_arrow(arrays)
