@@ -111,7 +111,7 @@ def read_window(
     lost = extreme = 0
     for i in range(count):
         value = sign * samples[first + i * stride + shift]
-        there = value - value == 0.0
+        there = np.isfinite(value)
         scratch[VALUE, i] = value
         scratch[WEIGHT, i] = 1.0 if there else 0.0
         scratch[STUCK, i] = 0.0

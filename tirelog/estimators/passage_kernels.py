@@ -45,7 +45,7 @@ def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float
         second = low23 if low01 < low23 else low01
         third = high23 if high01 > high23 else high01
         total = t0 + t1 + t2 + t3
-        finite = total - total == 0.0
+        finite = np.isfinite(total)
         medians[k] = factor * (second + third) if finite else np.nan
         lost += not finite
     return lost

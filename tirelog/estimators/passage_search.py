@@ -59,9 +59,9 @@ def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
 
 def usual_height(heights: FloatArray) -> float:
     """The height of a patch among all rises and falls: the median weighted by their squares, so that ripples do not count."""
-    order = np.argsort(heights)
-    weight = np.cumsum(heights[order] ** 2)
-    return float(heights[order][np.searchsorted(weight, 0.5 * weight[-1])])
+    ordered = np.sort(heights)
+    weight = np.cumsum(ordered**2)
+    return float(ordered[np.searchsorted(weight, 0.5 * weight[-1])])
 
 
 def find_pulses(data: Decimated) -> Pulses:
