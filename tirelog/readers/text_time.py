@@ -15,6 +15,8 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.readers.text_time_kernel import AS_IT_IS, DAY, FRACTION, HOUR, MINUTE, MONTH, SECOND, YEAR, times_alike
+
 Nanoseconds = NDArray[np.int64]
 MISSING = np.iinfo(np.int64).min
 DAY_NS = 86_400 * 10**9
@@ -71,7 +73,8 @@ def one_ns(cell: str, form: str, us: bool = False) -> int:
     if hour > 24 or minute > 59 or second > 60:
         return MISSING
     seconds = hour * 3600 + minute * 60 + second - _offset_s(part.get("off"))
-    return (days * 86_400 + seconds) * 10**9 + int((part["frac"] or "0").ljust(9, "0"))
+    ns = (days * 86_400 + seconds) * 10**9 + int((part["frac"] or "0").ljust(9, "0"))
+    return ns if abs(ns) <= -(MISSING + 1) else MISSING
 
 
 def _offset_s(text: str | None) -> int:
@@ -90,54 +93,30 @@ def column_ns(data: NDArray[np.uint8], starts: NDArray[np.int64], stops: NDArray
     """
     out = np.full(starts.size, MISSING, np.int64)
     lengths = stops - starts
-    for length in np.unique(lengths[lengths > 0]):
+    alike = lengths.size and (lengths == lengths[0]).all()
+    for length in lengths[:1] if alike else np.unique(lengths):
         rows = np.flatnonzero(lengths == length)
-        cells = data[starts[rows][:, None] + np.arange(length)]
+        cell = data[starts[rows[0]] : stops[rows[0]]]
+        match = _FORMS[form].fullmatch(cell.tobytes().decode("latin-1"))
         done = np.zeros(rows.size, bool)
-        fast = _fixed(cells, form, us)
-        if fast is not None:
-            done, values = fast
+        if match:
+            values = np.empty(rows.size, np.int64)
+            offset_s = _offset_s(match.groupdict().get("off"))
+            times_alike(data, starts[rows], cell, _roles(match, us and form == "dmy"), form != "hms", offset_s, values, done)
             out[rows[done]] = values[done]
-        for i in np.flatnonzero(~done):
-            out[rows[i]] = one_ns(cells[i].tobytes().decode("latin-1"), form, us)
+        for i in rows[~done] if length else ():
+            out[i] = one_ns(data[starts[i] : stops[i]].tobytes().decode("latin-1"), form, us)
     return out
 
 
-def _fixed(cells: NDArray[np.uint8], form: str, us: bool) -> tuple[NDArray[np.bool_], Nanoseconds] | None:
-    """(cells laid out like the first one, their ns), or None where the first one is no time.  `cells` shape (n, length)."""
-    pattern = cells[0].tobytes().decode("latin-1")
-    match = _FORMS[form].fullmatch(pattern)
-    if not match:
-        return None
-    places = {key: match.span(key) for key, text in match.groupdict().items() if text is not None}
-    digit = np.zeros(cells.shape[1], bool)
-    for key, (start, stop) in places.items():
-        digit[start:stop] = key not in ("d", "s", "off")
-    alike = (cells[:, ~digit] == cells[0, ~digit]).all(axis=1)
-    alike &= ((cells[:, digit] >= 48) & (cells[:, digit] <= 57)).all(axis=1)
-
-    def number(key: str) -> Nanoseconds:
-        value = np.zeros(cells.shape[0], np.int64)
-        for place in range(*places.get(key, (0, 0))):
-            value = value * 10 + (cells[:, place].astype(np.int64) - 48)
-        return value
-
-    hour, minute, second = number("h"), number("m"), number("sec")
-    alike &= (hour <= 24) & (minute <= 59) & (second <= 60)
-    seconds = hour * 3600 + minute * 60 + second - _offset_s(match.groupdict().get("off"))
-    if form != "hms":
-        month, day = (number("D"), number("M")) if us and form == "dmy" else (number("M"), number("D"))
-        alike &= (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31)
-        seconds = seconds + 86_400 * _days(number("Y"), month, day)
-    digits = places["frac"][1] - places["frac"][0] if "frac" in places else 0
-    return alike, seconds * 10**9 + number("frac") * 10 ** (9 - digits)
-
-
-def _days(year: Nanoseconds, month: Nanoseconds, day: Nanoseconds) -> Nanoseconds:
-    """Days since 1970 of proleptic Gregorian dates (counted in years that begin in March, so that the leap day comes last)."""
-    year = year - (month <= 2)
-    month = (month + 9) % 12
-    return 365 * year + year // 4 - year // 100 + year // 400 + (153 * month + 2) // 5 + day - 719_469
+def _roles(match: re.Match[str], us: bool) -> NDArray[np.int64]:
+    """What each byte of a time is."""
+    fields = {"Y": YEAR, "M": DAY if us else MONTH, "D": MONTH if us else DAY, "h": HOUR, "m": MINUTE, "sec": SECOND, "frac": FRACTION}
+    roles = np.full(len(match[0]), AS_IT_IS, np.int64)
+    for key, text in match.groupdict().items():
+        if key in fields and text is not None:
+            roles[match.start(key) : match.end(key)] = fields[key]
+    return roles
 
 
 def unwrap_midnight(ns: Nanoseconds, last_ns: int | None) -> tuple[Nanoseconds, int]:

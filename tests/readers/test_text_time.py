@@ -1,0 +1,63 @@
+"""Property: a whole column of times is read as each of its cells is read alone, and as Python reads it."""
+
+import re
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tirelog.readers.text_time import MISSING, column_ns, one_ns
+
+LAYOUTS = {
+    "iso": [
+        "9999-99-99T99:99:99.999",
+        "9999/99/99 99-99-99,9",
+        "9999-9-9",
+        "2099-19-39",
+        "9999-99-99T99:99Z",
+        "9999-99-99 99:99:99.123456789123+02:00",
+    ],
+    "dmy": ["99/99/9999 99:99:99.9", "9.9.9999 9:99:99", "99-99-9999"],
+    "hms": ["99:99:99.99999", "9-99-99", "99:99:99.9:", "noon", ""],
+}
+
+
+def read(cells: list[str], form: str, us: bool) -> list[int]:
+    text = ",".join(cells).encode("latin-1") + b"\n"
+    stops = np.cumsum([len(cell) + 1 for cell in cells]) - 1
+    return column_ns(np.frombuffer(text, np.uint8), stops - [len(cell) for cell in cells], stops, form, us).tolist()
+
+
+@pytest.mark.parametrize("form", LAYOUTS)
+@given(st.data())
+@settings(max_examples=150, deadline=None)
+def test_a_column_is_its_cells(form: str, data: st.DataObject) -> None:
+    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    layouts = data.draw(st.lists(st.sampled_from(LAYOUTS[form]), min_size=1, max_size=3))
+    cells = []
+    for _ in range(data.draw(st.integers(1, 60))):
+        cell = re.sub("9", lambda _: str(rng.integers(0, rng.choice([2, 6, 10]))), layouts[int(rng.integers(len(layouts)))])
+        if cell and rng.random() < 0.05:
+            at = int(rng.integers(len(cell)))
+            cell = cell[:at] + str(rng.choice(["x", ":", "-", "/", "+"])) + cell[at + 1 :]
+        cells.append(cell)
+    us = data.draw(st.booleans())
+    assert read(cells, form, us) == [one_ns(cell, form, us) for cell in cells]
+
+
+@pytest.mark.parametrize(("date", "there"), [("2023-02-29", 0), ("2024-02-29", 1), ("2100-02-29", 0), ("2023-04-31", 0), ("2023-12-31", 1)])
+def test_days_that_the_calendar_has(date: str, there: int) -> None:
+    cells = ["2024-05-17", date, "2024-05-18"]
+    assert (read(cells, "iso", False)[1] != MISSING) == there
+    assert (one_ns(date, "iso") != MISSING) == there
+
+
+@given(st.datetimes(min_value=datetime(1700, 1, 1), max_value=datetime(2250, 1, 1)))
+@settings(max_examples=300, deadline=None)
+def test_python_knows_the_same_calendar(time: datetime) -> None:
+    time = time.replace(tzinfo=UTC)
+    since = time - datetime(1970, 1, 1, tzinfo=UTC)
+    want = (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1000
+    assert read([f"{time:%Y-%m-%dT%H:%M:%S.%f}Z"] * 3, "iso", False) == [want] * 3
