@@ -158,18 +158,20 @@ def _share(below: float, above: float, level: float) -> float:
 
 
 @compiled
-def medians_around(values: FloatArray, reach: int, sorted_: FloatArray, medians: FloatArray) -> None:
-    """Median of the values that are there within `reach` places on either side, into `medians` (n,), NaN where none is; `sorted_`
+def medians_around(values: FloatArray, reach: int, least: FloatArray, medians: FloatArray) -> None:
+    """Median of the values that are there within `reach` places on either side, into `medians` (n,), NaN where none is; `least`
     (2 reach + 1,) is scratch."""
     for i in range(values.size):
         there = 0
         for j in range(max(i - reach, 0), min(i + reach + 1, values.size)):
-            value = values[j]
-            if value == value:
-                place = there
-                while place > 0 and sorted_[place - 1] > value:
-                    sorted_[place] = sorted_[place - 1]
-                    place -= 1
-                sorted_[place] = value
-                there += 1
-        medians[i] = 0.5 * (sorted_[(there - 1) // 2] + sorted_[there // 2]) if there > 0 else np.nan
+            least[there] = values[j]
+            there += values[j] == values[j]
+        # the smaller half in order, by exchanges without branches
+        for j in range(there // 2 + 1):
+            first = least[j]
+            for k in range(j + 1, there):
+                other = least[k]
+                least[k] = other if other > first else first
+                first = first if first < other else other
+            least[j] = first
+        medians[i] = 0.5 * (least[(there - 1) // 2] + least[there // 2]) if there > 0 else np.nan
