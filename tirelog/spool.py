@@ -10,7 +10,7 @@ import numpy as np
 from tirelog.recording import FloatArray
 
 #: values kept in memory before they go to a file
-_IN_MEMORY = 1 << 21
+_IN_MEMORY = 1 << 18
 
 
 class Spool:
