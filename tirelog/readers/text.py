@@ -108,14 +108,17 @@ class TextReader:
         reading, early, number = Lock(), dict[int, Parsed](), 0
         with ThreadPoolExecutor(_THREADS, "tirelog-text") as pool:
             waiting = deque(pool.submit(self._next, blocks, reading) for _ in range(_AHEAD))
-            while waiting:
-                found = waiting.popleft().result()
-                if found is not None:
-                    waiting.append(pool.submit(self._next, blocks, reading))
-                    early[found[0]] = found[1]
-                while number in early:
-                    yield early.pop(number)
-                    number += 1
+            try:
+                while waiting:
+                    found = waiting.popleft().result()
+                    if found is not None:
+                        waiting.append(pool.submit(self._next, blocks, reading))
+                        early[found[0]] = found[1]
+                    while number in early:
+                        yield early.pop(number)
+                        number += 1
+            finally:
+                pool.shutdown(cancel_futures=True)  # who stops early waits for no more than what is being read
 
     def _next(self, blocks: Iterator[tuple[int, bytearray]], reading: Lock) -> tuple[int, Parsed] | None:
         """(number of the next block, what is in it), None behind the last one."""
