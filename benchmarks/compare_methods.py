@@ -23,7 +23,8 @@ from tirelog.discrepancy.cells import make_cells
 from tirelog.discrepancy.fitting import Problem
 from tirelog.discrepancy.naming import first_step
 from tirelog.discrepancy.signatures import all_signatures, candidate_effects
-from tirelog.discrepancy.stack import joined, stacks_from_logs
+from tirelog.discrepancy.stack import stacks_from_logs
+from tirelog.discrepancy.stacks import joined
 from tirelog.physics.model import Model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenarios import IN_CATALOGUE, Case, case

@@ -7,13 +7,14 @@ from tests.discrepancy.toy import channel, stack, waveform
 from tirelog.discrepancy.align import WheelAngle, refine, split_turns
 from tirelog.discrepancy.cells import make_cells
 from tirelog.discrepancy.manoeuvres import accelerations, regimes, segment
+from tirelog.discrepancy.samples import Samples
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_matched_filter_finds_passages_to_a_thousandth_of_the_width(seed):
     toy, truth = channel(seed)
     random = np.random.default_rng(seed)
-    found = refine(toy.axis.time(), toy.read(), truth + 1e-3 * random.standard_normal(truth.size))
+    found = refine(Samples(toy), truth + 1e-3 * random.standard_normal(truth.size))
     error = (found - truth)[2:-2] * WheelAngle.through(truth).speed_rad_s(truth)[2:-2]
     assert np.std(error) < 2.5e-3
 

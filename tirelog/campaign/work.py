@@ -133,7 +133,7 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
     if not task.observables:
         return
     from tirelog.campaign.pieces_file import MOST_PIECES, pieces_bytes
-    from tirelog.discrepancy.pieces import pieces_of
+    from tirelog.discrepancy.pieces import pieces_of_all
     from tirelog.discrepancy.stack import KINDS, stacks_from_logs
 
     for observable in task.observables:
@@ -141,7 +141,7 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
             entry.pieces[observable] = f"no channel for {observable}"
             continue
         try:
-            pieces = pieces_of(stacks_from_logs([recording], observable)[0]).thinned(MOST_PIECES)
+            pieces = pieces_of_all(stacks_from_logs([recording], observable)).thinned(MOST_PIECES)
         except TirelogError as problem:
             entry.pieces[observable] = problem.message
             continue

@@ -12,10 +12,11 @@ from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Ses
 
 if TYPE_CHECKING:
     from tirelog.discrepancy import Comparison
+    from tirelog.discrepancy.stacks import Stacks
     from tirelog.discrepancy.transient import TransientComparison
     from tirelog.discrepancy.transient_log import TransientLog
     from tirelog.physics.model import Model
-    from tirelog.recording import Recording, Stack
+    from tirelog.recording import Recording
 
 Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)]
 ChannelName = Annotated[
@@ -31,9 +32,7 @@ By = Annotated[
 ]
 
 
-def stacks_and_model(
-    session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
-) -> tuple[list[Stack], Model]:
+def stacks_and_model(session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None) -> tuple[Stacks, Model]:
     """What diagnose and ladder start from; a log that cannot be read is said and left out, revolutions on an obstacle are left out."""
     stacks, read, _ = stacks_model_and_obstacles(session, logs, model, effects, channel)
     return stacks, read
@@ -41,7 +40,7 @@ def stacks_and_model(
 
 def stacks_model_and_obstacles(
     session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
-) -> tuple[list[Stack], Model, list[TransientLog]]:
+) -> tuple[Stacks, Model, list[TransientLog]]:
     """What compare starts from: steady revolutions, the model, and the logs that met an obstacle (their setup has a [road])."""
     from tirelog.cli.transients import parted, watched
     from tirelog.discrepancy import stacks_from_logs

@@ -176,6 +176,7 @@ def fit(
     from tirelog.cli.model_page import fit_page, learned_page
     from tirelog.cli.transients import parted, watched
     from tirelog.discrepancy.stack import stacks_from_logs
+    from tirelog.discrepancy.stacks import joined
     from tirelog.discrepancy.transient_learn import held, learn, motion_names
     from tirelog.physics.carcass import WAVEFORMS
     from tirelog.physics.fit import fit as fit_model
@@ -191,7 +192,8 @@ def fit(
             kept: dict[str, Any] = {}
             measured = stacks_from_logs(watched(recordings, observable, name, kept), observable, name)
             steady, met = parted(measured, kept)
-            stacks, obstacles = stacks + steady, obstacles + met
+            stacks += [joined(steady.of_log(number)) for number in range(len(steady.logs))]  # the fit takes a log as a whole
+            obstacles += met
         result = fit_model(held(start), stacks, nuisances=words, scatter=True)
         fitted = result.model.with_parameters({name: start.parameters[name] for name in motion_names(start)})
         learned = learn(obstacles, fitted) if obstacles and motion_names(start) else None

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from tirelog.discrepancy.stacks import Stacks
     from tirelog.discrepancy.transient import TransientComparison
     from tirelog.discrepancy.transient_log import TransientLog
-    from tirelog.recording import Recording, Stack
+    from tirelog.recording import Recording
 
 TABLES = ("hit", "time", "frequency")
 
@@ -33,24 +34,24 @@ def watched(recordings: Iterable[Recording], observable: str, channel: str | Non
         yield recording
 
 
-def parted(stacks: list[Stack], kept: dict[str, Recording]) -> tuple[list[Stack], list[TransientLog]]:
+def parted(stacks: Stacks, kept: dict[str, Recording]) -> tuple[Stacks, list[TransientLog]]:
     """The stacks without the revolutions that an obstacle disturbs, and the logs that met one."""
-    import numpy as np
-
+    from tirelog.discrepancy.stacks import Stacks, joined
     from tirelog.discrepancy.transient_log import steady_revolutions, transient_log
 
-    found, steady = [], []
-    for stack in stacks:
-        recording = kept.get(stack.logs[int(stack.log[0])])
-        if recording is not None:
-            found.append(transient_log(recording, recording.channels[stack.channel], stack))
-            stack = steady_revolutions(stack, found[-1].hits_s)
-        steady.append(stack)
-    if not found:
+    if not kept:
         return stacks, []
-    # a manoeuvre may have gone with its revolutions: the rest is numbered through again
-    names = np.unique(np.concatenate([stack.manoeuvre for stack in steady]))
-    return [replace(stack, manoeuvre=np.searchsorted(names, stack.manoeuvre)) for stack in steady], found
+    found, steady = [], Stacks()
+    for number, log in enumerate(stacks.logs):
+        recording = kept.get(log)
+        if recording is None:
+            steady.add(log, stacks.of_log(number))
+            continue
+        stack = joined(stacks.of_log(number))  # its samples are in memory as a whole too
+        found.append(transient_log(recording, recording.channels[stack.channel], stack))
+        steady.add(log, [steady_revolutions(stack, found[-1].hits_s)])
+    steady.number_through()  # a manoeuvre may have gone with its revolutions
+    return steady, found
 
 
 def transients_page(result: TransientComparison) -> None:

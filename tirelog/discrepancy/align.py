@@ -1,7 +1,8 @@
 """The wheel's angle at every sample: passages refined by a matched filter, and a smooth course between them.
 
     passage times (n,) [s] -> WheelAngle: theta(t) with theta(t_i) = 2 pi i, an interpolating cubic spline (its slope is the speed)
-    samples (N,) at theta  -> template T(phi) -> per revolution  y = b + a [T(phi) - s T'(phi)]  -> t_i moved by s
+    samples at theta, chunk by chunk -> sums by angle -> template T(phi)
+    the same once more -> sums by revolution  y = b + a [T(phi) - s T'(phi)]  -> t_i moved by s
 
 The matched filter uses the whole front around the patch, not its peak: a peak would follow whatever an odd effect does to it.  What is
 left of
@@ -15,6 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+
+from tirelog.discrepancy.samples import Chunk, Samples
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +42,11 @@ class WheelAngle:
         """Angle [rad] at times [s], any shape."""
         first, last = self.centre_s[0], self.centre_s[-1]
         inside = np.clip(time_s, first, last)
-        return self.spline(inside) + (time_s - inside) * self.spline(inside, 1)
+        theta = self.spline(inside)
+        beyond = inside != time_s
+        if beyond.any():
+            theta[beyond] += (time_s[beyond] - inside[beyond]) * self.spline(inside[beyond], 1)
+        return theta
 
     def speed_rad_s(self, time_s: FloatArray) -> FloatArray:
         return self.spline(np.clip(time_s, self.centre_s[0], self.centre_s[-1]), 1)
@@ -51,14 +58,41 @@ def split_turns(theta: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     return turn, theta - 2.0 * np.pi * turn
 
 
+def turned(samples: Samples, angle: WheelAngle, chunk: Chunk) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """The samples of a chunk's turns: turn after the chunk's first, phi and value, (k,) each."""
+    time_s, values = samples.read(chunk)
+    turn, phi = split_turns(angle.theta(time_s))
+    turn -= chunk.first
+    mine = (turn >= 0) & (turn < chunk.stop - chunk.first)
+    return turn[mine], phi[mine], values[mine]
+
+
+class TemplateSums:
+    """Counts and sums of samples by angle, from which the mean waveform follows."""
+
+    def __init__(self) -> None:
+        self._count = np.zeros(_TEMPLATE_POINTS, np.int64)
+        self._angle, self._value = np.zeros(_TEMPLATE_POINTS), np.zeros(_TEMPLATE_POINTS)
+
+    def add(self, phi: FloatArray, values: FloatArray) -> None:
+        """More samples (N,) at angles (N,)."""
+        bins = ((phi + np.pi) * (_TEMPLATE_POINTS / (2.0 * np.pi))).astype(np.int64) % _TEMPLATE_POINTS
+        self._count += np.bincount(bins, minlength=_TEMPLATE_POINTS)
+        self._angle += np.bincount(bins, phi, _TEMPLATE_POINTS)
+        self._value += np.bincount(bins, values, _TEMPLATE_POINTS)
+
+    def curve(self) -> CubicSpline:
+        """A periodic spline through bin means at the bins' mean angles."""
+        full = self._count > 0
+        angle, mean = self._angle[full] / self._count[full], self._value[full] / self._count[full]
+        return CubicSpline(np.append(angle, angle[0] + 2.0 * np.pi), np.append(mean, mean[0]), bc_type="periodic")
+
+
 def template(phi: FloatArray, values: FloatArray) -> CubicSpline:
-    """Mean waveform of samples (N,) at angles (N,), as a periodic spline through bin means at the bins' mean angles."""
-    bins = ((phi + np.pi) * (_TEMPLATE_POINTS / (2.0 * np.pi))).astype(np.int64) % _TEMPLATE_POINTS
-    count = np.bincount(bins, minlength=_TEMPLATE_POINTS)
-    full = count > 0
-    angle = np.bincount(bins, phi, _TEMPLATE_POINTS)[full] / count[full]
-    mean = np.bincount(bins, values, _TEMPLATE_POINTS)[full] / count[full]
-    return CubicSpline(np.append(angle, angle[0] + 2.0 * np.pi), np.append(mean, mean[0]), bc_type="periodic")
+    """Mean waveform of samples (N,) at angles (N,)."""
+    sums = TemplateSums()
+    sums.add(phi, values)
+    return sums.curve()
 
 
 def front_fit(turn: NDArray[np.int64], phi: FloatArray, values: FloatArray, shape: CubicSpline, n: int) -> tuple[FloatArray, FloatArray]:
@@ -84,16 +118,17 @@ def front_fit(turn: NDArray[np.int64], phi: FloatArray, values: FloatArray, shap
     return np.where(bad, np.nan, shift), np.where(bad, np.nan, amplitude)
 
 
-def refine(time_s: FloatArray, values: FloatArray, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
-    """Passage times (n,) after matched filtering; samples (N,) with NaN where lost.  A passage whose front cannot be fitted keeps its
-    time."""
-    good = np.isfinite(values)
-    time_s, values = time_s[good], values[good]
+def refine(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
+    """Passage times (n,) after matched filtering.  A passage whose front cannot be fitted keeps its time."""
+    chunks = samples.chunks(centre_s, 0, centre_s.size)
     for _ in range(rounds):
         angle = WheelAngle.through(centre_s)
-        turn, phi = split_turns(angle.theta(time_s))
-        whole = (turn >= 0) & (turn < centre_s.size)
-        shift, _ = front_fit(turn[whole], phi[whole], values[whole], template(phi[whole], values[whole]), centre_s.size)
+        sums = TemplateSums()
+        for chunk in chunks:
+            _, phi, values = turned(samples, angle, chunk)
+            sums.add(phi, values)
+        shape = sums.curve()
+        shift = np.concatenate([front_fit(*turned(samples, angle, chunk), shape, chunk.stop - chunk.first)[0] for chunk in chunks])
         shift = np.where(np.isfinite(shift), shift - np.nanmedian(shift) if np.isfinite(shift).any() else 0.0, 0.0)
         centre_s = centre_s + shift / angle.speed_rad_s(centre_s)
     return centre_s

@@ -5,7 +5,7 @@ Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's ba
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -16,9 +16,8 @@ from tirelog.discrepancy.base import Base, prepare
 from tirelog.discrepancy.cells import cells_of
 from tirelog.discrepancy.floor import Plain, scatter_columns
 from tirelog.discrepancy.leftover import half_angle
-from tirelog.discrepancy.pieces import Pieces, pieces_of
-from tirelog.discrepancy.results import Comparison, Map, Waveforms, excess_of
-from tirelog.discrepancy.stack import joined
+from tirelog.discrepancy.pieces import Pieces, pieces_of_all
+from tirelog.discrepancy.results import Comparison, Map, Tables, Waveforms, excess_of
 from tirelog.errors import UsageError
 from tirelog.physics.carcass import SCALARS
 from tirelog.physics.model import Model
@@ -38,7 +37,7 @@ _SHOWN = 4
 _MAP_ROWS = 24
 
 
-#: what every question is asked of: one stack a log, or the pieces of all logs where their revolutions are too many to keep
+#: what every question is asked of: the stacks of all logs, or their pieces where the revolutions are too many to keep
 Measured = Sequence[Stack] | Pieces
 
 
@@ -46,12 +45,12 @@ def measured_pieces(measured: Measured) -> Pieces:
     """The pieces of all logs.  UsageError: there is none."""
     if not len(measured):
         raise UsageError("no stack to compare with; at least one log is needed; give one")
-    return measured if isinstance(measured, Pieces) else pieces_of(joined(measured))
+    return measured if isinstance(measured, Pieces) else pieces_of_all(measured)
 
 
-def single_revolutions(measured: Measured) -> Stack | None:
-    """All stacks as one, or None where only the pieces are left."""
-    return None if isinstance(measured, Pieces) else joined(measured)
+def single_revolutions(measured: Measured) -> Sequence[Stack]:
+    """The stacks; none where only the pieces are left."""
+    return () if isinstance(measured, Pieces) else measured
 
 
 def start(measured: Measured, model: Model) -> Base:
@@ -71,8 +70,8 @@ def compare(measured: Measured, model: Model) -> Comparison:
     return comparison_of(start(measured, model), single_revolutions(measured))
 
 
-def comparison_of(base: Base, stack: Stack | None) -> Comparison:
-    """Everything to show of a fitted base; the table by revolution is empty where the revolutions are not kept."""
+def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
+    """Everything to show of a fitted base; the table by revolution is empty without the `stacks` that it was made of."""
     measured = base.cells.values - base.offset_of_cell[:, None]
     spread = base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum()) + base.floor.within
     waveform = base.model.observable not in SCALARS
@@ -90,7 +89,7 @@ def comparison_of(base: Base, stack: Stack | None) -> Comparison:
         revolutions=int(base.cells.revolutions.sum()),
         manoeuvres=base.cells.manoeuvres,
         parameters=parameters_of(base.model),
-        tables=tables_of(base, stack),
+        tables=tables_of(base, stacks),
         waveforms=_waveforms(base),
         by_speed=_map(base, base.cells.conditions.speed_m_s, "speed_m_s"),
         by_time=_map(base, _running_time(base), "time_s"),
@@ -176,8 +175,8 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 # ---- tables ---------------------------------------------------------------------------------------------------------------------------
 
 
-def tables_of(base: Base, stack: Stack | None) -> dict[str, list[dict[str, Any]]]:
-    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one row each."""
+def tables_of(base: Base, stacks: Sequence[Stack]) -> Mapping[str, list[dict[str, Any]]]:
+    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one row each, made when it is asked for."""
     c = base.cells
     tables = {"angle": _by_angle(base)}
     band = np.floor(c.conditions.speed_m_s / 2.0) * 2.0 + 1.0
@@ -189,8 +188,7 @@ def tables_of(base: Base, stack: Stack | None) -> dict[str, list[dict[str, Any]]
     for name, (labels, describe) in groups.items():
         tables[name] = [_row(base, np.array(labels) == label, describe(labels.index(label))) for label in dict.fromkeys(labels)]
     tables["speed"].sort(key=lambda row: row["speed_m_s"])
-    tables["revolution"] = _by_revolution(base, stack) if stack is not None else []
-    return tables
+    return Tables(tables, {"revolution": lambda: _by_revolution(base, stacks)})
 
 
 def _log_conditions(base: Base, cell: int) -> dict[str, Any]:
@@ -254,9 +252,16 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
     return rows
 
 
-def _by_revolution(base: Base, stack: Stack) -> list[dict[str, Any]]:
+def _by_revolution(base: Base, stacks: Sequence[Stack]) -> list[dict[str, Any]]:
     """One row a revolution: rms of measured less predicted, the offset of its log and its own shift taken out."""
-    cell = base.cells.cell
+    rows: list[dict[str, Any]] = []
+    for stack in stacks:
+        rows += _revolutions(base, stack, base.cells.cell[len(rows) : len(rows) + len(stack)])
+    return rows
+
+
+def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """The rows of the revolutions of one stack, which are in these cells, (n,)."""
     waves = stack.phi_rad.size > 1
     angles: dict[str, Any] = (
         {"phi_rad": stack.phi_mean - base.cells.moved[cell][:, None], "phi_variance": stack.phi_variance} if waves else {"phi_rad": None}

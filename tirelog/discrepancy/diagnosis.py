@@ -83,7 +83,7 @@ class Diagnosis:
     notes: tuple[str, ...]
     next_command: str
     found: Found
-    stack: Stack | None
+    stacks: Sequence[Stack]
 
     @property
     def model(self) -> Model:
@@ -92,14 +92,14 @@ class Diagnosis:
 
     @cached_property
     def before(self) -> Comparison:
-        return comparison_of(self.found.before, self.stack)
+        return comparison_of(self.found.before, self.stacks)
 
     @cached_property
     def after(self) -> Comparison:
-        return comparison_of(self.found.after, self.stack) if self.selected else self.before
+        return comparison_of(self.found.after, self.stacks) if self.selected else self.before
 
     def to_json(self) -> dict[str, Any]:
-        apart = ("effects", "notes", "found", "stack")
+        apart = ("effects", "notes", "found", "stacks")
         names = [name for name in self.__dataclass_fields__ if name not in apart]
         rows = [{name: getattr(c, name) for name in Candidate.__dataclass_fields__} for c in self.effects]
         return plain({name: getattr(self, name) for name in names} | {"effects": rows, "note": " ".join(self.notes)})
@@ -141,7 +141,7 @@ def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lamb
     return Found(base, tuple(steps), after, dropped)
 
 
-def conclude(found: Found, stack: Stack | None) -> Diagnosis:
+def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     """The verdict and everything that is said with it."""
     before, after = found.before, found.after
     floor = after.floor if found.named else before.floor
@@ -200,7 +200,7 @@ def conclude(found: Found, stack: Stack | None) -> Diagnosis:
         notes=tuple(notes),
         next_command=next_command(verdict, selected, model=before.model, logs=before.cells.logs),
         found=found,
-        stack=stack,
+        stacks=stacks,
     )
 
 

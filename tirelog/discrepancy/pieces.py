@@ -1,6 +1,7 @@
-"""Like revolutions averaged, log by log: all that later steps need of them, so that the revolutions themselves can go.
+"""Like revolutions averaged, stack by stack: all that later steps need of them, so that the revolutions themselves can go.
 
     Stack (n, m)  ->  cell (n,): one manoeuvre, a band of speed  ->  Pieces (P, m)  ->  `cells.cells_of` pools noise and scatter over all
+    Stacks, one after the other, each in its turn in memory --pieces_of_all--> their pieces as one
 
 Within a piece each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' + noise   with P the piece's mean waveform
 at the revolution's real angles.  The four coefficients are taken out, the rest averaged.  With one angle only the mean is taken.
@@ -9,7 +10,7 @@ A piece is 25 kB, whatever the number of its revolutions; a mixed log of two min
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -94,22 +95,31 @@ def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
     """The pieces of several logs as one; logs and manoeuvres are numbered through."""
     if len(parts) == 1:
         return parts[0]
+    rows: dict[str, Any] = {}
+    for name in ("log", "manoeuvre"):
+        numbers = [getattr(part, name) for part in parts]
+        first = np.cumsum([0, *(1 + int(n.max()) for n in numbers[:-1])])
+        rows[name] = np.concatenate([n + more for n, more in zip(numbers, first, strict=True)])
+    return replace(_concatenated(parts), cell=np.zeros(0, np.int64), logs=tuple(log for part in parts for log in part.logs), **rows)
+
+
+def pieces_of_all(stacks: Iterable[Stack]) -> Pieces:
+    """The pieces of stacks that are numbered through already, made one stack after the other."""
+    parts = [pieces_of(stack) for stack in stacks]
+    if len(parts) == 1:
+        return parts[0]
+    first = np.cumsum([0, *(len(part) for part in parts[:-1])])
+    return replace(_concatenated(parts), cell=np.concatenate([part.cell + more for part, more in zip(parts, first, strict=True)]))
+
+
+def _concatenated(parts: Sequence[Pieces]) -> Pieces:
+    """All rows under each other; numbers and names are still those of the parts."""
     rows: dict[str, Any] = {
         f.name: np.concatenate([getattr(part, f.name) for part in parts])
         for f in fields(Pieces)
         if f.name not in _APART or f.name == "coefficients"
     }
-    for name in ("log", "manoeuvre"):
-        numbers = [getattr(part, name) for part in parts]
-        first = np.cumsum([0, *(1 + int(n.max()) for n in numbers[:-1])])
-        rows[name] = np.concatenate([n + more for n, more in zip(numbers, first, strict=True)])
-    return replace(
-        parts[0],
-        conditions=Conditions.concatenate([part.conditions for part in parts]),
-        cell=np.zeros(0, np.int64),
-        logs=tuple(log for part in parts for log in part.logs),
-        **rows,
-    )
+    return replace(parts[0], conditions=Conditions.concatenate([part.conditions for part in parts]), **rows)
 
 
 def assign(stack: Stack) -> IntArray:

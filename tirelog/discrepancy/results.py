@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -39,6 +39,24 @@ class Map:
     phi_rad: FloatArray
     residual: FloatArray
     whitened: FloatArray
+
+
+class Tables(Mapping[str, list[dict[str, Any]]]):
+    """Rows by the name of their table; a large table is made when it is first asked for."""
+
+    def __init__(self, made: Mapping[str, list[dict[str, Any]]], later: Mapping[str, Callable[[], list[dict[str, Any]]]]) -> None:
+        self._made, self._later = dict(made), dict(later)
+
+    def __getitem__(self, name: str) -> list[dict[str, Any]]:
+        if name not in self._made and name in self._later:
+            self._made[name] = self._later[name]()
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys([*self._made, *self._later]))
+
+    def __len__(self) -> int:
+        return len(self._made.keys() | self._later.keys())
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,10 @@
 """Recordings to stacks: one channel cut into revolutions and laid on one grid of angle bins, raw, with what each was driven under.
 
-    Recording --find_passages--> passage times --`align.refine`--> theta(t) --bins--> Stack (n, m)
+    Recording --find_passages--> passage times --`align.refine`--> theta(t)      all revolutions of the log, small arrays
+        --speeds, accelerations, manoeuvres, conditions--> stretches of some 2000 revolutions --bins--> Stack (n, m) each
+    several Recordings --> `Stacks`
+
+The log is in memory as counts at most (`estimators.held`); its times, angles and waveforms are there for a chunk or a stretch at a time.
 
 Bin means are raw (no amplitude, shift or baseline is taken out here: `cells` does that and keeps account of it), at the angles the samples
 really have.  The first and last revolution of an unbroken run of passages are left out, since half of their angle is extrapolated.
@@ -8,23 +12,28 @@ really have.  The first and last revolution of an unbroken run of passages are l
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.discrepancy.align import WheelAngle, refine, split_turns
+from tirelog.discrepancy.align import WheelAngle, refine, turned
 from tirelog.discrepancy.manoeuvres import accelerations, regimes, segment
+from tirelog.discrepancy.samples import Chunk, Samples
 from tirelog.discrepancy.scalars import SCALARS, SOURCES, scalar_stack
+from tirelog.discrepancy.stacks import Stacks
 from tirelog.errors import UsageError
+from tirelog.estimators.held import held
 from tirelog.estimators.passages import Passages, find_passages
 from tirelog.recording import Channel, Conditions, Recording, Stack
 
 FloatArray = NDArray[np.float64]
 
 ANGLES = 256
+#: revolutions that are in memory at a time, 8 kB each
+STRETCH = 2048
 #: observable -> kinds of channel that measure it
 KINDS = {"strain": ("fbg_strain", "strain"), "radial_acceleration": ("radial_acceleration",), **SOURCES}
 _SHORTEST_RUN = 5
@@ -38,10 +47,16 @@ _CONDITION_KINDS = {
 
 @dataclass(frozen=True)
 class Turns:
-    """The revolutions of one unbroken run: ordinal of each passage in the log (k,), refined times (k,) and the angle between them."""
+    """The revolutions of one unbroken run: ordinal of each passage in the log (k,), refined times (k,) and the angle between them.
+
+    Its k - 2 whole revolutions are the turns 1 ... k - 2.
+    """
 
     ordinal: NDArray[np.int64]
     angle: WheelAngle
+
+    def __len__(self) -> int:
+        return int(self.ordinal.size) - 2
 
 
 def observe_channel(recording: Recording, observable: str, name: str | None = None) -> Channel:
@@ -57,58 +72,83 @@ def observe_channel(recording: Recording, observable: str, name: str | None = No
 
 
 def stacks_from_logs(
-    recordings: Iterable[Recording], observable: str = "strain", channel: str | None = None, *, angles: int = ANGLES
-) -> list[Stack]:
-    """One stack per recording, manoeuvres numbered through all of them; UsageError where a log holds fewer than ten whole revolutions."""
-    parts: list[Stack] = []
+    recordings: Iterable[Recording], observable: str = "strain", channel: str | None = None, *, angles: int = ANGLES, most: int = STRETCH
+) -> Stacks:
+    """The stacks of the recordings, one each (several where there are more than `most` revolutions), manoeuvres numbered through all.
+
+    UsageError where a log holds fewer than ten whole revolutions.
+    """
+    stacks = Stacks()
     for recording in recordings:
         source = observe_channel(recording, observable, channel)
         if observable in SCALARS:
-            part = scalar_stack(recording, source, observable)
+            stacks.add(recording.log, [scalar_stack(recording, source, observable)])
         else:
-            part = stack_channel(recording, source, observable, angles=angles)
-        first = 1 + int(parts[-1].manoeuvre.max()) if parts else 0
-        parts.append(replace(part, log=np.full(len(part), len(parts)), manoeuvre=part.manoeuvre + first))
-    logs = tuple(part.logs[0] for part in parts)
-    return [replace(part, logs=logs) for part in parts]
+            stacks.add(recording.log, stretches_of(recording, source, observable, angles=angles, most=most))
+    return stacks
 
 
-def stack_channel(recording: Recording, channel: Channel, observable: str, *, angles: int = ANGLES) -> Stack:
-    """The stack of one channel of one recording."""
+def stretches_of(recording: Recording, channel: Channel, observable: str, *, angles: int = ANGLES, most: int = STRETCH) -> Iterator[Stack]:
+    """The stacks of one channel of one recording, at most `most` revolutions each; manoeuvres and conditions are those of the whole log."""
     radius = recording.setup.tire.radius_m
+    channel = held(channel)
     passages = find_passages(channel, radius)
-    time_s, values = channel.axis.time(), channel.read()
-    rows = [_rows(turns, time_s, values, angles) for turns in _runs(passages, time_s, values)]
-    n = sum(part[0].size for part in rows)
+    samples = Samples(channel)
+    runs = list(_runs(passages, samples))
+    n = sum(len(run) for run in runs)
     if n < 10:
         refuse_swapped_surface(recording, channel, radius)
         raise UsageError(
             f"{n} whole revolutions in channel {channel.name}; at least ten are needed to see what repeats; give a longer log",
             file=recording.log,
         )
-    ordinal, centre, speed, mean, phi_mean, phi_variance, count = (np.concatenate(x) for x in zip(*rows, strict=True))
-    acceleration = np.concatenate([accelerations(part[1], part[2] * radius) for part in rows])
-    breaks = np.concatenate([np.r_[True, np.zeros(part[0].size - 1, bool)] for part in rows])
+    course = _course(recording, channel, observable, runs, passages.noise, angles)
+    for rows in _cuts(course.manoeuvre, most):
+        yield replace(course.take(rows), **_waveforms(samples, runs, rows, angles))
+
+
+def _course(recording: Recording, channel: Channel, observable: str, runs: Sequence[Turns], noise: float, angles: int) -> Stack:
+    """What a revolution has one value of, for all revolutions of a log: their stack, its waveforms still without a bin."""
+    radius = recording.setup.tire.radius_m
+    times = [run.angle.centre_s[1:-1] for run in runs]
+    speeds = [run.angle.speed_rad_s(time) for run, time in zip(runs, times, strict=True)]
+    acceleration = np.concatenate([accelerations(time, speed * radius) for time, speed in zip(times, speeds, strict=True)])
+    breaks = np.concatenate([np.r_[True, np.zeros(len(run) - 1, bool)] for run in runs])
     manoeuvre, regime = segment(regimes(acceleration), breaks)
-    grid = np.asarray((np.arange(angles) + 0.5) * (2.0 * np.pi / angles) - np.pi, dtype=np.float64)
+    centre, speed = np.concatenate(times), np.concatenate(speeds)
+    n = centre.size
+    none = np.empty((n, 0))
     return Stack(
         observable=observable,
         channel=channel.name,
         surface=channel.surface,
         radius_m=radius,
-        values=mean,
-        phi_rad=grid,
-        phi_mean=phi_mean,
-        phi_variance=phi_variance,
-        count=count,
-        noise=np.full(n, passages.noise),
+        values=none,
+        phi_rad=np.asarray((np.arange(angles) + 0.5) * (2.0 * np.pi / angles) - np.pi, dtype=np.float64),
+        phi_mean=none,
+        phi_variance=none,
+        count=np.empty((n, 0), np.int64),
+        noise=np.full(n, noise),
         conditions=conditions_of(recording, centre, speed * radius, acceleration),
         log=np.zeros(n, np.int64),
         manoeuvre=manoeuvre,
-        revolution=ordinal,
+        revolution=np.concatenate([run.ordinal[1:-1] for run in runs]),
         regime=regime,
         logs=(recording.log,),
     )
+
+
+def _cuts(manoeuvre: NDArray[np.int64], most: int) -> Iterator[slice]:
+    """The stretches of a log: at most `most` revolutions, cut where a manoeuvre begins, and within one only where it is longer than half of
+    that; then no part of it is shorter than a quarter."""
+    starts = np.flatnonzero(np.diff(manoeuvre)) + 1
+    low, n = 0, manoeuvre.size
+    while n - low > most:
+        last = int(np.searchsorted(starts, low + most, side="right")) - 1
+        high = int(starts[last]) if last >= 0 and starts[last] > low + most // 2 else low + 3 * most // 4
+        yield slice(low, high)
+        low = high
+    yield slice(low, n)
 
 
 def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float) -> None:
@@ -124,45 +164,42 @@ def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float
     )
 
 
-def _runs(passages: Passages, time_s: FloatArray, values: FloatArray) -> Iterable[Turns]:
+def _runs(passages: Passages, samples: Samples) -> Iterator[Turns]:
     """Unbroken runs of passages one turn apart, refined by the matched filter."""
     known = np.flatnonzero(np.isfinite(passages.time_s))
     cut = np.flatnonzero(~(passages.turn_after[known[:-1]] & (np.diff(known) == 1))) + 1
     for index in np.split(known, cut):
-        if index.size < _SHORTEST_RUN:
-            continue
-        centre = passages.time_s[index]
-        ends = (2 * centre[0] - centre[1], 2 * centre[-1] - centre[-2])
-        low, high = np.searchsorted(time_s, ends)
-        yield Turns(index, WheelAngle.through(refine(time_s[low:high], values[low:high], centre)))
+        if index.size >= _SHORTEST_RUN:
+            yield Turns(index, WheelAngle.through(refine(samples, passages.time_s[index])))
 
 
-def _rows(turns: Turns, time_s: FloatArray, values: FloatArray, m: int) -> tuple[NDArray, ...]:
-    """Ordinals, times and angular speeds (k - 2,), then bin means, mean angles, variances and counts (k - 2, m), without the two ends."""
-    centre = turns.angle.centre_s
-    low, high = np.searchsorted(time_s, [centre[0], centre[-1]])
-    t, y = time_s[low:high], values[low:high]
-    t, y = t[np.isfinite(y)], y[np.isfinite(y)]
-    turn, phi = split_turns(turns.angle.theta(t))
-    inside = (turn >= 1) & (turn < centre.size - 1)
-    n = centre.size - 2
-    y, phi = y[inside], phi[inside]
-    cell = (turn[inside] - 1) * m + np.minimum(((phi + np.pi) * (m / (2.0 * np.pi))).astype(np.int64), m - 1)
+def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> dict[str, Any]:
+    """Bin means, mean angles, variances and counts (k, m) of the k revolutions `rows` of a log."""
+    k = rows.stop - rows.start
+    values, phi_mean, phi_variance = np.empty((k, m)), np.empty((k, m)), np.empty((k, m))
+    count = np.empty((k, m), np.int64)
+    before = 0
+    for run in runs:
+        first, stop = max(rows.start - before, 0), min(rows.stop - before, len(run))
+        for chunk in samples.chunks(run.angle.centre_s, first + 1, stop + 1) if first < stop else ():
+            low = before + chunk.first - 1 - rows.start
+            here = slice(low, low + chunk.stop - chunk.first)
+            values[here], phi_mean[here], phi_variance[here], count[here] = _binned(samples, run.angle, chunk, m)
+        before += len(run)
+    return {"values": values, "phi_mean": phi_mean, "phi_variance": phi_variance, "count": count}
+
+
+def _binned(samples: Samples, angle: WheelAngle, chunk: Chunk, m: int) -> tuple[NDArray[Any], ...]:
+    """The same of the turns of a chunk."""
+    turn, phi, y = turned(samples, angle, chunk)
+    n = chunk.stop - chunk.first
+    cell = turn * m + np.minimum(((phi + np.pi) * (m / (2.0 * np.pi))).astype(np.int64), m - 1)
     count = np.bincount(cell, minlength=n * m)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.bincount(cell, y, n * m) / count
-        angle = np.bincount(cell, phi, n * m) / count
-        variance = np.bincount(cell, (phi - angle[cell]) ** 2, n * m) / count
-    shape = (n, m)
-    return (
-        turns.ordinal[1:-1],
-        centre[1:-1],
-        turns.angle.speed_rad_s(centre[1:-1]),
-        mean.reshape(shape),
-        angle.reshape(shape),
-        variance.reshape(shape),
-        count.reshape(shape),
-    )
+        mean_angle = np.bincount(cell, phi, n * m) / count
+        variance = np.bincount(cell, (phi - mean_angle[cell]) ** 2, n * m) / count
+    return tuple(part.reshape(n, m) for part in (mean, mean_angle, variance, count))
 
 
 def conditions_of(recording: Recording, centre_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> Conditions:
@@ -183,20 +220,40 @@ def conditions_of(recording: Recording, centre_s: FloatArray, speed_m_s: FloatAr
 def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
     """Mean of a channel around each passage, half a period to either side, (n,); a revolution without samples takes its neighbours'."""
     half = 0.5 * np.gradient(centre_s) if centre_s.size > 1 else np.full(1, 0.05)
-    values = channel.read()
-    good = np.isfinite(values)
-    if not good.any():
-        return np.full(centre_s.size, np.nan)
-    time_s = channel.axis.time()[good]
-    total = np.r_[0.0, np.cumsum(values[good])]
-    low, high = np.searchsorted(time_s, centre_s - half), np.searchsorted(time_s, centre_s + half)
-    count = high - low
-    mean = (total[high] - total[low]) / np.maximum(count, 1)
-    return np.where(count > 0, mean, np.interp(centre_s, time_s, values[good]))
+    below = [_Below(centre_s - half), _Below(centre_s + half)]
+    between = np.full(centre_s.size, np.nan)
+    last = np.zeros(0), np.zeros(0)
+    for start, values in channel.blocks():
+        time_s = channel.axis.time(start, start + values.size)
+        good = np.isfinite(values)
+        if not good.any():
+            continue
+        for edge in below:
+            edge.pass_by(time_s[good], values[good])
+        time_s, values = np.append(last[0], time_s[good]), np.append(last[1], values[good])
+        here = np.isnan(between) & (centre_s <= time_s[-1])
+        between[here] = np.interp(centre_s[here], time_s, values)
+        last = time_s[-1:], values[-1:]
+    if not last[0].size:
+        return between
+    between[np.isnan(between)] = last[1][0]
+    count = below[1].count - below[0].count
+    mean = (below[1].total - below[0].total) / np.maximum(count, 1)
+    return np.where(count > 0, mean, between)
 
 
-def joined(stacks: Sequence[Stack]) -> Stack:
-    """Several stacks on the same angles as one."""
-    names = ("values", "phi_mean", "phi_variance", "count", "noise", "log", "manoeuvre", "revolution", "regime")
-    rows: dict[str, Any] = {name: np.concatenate([getattr(stack, name) for stack in stacks]) for name in names}
-    return replace(stacks[0], conditions=Conditions.concatenate([stack.conditions for stack in stacks]), **rows)
+class _Below:
+    """Number and sum of the samples that are earlier than each of some times, (n,), as a channel goes by."""
+
+    def __init__(self, time_s: FloatArray) -> None:
+        self._time_s = time_s
+        self.count, self.total = np.zeros(time_s.size, np.int64), np.zeros(time_s.size)
+        self._count, self._total = 0, 0.0
+
+    def pass_by(self, time_s: FloatArray, values: FloatArray) -> None:
+        """The next samples; what no sample reaches has all of them below it."""
+        total = np.cumsum(np.append(self._total, values))
+        later = self._time_s > (time_s[0] if self._count else -np.inf)
+        place = np.searchsorted(time_s, self._time_s[later])
+        self.count[later], self.total[later] = self._count + place, total[place]
+        self._count, self._total = self._count + values.size, float(total[-1])

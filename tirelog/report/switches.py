@@ -56,9 +56,8 @@ def comparisons(measured: Measured, top: Model, names: Sequence[str], bare: Mode
     """
     from tirelog.discrepancy.base import prepare
     from tirelog.discrepancy.cells import cells_of
-    from tirelog.discrepancy.comparison import comparison_of, measured_pieces, single_revolutions
+    from tirelog.discrepancy.comparison import comparison_of, measured_pieces
 
-    stack = single_revolutions(measured)
     cells = cells_of(measured_pieces(measured))
     full = (1 << len(names)) - 1
     own = {p.name: p.value for p in bare.base if p.name in top.parameters}
@@ -69,7 +68,7 @@ def comparisons(measured: Measured, top: Model, names: Sequence[str], bare: Mode
             if not mask & (1 << bit):
                 model = model.without_effect(name)
         try:
-            found[mask] = comparison_of(prepare(cells, model, several=full < _THOROUGH), stack)
+            found[mask] = comparison_of(prepare(cells, model, several=full < _THOROUGH))
         except ModelError as problem:
             found[mask] = problem.message
         progress(f"effects on and off: {mask + 1} of {full + 1} combinations fitted")
