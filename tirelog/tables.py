@@ -74,6 +74,11 @@ def _kind(name: str, values: np.ndarray) -> str:
     return column.kind if column else {"f": "float", "i": "int", "u": "int", "b": "bool"}.get(values.dtype.kind, "text")
 
 
+def _nothing(name: str) -> Any:
+    """What stands in a column of which some rows have none."""
+    return None if name in COLUMNS and COLUMNS[name].kind == "text" else np.nan
+
+
 def _digits(name: str) -> int:
     """Significant digits of a number in a text format."""
     return 12 if name in COLUMNS and COLUMNS[name].unit == "s" else 9
@@ -118,11 +123,20 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             self._stream = self._file.__enter__().open("wb")
 
     def write(self, columns: Mapping[str, Any]) -> None:
-        """Append rows.  The first part fixes the columns; the table's own order wins over the mapping's."""
+        """Append rows.  The first part fixes the columns (a later one may lack some); the table's own order wins over the mapping's.
+
+        UsageError: a part has columns that the first one has not.
+        """
         rows = max((np.asarray(v).shape[0] for v in columns.values() if np.ndim(v) > 0), default=1)
-        order = [c for c in TABLES.get(self.name, tuple(columns)) if c in columns]
-        order += [c for c in columns if c not in order]
-        arrays = {name: np.asarray(columns[name]) for name in order}
+        order = self._names or [c for c in TABLES.get(self.name, tuple(columns)) if c in columns]
+        more = [c for c in columns if c not in order]
+        if self._names and more:
+            raise UsageError(
+                f"has {', '.join(more)}, which the logs before have not (their setups say less); a table has the columns of its first log; "
+                f"put the log with most of them first, or make a table of each",
+                file=str(next(iter(np.atleast_1d(columns["log"])), "-")) if "log" in columns else None,
+            )
+        arrays = {name: np.asarray(columns[name] if name in columns else _nothing(name)) for name in (*order, *more)}
         arrays = {name: array if array.ndim else np.broadcast_to(array, (rows,)) for name, array in arrays.items()}
         if self.format == "csv" and _loop_at_hand():
             self._write_compiled(arrays, rows)
@@ -169,8 +183,6 @@ class TableWriter(AbstractContextManager["TableWriter"]):
     def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
         """Whatever stands before the first row of a table of these columns; parquet needs their `schema`."""
         if self._names is not None:
-            if names != self._names:
-                raise ValueError(f"the columns {', '.join(names)} are not those of the rows before, {', '.join(self._names)}")
             return
         self._names = names
         if self.format == "parquet" and schema is not None:

@@ -131,7 +131,7 @@ def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float
     """The least value of `row` between the columns `low` and `high`, of the quartic through five columns: place in columns (NaN where it
     lies at the border of its range), height, curvature per column^2 (NaN where it is no minimum).
 
-    At six columns a period of the low-pass' cut-off the place is true to 0.02 columns (rms on P2 passages); with a parabola through three, to 0.1.
+    At six columns a period of the low-pass' cut-off a place in a passage is true to 0.02 columns (rms); a parabola through three: 0.1.
     """
     count = row.size
     first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), count - 1)
