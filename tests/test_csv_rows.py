@@ -9,6 +9,7 @@ from hypothesis import strategies as some
 
 from tirelog import tables
 from tirelog.csv_rows import AT_ONCE, WHOLE, Rows, Words
+from tirelog.errors import UsageError
 from tirelog.tables import TableWriter
 
 ROWS = 3 * AT_ONCE + 17
@@ -118,6 +119,6 @@ def test_whole_numbers_and_words_end_where_they_should():
 @pytest.mark.parametrize("loop", [True, False])
 def test_columns_that_change_are_refused(tmp_path, monkeypatch, loop):
     monkeypatch.setattr(tables, "_loop_at_hand", lambda: loop)
-    with pytest.raises(ValueError, match="not those of the rows before"), TableWriter("new", tmp_path / "t.csv", None) as table:
+    with pytest.raises(UsageError, match="has b, which the logs before have not"), TableWriter("new", tmp_path / "t.csv", None) as table:
         table.write({"a": np.zeros(3)})
         table.write({"b": np.zeros(3)})
