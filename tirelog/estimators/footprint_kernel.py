@@ -38,26 +38,25 @@ def look_up(
     centre, rate, speed, acceleration = window[0], window[1], window[2], window[3]
     first, step, square, shift, half_window = grid[0], grid[1], grid[2], grid[3], grid[4]
     faster, top = by_speed2 * (speed**2 - square), table.shape[0] - 1.001
+    per_column, per_step, half = 1.0 / rate, 1.0 / step, 0.5 * acceleration
     used, total = 0, 0.0
     for k in range(values.size):
-        time = (k - centre) / rate
-        xi = time * (speed + 0.5 * acceleration * time) - shift
-        if abs(xi) < half_window and not np.isnan(values[k]):
-            at = min(max((xi - first) / step, 0.0), top)
-            low = int(at)
-            share = at - low
-            row, below, above = columns[used], table[low], table[low + 1]
-            for c in range(table.shape[1]):
-                row[c + 1] = below[c] + share * (above[c] - below[c])
-            row[HEIGHT] = row[1] + faster * row[follows + 1]
-            row[OFFSET] = 1.0
-            row[wide] = values[k]
-            place[used] = at
-            total += values[k]
+        time, value = (k - centre) * per_column, values[k]
+        xi = time * (speed + half * time) - shift
+        if abs(xi) < half_window and not np.isnan(value):
+            place[used] = min(max((xi - first) * per_step, 0.0), top)
+            columns[used, OFFSET] = value
+            total += value
             used += 1
     middle = total / max(used, 1)
     for k in range(used):
-        columns[k, wide] -= middle
+        low, value = int(place[k]), columns[k, OFFSET]
+        share = place[k] - low
+        row, below, above = columns[k], table[low], table[low + 1]
+        for c in range(table.shape[1]):
+            row[c + 1] = below[c] + share * (above[c] - below[c])
+        row[HEIGHT] = row[1] + faster * row[follows + 1]
+        row[OFFSET], row[wide] = 1.0, value - middle
     return used, middle
 
 
