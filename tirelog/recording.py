@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-#: Samples a block, for whoever reads a channel piece by piece (2 MB of float64).
-BLOCK_SAMPLES = 1 << 18
+#: Samples a block, for whoever reads a channel piece by piece (1 MB of float64).
+BLOCK_SAMPLES = 1 << 17
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ def tables(
         list[str] | None, typer.Option("--table", help="One of the tables; without it all that the logs have channels for.")
     ] = None,
     format: Annotated[str, typer.Option("--format", help="csv, ndjson, parquet or json.")] = "csv",
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Channels worked on at a time; each takes some 60 MB for an hour.")] = 2,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Channels worked on at a time; each takes some 45 MB for an hour.")] = 2,
     quiet: Quiet = False,
 ) -> None:
     """Make several tables in one go, each log read once."""

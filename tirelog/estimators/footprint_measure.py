@@ -36,7 +36,7 @@ FIT_STEP = 1.0 / 36.0
 #: the low-pass needs this many samples a period of its cut-off; above, samples are averaged
 PLAIN_OVERSAMPLING = 10.0
 #: rows whose plain edges are worked on at once
-ROWS = 512
+ROWS = 256
 
 #: speed and acceleration at the passages of a log, (n,) each
 Motions = tuple[FloatArray, FloatArray]
