@@ -1,12 +1,14 @@
 """compare, diagnose and ladder from the command line, on a log with a hidden effect."""
 
 import csv
+import errno
 import io
 import json
 
 import pytest
 
 from tirelog.cli import run
+from tirelog.discrepancy import stacks
 from tirelog.simulation import simulate, write_log
 from tirelog.simulation.scenarios import Case, case
 
@@ -67,3 +69,25 @@ def test_numbers_per_revolution_go_the_same_way(folder, capfd):
 def test_an_unknown_table_is_refused(folder, capfd):
     assert command(folder, "compare", "--by", "regimes") == 2
     assert "nearest: regime" in capfd.readouterr().err
+
+
+def test_a_full_disk_is_said_in_one_line(folder, capfd, monkeypatch):
+    def full(**more):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(stacks, "IN_MEMORY", 0)
+    monkeypatch.setattr(stacks.tempfile, "TemporaryFile", full)
+    assert command(folder, "compare", "--format", "json") == 2
+    said = capfd.readouterr().err
+    assert said.startswith("tirelog: error: ")
+    assert "cannot be put aside (No space left on device)" in said
+    assert said.count("\n") == 1
+
+
+def test_stacks_that_were_put_aside_give_the_same_page(folder, capfd, monkeypatch):
+    assert command(folder, "compare", "--by", "revolution") == 0
+    kept = capfd.readouterr().out
+    monkeypatch.setattr(stacks, "IN_MEMORY", 0)
+    assert command(folder, "compare", "--by", "revolution") == 0
+    assert capfd.readouterr().out == kept
+    assert kept.count("\n") > 100

@@ -1,12 +1,16 @@
-"""Input that cannot be diagnosed is said to be so."""
+"""Input that cannot be diagnosed is said to be so, and so is a disk that has no room for it."""
 
+import resource
+import tempfile
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from tests.discrepancy.toy import stack
 from tirelog.discrepancy import compare, diagnose, stacks_from_logs
-from tirelog.errors import ModelError, UsageError
+from tirelog.discrepancy.stacks import Stacks
+from tirelog.errors import ModelError, OutputError, UsageError
 from tirelog.physics.model import Model
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario import Manoeuvre
@@ -58,9 +62,9 @@ def test_surface_swapped_is_found_and_said(one_cruise):
 
 
 def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, model):
-    (stack,) = stacks_from_logs(one_cruise)
-    unknown = replace(stack.conditions, distance_km=np.full(len(stack), np.nan))
-    result = diagnose([replace(stack, conditions=unknown)], model)
+    (one,) = stacks_from_logs(one_cruise)
+    unknown = replace(one.conditions, distance_km=np.full(len(one), np.nan))
+    result = diagnose([replace(one, conditions=unknown)], model)
     assert result.not_tested["wear"] == "needs distance_km"
     assert "viscous_damping" in [c.effect for c in result.effects]
 
@@ -75,11 +79,11 @@ def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(one_cruise
 
     refit = naming.refit_candidate
     monkeypatch.setattr(naming, "refit_candidate", refuse)
-    stack = stacks_from_logs(one_cruise)
+    stacks = stacks_from_logs(one_cruise)
     asked = ["nothing"]
-    first = diagnose(stack, model).effects[0].effect
+    first = diagnose(stacks, model).effects[0].effect
     asked[0] = first
-    result = diagnose(stack, model)
+    result = diagnose(stacks, model)
     assert "failed" in result.not_tested[first]
     assert len(result.effects) > 3
 
@@ -87,3 +91,19 @@ def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(one_cruise
 def test_no_logs(model):
     with pytest.raises(UsageError, match="at least one log"):
         compare([], model)
+
+
+def test_no_folder_for_what_is_put_aside(monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+    with pytest.raises(OutputError, match=r"No such file or directory.*set TMPDIR"):
+        Stacks(in_memory=0).add("log", [stack(1)])
+
+
+def test_no_room_for_what_is_put_aside():
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(OutputError, match=r"cannot be put aside.*make room or set TMPDIR"):
+            Stacks(in_memory=0).add("log", [stack(1)])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

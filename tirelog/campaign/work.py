@@ -133,7 +133,7 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
     if not task.observables:
         return
     from tirelog.campaign.pieces_file import MOST_PIECES, pieces_bytes
-    from tirelog.discrepancy.pieces import pieces_of_all
+    from tirelog.discrepancy.gathering import pieces_of_all
     from tirelog.discrepancy.stack import KINDS, stacks_from_logs
 
     for observable in task.observables:

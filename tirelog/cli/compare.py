@@ -120,9 +120,10 @@ def compare(
         if plot is not None:
             _draw(session, result, answers, plot)
         if by is not None:
-            rows = answers.tables[by] if answers is not None and by in TABLES else result.tables[by]
+            parts = iter([answers.tables[by]]) if answers is not None and by in TABLES else result.tables.parts(by)
             with session.table("compare", output, format) as table:
-                table.write(columns_of(rows))
+                for rows in parts:
+                    table.write(columns_of(rows))
         elif format == "json" or (output is not None and output.suffix == ".json"):
             write_json(_json(result, answers), output)
         elif format is not None or output is not None:

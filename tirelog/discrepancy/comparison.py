@@ -5,7 +5,7 @@ Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's ba
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from tirelog.discrepancy.base import Base, prepare
 from tirelog.discrepancy.cells import cells_of
 from tirelog.discrepancy.floor import Plain, scatter_columns
+from tirelog.discrepancy.gathering import pieces_of_all
 from tirelog.discrepancy.leftover import half_angle
-from tirelog.discrepancy.pieces import Pieces, pieces_of_all
+from tirelog.discrepancy.pieces import Pieces
 from tirelog.discrepancy.results import Comparison, Map, Tables, Waveforms, excess_of
 from tirelog.errors import UsageError
 from tirelog.physics.carcass import SCALARS
@@ -175,7 +176,7 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 # ---- tables ---------------------------------------------------------------------------------------------------------------------------
 
 
-def tables_of(base: Base, stacks: Sequence[Stack]) -> Mapping[str, list[dict[str, Any]]]:
+def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
     """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one row each, made when it is asked for."""
     c = base.cells
     tables = {"angle": _by_angle(base)}
@@ -252,12 +253,12 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
     return rows
 
 
-def _by_revolution(base: Base, stacks: Sequence[Stack]) -> list[dict[str, Any]]:
-    """One row a revolution: rms of measured less predicted, the offset of its log and its own shift taken out."""
-    rows: list[dict[str, Any]] = []
+def _by_revolution(base: Base, stacks: Sequence[Stack]) -> Iterator[list[dict[str, Any]]]:
+    """One row a revolution, stack by stack: rms of measured less predicted, the offset of its log and its own shift taken out."""
+    first = 0
     for stack in stacks:
-        rows += _revolutions(base, stack, base.cells.cell[len(rows) : len(rows) + len(stack)])
-    return rows
+        yield _revolutions(base, stack, base.cells.cell[first : first + len(stack)])
+        first += len(stack)
 
 
 def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict[str, Any]]:

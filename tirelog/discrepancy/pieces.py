@@ -1,7 +1,6 @@
-"""Like revolutions averaged, stack by stack: all that later steps need of them, so that the revolutions themselves can go.
+"""Like revolutions averaged: all that later steps need of them, so that the revolutions themselves can go.
 
     Stack (n, m)  ->  cell (n,): one manoeuvre, a band of speed  ->  Pieces (P, m)  ->  `cells.cells_of` pools noise and scatter over all
-    Stacks, one after the other, each in its turn in memory --pieces_of_all--> their pieces as one
 
 Within a piece each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' + noise   with P the piece's mean waveform
 at the revolution's real angles.  The four coefficients are taken out, the rest averaged.  With one angle only the mean is taken.
@@ -10,7 +9,7 @@ A piece is 25 kB, whatever the number of its revolutions; a mixed log of two min
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -100,26 +99,21 @@ def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
         numbers = [getattr(part, name) for part in parts]
         first = np.cumsum([0, *(1 + int(n.max()) for n in numbers[:-1])])
         rows[name] = np.concatenate([n + more for n, more in zip(numbers, first, strict=True)])
-    return replace(_concatenated(parts), cell=np.zeros(0, np.int64), logs=tuple(log for part in parts for log in part.logs), **rows)
+    return replace(concatenated(parts), cell=np.zeros(0, np.int64), logs=tuple(log for part in parts for log in part.logs), **rows)
 
 
-def pieces_of_all(stacks: Iterable[Stack]) -> Pieces:
-    """The pieces of stacks that are numbered through already, made one stack after the other."""
-    parts = [pieces_of(stack) for stack in stacks]
+def concatenated(parts: Sequence[Pieces]) -> Pieces:
+    """All pieces under each other, cells numbered through; logs and manoeuvres have been."""
     if len(parts) == 1:
         return parts[0]
-    first = np.cumsum([0, *(len(part) for part in parts[:-1])])
-    return replace(_concatenated(parts), cell=np.concatenate([part.cell + more for part, more in zip(parts, first, strict=True)]))
-
-
-def _concatenated(parts: Sequence[Pieces]) -> Pieces:
-    """All rows under each other; numbers and names are still those of the parts."""
     rows: dict[str, Any] = {
         f.name: np.concatenate([getattr(part, f.name) for part in parts])
         for f in fields(Pieces)
         if f.name not in _APART or f.name == "coefficients"
     }
-    return replace(parts[0], conditions=Conditions.concatenate([part.conditions for part in parts]), **rows)
+    first = np.cumsum([0, *(len(part) for part in parts[:-1])])
+    cell = np.concatenate([part.cell + more for part, more in zip(parts, first, strict=True)])
+    return replace(parts[0], conditions=Conditions.concatenate([part.conditions for part in parts]), cell=cell, **rows)
 
 
 def assign(stack: Stack) -> IntArray:
@@ -152,31 +146,16 @@ def _merge_small(band: IntArray) -> IntArray:
 def pieces_of(stack: Stack) -> Pieces:
     """The pieces of a stack."""
     cell = assign(stack)
-    make = _one_waveform if stack.phi_rad.size > 1 else _one_number
-    parts = [make(stack, np.flatnonzero(cell == c)) for c in range(int(cell.max()) + 1)]
-    first = np.array([part.rows[0] for part in parts])
-    rows: dict[str, Any] = {
-        name: np.stack([getattr(part, name) for part in parts])
-        for name in (
-            "mean",
-            "phi",
-            "variance",
-            "count",
-            "random",
-            "shift",
-            "residual_ss",
-            "freedom",
-            "scatter",
-            "speed_mean",
-            "speed_square",
-        )
-    }
+    rows_of = [np.flatnonzero(cell == c) for c in range(int(cell.max()) + 1)]
+    parts = [_one_piece(stack, rows_of_one) for rows_of_one in rows_of]
+    first = np.array([rows_of_one[0] for rows_of_one in rows_of])
+    rows: dict[str, Any] = {f.name: np.stack([getattr(part, f.name) for part in parts]) for f in fields(_Part) if f.name != "coefficients"}
     return Pieces(
         observable=stack.observable,
         channel=stack.channel,
         surface=stack.surface,
         radius_m=stack.radius_m,
-        number=np.array([part.rows.size for part in parts]),
+        number=np.array([rows_of_one.size for rows_of_one in rows_of]),
         coefficients=np.concatenate([part.coefficients for part in parts]),
         conditions=_mean_conditions(stack.conditions, cell, len(parts)),
         log=stack.log[first],
@@ -192,7 +171,6 @@ def pieces_of(stack: Stack) -> Pieces:
 class _Part:
     """One cell's means and what single revolutions did about them."""
 
-    rows: IntArray
     mean: FloatArray
     phi: FloatArray
     variance: FloatArray
@@ -225,11 +203,22 @@ def _bin_means(values: FloatArray, phi: FloatArray, variance: FloatArray, count:
         return mean, angle, np.einsum("km,km->m", second, count) / total, total
 
 
-def _one_waveform(stack: Stack, rows: IntArray) -> _Part:
-    """The cell made of the revolutions `rows`."""
-    values, phi, variance = stack.values[rows], stack.phi_mean[rows], stack.phi_variance[rows]
-    count = np.where(np.isfinite(values), stack.count[rows], 0).astype(float)
-    coefficients = np.zeros((rows.size, 4))
+def _one_piece(stack: Stack, rows: IntArray) -> _Part:
+    """The piece of the revolutions `rows`."""
+    if stack.phi_rad.size == 1:
+        return _one_number(stack.values[rows])
+    speed = stack.conditions.speed_m_s[rows]
+    return one_waveform(stack.values[rows], stack.phi_mean[rows], stack.phi_variance[rows], stack.count[rows], speed)
+
+
+def one_waveform(
+    values: FloatArray, phi: FloatArray, variance: FloatArray, count: NDArray[Any], speed: FloatArray, weight: IntArray | None = None
+) -> _Part:
+    """The piece of k revolutions: bin means, mean angles, variances and counts (k, m) and speeds (k,).
+
+    The same of k pieces: `weight` (k,) are their revolutions then.  The coefficients of all revolutions together are zero in the mean.
+    """
+    count = np.where(np.isfinite(values), count, 0).astype(float)
     corrected = values
     for _ in range(_ROUNDS):
         mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
@@ -240,18 +229,16 @@ def _one_waveform(stack: Stack, rows: IntArray) -> _Part:
         gram = np.einsum("kmi,km,kmj->kij", columns, count, columns)
         right = np.einsum("kmi,km->ki", columns, excess * count)
         coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(4), right[..., None])[..., 0]
-        coefficients -= coefficients.mean(axis=0)
+        coefficients -= np.average(coefficients, axis=0, weights=weight)
         taken = np.einsum("kmi,ki->km", columns, coefficients)
         corrected = np.where(count > 0, values - taken, np.nan)
     mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
     residual = np.where(count > 0, excess - taken, 0.0)
-    residual_ss, freedom = _scatter(residual, count, stack.conditions.speed_m_s[rows])
+    residual_ss, freedom = _scatter(residual, count, speed)
     own = _columns(curve, np.where(total > 0, angle, 0.0))
-    speed = stack.conditions.speed_m_s[rows]
-    about = (speed - speed.mean())[:, None]
+    about = (speed - np.average(speed, weights=weight))[:, None]
     share = count / np.maximum(total, 1e-12)
     return _Part(
-        rows,
         mean,
         angle,
         spread,
@@ -290,15 +277,14 @@ def _scatter(residual: FloatArray, count: FloatArray, speed: FloatArray) -> tupl
     return (count * np.where(count > 0, centred, 0.0) ** 2).sum(axis=0), np.maximum(present - lost, 0.0)
 
 
-def _one_number(stack: Stack, rows: IntArray) -> _Part:
-    """A cell of a number per revolution, m = 1: its mean and scatter."""
-    values = stack.values[rows]
+def _one_number(values: FloatArray) -> _Part:
+    """The piece of a number per revolution (k, 1): its mean and scatter."""
     good = np.isfinite(values)
     mean = np.nanmean(values, axis=0) if good.any() else np.full(1, np.nan)
     scatter = np.nanstd(values, axis=0, ddof=1) if good.sum() > 2 else np.full(1, np.nan)
     zero = np.zeros(1)
     return _Part(
-        rows, mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((rows.size, 3)), zero, zero, scatter,
+        mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((len(values), 3)), zero, zero, scatter,
         zero, zero,
     )  # fmt: skip
 

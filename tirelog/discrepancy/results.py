@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tirelog.physics.model import Model
 
 FloatArray = NDArray[np.float64]
+Rows = list[dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -41,22 +42,26 @@ class Map:
     whitened: FloatArray
 
 
-class Tables(Mapping[str, list[dict[str, Any]]]):
-    """Rows by the name of their table; a large table is made when it is first asked for."""
+class Tables(Mapping[str, Rows]):
+    """Rows by the name of their table; a large table is made when it is asked for, by `parts` without being in memory as a whole."""
 
-    def __init__(self, made: Mapping[str, list[dict[str, Any]]], later: Mapping[str, Callable[[], list[dict[str, Any]]]]) -> None:
-        self._made, self._later = dict(made), dict(later)
+    def __init__(
+        self, small: Mapping[str, list[dict[str, Any]]], large: Mapping[str, Callable[[], Iterator[list[dict[str, Any]]]]]
+    ) -> None:
+        self._small, self._large = small, large
 
-    def __getitem__(self, name: str) -> list[dict[str, Any]]:
-        if name not in self._made and name in self._later:
-            self._made[name] = self._later[name]()
-        return self._made[name]
+    def __getitem__(self, name: str) -> Rows:
+        return [row for part in self.parts(name) for row in part]
+
+    def parts(self, name: str) -> Iterator[Rows]:
+        """The rows of a table, some at a time."""
+        return iter([self._small[name]]) if name in self._small else self._large[name]()
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*self._made, *self._later]))
+        return iter([*self._small, *self._large])
 
     def __len__(self) -> int:
-        return len(self._made.keys() | self._later.keys())
+        return len(self._small) + len(self._large)
 
 
 @dataclass(frozen=True)
@@ -79,7 +84,7 @@ class Comparison:
     revolutions: int
     manoeuvres: int
     parameters: Mapping[str, Mapping[str, Any]]
-    tables: Mapping[str, list[dict[str, Any]]]
+    tables: Tables
     waveforms: Waveforms
     by_speed: Map
     by_time: Map

@@ -1,7 +1,7 @@
 """Recordings to stacks: one channel cut into revolutions and laid on one grid of angle bins, raw, with what each was driven under.
 
     Recording --find_passages--> passage times --`align.refine`--> theta(t)      all revolutions of the log, small arrays
-        --speeds, accelerations, manoeuvres, conditions--> stretches of some 2000 revolutions --bins--> Stack (n, m) each
+        --speeds, accelerations, manoeuvres, conditions--> stretches of some 1000 revolutions --bins--> Stack (n, m) each
     several Recordings --> `Stacks`
 
 The log is in memory as counts at most (`estimators.held`); its times, angles and waveforms are there for a chunk or a stretch at a time.
@@ -33,7 +33,7 @@ FloatArray = NDArray[np.float64]
 
 ANGLES = 256
 #: revolutions that are in memory at a time, 8 kB each
-STRETCH = 2048
+STRETCH = 1024
 #: observable -> kinds of channel that measure it
 KINDS = {"strain": ("fbg_strain", "strain"), "radial_acceleration": ("radial_acceleration",), **SOURCES}
 _SHORTEST_RUN = 5

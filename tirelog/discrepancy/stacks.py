@@ -8,6 +8,7 @@ that had to be cut keeps its number.  What has a value a revolution stays in mem
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -19,7 +20,7 @@ from tirelog.errors import OutputError
 from tirelog.recording import Conditions, Stack
 
 #: bytes of waveforms that are kept in memory
-IN_MEMORY = 1 << 25
+IN_MEMORY = 3 << 23
 _WAVEFORMS = ("values", "phi_mean", "phi_variance", "count")
 _NUMBERS = ("noise", "log", "manoeuvre", "revolution", "regime")
 
@@ -27,9 +28,9 @@ _NUMBERS = ("noise", "log", "manoeuvre", "revolution", "regime")
 class Stacks(Sequence[Stack]):
     """Stacks on the same angles; `logs` names all logs, and each stack's `log` and `manoeuvre` count through them."""
 
-    def __init__(self, in_memory: int = IN_MEMORY) -> None:
+    def __init__(self, in_memory: int | None = None) -> None:
         self.logs: tuple[str, ...] = ()
-        self._room = in_memory
+        self._room = IN_MEMORY if in_memory is None else in_memory
         self._stacks: list[Stack] = []
         self._places: list[int | None] = []  # where in the file the waveforms are, None where they are in memory
         self._file: IO[bytes] | None = None
@@ -46,6 +47,10 @@ class Stacks(Sequence[Stack]):
     def of_log(self, number: int) -> Iterator[Stack]:
         """The stacks of one log, in order."""
         return (self[i] for i, stack in enumerate(self._stacks) if stack.log[0] == number)
+
+    def outlines(self) -> list[Stack]:
+        """The stacks, those that are put aside without their waveforms."""
+        return list(self._stacks)
 
     def number_through(self) -> None:
         """Manoeuvres 0, 1, 2, ... where some have gone with their revolutions."""
@@ -66,17 +71,17 @@ class Stacks(Sequence[Stack]):
         return replace(stack, logs=self.logs, **({} if place is None else self._read(place)))
 
     def _keep(self, stack: Stack) -> None:
-        size = sum(getattr(stack, name).nbytes for name in _WAVEFORMS)
-        self._room -= size
-        if self._room >= 0:
-            self._stacks.append(stack)
-            self._places.append(None)
-            return
-        self._places.append(self._write(stack, size))
-        empty: Any = np.empty((len(stack), 0))
-        self._stacks.append(replace(stack, **dict.fromkeys(_WAVEFORMS, empty)))
+        self._stacks.append(stack)
+        self._places.append(None)
+        self._room -= _bytes(stack)
+        if self._room < 0:  # all of them: memory is short in what follows
+            for i, place in enumerate(self._places):
+                if place is None:
+                    self._places[i] = self._write(self._stacks[i])
+                    empty: Any = np.empty((len(self._stacks[i]), 0))
+                    self._stacks[i] = replace(self._stacks[i], **dict.fromkeys(_WAVEFORMS, empty))
 
-    def _write(self, stack: Stack, size: int) -> int:
+    def _write(self, stack: Stack) -> int:
         """The waveforms at the end of the file; where they begin."""
         try:
             if self._file is None:
@@ -87,9 +92,9 @@ class Stacks(Sequence[Stack]):
             self._file.flush()
         except OSError as problem:
             raise OutputError(
-                f"the revolutions of a long log cannot be put aside ({problem.strerror}); the folder for temporary files has to have room "
-                f"for them, {size / len(stack) / 1e3:.0f} kB each; make room or set TMPDIR to another folder",
-                file=tempfile.tempdir,
+                f"the revolutions of long logs cannot be put aside ({problem.strerror or problem}); the folder for temporary files has to "
+                f"hold them, {_bytes(stack) / len(stack) / 1e3:.0f} kB each; make room or set TMPDIR to another folder",
+                file=tempfile.tempdir or os.environ.get("TMPDIR"),
             ) from problem
         return place
 
@@ -97,6 +102,16 @@ class Stacks(Sequence[Stack]):
         assert self._file is not None
         self._file.seek(place)
         return {name: np.load(self._file, allow_pickle=False) for name in _WAVEFORMS}
+
+
+def _bytes(stack: Stack) -> int:
+    """What its waveforms take."""
+    return sum(int(getattr(stack, name).nbytes) for name in _WAVEFORMS)
+
+
+def outlines(stacks: Sequence[Stack]) -> Sequence[Stack]:
+    """The stacks; of those that are put aside what has a value a revolution, nothing is read."""
+    return stacks.outlines() if isinstance(stacks, Stacks) else stacks
 
 
 def joined(stacks: Iterable[Stack]) -> Stack:
