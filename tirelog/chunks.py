@@ -7,8 +7,10 @@ Any tool reads the file, as its filters are the ordinary ones: shuffle, gzip, fl
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import h5py
@@ -82,3 +84,41 @@ class ChunkWriter:
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
+
+
+@dataclass(frozen=True)
+class Unfiltered:
+    """Numbers of a dataset whose chunks are in the file as they are: read past HDF5, where one thread would wait for another.
+
+    `places`: the byte at which each chunk begins.
+    """
+
+    file: int
+    dtype: np.dtype
+    size: int
+    places: tuple[int, ...]
+
+    def __call__(self, start: int, stop: int) -> np.ndarray:
+        """The numbers [start, stop).  OSError: the file is shorter than it was."""
+        stop, wide = min(stop, self.size), self.dtype.itemsize
+        out = np.empty(max(stop - start, 0), self.dtype)
+        room, at = out.view(np.uint8), start
+        while at < stop:
+            first = last = at // CHUNK
+            while (last + 1) * CHUNK < stop and self.places[last + 1] == self.places[last] + CHUNK * wide:
+                last += 1
+            end = min((last + 1) * CHUNK, stop)
+            part = room[(at - start) * wide : (end - start) * wide]
+            if os.preadv(self.file, [part.data], self.places[first] + (at - first * CHUNK) * wide) != part.size:
+                raise OSError("the file ends early")
+            at = end
+        return out
+
+
+def unfiltered(dataset: h5py.Dataset, file: int) -> Unfiltered | None:
+    """A reader of a dataset without filters in the file of descriptor `file`; None where a chunk, or the system's call, is missing."""
+    if not hasattr(os, "preadv"):
+        return None
+    places = [-1] * -(-dataset.size // CHUNK)
+    dataset.id.chunk_iter(lambda chunk: places.__setitem__(chunk.chunk_offset[0] // CHUNK, chunk.byte_offset))
+    return None if -1 in places else Unfiltered(file, dataset.dtype, dataset.size, tuple(places))

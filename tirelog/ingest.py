@@ -247,7 +247,7 @@ def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None =
         run = Path(folder) / "run.h5"
         with failed_writes(run):
             ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
-        with open_run(run, log, setup) as recording:
+        with open_run(run, log, setup, temporary=True) as recording:
             yield recording
 
 

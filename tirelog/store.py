@@ -15,14 +15,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from tirelog.chunks import CHUNK, ChunkWriter
+from tirelog.chunks import CHUNK, ChunkWriter, unfiltered
 from tirelog.convert import to_si
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers import LOST_COUNT, Group, RawBlock
@@ -117,10 +117,11 @@ def is_run(path: Path | str) -> bool:
 
 
 @contextmanager
-def open_run(path: Path | str, log: str, setup: Setup | None = None) -> Iterator[Recording]:
+def open_run(path: Path | str, log: str, setup: Setup | None = None, *, temporary: bool = False) -> Iterator[Recording]:
     """The run at `path` as a Recording that reads its channels in slices while the context is open.
 
-    `setup` replaces the stored one: tire, conditions and the conversions of channels of the same name.
+    `setup` replaces the stored one: tire, conditions and the conversions of channels of the same name.  `temporary`: nobody but this
+    process has written to it, and its samples are neither compressed nor checked.
     ReadError: not a run, or its inside is damaged.
     """
     try:
@@ -129,9 +130,10 @@ def open_run(path: Path | str, log: str, setup: Setup | None = None) -> Iterator
         raise ReadError(
             f"cannot be opened as a run ({_short(problem)}); a run is what `tirelog ingest` writes; ingest it again", file=log
         ) from None
-    with file:
+    with file, ExitStack() as more:
         try:
-            recording = _recording(file, log, setup)
+            plain = more.enter_context(open(path, "rb", buffering=0)).fileno() if temporary else None
+            recording = _recording(file, plain, log, setup)
         except SetupError:
             raise
         except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as problem:
@@ -145,7 +147,8 @@ def _short(problem: BaseException) -> str:
     return str(problem).splitlines()[0][:120] if str(problem) else type(problem).__name__
 
 
-def _recording(file: h5py.File, log: str, setup: Setup | None) -> Recording:
+def _recording(file: h5py.File, plain: int | None, log: str, setup: Setup | None) -> Recording:
+    """What the run says; `plain`: the descriptor of a temporary one."""
     version = int(file.attrs["tirelog_run"])
     if version != FORMAT_VERSION:
         raise ReadError(f"is a run of format {version}; this tirelog reads {FORMAT_VERSION}; ingest the log again", file=log)
@@ -162,7 +165,7 @@ def _recording(file: h5py.File, log: str, setup: Setup | None) -> Recording:
             if used.kind != known.kind:
                 raise SetupError(f"channel {name} is {known.kind} in the run, {used.kind} in the setup; mend the setup", file=log)
             flags = _read_flags(file, name)
-            channels[name] = _channel(name, dataset, used, axes[dataset.attrs["group"]], flags, losses)
+            channels[name] = _channel(name, dataset, plain, used, axes[dataset.attrs["group"]], flags, losses)
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
@@ -187,16 +190,23 @@ def _read_flags(file: h5py.File, name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 def _channel(
-    name: str, dataset: h5py.Dataset, channel: ChannelSetup, axis: TimeAxis, flags: tuple[tuple[int, int, str], ...], losses: list[str]
+    name: str,
+    dataset: h5py.Dataset,
+    plain: int | None,
+    channel: ChannelSetup,
+    axis: TimeAxis,
+    flags: tuple[tuple[int, int, str], ...],
+    losses: list[str],
 ) -> Channel:
-    """A channel whose samples are read, and scaled to SI, slice by slice."""
+    """A channel whose samples are read, and scaled to SI, slice by slice; `plain`: as of `_recording`."""
     factor, offset = to_si(channel)
     counts = dataset.dtype.kind == "i"
     scale = factor / 10.0 ** int(dataset.attrs["decimals"]) if counts else factor
 
-    def raw(start: int, stop: int) -> np.ndarray:
+    def checked(start: int, stop: int) -> np.ndarray:
         return _read(dataset, start, stop, name, losses)
 
+    raw = checked if plain is None else unfiltered(dataset, plain) or checked
     samples = Scaled(raw, scale, offset, LOST_COUNT if counts else None)
     more = {key: getattr(channel, key) for key in ("steps", "gauge_length_m") if getattr(channel, key) is not None}
     resolution = abs(scale) if counts else 0.0

@@ -1,10 +1,12 @@
 """Property: what is read from a channel in memory is what was stored, to the bit, in as few bytes as its numbers need."""
 
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 
+import h5py
 import numpy as np
 import pytest
 
+from tirelog.chunks import CHUNK, unfiltered
 from tirelog.estimators import held as module
 from tirelog.estimators.held import held, released
 from tirelog.recording import Channel, Scaled, TimeAxis
@@ -64,3 +66,18 @@ def test_two_bytes_a_sample_where_they_fit(monkeypatch):
         return total
 
     assert [kept(name) for name in ("some_lost", "far", "floats")] == [2 * SIZE, 4 * SIZE, 8 * SIZE]
+
+
+def test_a_temporary_run_is_not_held_but_read(tmp_path):
+    """The numbers of the stored channel, lost samples among them, from the file each time."""
+    raw = np.tile(walk(300, 8102), 80)
+    raw[[0, 77, -1]] = LOST
+    with h5py.File(tmp_path / "run.h5", "w", libver=("v110", "v110")) as file:
+        file.create_dataset("a", data=raw, chunks=(CHUNK,), maxshape=(None,))
+    stored = channel(raw)
+    with h5py.File(tmp_path / "run.h5") as file, (tmp_path / "run.h5").open("rb") as plain:
+        read = held(replace(stored, samples=replace(stored.samples, raw=unfiltered(file["a"], plain.fileno()))))
+        assert held(read) is read
+        assert not any(isinstance(value, np.ndarray) for value in vars(read.samples).values())
+        for start, stop in ((0, raw.size), (70, 90), (CHUNK - 3, CHUNK + 5), (raw.size - 2, raw.size), (5, 5)):
+            np.testing.assert_array_equal(read.read(start, stop), stored.read(start, stop))

@@ -1,9 +1,10 @@
 """A channel in memory, in as few bytes as its numbers need: it is gone through more than once.
 
     Channel of a run --counts, piece by piece, above the least of the piece: two bytes a sample where they fit--> Channel in memory
+    Channel of a temporary run, as counts: is where it is, and only read more quickly
     any other Channel --float64--> Channel in memory
 
-What is read from the one in memory is what was stored, to the bit.
+What is read from the one that is made is what was stored, to the bit.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.chunks import Unfiltered
 from tirelog.compiled import compiled
 from tirelog.recording import Channel, FloatArray, Scaled
 
@@ -69,11 +71,27 @@ class _Held:
         return out
 
 
+@dataclass(frozen=True)
+class _Streamed:
+    """The counts of a temporary run, read anew each time: from the system's own memory, so that they need none here."""
+
+    stored: Scaled
+    lost: int
+
+    def __call__(self, start: int, stop: int) -> FloatArray:
+        raw = self.stored.raw(start, stop)
+        out = np.empty(raw.size)
+        scaled(raw, self.lost, self.stored.scale, self.stored.offset, out)
+        return out
+
+
 def held(channel: Channel) -> Channel:
     """The channel in memory, where it is not too long for that."""
-    if channel.size > HELD_SAMPLES or isinstance(channel.samples, _Held):
-        return channel
     stored = channel.samples
+    if isinstance(stored, Scaled) and isinstance(stored.raw, Unfiltered) and stored.lost is not None:
+        return replace(channel, samples=_Streamed(stored, stored.lost))
+    if channel.size > HELD_SAMPLES or isinstance(stored, _Held | _Streamed):
+        return channel
     pieces = tuple(_piece(stored, start, min(start + PIECE, channel.size)) for start in range(0, channel.size, PIECE))
     return replace(channel, samples=_Held(pieces, stored))
 
@@ -120,3 +138,10 @@ def unpacked(short: NDArray[np.uint16], least: int, scale: float, offset: float,
     """What `_packed` made, in SI: (short + least) x scale + offset, NaN where lost."""
     for i in range(short.size):
         out[i] = np.nan if short[i] == 0 else (np.int64(short[i]) + least) * scale + offset
+
+
+@compiled
+def scaled(raw: NDArray[np.int32], lost: int, scale: float, offset: float, out: FloatArray) -> None:
+    """Counts in SI: raw x scale + offset, NaN where `lost`."""
+    for i in range(raw.size):
+        out[i] = np.nan if raw[i] == lost else raw[i] * scale + offset
