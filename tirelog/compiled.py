@@ -62,7 +62,7 @@ def _forget_outdated(kernel: Any, made: Any) -> None:
     """Remove the cache's index of a kernel that is older than a file it was compiled from."""
     own = Path(kernel.__code__.co_filename)
     called = (kernel.__globals__.get(name) for name in kernel.__code__.co_names)
-    sources = frozenset({own}).union(*(_SOURCES.get(id(other), frozenset()) for other in called))
+    sources = frozenset({own}).union(*(_sources_of(other) for other in called))
     _SOURCES[id(made)] = sources
     if len(sources) == 1 or made.stats.cache_path is None:
         return
@@ -70,3 +70,9 @@ def _forget_outdated(kernel: Any, made: Any) -> None:
         with suppress(OSError):  # another process may have been faster
             if index.stat().st_mtime <= max(source.stat().st_mtime for source in sources):
                 index.unlink()
+
+
+def _sources_of(called: Any) -> frozenset[Path]:
+    """The files of what a kernel calls: another kernel, or a plain function that numba was taught to compile."""
+    plain = {Path(called.__code__.co_filename)} if hasattr(called, "__code__") else ()
+    return _SOURCES.get(id(called), frozenset(plain))
