@@ -6,13 +6,22 @@ import numpy as np
 import pytest
 
 from tests.discrepancy.toy import channel
+from tirelog.discrepancy import floor
 from tirelog.discrepancy import samples as samples_of
 from tirelog.discrepancy.align import WheelAngle, front_fit, refine, split_turns, template
+from tirelog.discrepancy.base import prepare
+from tirelog.discrepancy.cells import cells_of
+from tirelog.discrepancy.floor import held_out_losses
+from tirelog.discrepancy.gathering import pieces_of_all
+from tirelog.discrepancy.offsets import Levelled
 from tirelog.discrepancy.samples import Samples
 from tirelog.discrepancy.stack import _channel_mean, stacks_from_logs
 from tirelog.discrepancy.stacks import joined
+from tirelog.physics.model import Model
 from tirelog.recording import Channel, Recording, TimeAxis
 from tirelog.setup import Setup, Tire
+from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenarios import Case, case
 
 
 def refined_at_once(time, values, centre, rounds=3):
@@ -105,3 +114,26 @@ def test_mean_of_a_channel_in_blocks_is_the_mean_of_its_samples():
 def test_mean_of_an_empty_channel_is_not_known():
     axis = TimeAxis.uniform(100, 10.0)
     assert np.isnan(_channel_mean(Channel.of_array("load", "vertical_load", np.full(100, np.nan), axis), np.arange(1.0, 4.0))).all()
+
+
+def test_losses_of_some_manoeuvres_at_a_time_are_those_of_all(monkeypatch):
+    logs = case((), seed=204, how=Case(plan="short", logs=2))
+    stacks = stacks_from_logs([to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)])
+    base = prepare(cells_of(pieces_of_all(stacks)), Model.new("beam", radius_m=0.305))
+    more = np.cos(base.cells.phi[..., None] * np.arange(1, 12))
+    cells, left = base.cells, np.nan_to_num(base.cells.values - base.fit.prediction)
+    whole = [
+        Levelled.of(
+            np.concatenate([metric(base.fit.jacobian), metric(more)], axis=-1),
+            metric(left), metric(np.ones_like(left)), cells.manoeuvre, cells.log,
+        )
+        for metric in (base.white, base.plain)
+    ]  # fmt: skip
+    solution = whole[0].left_out()
+    assert len(cells) > 20
+    assert cells.manoeuvres > 10
+    for size in (1, 10, 10_000):
+        monkeypatch.setattr(floor, "_SOME_CELLS", size)
+        found = held_out_losses(cells, base.white, base.plain, base.fit, more[..., :9], more[..., 9:])
+        for part, expected in zip(found, whole, strict=True):
+            np.testing.assert_allclose(part, expected.loss(*solution), rtol=1e-8)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tirelog.discrepancy.base import Base
 from tirelog.discrepancy.floor import held_out_losses
 from tirelog.discrepancy.offsets import Nuisance, Offsets
-from tirelog.discrepancy.projection import per_manoeuvre
+from tirelog.discrepancy.projection import per_manoeuvre, side_by_side
 from tirelog.discrepancy.selection import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, Scores, flip_test, gain_and_error
 from tirelog.discrepancy.signatures import Signature
 
@@ -48,15 +48,15 @@ class Assessed:
 
 
 def nuisance(base: Base, more: FloatArray | None = None) -> Nuisance:
-    """The whitened base Jacobian, the logs' offsets and `more` (C, m, k), in whitened units already."""
-    parts = [base.white(base.fit.jacobian)] + ([] if more is None else [more])
-    return Nuisance.of(Offsets.of(base.cells, base.white), np.concatenate(parts, axis=-1))
+    """The whitened base Jacobian, the logs' offsets and `more` (C, m, k), in the observable's unit."""
+    parts = [base.fit.jacobian] if more is None else [base.fit.jacobian, more]
+    return Nuisance.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
 
 
 def assess(
     base: Base, signatures: Sequence[Signature], more: FloatArray | None = None, seed: int = 0
 ) -> tuple[list[Assessed], dict[str, str]]:
-    """Every candidate's best variant, by falling statistic; and why some show nothing.  `more`: whitened columns to project out besides."""
+    """Every candidate's best variant, by falling statistic; and why some show nothing.  `more`: columns to project out besides."""
     other = nuisance(base, more)
     residual = other.without(base.white(np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)))
     kept, scores = [], []

@@ -12,6 +12,7 @@ so more revolutions sharpen the excess and do not move the floor.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +29,8 @@ FloatArray = NDArray[np.float64]
 
 #: relative step of the load for its derivative
 _STEP = 0.01
+#: cells whose columns are worked on at a time, about
+_SOME_CELLS = 64
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,10 @@ class Plain:
         weights, direction = self.weights[rows, :, None], self.direction[rows, :, None]
         x = np.where(weights > 0, x, 0.0)
         return (x - direction @ (np.swapaxes(direction, 1, 2) @ x)) * weights
+
+    def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> Plain:
+        """The metric of some cells alone; the manoeuvres are for the other metric."""
+        return replace(self, weights=self.weights[rows], direction=self.direction[rows])
 
     def mean_square(self, losses: FloatArray) -> float:
         """Mean square error of a revolution's value above `within`, from sums of squares (M,) of cell means."""
@@ -196,16 +203,28 @@ def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, load_sd: floa
     )
 
 
-def held_out_losses(cells: Cells, white: Whitener, plain: Plain, fit: Fit, more: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+def held_out_losses(cells: Cells, white: Whitener, plain: Plain, fit: Fit, *more: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Losses (M,) of each manoeuvre when all the others decide the parameters: in whitened units, and in the plain metric.
 
-    One step from the fitted point, which is where leaving one manoeuvre out moves it.  `more` (C, m, k) adds columns to the model.
+    One step from the fitted point, which is where leaving one manoeuvre out moves it.  `more` (C, m, k) each add columns to the model.
     """
-    parts = [fit.jacobian] if more is None else [fit.jacobian, more]
-    residual = np.where(np.isfinite(cells.values), cells.values - fit.prediction, 0.0)
-    level = np.full_like(cells.phi, float(cells.phi.shape[1] > 1))  # a number per revolution has no offset of its own
-    in_white, in_plain = (
-        Levelled.of(side_by_side(metric, parts), metric(residual), metric(level), cells.manoeuvre, cells.log) for metric in (white, plain)
-    )
+    in_white, in_plain = (_levelled(cells, metric, fit, more) for metric in (white, plain))
     solution = in_white.left_out()
     return in_white.loss(*solution), in_plain.loss(*solution)
+
+
+def _levelled(cells: Cells, metric: Whitener | Plain, fit: Fit, more: Sequence[FloatArray]) -> Levelled:
+    """The normal equations of every manoeuvre; no metric couples two of them, so some are worked on at a time."""
+    parts, made = [fit.jacobian, *more], []
+    level = float(cells.phi.shape[1] > 1)  # a number per revolution has no offset of its own
+    last = np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right") // _SOME_CELLS
+    for numbers in np.split(np.arange(cells.manoeuvres), np.flatnonzero(np.diff(last)) + 1):
+        manoeuvres = slice(int(numbers[0]), int(numbers[-1]) + 1)
+        rows = np.flatnonzero((cells.manoeuvre >= manoeuvres.start) & (cells.manoeuvre < manoeuvres.stop))
+        some, values = metric.some(rows, manoeuvres), cells.values[rows]
+        residual = some(np.where(np.isfinite(values), values - fit.prediction[rows], 0.0))
+        columns, offset = side_by_side(some, [part[rows] for part in parts]), some(np.full(values.shape, level))
+        made.append(Levelled.of(columns, residual, offset, cells.manoeuvre[rows] - manoeuvres.start, cells.log[rows]))
+    log = np.zeros(cells.manoeuvres, np.int64)
+    log[cells.manoeuvre] = np.unique(cells.log, return_inverse=True)[1]
+    return Levelled.joined(made, log)

@@ -24,8 +24,8 @@ from tirelog.recording import Conditions, Stack
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-#: pieces that all stacks together may have
-MOST_PIECES = 256
+#: pieces that all stacks together may have: what keeps a diagnosis within 300 MB (ten minutes of driving make some 140)
+MOST_PIECES = 144
 
 
 def pieces_of_all(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:

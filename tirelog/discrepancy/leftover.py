@@ -126,10 +126,14 @@ def _exponent(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArra
     """The exponent of speed with which free shapes explain most, and whether these are shapes of the pressure rather than of the
     observable."""
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
-    kinds = [free] if free.shape[-1] == 1 else [pressure_columns(base), free]
-    explained = [[_explained(_score(base, taken, residual, columns, speed**e)) for e in FINE_EXPONENTS] for columns in kinds]
+    kinds = [lambda: free] if free.shape[-1] == 1 else [lambda: pressure_columns(base), lambda: free]  # one after the other in memory
+    explained = [_explained_by_exponent(base, taken, residual, kind(), speed) for kind in kinds]
     best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
     return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
+
+
+def _explained_by_exponent(base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray, speed: FloatArray) -> list[float]:
+    return [_explained(_score(base, taken, residual, columns, speed**e)) for e in FINE_EXPONENTS]
 
 
 def _one_side(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray, exponent: float) -> str | None:

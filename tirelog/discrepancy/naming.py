@@ -14,7 +14,7 @@ tire does not follow our forms, and what a form that is somewhat wrong leaves re
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,10 @@ class Refitted:
 
 @dataclass(frozen=True)
 class Step:
-    """One step: base before, all candidates assessed, why others are not, the contenders refitted (best first), the named one or None."""
+    """One step: base before, all candidates assessed, why others are not, the contenders refitted (best first), the named one or None.
+
+    The signatures' columns have served then and are not kept.
+    """
 
     before: Base
     assessed: tuple[Assessed, ...]
@@ -74,6 +77,25 @@ class Step:
     contenders: tuple[Refitted, ...]
     named: Refitted | None
     group: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        before: Base,
+        assessed: Sequence[Assessed],
+        reasons: dict[str, str],
+        contenders: Sequence[Refitted] = (),
+        *,
+        named: bool = False,
+    ) -> Step:
+        """A step in which the best of the contenders is `named`, or nothing."""
+        light = [replace(r, assessed=_without_columns(r.assessed)) for r in contenders]
+        best, group = (light[0], group_of(light)) if named else (None, ())
+        return cls(before, tuple(_without_columns(a) for a in assessed), reasons, tuple(light), best, group)
+
+
+def _without_columns(a: Assessed) -> Assessed:
+    return replace(a, signature=replace(a.signature, columns=np.zeros((0, 0, 0))))
 
 
 def assess_all(base: Base, extra: Iterable[Effect], more: FloatArray | None = None) -> tuple[list[Assessed], dict[str, str]]:
@@ -157,11 +179,9 @@ def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
     assessed, reasons = assess_all(base, extra)
     alarming = [a for a in assessed if a.alarms(base.floor.square)]
     if not alarming:
-        return Step(base, tuple(assessed), reasons, (), None, ())
+        return Step.of(base, assessed, reasons)
     contenders = contend(base, assessed, reasons)
-    if not contenders or not worth_it(base, contenders[0].base):
-        return Step(base, tuple(assessed), reasons, tuple(contenders), None, ())
-    return Step(base, tuple(assessed), reasons, tuple(contenders), contenders[0], group_of(contenders))
+    return Step.of(base, assessed, reasons, contenders, named=bool(contenders) and worth_it(base, contenders[0].base))
 
 
 def hats(phi: FloatArray) -> FloatArray:
@@ -189,13 +209,17 @@ def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     size, strength, shape = np.linalg.svd(contribution * weight, full_matrices=False)
     loading = size[:, 0] * strength[0] / np.maximum(weight.max(axis=1), 1e-300)
     phi = base.cells.phi
-    here, mirrored = hats(phi), hats(-phi)
+    here = hats(phi)
     even = even_share(shape[0], np.nanmean(phi, axis=0))
     if even > _SYMMETRIC:
-        here = _independent(here + mirrored)
+        here += hats(-phi)
     elif even < 1.0 - _SYMMETRIC:
-        here = _independent(here - mirrored)
-    return loading[:, None, None] * here / max(float(np.abs(loading).max()), 1e-300)
+        here -= hats(-phi)
+    if not 1.0 - _SYMMETRIC <= even <= _SYMMETRIC:
+        here = _independent(here)
+    columns: FloatArray = loading[:, None, None] * here
+    columns /= max(float(np.abs(loading).max()), 1e-300)
+    return columns
 
 
 def even_share(shape: FloatArray, phi: FloatArray) -> float:
@@ -215,15 +239,14 @@ def next_step(base: Base, named: Sequence[str], excess: float, extra: Iterable[E
     assessed, reasons = assess_all(base, extra)
     floor = base.floor.square
     if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(floor) for a in assessed):
-        return Step(base, tuple(assessed), reasons, (), None, ())
+        return Step.of(base, assessed, reasons)
     contenders = contend(base, assessed, reasons)
     if not contenders or not worth_it(base, contenders[0].base):
-        return Step(base, tuple(assessed), reasons, tuple(contenders), None, ())
+        return Step.of(base, assessed, reasons, contenders)
     best = contenders[0]
     taken = base.square_held - best.base.square_held
     beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
-    accepted = beyond_form or survives(base, named, best)
-    return Step(base, tuple(assessed), reasons, tuple(contenders), best if accepted else None, group_of(contenders) if accepted else ())
+    return Step.of(base, assessed, reasons, contenders, named=beyond_form or survives(base, named, best))
 
 
 def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str, ...]]:
@@ -256,11 +279,10 @@ def regrouped(after: Base, named: Sequence[str], extra: Iterable[Effect] = ()) -
 def survives(base: Base, named: Sequence[str], candidate: Refitted) -> bool:
     """Does the candidate remove enough beside free shapes of the effects named before?"""
     free = np.concatenate([freedom_of_shape(base, effect) for effect in named], axis=-1)
-    basis_more = base.white(free)
-    again, _ = assess(base, [candidate.assessed.signature], basis_more)
+    again, _ = assess(base, [candidate.assessed.signature], free)
     if not again or again[0].p > 0.01:
         return False
     _, without_it = held_out_losses(base.cells, base.white, base.plain, base.fit, free)
-    columns = np.concatenate([free, candidate.assessed.signature.columns], axis=-1)
-    _, with_it = held_out_losses(base.cells, base.white, base.plain, base.fit, columns)
+    own = candidate.assessed.signature.columns
+    _, with_it = held_out_losses(base.cells, base.white, base.plain, base.fit, free, own)
     return float((without_it - with_it).sum()) / base.plain.weight > SECOND_LEAST * base.floor.square

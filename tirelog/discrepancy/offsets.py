@@ -8,7 +8,7 @@ and the number of logs costs neither memory nor time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,11 +78,12 @@ class Nuisance:
 
     @classmethod
     def of(cls, offsets: Offsets, columns: FloatArray) -> Nuisance:
-        """`columns` (C, m, k) whitened."""
+        """`columns` (C, m, k) whitened; they are used up."""
         before = np.linalg.norm(columns.reshape(-1, columns.shape[-1]), axis=0)
         left = offsets.without(columns)
-        offset = np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) <= _NOTHING * before
-        return cls(offsets, orthonormal(np.where(offset, 0.0, left)))
+        del columns
+        left[..., np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) <= _NOTHING * before] = 0.0
+        return cls(offsets, orthonormal(left))
 
     def without(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) with all of it taken out."""
@@ -112,6 +113,13 @@ class Levelled:
             per_manoeuvre((offset * residual).sum(axis=1), manoeuvre),
             own,
         )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Levelled], log: IntArray) -> Levelled:
+        """Those of successive manoeuvres as one; `log` (M,) of all."""
+        gram, right, square = (np.concatenate([getattr(part.normal, name) for part in parts]) for name in ("gram", "right", "square"))
+        cross, size, of_offset = (np.concatenate([getattr(part, name) for part in parts]) for name in ("cross", "size", "right"))
+        return cls(Normal(gram, right, square), cross, size, of_offset, log)
 
     def left_out(self) -> tuple[FloatArray, FloatArray]:
         """(theta (M, p), offset (M,)): for each manoeuvre the solution of all the others.

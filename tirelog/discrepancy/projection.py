@@ -24,7 +24,10 @@ SOME_COLUMNS = 8
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
-    """Orthonormal basis (N, r) of the span of columns (..., k) with all leading axes flattened; scale-free in each column."""
+    """Orthonormal basis (N, r) of the span of columns (..., k) with all leading axes flattened; scale-free in each column.
+
+    Free shapes are many columns: beside them there are never more than two arrays of their size.
+    """
     flat = columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
     norm = np.linalg.norm(flat, axis=0)
     flat = flat[:, norm > 0] / norm[norm > 0]
@@ -33,7 +36,9 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(flat.T @ flat)
     keep = values > RANK * values[-1]
     basis = flat @ (vectors[:, keep] / np.sqrt(values[keep]))
-    return basis - 0.5 * basis @ (basis.T @ basis - np.eye(basis.shape[1]))
+    del flat
+    basis -= basis @ (0.5 * (basis.T @ basis - np.eye(basis.shape[1])))
+    return basis
 
 
 def without(basis: FloatArray, x: FloatArray) -> FloatArray:

@@ -61,12 +61,16 @@ def statistics(candidates: Sequence[Scores], signs: FloatArray) -> FloatArray:
     """T of every candidate under every flip, (F, K)."""
     result = np.zeros((signs.shape[0], len(candidates)))
     for i, candidate in enumerate(candidates):
-        flipped = signs @ (candidate.scores @ candidate.root())
-        if flipped.shape[1] == 1:
-            sign = np.sign(candidate.root()[0, 0]) if candidate.one_sided else 1.0
-            result[:, i] = np.maximum(sign * flipped[:, 0], 0.0) if candidate.one_sided else np.abs(flipped[:, 0])
-        else:
-            result[:, i] = np.linalg.norm(flipped, axis=1)
+        root = candidate.root()
+        projected = candidate.scores @ root
+        for start in range(0, signs.shape[0], _BLOCK):
+            rows = slice(start, start + _BLOCK)
+            flipped = signs[rows] @ projected
+            if flipped.shape[1] == 1:
+                sign = np.sign(root[0, 0]) if candidate.one_sided else 1.0
+                result[rows, i] = np.maximum(sign * flipped[:, 0], 0.0) if candidate.one_sided else np.abs(flipped[:, 0])
+            else:
+                result[rows, i] = np.linalg.norm(flipped, axis=1)
     return result
 
 

@@ -62,6 +62,13 @@ class Whitener:
         x = np.where(inverse > 0, x * inverse, 0.0)
         return x - basis @ (self.shrink[rows, :, None] * (np.swapaxes(basis, 1, 2) @ x))
 
+    def some(self, rows: NDArray[np.int64], manoeuvres: slice) -> Whitener:
+        """The operator of some manoeuvres alone, whose cells are the ascending `rows`."""
+        groups = tuple(np.searchsorted(rows, group) for group in self.groups[manoeuvres])
+        return Whitener(
+            self.inverse_sd[rows], self.basis[rows], self.shrink[rows], groups, self.group_basis[manoeuvres], self.group_shrink[manoeuvres]
+        )
+
     def with_manoeuvres(self, manoeuvre: NDArray[np.int64], columns: FloatArray, sd: FloatArray) -> Whitener:
         """The same with random effects of manoeuvres: `columns` (C, m, k) in the observable's unit per unit of effect, `sd` (k,)."""
         white = Whitener(self.inverse_sd, self.basis, self.shrink)(columns) * sd
