@@ -3,10 +3,11 @@
 What flows through it (n revolutions, m angles, C cells, N = C m values, p parameters of the base model):
 
     Recording + passages
-      -> `align`, `manoeuvres`, `stack`   Stack (n, m): raw bin means at their real angles, with conditions, manoeuvre and regime
-      -> `cells`      Cells (C, m): means of like revolutions (one manoeuvre, a narrow band of speed); each revolution's amplitude, shift
-      and
-                      baseline taken out before the mean and put back as random effects of the cell
+      -> `samples`, `align`, `manoeuvres`, `stack`   Stack (n, m): raw bin means at their real angles, with conditions, manoeuvre, regime;
+                      of a long log several, one after the other; `stacks` puts them aside in a file once they are many
+      -> `pieces`     Pieces (P, m), stack by stack: means of like revolutions (one manoeuvre, a narrow band of speed); each revolution's
+                      amplitude, shift and baseline taken out before the mean; `gathering` keeps them few however long the logs are
+      -> `cells`      Cells (C, m), C = P: what was taken out comes back as random effects of the cell
       -> `whitening`  one linear operator per manoeuvre: scales by the noise, removes the shift, shrinks along the random effects
                       (amplitude and baseline of revolutions; load and baseline of manoeuvres)
       -> `fitting`    base model's parameters by damped least squares in whitened space, several starts, one free offset per log
