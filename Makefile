@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test bench lint hidden
+.PHONY: demo test bench lint hidden fuzz
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -27,6 +27,11 @@ bench: .venv/.dev
 
 hidden: .venv/.dev
 	$(BIN)/python -m benchmarks.hidden
+
+# another seed each time; FUZZ="--seed 1 --only 17" carries one case out again
+fuzz: .venv/.dev
+	$(BIN)/python -m benchmarks.fuzz $(FUZZ)
+	$(BIN)/python -m benchmarks.fuzz.kills
 
 lint: .venv/.dev
 	$(BIN)/ruff check .
