@@ -19,6 +19,7 @@ LAYERS = [
         "clock",
         "chunks",
         "store_column",
+        "store_checks",
         "store",
         "ingest",
         "arrow_columns",

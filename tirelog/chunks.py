@@ -11,10 +11,13 @@ import os
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from io import FileIO
 from typing import Any
 
 import h5py
 import numpy as np
+
+from tirelog.errors import ReadError
 
 try:  # the same format, at a tenth of the cost
     from isal.isal_zlib import compress as deflate
@@ -93,13 +96,15 @@ class Unfiltered:
     `places`: the byte at which each chunk begins.
     """
 
-    file: int
+    file: FileIO
     dtype: np.dtype
     size: int
     places: tuple[int, ...]
 
     def __call__(self, start: int, stop: int) -> np.ndarray:
-        """The numbers [start, stop).  OSError: the file is shorter than it was."""
+        """The numbers [start, stop).  ReadError: the recording is closed.  OSError: the file is shorter than it was."""
+        if self.file.closed:
+            raise recording_closed()
         stop, wide = min(stop, self.size), self.dtype.itemsize
         out = np.empty(max(stop - start, 0), self.dtype)
         room, at = out.view(np.uint8), start
@@ -109,14 +114,22 @@ class Unfiltered:
                 last += 1
             end = min((last + 1) * CHUNK, stop)
             part = room[(at - start) * wide : (end - start) * wide]
-            if os.preadv(self.file, [part.data], self.places[first] + (at - first * CHUNK) * wide) != part.size:
+            if os.preadv(self.file.fileno(), [part.data], self.places[first] + (at - first * CHUNK) * wide) != part.size:
                 raise OSError("the file ends early")
             at = end
         return out
 
 
-def unfiltered(dataset: h5py.Dataset, file: int) -> Unfiltered | None:
-    """A reader of a dataset without filters in the file of descriptor `file`; None where a chunk, or the system's call, is missing."""
+def recording_closed() -> ReadError:
+    """What a recording says that is read after its end."""
+    return ReadError(
+        "the recording is closed; its samples can be read while `open_recording` is open, and in a session "
+        "until the next log is taken; read them there, or open it again"
+    )
+
+
+def unfiltered(dataset: h5py.Dataset, file: FileIO) -> Unfiltered | None:
+    """A reader of a dataset without filters in the open `file`; None where a chunk, or the system's call, is missing."""
     if not hasattr(os, "preadv"):
         return None
     places = [-1] * -(-dataset.size // CHUNK)

@@ -6,8 +6,36 @@ A message has three parts, joined by semicolons: what is wrong; what is allowed;
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from enum import IntEnum
+
+_USER = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2})[^\s/?#]*@")
+_QUERY = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2}[^\s?#]*)\?((?:[^\s'\"<>:;,]|[:;,](?!\s|$))+)")
+#: control characters, those that turn the direction of writing, and what stands for bytes that are no UTF-8
+_UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def without_credentials(text: str) -> str:
+    """`text` whose addresses have no user, password or values of a query: these may be secrets."""
+    text = _USER.sub(r"\1", text)
+    return _QUERY.sub(lambda found: f"{found[1]}?{re.sub('(=|^)[^&=]+(?=&|$)', _starred, found[2])}", text)
+
+
+def _starred(found: re.Match[str]) -> str:
+    return f"{found[1]}***"
+
+
+def printable(text: str) -> str:
+    """`text` as one line that any terminal may show: no control characters, no credentials."""
+    text = without_credentials(re.sub(r"\s*[\r\n]+\s*", " ", text))
+    return _UNPRINTABLE.sub(_escaped, text)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    code -= 0xDC00 if 0xDC80 <= code <= 0xDCFF else 0  # a byte of a file's name, as Python keeps it
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 
 class ExitStatus(IntEnum):
@@ -27,12 +55,12 @@ class TirelogError(Exception):
     exit_status: ExitStatus = ExitStatus.UNUSABLE_REQUEST
 
     def __init__(self, message: str, *, file: object = None, line: int | None = None) -> None:
-        self.message, self.file, self.line = message, file, line
+        self.message, self.file, self.line = without_credentials(message), file, line
         super().__init__(self.__str__())
 
     def __str__(self) -> str:
         where = "" if self.file is None else f"{self.file}{'' if self.line is None else f':{self.line}'}: "
-        return f"{where}{self.message}"
+        return printable(f"{where}{self.message}")
 
 
 class UsageError(TirelogError):

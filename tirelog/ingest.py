@@ -12,8 +12,8 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+import stat
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -23,10 +23,10 @@ from typing import Any, BinaryIO
 from tirelog import __version__
 from tirelog.clock import ClockFit
 from tirelog.errors import ReadError, SetupError, UsageError
-from tirelog.files import failed_writes, whole_file
-from tirelog.readers import Group, LogReader
+from tirelog.files import failed_writes, temporary_folder, whole_file
+from tirelog.readers import Group, LogReader, RawBlock
 from tirelog.recording import Recording
-from tirelog.remote import address, open_remote
+from tirelog.remote import address, open_remote, shown
 from tirelog.setup import Setup, load_setup, setup_beside
 from tirelog.store import RunWriter, is_run, open_run
 
@@ -58,10 +58,13 @@ class _Stream(io.RawIOBase):
         return got
 
     def finish(self) -> str:
-        """Read to the end (a reader may stop before it) and give the hash of the whole, '' where it was not asked for."""
+        """Read to the end (a reader may stop before it) and give the hash of the whole, '' where it was not asked for, or not to be had."""
         buffer = bytearray(1 << 20)
-        while self.readinto(buffer):
-            pass
+        try:
+            while self.readinto(buffer):
+                pass
+        except OSError:
+            return ""
         return "" if self._sha256 is None else self._sha256.hexdigest()
 
 
@@ -103,8 +106,22 @@ def _open(log: str) -> BinaryIO:
         return open_remote(url)
     try:
         return open(log, "rb")
-    except OSError as problem:
-        raise ReadError(f"cannot be read ({problem.strerror}); a log is a file or '-'; give another path", file=log) from None
+    except (OSError, ValueError) as problem:
+        raise _unreadable(log, problem) from None
+
+
+def _unreadable(log: str, problem: Exception) -> ReadError:
+    """A ReadError for what the system says of a log."""
+    what = getattr(problem, "strerror", None) or problem
+    return ReadError(f"cannot be read ({what}); a log is a file or '-'; give another path", file=log)
+
+
+def is_file(log: str) -> bool:
+    """True if `log` is a regular file, which can be read again and from any place; a pipe or device cannot."""
+    try:
+        return log != "-" and address(log) is None and stat.S_ISREG(os.stat(log).st_mode)
+    except (OSError, ValueError):
+        return False
 
 
 def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: str) -> LogReader:
@@ -117,24 +134,34 @@ def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: 
     if head.startswith(MCAP_MAGIC):
         from tirelog.readers.mcap_file import open_mcap
 
-        plain = log != "-" and address(log) is None
-        return open_mcap(buffered, setup, log, Path(log) if plain else None)
+        return open_mcap(buffered, setup, log, Path(log) if is_file(log) else None)
     from tirelog.readers.text import open_text
 
     return open_text(buffered, setup, log)
 
 
-def _hdf5_path(log: str, head: bytes, stream: _Stream) -> tuple[Path | None, bool]:
-    """(path of the HDF5 file or None, whether it is a temporary copy).  HDF5 needs a file to seek in: what is no file is copied to one."""
-    user_block = any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048))
-    if not user_block:
-        return None, False
-    if log != "-" and address(log) is None:
-        return Path(log), False
-    with tempfile.NamedTemporaryFile(prefix="tirelog-", suffix=".h5", delete=False) as copy:
-        while part := stream.read(1 << 20):
-            copy.write(part)
-    return Path(copy.name), True
+@contextmanager
+def _hdf5_path(log: str, head: bytes, stream: _Stream) -> Iterator[Path | None]:
+    """Path of the HDF5 file, or None.  HDF5 needs a file to seek in: what is no file is copied to a temporary one."""
+    if not any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048)):
+        yield None
+    elif is_file(log):
+        yield Path(log)
+    else:
+        with temporary_folder() as folder:
+            path = folder / "log.h5"
+            with failed_writes(path), path.open("wb") as copy:
+                while part := _part(stream, log):
+                    copy.write(part)
+            yield path
+
+
+def _part(stream: _Stream, log: str) -> bytes:
+    """The next bytes of a log.  ReadError: it cannot be read on."""
+    try:
+        return stream.read(1 << 20) or b""
+    except OSError as problem:
+        raise _unreadable(log, problem) from None
 
 
 def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks: int | None = None, hashed: bool = False) -> IngestSummary:
@@ -144,31 +171,54 @@ def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks:
     ReadError: nothing could be read.  SetupError: no setup, or it does not fit.  What was lost, though the rest could be read, is in the
     summary's `losses` and in the run.
     """
-    setup = _setup_for(log, setup)
-    summary = IngestSummary(log)
-    with _open(log) as raw:
-        head = _read_head(raw)
+    summary = IngestSummary(shown(log))
+    with _open(log) as raw:  # before its setup: a log that is not there is no log without a setup
+        setup = _setup_for(log, setup)
+        head = _read_head(raw, log)
         if not head:
             raise ReadError("is empty; a log has at least a header and samples; record it again", file=log)
         stream = _Stream(head, raw, hashed)
-        hdf5, temporary = _hdf5_path(log, head, stream)
-        try:
+        with _hdf5_path(log, head, stream) as hdf5:
             if hdf5 is not None and is_run(hdf5):
                 raise UsageError("is a run already; ingest takes a log; give the run's path to the other commands", file=log)
-            reader = _reader(stream, head, hdf5, setup, log)
+            try:
+                reader = _reader(stream, head, hdf5, setup, log)
+            except OSError as problem:
+                raise _unreadable(log, problem) from None
             _write(reader, setup, path, summary, stream, compress, blocks)
-        finally:
-            if temporary and hdf5 is not None:
-                os.unlink(hdf5)
     return summary
 
 
-def _read_head(raw: BinaryIO) -> bytes:
+def _read_head(raw: BinaryIO, log: str) -> bytes:
     """The first bytes, also of a pipe that hands out less than it is asked for."""
     head = b""
-    while len(head) < _HEAD_BYTES and (part := raw.read(_HEAD_BYTES - len(head))):
-        head += part
+    try:
+        while len(head) < _HEAD_BYTES and (part := raw.read(_HEAD_BYTES - len(head))):
+            head += part
+    except OSError as problem:
+        raise _unreadable(log, problem) from None
     return head
+
+
+def _blocks(reader: LogReader, summary: IngestSummary) -> Iterator[RawBlock]:
+    """The reader's blocks, up to where the system gives no more of the log, which is a loss.
+
+    ReadError: not even the first.
+    """
+    blocks, some = reader.blocks(), False
+    while True:
+        try:
+            block = next(blocks, None)
+        except OSError as problem:
+            if not some:
+                raise _unreadable(summary.log, problem) from None
+            what = problem.strerror or problem
+            summary.losses.append(f"cannot be read to its end ({what}); what follows is lost; copy it again")
+            return
+        if block is None:
+            return
+        some = True
+        yield block
 
 
 def _write(
@@ -176,10 +226,9 @@ def _write(
 ) -> None:
     """Blocks through the clocks and into the run; then what only the end of the log tells."""
     clocks = {group.name: _clock(group, setup) for group in reader.groups}
-    writer = RunWriter(path, setup, reader.groups, compress=compress)
-    try:
+    with failed_writes(path), RunWriter(path, setup, reader.groups, compress=compress) as writer:
         whole = True
-        for number, block in enumerate(reader.blocks()):
+        for number, block in enumerate(_blocks(reader, summary)):
             if number == blocks:
                 whole = False
                 summary.remarks.append(f"only the first {sum(summary.samples.values())} samples were looked at")
@@ -207,8 +256,6 @@ def _write(
         if whole:
             summary.sha256, summary.bytes = stream.finish(), stream.size
         writer.finish(axes, flags, summary.provenance(setup))
-    finally:
-        writer.close()
 
 
 def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
@@ -239,15 +286,14 @@ def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None =
     A run has its log's sha256 in its provenance, a log only where `hashed`.
     ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit.
     """
-    if log != "-" and address(log) is None and is_run(log):
-        with open_run(log, log, setup) as recording:
+    if is_file(log) and is_run(log):
+        with open_run(log, shown(log), setup) as recording:
             yield recording
         return
-    with tempfile.TemporaryDirectory(prefix="tirelog-") as folder:
-        run = Path(folder) / "run.h5"
-        with failed_writes(run):
-            ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
-        with open_run(run, log, setup, temporary=True) as recording:
+    with temporary_folder() as folder:
+        run = folder / "run.h5"
+        ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
+        with open_run(run, shown(log), setup, temporary=True) as recording:
             yield recording
 
 

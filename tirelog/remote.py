@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar, cast
 
-from tirelog.errors import OutputError, ReadError, TirelogError, UsageError
+from tirelog.errors import OutputError, ReadError, TirelogError, UsageError, without_credentials
 
 T = TypeVar("T")
 
@@ -31,6 +31,16 @@ def address(path: Path | str) -> str | None:
     text = str(path)
     match = _ADDRESS.match(text)
     return f"{match[1]}://{text[match.end() :]}" if match else None
+
+
+def shown(path: Path | str) -> str:
+    """A log's path as it may stand in a table: an address without user, password or values of its query.
+
+    A local path stays as it is given; bytes of a name that are no UTF-8 are escaped, as \\xff.
+    """
+    text = str(path)
+    text = text if address(text) is None else without_credentials(text)
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def _filesystem(url: str) -> Any:

@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 from tirelog import units
 from tirelog.errors import SetupError, nearest
+from tirelog.files import taken_as_input
 
 #: a setup is a page of text; what is larger is something else
 LARGEST_SETUP_BYTES = 1 << 20
@@ -299,6 +300,7 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
 def load_setup(path: Path | str) -> Setup:
     """The setup file at `path`."""
     path = Path(path)
+    taken_as_input(path)
     try:
         with path.open("rb") as stream:
             raw = stream.read(LARGEST_SETUP_BYTES + 1)
@@ -315,6 +317,8 @@ def load_setup(path: Path | str) -> Setup:
 def setup_beside(log: Path | str) -> Path | None:
     """The setup of the log's own name (`drive.csv.gz`: `drive.csv.toml`, `drive.toml`), or None."""
     path = Path(log)
+    if not path.name:  # "." or "/": no log
+        return None
     candidates = [path.with_suffix(".toml")]
     while path.suffix:
         path = path.with_suffix("")

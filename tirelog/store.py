@@ -1,21 +1,25 @@
 """The run file: HDF5 that any tool can open, written whole or not at all, checksummed throughout.
 
-    /                   tirelog_run = format version
-    /setup              text of the setup file          /provenance     JSON: source, sha256, version, repairs, remarks, losses
+    /                   tirelog_run = format version; contents_sha256 (`store_checks`)
+    /setup              bytes of the setup's text       /provenance     JSON: source, sha256, version, repairs, remarks, losses
     /groups/<group>     first, start_s, period_s (segments of the time axis) or time_s; attribute rate_Hz, size
     /channels/<name>    samples as the source wrote them: int32 counts of 10^-decimals (INT32_MIN where lost), else float32 or float64
-                        (NaN where lost); attributes group, kind, unit, scale_factor, add_offset (stored number to SI), decimals
+                        (NaN where lost); attributes group, kind, unit, scale_factor, add_offset (stored number to SI), decimals, sha256
     /flags/<name>       start, stop, word
 
-Data chunks carry fletcher32 (but for those of a temporary run, which no other command reads), and the file is of HDF5's "v110" kind,
-whose metadata has checksums too: a flipped bit is found when it is read, its chunk becomes NaN, and the recording's losses say so.
+Data chunks carry fletcher32 (but for those of a temporary run, which no other command reads), and the
+file is of HDF5's "v110" kind, whose metadata has checksums too; nothing is of variable length, as
+HDF5's heap has none.  A flipped bit is found when it is read: a chunk of samples becomes NaN, and the
+recording's losses say so; anywhere else the run is refused.  Format 1, which kept its texts in the
+heap, is not read.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -26,24 +30,41 @@ from tirelog.chunks import CHUNK, ChunkWriter, unfiltered
 from tirelog.convert import to_si
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers import LOST_COUNT, Group, RawBlock
+from tirelog.readers.hdf5_source import LIBRARY_ERRORS, walk
 from tirelog.recording import Channel, FloatArray, Recording, Scaled, TimeAxis
-from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
+from tirelog.setup import KINDS, LARGEST_SETUP_BYTES, ChannelSetup, Setup, parse_setup
+from tirelog.store_checks import (
+    COLUMN_DIGEST,
+    DIGEST,
+    attribute,
+    axis_at,
+    check_open,
+    column_digest,
+    contents_digest,
+    dataset_at,
+    flags_at,
+    provenance_at,
+    text_at,
+    text_in,
+)
 from tirelog.store_column import Column
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a lost one
 _TWIN_REACH = 4096
+#: decimals of a count: more than any instrument writes, and a power of ten that is finite
+MOST_DECIMALS = 64
 _CACHE_BYTES = 1 << 18  # of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
 
 
-class RunWriter:
+class RunWriter(AbstractContextManager["RunWriter"]):
     """Writes a run, block by block, to `path` (which the caller makes whole or removes).
 
     `compress` is for runs that are kept: their samples are compressed and carry checksums.
     """
 
     def __init__(self, path: Path, setup: Setup, groups: tuple[Group, ...], *, compress: bool) -> None:
-        self.setup, self.groups = setup, groups
+        self.setup, self.groups, self.kept = setup, groups, compress
         self.file = h5py.File(path, "w", libver=("v110", "v110"), rdcc_nbytes=_CACHE_BYTES)
         self.file.attrs["tirelog_run"] = FORMAT_VERSION
         self._chunks = ChunkWriter(compress=compress)
@@ -71,8 +92,15 @@ class RunWriter:
             for name in group.channels:
                 self._columns[name].finish(group.name, self.setup.channels[name])
                 self._write_flags(name, sorted(self._flags[name] + list(flags.get(group.name, []))))
-        self.file["setup"] = self.setup.text
-        self.file["provenance"] = json.dumps(provenance, default=str)
+        self._text("setup", self.setup.text)
+        self._text("provenance", json.dumps(provenance, default=str))
+        if self.kept:
+            self.file.attrs[DIGEST] = np.bytes_(contents_digest(self.file))
+
+    def _text(self, name: str, text: str) -> None:
+        stored = np.frombuffer(text.encode("utf-8", "backslashreplace"), np.uint8)
+        place = self.file.create_dataset(name, data=stored, chunks=True, fletcher32=True)
+        place.attrs["size"] = stored.size
 
     def _axis(self, name: str, axis: TimeAxis) -> None:
         place = self.file.create_group(f"groups/{name}")
@@ -85,6 +113,8 @@ class RunWriter:
         times = place.create_dataset("time_s", shape=(axis.size,), dtype="f8", chunks=(CHUNK,), fletcher32=True)
         for start in range(0, axis.size, CHUNK):
             times[start : start + CHUNK] = axis.explicit(start, min(start + CHUNK, axis.size))
+        if self.kept:
+            times.attrs[COLUMN_DIGEST] = np.bytes_(column_digest(times))
 
     def _write_flags(self, name: str, flags: list[tuple[int, int, str]]) -> None:
         if not flags:
@@ -106,13 +136,16 @@ class RunWriter:
         self._chunks.close()
         self.file.close()
 
+    def __exit__(self, kind: object, value: object, trace: object) -> None:
+        self.close()
+
 
 def is_run(path: Path | str) -> bool:
-    """True where `path` is an HDF5 file that `ingest` wrote."""
+    """True where `path` is an HDF5 file that `ingest` wrote, and says so."""
     try:
         with h5py.File(path, "r") as file:
             return "tirelog_run" in file.attrs
-    except OSError:
+    except LIBRARY_ERRORS:
         return False
 
 
@@ -126,17 +159,19 @@ def open_run(path: Path | str, log: str, setup: Setup | None = None, *, temporar
     """
     try:
         file = h5py.File(path, "r", rdcc_nbytes=_CACHE_BYTES)
-    except OSError as problem:
+    except LIBRARY_ERRORS as problem:
         raise ReadError(
             f"cannot be opened as a run ({_short(problem)}); a run is what `tirelog ingest` writes; ingest it again", file=log
         ) from None
     with file, ExitStack() as more:
         try:
-            plain = more.enter_context(open(path, "rb", buffering=0)).fileno() if temporary else None
+            plain = more.enter_context(open(path, "rb", buffering=0)) if temporary else None
             recording = _recording(file, plain, log, setup)
         except SetupError:
             raise
-        except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError) as problem:
+        except ReadError as problem:
+            raise ReadError(f"the run is damaged or none of ours: {problem.message}", file=log) from None
+        except (*LIBRARY_ERRORS, RecursionError) as problem:
             raise ReadError(
                 f"the run is damaged ({_short(problem)}); its metadata cannot be read; ingest the log again", file=log
             ) from None
@@ -147,25 +182,30 @@ def _short(problem: BaseException) -> str:
     return str(problem).splitlines()[0][:120] if str(problem) else type(problem).__name__
 
 
-def _recording(file: h5py.File, plain: int | None, log: str, setup: Setup | None) -> Recording:
-    """What the run says; `plain`: the descriptor of a temporary one."""
-    version = int(file.attrs["tirelog_run"])
+def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | None) -> Recording:
+    """What the run says; `plain`: a temporary one's file, read past HDF5."""
+    version = attribute(file, "tirelog_run")
     if version != FORMAT_VERSION:
-        raise ReadError(f"is a run of format {version}; this tirelog reads {FORMAT_VERSION}; ingest the log again", file=log)
-    provenance = json.loads(file["provenance"][()])
-    stored = parse_setup(file["setup"].asstr()[()], provenance.get("setup_file"))
+        raise ReadError(f"it is of format {version:g}; this tirelog reads {FORMAT_VERSION}; ingest the log again")
+    if plain is None and contents_digest(file) != text_in(file, DIGEST):
+        raise ReadError("its contents are not those that were written (sha256); copy it again, or ingest the log again")
+    provenance = provenance_at(file)
+    stored = parse_setup(text_at(file, "setup", LARGEST_SETUP_BYTES), str(provenance.get("setup_file") or log))
     setup = setup or stored
-    losses: list[str] = list(provenance.get("losses", []))
-    axes = {name: _read_axis(place) for name, place in file["groups"].items()}
+    losses: list[str] = provenance["losses"]
+    axes = {name: axis_at(file, name) for name in walk(file, "groups")}
     channels: dict[str, Channel] = {}
+    held = walk(file, "channels")
     for name, known in stored.channels.items():
-        if name in file["channels"]:
-            dataset = file["channels"][name]
+        if name in held:
+            dataset = dataset_at(file, f"channels/{name}", "if", chunk=CHUNK)
+            axis = axes[text_in(dataset, "group")]
+            if dataset.size != axis.size:
+                raise ReadError(f"channel {name} has {dataset.size} samples and {axis.size} times; ingest the log again")
             used = setup.channels.get(name, known)
             if used.kind != known.kind:
                 raise SetupError(f"channel {name} is {known.kind} in the run, {used.kind} in the setup; mend the setup", file=log)
-            flags = _read_flags(file, name)
-            channels[name] = _channel(name, dataset, plain, used, axes[dataset.attrs["group"]], flags, losses)
+            channels[name] = _channel(name, dataset, plain, used, axis, flags_at(file, name, axis.size), losses)
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
@@ -174,25 +214,10 @@ def _recording(file: h5py.File, plain: int | None, log: str, setup: Setup | None
     return Recording(log, {name: channels[name] for name in order}, setup, provenance, tuple(provenance.get("remarks", [])), losses)
 
 
-def _read_axis(place: h5py.Group) -> TimeAxis:
-    size, rate = int(place.attrs["size"]), float(place.attrs["rate_Hz"])
-    if "time_s" in place:
-        times, none = place["time_s"], np.zeros(0)
-        return TimeAxis(size, rate, none.astype(np.int64), none, none, lambda start, stop: times[start:stop])
-    return TimeAxis(size, rate, place["first"][:], place["start_s"][:], place["period_s"][:])
-
-
-def _read_flags(file: h5py.File, name: str) -> tuple[tuple[int, int, str], ...]:
-    if f"flags/{name}" not in file:
-        return ()
-    place = file[f"flags/{name}"]
-    return tuple((int(a), int(b), w.decode()) for a, b, w in zip(place["start"][:], place["stop"][:], place["word"][:], strict=True))
-
-
 def _channel(
     name: str,
     dataset: h5py.Dataset,
-    plain: int | None,
+    plain: FileIO | None,
     channel: ChannelSetup,
     axis: TimeAxis,
     flags: tuple[tuple[int, int, str], ...],
@@ -201,9 +226,13 @@ def _channel(
     """A channel whose samples are read, and scaled to SI, slice by slice; `plain`: as of `_recording`."""
     factor, offset = to_si(channel)
     counts = dataset.dtype.kind == "i"
-    scale = factor / 10.0 ** int(dataset.attrs["decimals"]) if counts else factor
+    decimals = attribute(dataset, "decimals") if counts else 0
+    if not (0 <= decimals <= MOST_DECIMALS and decimals == int(decimals)):
+        raise ReadError(f"channel {name} has counts of {decimals:g} decimals; ingest the log again")
+    scale = factor / 10.0 ** int(decimals)
 
     def checked(start: int, stop: int) -> np.ndarray:
+        check_open(dataset)
         return _read(dataset, start, stop, name, losses)
 
     raw = checked if plain is None else unfiltered(dataset, plain) or checked
@@ -217,14 +246,14 @@ def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[
     """Stored numbers [start, stop); a chunk that fails its checksum is lost, and said once."""
     try:
         return dataset[start:stop]
-    except OSError:
+    except LIBRARY_ERRORS:
         missing = LOST_COUNT if dataset.dtype.kind == "i" else np.nan
         out = np.full(max(stop - start, 0), missing, dataset.dtype)
         for first in range(start - start % CHUNK, stop, CHUNK):
             low, high = max(first, start), min(first + CHUNK, stop)
             try:
                 out[low - start : high - start] = dataset[low:high]
-            except OSError:
+            except LIBRARY_ERRORS:
                 loss = f"channel {name}: samples {first} to {first + CHUNK - 1} are damaged (checksum); they count as lost"
                 if loss not in losses:
                     losses.append(loss)

@@ -7,6 +7,8 @@ The choice is made by the data: a value that does not come back exactly promotes
 
 from __future__ import annotations
 
+import hashlib
+
 import h5py
 import numpy as np
 
@@ -30,6 +32,7 @@ class Column:
         self._power = 1.0 if decimals is None else 10.0**decimals
         self._waiting: list[Samples] = []
         self._held = self._size = 0
+        self._digest = hashlib.sha256()
 
     def append(self, samples: Samples) -> None:
         """Take a block; whole chunks go to the file once there are enough of them to be worth a write."""
@@ -56,7 +59,12 @@ class Column:
             self._promote()
             stored = stored.astype(np.float64)
         self.chunks.write(self.dataset, self._size, stored)
+        self._hash(stored)
         self._size += stored.size
+
+    def _hash(self, stored: np.ndarray) -> None:
+        if self.chunks.options:  # a temporary run is not looked at again
+            self._digest.update(stored.astype(stored.dtype.newbyteorder("<"), copy=False).data)
 
     def _encode(self, samples: Samples) -> np.ndarray:
         """`samples` as counts, float32 or float64: the smallest that this channel's blocks so far and this one fit exactly."""
@@ -89,9 +97,11 @@ class Column:
         assert old is not None
         self.chunks.flush()
         wide = self._create(f"{self.name}.wide", np.dtype(np.float64))
+        self._digest = hashlib.sha256()
         for start in range(0, self._size, CHUNK):
-            part = old[start : start + CHUNK]
-            self.chunks.write(wide, start, counted_floats(part, self._places))
+            part = counted_floats(old[start : start + CHUNK], self._places)
+            self.chunks.write(wide, start, part)
+            self._hash(part)
         self.chunks.flush()
         del self.file[f"channels/{self.name}"]
         self.file.move(f"channels/{self.name}.wide", f"channels/{self.name}")
@@ -109,8 +119,13 @@ class Column:
         factor, offset = to_si(channel)
         counts = self.dataset.dtype.kind == "i"
         power = self._power if counts else 1.0
+        unit, digest = KINDS[channel.kind][1], self._digest.hexdigest()
+        words = {"group": group, "kind": channel.kind, "unit": unit, "source": channel.source}
+        words |= {"source_unit": channel.source_unit}
+        words |= {"sha256": digest} if self.chunks.options else {}
+        for name, text in words.items():  # of a fixed length: HDF5's heap has no checksum
+            self.dataset.attrs[name] = np.bytes_(text.encode("utf-8", "backslashreplace") or b"\0")
         self.dataset.attrs.update(
-            group=group, kind=channel.kind, unit=KINDS[channel.kind][1], source=channel.source, source_unit=channel.source_unit,
             scale_factor=factor / power, add_offset=offset, decimals=(self.decimals or 0) if counts else -1,
         )  # fmt: skip
         if counts:

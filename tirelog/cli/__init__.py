@@ -8,17 +8,12 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from typing import Any
 
-from tirelog.errors import ExitStatus, TirelogError
+from tirelog.errors import ExitStatus, OutputError, TirelogError, printable
 
 _INTERRUPTED = 130
-
-
-def _leave_quietly() -> int:
-    """Standard output's reader has left (`| head`): point it at nothing, so that no flush at exit complains."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return int(ExitStatus.DONE)
 
 
 def _status_of(problem: BaseException) -> int:
@@ -26,9 +21,11 @@ def _status_of(problem: BaseException) -> int:
     if isinstance(problem, TirelogError):
         text, status = str(problem), int(problem.exit_status)
     elif isinstance(problem, KeyboardInterrupt) or type(problem).__name__ == "Abort":
-        text, status = "interrupted; nothing was left under the result's name; start it again", _INTERRUPTED
+        how = f"stopped ({problem})" if str(problem).startswith("SIG") else "interrupted"
+        text = f"{how}; nothing was left under the result's name; start it again"
+        status = getattr(problem, "status", _INTERRUPTED)
     elif type(problem).__name__ == "NoArgsIsHelpError":
-        sys.stderr.write(f"{problem}\n")
+        _on_stderr(f"{problem}")
         return int(ExitStatus.UNUSABLE_REQUEST)
     elif hasattr(problem, "format_message") and hasattr(problem, "exit_code"):  # a usage error of typer's own parser
         command = getattr(getattr(problem, "ctx", None), "command_path", "tirelog")
@@ -38,13 +35,22 @@ def _status_of(problem: BaseException) -> int:
     else:
         text = f"a defect of tirelog's own ({type(problem).__name__}: {problem}); run it again with --debug and report what it prints"
         status = int(ExitStatus.DEFECT)
-    sys.stderr.write(f"tirelog: error: {text}\n")
+    _on_stderr(f"tirelog: error: {printable(text)}")
     return status
+
+
+def _on_stderr(line: str) -> None:
+    """A line on standard error, if anybody is there to read it."""
+    with suppress(OSError, ValueError):
+        sys.stderr.write(line + "\n")
+        sys.stderr.flush()
 
 
 def run(arguments: list[str] | None = None) -> int:
     """Carry out a command line; its exit status."""
     from tirelog.cli.app import command
+    from tirelog.cli.streams import drop_output, endings_unwind
+    from tirelog.files import inputs_kept
 
     arguments = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in arguments or bool(os.environ.get("TIRELOG_DEBUG"))
@@ -53,12 +59,14 @@ def run(arguments: list[str] | None = None) -> int:
         if "_TIRELOG_COMPLETE" in os.environ:  # the shell asks for completions
             parsed.main(prog_name="tirelog")
         # not main(): it would turn a reader that leaves (`| head`) into status 1
-        with parsed.make_context("tirelog", [a for a in arguments if a != "--debug"]) as context:
-            parsed.invoke(context)
-        sys.stdout.flush()
+        with endings_unwind(), inputs_kept():
+            with parsed.make_context("tirelog", [a for a in arguments if a != "--debug"]) as context:
+                parsed.invoke(context)
+            sys.stdout.flush()
         return int(ExitStatus.DONE)
     except BrokenPipeError:
-        return _leave_quietly()
+        drop_output()
+        return int(ExitStatus.DONE)
     except SystemExit as leaving:
         return int(leaving.code or 0)
     except BaseException as problem:
@@ -73,7 +81,14 @@ def run(arguments: list[str] | None = None) -> int:
 
 def main() -> None:
     """Entry point of the console script."""
+    from tirelog.cli.streams import drop_output, open_streams
     from tirelog.process import one_heap
 
+    open_streams()
     one_heap()
-    sys.exit(run())
+    status = run()
+    try:
+        sys.stdout.flush()
+    except (OSError, OutputError):  # why has been said
+        drop_output()
+    sys.exit(status)

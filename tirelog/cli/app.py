@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+from collections.abc import Callable, Iterator
+from functools import wraps
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -44,6 +47,58 @@ def _callback(
     """From the recorded logs of a sensorised tire to tidy tables, and from tables to the physics that a model lacks."""
 
 
+#: options that name what a command writes; every other path, and every log, is an input
+OUTPUTS = ("output", "plot", "save", "calibrate", "figures")
+
+
+def _keep_inputs(given: dict[str, Any]) -> None:
+    """Tell which files a command reads, before it does.  UsageError: it would write on one of them."""
+    from tirelog.files import refuse_inputs, taken_as_input
+
+    outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
+    for place in _inputs(given, outputs):
+        if str(place) == "-":
+            taken_as_input(0, "standard input")
+        else:
+            taken_as_input(place)
+    refuse_inputs(*(given[name] for name in outputs if given.get(name) is not None))
+    refuse_inputs(1, name="standard output")
+
+
+def _inputs(given: dict[str, Any], outputs: tuple[str, ...]) -> Iterator[Path | str]:
+    """The paths among a command's arguments that it reads, and the setups beside its logs."""
+    for name, value in given.items():
+        several = value if isinstance(value, list | tuple) else [value]
+        logs = name in ("log", "logs")
+        for path in several:
+            if name not in outputs and (isinstance(path, Path) or (logs and isinstance(path, str))):
+                yield path
+        if logs and given.get("setup") is None:
+            from tirelog.setup import setup_beside
+
+            yield from filter(None, map(setup_beside, filter(None, several)))
+
+
+def _kept(callback: Callable[..., Any]) -> Callable[..., Any]:
+    """A command that knows its inputs before it starts."""
+
+    @wraps(callback)
+    def keeping(**given: Any) -> Any:
+        _keep_inputs(given)
+        return callback(**given)
+
+    return keeping
+
+
+def _keep_all(parsed: Any) -> Any:
+    """The command, and those below it, so that none writes on its inputs."""
+    for below in getattr(parsed, "commands", {}).values():
+        _keep_all(below)
+    if parsed.callback is not None and not hasattr(parsed, "commands"):
+        parsed.callback = _kept(parsed.callback)
+    return parsed
+
+
 def command() -> Any:
     """The whole command line as typer's command object."""
     app = typer.Typer(name="tirelog", rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True)
@@ -57,4 +112,4 @@ def command() -> Any:
             app.add_typer(target, name=name)
         else:
             app.command(name)(target)
-    return typer.main.get_command(app)
+    return _keep_all(typer.main.get_command(app))

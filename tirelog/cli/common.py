@@ -13,15 +13,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.errors import DataLoss, ExitStatus, ReadError, UsageError
+from tirelog.errors import DataLoss, ExitStatus, ReadError, UsageError, printable
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from tirelog.recording import Recording
     from tirelog.setup import Setup
     from tirelog.tables import TableWriter
@@ -36,8 +38,21 @@ ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_def
 
 
 def say(text: str) -> None:
-    """A line on standard error."""
-    sys.stderr.write(f"tirelog: {text}\n")
+    """A line on standard error, as any terminal may show it."""
+    with suppress(OSError, ValueError):  # nobody reads it: no reason to stop
+        sys.stderr.write(f"tirelog: {printable(text)}\n")
+
+
+def page(width: int) -> Console:
+    """Where a page to read is printed: standard output, `width` columns wide if it is no terminal."""
+    from rich.console import Console
+
+    class Page(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # rich's own leaves with status 1
+
+    shown = None if sys.stdout.isatty() else width
+    return Page(highlight=False, markup=False, soft_wrap=True, width=shown)
 
 
 def keeps_hashes(output: Path | None, format: str | None) -> bool:
@@ -80,7 +95,8 @@ class Session:
     def recordings(self, logs: list[str], *, blocks: int | None = None) -> Iterator[Recording]:
         """The logs, one after the other, each closed before the next; of raw logs only the first `blocks` where given.
 
-        A SetupError stops the command, a log that cannot be read does not.
+        A SetupError stops the command, a log that cannot be read does not; if none can, the command
+        ends here, with status 4, before an empty table takes an older one's place.
         """
         for log in logs:
             with ExitStack() as resources:
@@ -88,6 +104,8 @@ class Session:
                 if recording is not None:
                     yield recording
                     self._say_losses(recording)
+        if self._unread and not self._read:
+            raise typer.Exit(int(ExitStatus.NOTHING_READ))
 
     def all_recordings(self, logs: list[str]) -> list[Recording]:
         """The logs, open together until the session ends."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -21,9 +20,9 @@ _SHOWN = {
 
 
 def _console() -> Console:
-    from rich.console import Console
+    from tirelog.cli.common import page
 
-    return Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else _WIDTH)
+    return page(_WIDTH)
 
 
 def shown(observable: str, unit: str) -> tuple[float, str]:

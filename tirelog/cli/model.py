@@ -69,7 +69,8 @@ def new(
     model = model.with_values({**_from_setup(model, _setup(setup)), **_assignments(sets)})
     model.save(output)
     if not quiet:
-        say(f"wrote {output}; next: tirelog model fit LOG --model {output} -o {output}, or tirelog compare LOG --model {output}")
+        fitted = output.with_stem(f"{output.stem}_fitted")
+        say(f"wrote {output}; next: tirelog model fit LOG --model {output} -o {fitted}, or tirelog compare LOG --model {output}")
 
 
 def _from_setup(model: Model, setup: Setup | None) -> dict[str, float]:

@@ -24,13 +24,15 @@ def simulate(
     from dataclasses import replace
 
     from tirelog.errors import UsageError
+    from tirelog.files import refuse_inputs
     from tirelog.simulation import load_scenario, write_log
     from tirelog.simulation import simulate as make
-    from tirelog.simulation.writers import setup_of, suffix_of
+    from tirelog.simulation.writers import setup_of, suffix_of, truth_of
 
     suffix_of(output)
     if setup_of(output).resolve() == scenario.resolve():
         raise UsageError("its setup would take the scenario's place; allowed is a log of another name; change -o", file=output)
+    refuse_inputs(truth_of(output), setup_of(output))
     described = load_scenario(scenario)
     files = write_log(make(described if seed is None else replace(described, seed=seed)), output)
     if not quiet:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-
+from tirelog.cli.common import page
+from tirelog.errors import printable
 from tirelog.overview import channel_rows
 from tirelog.recording import Recording
 
@@ -13,15 +13,14 @@ _WIDTH = 160
 
 def print_summary(recording: Recording) -> None:
     """The page, on standard output."""
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else _WIDTH)
+    console = page(_WIDTH)
     about = recording.provenance
     size = f", {about['bytes']:,} bytes, sha256 {about['sha256'][:12]}" if about.get("sha256") else ""
-    console.print(f"{recording.log}: {about.get('format', 'log')}{size}")
+    console.print(printable(f"{recording.log}: {about.get('format', 'log')}{size}"))
     if about.get("start"):
-        console.print(f"started {about['start']}")
+        console.print(printable(f"started {about['start']}"))
     rows = channel_rows(recording)
     table = Table(box=None, pad_edge=False)
     for name in list(rows)[1:]:
@@ -31,11 +30,11 @@ def print_summary(recording: Recording) -> None:
     console.print(table)
     repairs = {f"{group}: {what}": n for group, done in about.get("repairs", {}).items() for what, n in done.items() if n}
     for what, n in repairs.items():
-        console.print(f"repaired in the time axis of {what}: {n}")
+        console.print(printable(f"repaired in the time axis of {what}: {n}"))
     for what, n in about.get("counts", {}).items():
         if n and not what.startswith("lost_samples"):
-            console.print(f"{what}: {n}")
+            console.print(printable(f"{what}: {n}"))
     tire, conditions = recording.setup.tire, recording.setup.conditions
     known = {**{k: v for k, v in tire.__dict__.items() if v}, **{k: v for k, v in conditions.__dict__.items() if v is not None}}
     if known:
-        console.print("setup: " + ", ".join(f"{k} {v}" for k, v in known.items()))
+        console.print(printable("setup: " + ", ".join(f"{k} {v}" for k, v in known.items())))

@@ -30,14 +30,18 @@ def tables(
     one_thread()
     from tirelog.errors import UsageError, nearest
     from tirelog.estimators.makers import MAKERS, tables_of
-    from tirelog.files import make_folder
+    from tirelog.files import all_or_none, make_folder
     from tirelog.tables import TableWriter, table_format
 
     for name in table or ():
         if name not in MAKERS:
             raise UsageError(f"--table {name}{nearest(name, MAKERS)}; allowed are {', '.join(MAKERS)}; choose among them")
     suffix = table_format(None, format)
-    with Session(setup, quiet, hashed=keeps_hashes(None, format)) as session, ExitStack() as open_tables:
+    with (
+        Session(setup, quiet, hashed=keeps_hashes(None, format)) as session,
+        all_or_none(),
+        ExitStack() as open_tables,
+    ):
         writers: dict[str, TableWriter] = {}
         for recording in session.recordings(logs):
             suited = [name for name in table or MAKERS if MAKERS[name].suits(recording)]

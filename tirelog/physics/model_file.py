@@ -202,10 +202,25 @@ def _unknown(key: str, value: Any) -> Parameter:
 
 
 def write(model: Model, path: Path) -> None:
-    """Writes the model file; the old one stays whole until the new one is complete."""
+    """Writes the model file; the old one stays whole until the new one is complete.
+
+    ModelError: what stands there is no model.
+    """
+    if not _may_be_replaced(path):
+        raise ModelError("is there and is no model file; a model takes a new name, or the place of a model; give another -o", file=path)
     text = as_toml(model)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def _may_be_replaced(path: Path) -> bool:
+    """False if a file is there that holds something else than a model."""
+    if not path.is_file() or not path.stat().st_size:
+        return True
+    try:
+        return path.stat().st_size <= _LARGEST_BYTES and "model" in tomlkit.parse(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError, TOMLKitError, RecursionError):
+        return False
 
 
 def as_toml(model: Model) -> str:

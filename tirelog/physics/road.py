@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import ModelError
+from tirelog.files import taken_as_input
 from tirelog.setup import RoadSetup
 
 FloatArray = NDArray[np.float64]
@@ -155,6 +156,7 @@ def load_road(path: str | Path) -> MeasuredRoad:
     """A profile from text: two columns, distance [m] and height [m], comma or blanks between, `#` begins a remark."""
     rows = []
     try:
+        taken_as_input(path)
         with open(path, encoding="utf-8") as file:
             for number, line in enumerate(file, 1):
                 words = line.split("#")[0].replace(",", " ").split()

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import UsageError
+from tirelog.files import taken_as_input
 from tirelog.simulation.scenario import Road
 
 FloatArray = NDArray[np.float64]
@@ -94,6 +95,7 @@ def _obstacle(road: Road) -> tuple[FloatArray, FloatArray]:
 def _read(path: Path) -> tuple[FloatArray, FloatArray]:
     """Two columns of text, distance and height [m], comma or blanks between, # begins a remark."""
     try:
+        taken_as_input(path)
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
         raise UsageError(

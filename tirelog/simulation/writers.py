@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.errors import UsageError
-from tirelog.files import whole_file
+from tirelog.files import all_or_none, whole_file
 from tirelog.simulation.recording import setup_text
 from tirelog.simulation.scenario import SOURCE_UNITS, Sensor
 from tirelog.simulation.simulate import Simulated
@@ -41,19 +41,24 @@ def setup_of(path: Path) -> Path:
     return (path.with_suffix("") if path.suffix == ".gz" else path).with_suffix(".toml")
 
 
+def truth_of(path: Path) -> Path:
+    """Where the truth of a log stands: the log's name with .truth.json behind it."""
+    return path.with_name(path.name + ".truth.json")
+
+
 def write_log(simulated: Simulated, path: Path | str) -> list[Path]:
     """Write the log, its truth and its setup.  The files written, the log first."""
     path = Path(path)
     suffix = suffix_of(path)
     write = {".mcap": _write_mcap, ".h5": _write_hdf5, ".hdf5": _write_hdf5}.get(suffix, _write_text)
-    with whole_file(path) as part:
-        setup = write(simulated, part, path.suffix == ".gz")
-    truth = path.with_name(path.name + ".truth.json")
-    with whole_file(truth) as part:
-        part.write_text(json.dumps(simulated.truth, indent=1), encoding="utf-8")
-    beside = setup_of(path)
-    with whole_file(beside) as part:
-        part.write_text(setup, encoding="utf-8")
+    truth, beside = truth_of(path), setup_of(path)
+    with all_or_none():
+        with whole_file(path) as part:
+            setup = write(simulated, part, path.suffix == ".gz")
+        with whole_file(truth) as part:
+            part.write_text(json.dumps(simulated.truth, indent=1), encoding="utf-8")
+        with whole_file(beside) as part:
+            part.write_text(setup, encoding="utf-8")
     return [path, truth, beside]
 
 
@@ -134,11 +139,14 @@ def _json_numbers(values: FloatArray, digits: int) -> list[str]:
 
 
 def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:
-    """A dataset a channel, `sampling_rate_Hz`, `unit`; 16-bit counts with `scale` and `offset` for an instrument of up to 16 bits."""
+    """A dataset a channel, `sampling_rate_Hz`, `unit`; 16-bit counts with `scale` and `offset` for an instrument of up to 16 bits.
+
+    The file is made in memory: HDF5 does not survive a disk that is full while it closes a file.
+    """
     import h5py
 
     sources = {name: s if s.startswith("/") else f"/{s}" for name, s in _sources(simulated).items()}
-    with h5py.File(path, "w", track_order=True) as file:
+    with h5py.File(path, "w", track_order=True, driver="core", backing_store=False) as file:
         for name, sensor in simulated.scenario.channels.items():
             values = simulated.channels[name]
             scale = None
@@ -150,4 +158,7 @@ def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:
             data.attrs["unit"] = SOURCE_UNITS[sensor.kind]
             if scale is not None:
                 data.attrs["scale"], data.attrs["offset"] = scale, 0.0
+        file.flush()
+        image = file.id.get_file_image()
+    path.write_bytes(image)
     return setup_text(simulated.scenario, sources)

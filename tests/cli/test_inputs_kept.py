@@ -1,0 +1,99 @@
+"""Faults: no command writes on what it was given to read."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from .conftest import Command
+
+#: command lines that would write on their log, setup, model or another input (names that are links end in _link)
+OVERWRITES = {
+    "the log": ["speed", "log.csv", "-o", "log.csv"],
+    "the log by a link": ["footprint", "log.csv", "-o", "log_link", "--format", "csv"],
+    "the log by a hard link": ["dissipation", "log.csv", "-o", "log_hard.csv"],
+    "the second log": ["speed", "log.csv", "more.csv", "--setup", "log.toml", "-o", "more.csv"],
+    "a log in the tables' folder": ["tables", "made/speed.csv", "--setup", "log.toml", "-o", "made"],
+    "the setup beside": ["speed", "log.csv", "-o", "log.toml", "--format", "csv"],
+    "the setup given": ["inflation", "more.csv", "--setup", "log.toml", "-o", "log.toml", "--format", "csv"],
+    "the log by its run": ["ingest", "log.csv", "-o", "log.csv"],
+    "the log by a picture": ["footprint", "log.png", "--setup", "log.toml", "--plot", "log.png"],
+    "the log by a calibration": ["phase-shift", "log.csv", "--calibrate", "log.csv"],
+    "the scenario": ["simulate", "s.h5", "-o", "s.h5"],
+    "the scenario by the truth": ["simulate", "s.csv.truth.json", "-o", "s.csv"],
+    "the model": ["model", "add", "m.toml", "wear", "-o", "m.toml"],
+    "the model by its fit": ["model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml"],
+    "the model by the ladder": ["ladder", "log.csv", "--model", "m.toml", "--save", "m.toml"],
+    "the model by a document": ["compare", "log.csv", "--model", "m.toml", "-o", "m.toml", "--format", "json"],
+    "the model by a diagnosis": ["diagnose", "log.csv", "--model", "m.toml", "-o", "m.toml", "--format", "json"],
+    "the setup by a model": ["model", "new", "--setup", "log.toml", "-o", "log.toml"],
+    "the setup by a page": ["report", "log.csv", "-o", "log.toml"],
+    "the table checked": ["check", "t.csv", "--against", "u.csv", "-o", "t.csv"],
+    "the table blessed": ["check", "t.csv", "--against", "t.csv", "--bless"],
+}
+
+
+@pytest.mark.parametrize("name", OVERWRITES)
+def test_an_input_is_never_an_output(folder: Path, tirelog: Command, name: str) -> None:
+    (folder / "made").mkdir()
+    for other in ("more.csv", "log.png", "made/speed.csv", "s.csv.truth.json", "s.h5"):
+        (folder / other).write_bytes((folder / "log.csv").read_bytes())
+    (folder / "log_link").symlink_to("log.csv")
+    os.link(folder / "log.csv", folder / "log_hard.csv")
+    (folder / "m.toml").write_text("# a model\n")
+    for table in ("t.csv", "u.csv"):
+        (folder / table).write_text("log,channel,revolution,time_s,quality\na,b,0,1.0,ok\n")
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    outcome = tirelog(*OVERWRITES[name])
+    assert outcome.status == 2, outcome.err
+    assert "no output takes the place of an input" in outcome.err
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+def test_a_new_model_takes_no_setup_s_place(folder: Path, tirelog: Command) -> None:
+    setup = (folder / "log.toml").read_text()
+    outcome = tirelog("model", "new", "-o", "log.toml")
+    assert outcome.status == 2
+    assert "is no model file" in outcome.err
+    assert (folder / "log.toml").read_text() == setup
+    for _ in range(2):  # a model may be replaced
+        assert tirelog("model", "new", "-o", "beam.toml").status == 0
+
+
+def test_an_unreadable_log_leaves_the_older_table(folder: Path, tirelog: Command) -> None:
+    assert tirelog("speed", "log.csv", "-o", "t.csv").status == 0
+    assert tirelog("tables", "log.csv", "-o", "made", "--table", "speed").status == 0
+    table = (folder / "t.csv").read_bytes()
+    (folder / "log.csv").write_bytes(b"\x00\x01nothing of ours" * 40)
+    for arguments in (["speed", "log.csv", "-o", "t.csv"], ["tables", "log.csv", "-o", "made", "--table", "speed"]):
+        outcome = tirelog(*arguments)
+        assert outcome.status == 4, outcome.err
+        assert outcome.out == ""
+    assert (folder / "t.csv").read_bytes() == table == (folder / "made" / "speed.csv").read_bytes()
+    assert tirelog("speed", "log.csv", "-o", "new.csv").status == 4
+    assert not (folder / "new.csv").exists()
+
+
+def test_a_log_that_is_not_there_does_not_stop_the_others(folder: Path, tirelog: Command) -> None:
+    outcome = tirelog("speed", "nope.csv", "log.csv")
+    assert outcome.status == 3
+    assert "error: nope.csv: cannot be read (No such file or directory)" in outcome.err
+    assert outcome.out.count("\nlog.csv,") > 10
+    for log in ("nope.csv", ".", "/"):
+        outcome = tirelog("info", log)
+        assert outcome.status == 4
+        assert f"error: {log}: cannot be read" in outcome.err
+
+
+def test_credentials_are_in_no_message(folder: Path, tirelog: Command) -> None:
+    outcome = tirelog("speed", "nosuch://me:s3cr3t@host/a.csv?X-Amz-Signature=s3cr3t", "--setup", "log.toml")
+    assert outcome.status in (2, 4)
+    assert "nosuch://host/a.csv?X-Amz-Signature=***" in outcome.err
+    assert "s3cr3t" not in outcome.err + outcome.out
+
+
+def test_a_message_is_one_line_without_control_characters(folder: Path, tirelog: Command) -> None:
+    outcome = tirelog("info", "a\x1b[31m\nb\u202e.csv", "--setup", "log.toml")
+    assert outcome.status == 4
+    assert outcome.err.count("\n") == 1
+    assert "a\\x1b[31m b\\u202e.csv: cannot be read" in outcome.err

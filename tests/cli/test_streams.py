@@ -1,0 +1,102 @@
+"""Faults: standard streams that are closed, full or left, signals, and names that are not UTF-8."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import pytest
+
+from .conftest import Command, pulse_rows
+
+HEADER = "time_s,CH1,CH2\n"
+
+
+def shell(line: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
+    """A command line whose `tirelog` is this one."""
+    line = line.replace("tirelog", f"{sys.executable} -m tirelog")
+    return subprocess.run(["bash", "-c", line], capture_output=True, check=False, env={**os.environ, **environment})
+
+
+@pytest.mark.parametrize(
+    ("line", "status", "words"),
+    [
+        ("tirelog info log.csv >&-", 2, b"standard output: cannot be written (Bad file descriptor)"),
+        ("tirelog info - --setup log.toml <&-", 4, b"-: cannot be read (Bad file descriptor)"),
+        ("tirelog info log.csv nope.csv -o t.csv <&- >&- 2>&-", 3, b""),
+    ],
+)
+def test_closed_streams(folder: Path, line: str, status: int, words: bytes) -> None:
+    done = shell(line)
+    assert done.returncode == status, done.stderr
+    assert words in done.stderr
+    assert done.stderr.count(b"\n") == bool(words)
+
+
+def test_standard_output_on_a_full_disk(folder: Path) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("no such device here")
+    done = shell("tirelog info log.csv > /dev/full")
+    assert done.returncode == 2, done.stderr
+    assert b"tirelog: error: standard output: cannot be written (No space left on device)" in done.stderr
+    assert done.stderr.count(b"\n") == 1
+
+
+def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
+    done = shell("tirelog info log.csv | true; exit ${PIPESTATUS[0]}")
+    assert done.returncode == 0
+    assert done.stderr == b""
+
+
+def test_names_that_are_not_utf8(folder: Path) -> None:
+    os.rename(folder / "log.csv", os.fsencode(folder) + b"/l\xf6g.csv")
+    done = shell("tirelog info l*g.csv --setup log.toml", PYTHONIOENCODING="ascii", LC_ALL="C")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(b"l\\xf6g.csv: text")
+
+
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_sweeps_as_an_interrupt_does(folder: Path, how: signal.Signals) -> None:
+    (folder / "tmp").mkdir()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tirelog", "speed", "-", "--setup", "log.toml", "-o", "t.csv"],
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env={**os.environ, "TMPDIR": str(folder / "tmp")},
+    )  # fmt: skip
+    assert process.stdin is not None
+    process.stdin.write((HEADER + "\n".join(pulse_rows(20.0)) + "\n").encode())
+    process.stdin.flush()
+    deadline = time.monotonic() + 60
+    while not list(folder.glob("tmp/tirelog-*/run.h5")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert list(folder.glob(".t.csv.*.part"))
+    process.send_signal(how)
+    _, err = process.communicate()
+    assert process.returncode == 128 + how
+    assert err == f"tirelog: error: stopped ({how.name}); nothing was left under the result's name; start it again\n".encode()
+    assert sorted(path.name for path in folder.rglob("*")) == ["log.csv", "log.toml", "tmp"]
+
+
+def test_a_named_pipe_is_read_once(folder: Path) -> None:
+    os.mkfifo(folder / "pipe")
+    done = shell("cat log.csv > pipe & timeout 60 tirelog info pipe --setup log.toml")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(b"pipe: text")
+    with h5py.File(folder / "log.h5", "w") as file:  # HDF5 seeks: it is copied
+        for name, column in (("CH1", 1), ("CH2", 2)):
+            file[name] = [float(row.split(",")[column]) for row in pulse_rows(0.5)]
+            file[name].attrs["sampling_rate_Hz"] = 2500.0
+    (folder / "pipe.toml").write_text((folder / "log.toml").read_text().replace('time = "time_s"', ""))
+    done = shell("cat log.h5 > pipe & timeout 60 tirelog info pipe")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(b"pipe: hdf5")
+
+
+def test_what_cannot_be_read_is_no_failed_write(folder: Path, tirelog: Command) -> None:
+    if not Path("/proc/self/mem").exists():
+        pytest.skip("no such file here")
+    outcome = tirelog("info", "/proc/self/mem", "--setup", "log.toml")
+    assert outcome.status == 4
+    assert outcome.err.startswith("tirelog: error: /proc/self/mem: cannot be read (Input/output error)")
