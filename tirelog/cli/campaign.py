@@ -11,6 +11,7 @@ import typer
 
 from tirelog.cli.common import Quiet, say
 from tirelog.errors import ExitStatus
+from tirelog.process import ended_by_signals
 
 if TYPE_CHECKING:
     from tirelog.campaign.ledger import Entry, Ledger
@@ -51,7 +52,7 @@ def run(
         for task in to_do(plan(campaign, ledger, only=only), ledger, retry_failed=retry_failed):
             typer.echo(f"{task.log}: {', '.join([*task.tables, *(f'{name} for models' for name in task.observables)])}")
         return
-    with ledger.folder.held():
+    with ended_by_signals(), ledger.folder.held():
         tasks = plan(campaign, ledger, only=only)
         ledger.save_hashes()
         open_tasks = to_do(tasks, ledger, retry_failed=retry_failed)
