@@ -5,11 +5,14 @@
 A row's key is what names it (log, channel, revolution, step, effect, ...: the key columns that both tables have; without any, the row
 number).  A float may move by its column's absolute + relative tolerance (`columns.COLUMNS`), anything else not at all; rows that
 only one table has are differences too.
+
+The column `log` is the path as it was typed, so the same log has another key from another folder.
+`of_like_logs` takes the file's name in its place when not one row has the same path in both tables.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +24,8 @@ from tirelog.errors import UsageError
 
 KEYS = ("log", "table", "channel", "revolution", "step", "effect", "manoeuvre", "regime", "quantity", "angle", "name")
 _DEFAULT_RELATIVE = 1e-6
+#: what stands for the key of a whole column, and for the column of a whole row
+_ALL_ROWS, _ROW = "(all rows)", "(row)"
 
 
 @dataclass(frozen=True)
@@ -45,14 +50,57 @@ def differences(table: pd.DataFrame, against: pd.DataFrame, tolerance: Mapping[s
             raise UsageError(f"--tolerance {name}: no such column; allowed are {', '.join(map(str, against.columns))}; mend the name")
     keys = [k for k in KEYS if k in table.columns and k in against.columns]
     table, against = _indexed(table, keys), _indexed(against, keys)
-    found = [Difference("(all rows)", str(c), "absent", "present", np.inf) for c in against.columns.difference(table.columns)]
-    found += [Difference("(all rows)", str(c), "present", "absent", np.inf) for c in table.columns.difference(against.columns)]
-    found += [Difference(str(k), "(row)", "absent", "present", np.inf) for k in against.index.difference(table.index)]
-    found += [Difference(str(k), "(row)", "present", "absent", np.inf) for k in table.index.difference(against.index)]
+    found = [Difference(_ALL_ROWS, str(c), "absent", "present", np.inf) for c in against.columns.difference(table.columns)]
+    found += [Difference(_ALL_ROWS, str(c), "present", "absent", np.inf) for c in table.columns.difference(against.columns)]
+    found += [Difference(str(k), _ROW, "absent", "present", np.inf) for k in against.index.difference(table.index)]
+    found += [Difference(str(k), _ROW, "present", "absent", np.inf) for k in table.index.difference(against.index)]
     common = against.index.intersection(table.index)
     for name in [c for c in against.columns if c in table.columns]:
         found += _moved(str(name), table.loc[common, name], against.loc[common, name], tolerance.get(str(name)))
     return sorted(found, key=lambda d: -d.excess)
+
+
+def of_like_logs(table: pd.DataFrame, against: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, str]:
+    """Both tables with keys by which rows match, and a sentence if those are not the paths of the logs.
+
+    As they are, if a single row has the same key in both.  Else `log` is the file's name in both, or
+    that name without its suffixes (a log and the run made of it), if rows match then; and if within
+    neither table two logs come to have one name.
+    """
+    keys = [k for k in KEYS if k in table.columns and k in against.columns]
+    if "log" in keys and not _share_rows(table, against, keys):
+        for name_of, words in ((_file_name, "file name"), (_stem, "file name without its suffixes")):
+            new, old = (t.assign(log=t["log"].map(name_of)) for t in (table, against))
+            distinct = new["log"].nunique() == table["log"].nunique() and old["log"].nunique() == against["log"].nunique()
+            if distinct and _share_rows(new, old, keys):
+                return new, old, f"no row has the path of its log in common; logs are matched by {words}"
+    return table, against, ""
+
+
+def _share_rows(table: pd.DataFrame, against: pd.DataFrame, keys: list[str]) -> bool:
+    return not _indexed(table, keys).index.intersection(_indexed(against, keys).index).empty
+
+
+def _file_name(path: object) -> str:
+    return str(path).rstrip("/").rpartition("/")[2]
+
+
+def _stem(path: object) -> str:
+    """The name before its first dot, other than a leading one: `drive` for `logs/drive.csv.gz`."""
+    name = _file_name(path)
+    return name[:1] + name[1:].partition(".")[0]
+
+
+def summary(found: Sequence[Difference]) -> str:
+    """How many values moved and how many rows or columns only one of the tables has, in one line."""
+    counted = {
+        "values moved beyond their tolerance": [d for d in found if d.column != _ROW and d.key != _ALL_ROWS],
+        "rows are new": [d for d in found if d.column == _ROW and d.value == "present"],
+        "rows are missing": [d for d in found if d.column == _ROW and d.value == "absent"],
+        "columns are new": [d for d in found if d.key == _ALL_ROWS and d.value == "present"],
+        "columns are missing": [d for d in found if d.key == _ALL_ROWS and d.value == "absent"],
+    }
+    return ", ".join(f"{len(some)} {words}" for words, some in counted.items() if some)
 
 
 def _indexed(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:

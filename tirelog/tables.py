@@ -266,7 +266,12 @@ def read_table(path: Path | str) -> Any:
         if format == "parquet":
             return pd.read_parquet(source)
         if format == "csv":
-            return pd.read_csv(source, keep_default_na=False, na_values={c.name: [""] for c in COLUMNS.values() if c.kind != "text"})
+            blanks = {c.name: [""] for c in COLUMNS.values() if c.kind != "text"}
+            table = pd.read_csv(source, keep_default_na=False, na_values=blanks)
+            if not isinstance(table.index, pd.RangeIndex):  # the first cells were taken for names of rows
+                raise ValueError("its rows have more cells than its header has names")
+            return table
         return pd.read_json(source, orient="records", lines=format == "ndjson")
     except (OSError, ValueError, pa.ArrowException) as problem:
-        raise ReadError(f"is not a table ({problem}); csv, ndjson, json and parquet are read; write one with -o", file=path) from None
+        told = " ".join(str(problem).split())  # of several lines, now and then
+        raise ReadError(f"is not a table ({told}); csv, ndjson, json and parquet are read; write one with -o", file=path) from None

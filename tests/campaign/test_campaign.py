@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import fields
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import pandas as pd
 import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
+from tests.campaign.processes import killed_in_the_midst
 from tests.cli.conftest import SETUP
 from tests.discrepancy.toy import stack
 from tirelog.campaign.folder import folder_at
@@ -86,17 +86,8 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
     want = dataset(results)
     remove(results)
     rng = np.random.default_rng(1)
-    killed = 0
-    for _ in range(4):
-        process = subprocess.Popen([sys.executable, "-m", "tirelog", "campaign", "run", str(manifest), "--quiet"], start_new_session=True)
-        before = len(list(results.rglob("part.parquet")))
-        while process.poll() is None and len(list(results.rglob("part.parquet"))) == before:
-            time.sleep(0.01)
-        time.sleep(0.1 * rng.random())
-        killed += process.poll() is None
-        subprocess.run(["pkill", "-KILL", "-s", str(process.pid)], check=False)
-        process.wait()
-    assert killed >= 3
+    for tickets in (1, 2, 2, 3):
+        killed_in_the_midst(manifest, tickets, 0.15 * rng.random(), tmp_path / "gate")
     assert call("campaign", "run", manifest, "--quiet") == 0
     assert dataset(results) == want
     assert not list((results / ".tirelog" / "tmp").iterdir())
@@ -104,9 +95,9 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
 
 def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
     holder = subprocess.Popen(
-        [sys.executable, "-c", "from tirelog.campaign.folder import folder_at; import time, sys\n"
-         "with folder_at(sys.argv[1]).held(): print('held', flush=True); time.sleep(60)", str(tmp_path / "results")],
-        stdout=subprocess.PIPE,
+        [sys.executable, "-c", "from tirelog.campaign.folder import folder_at; import sys\n"
+         "with folder_at(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()", str(tmp_path / "results")],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
     )  # fmt: skip
     assert holder.stdout is not None
     assert holder.stdout.readline() == b"held\n"

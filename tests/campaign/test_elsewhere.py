@@ -1,48 +1,59 @@
 """Property: a Dask cluster that loses a worker, and a store elsewhere, give the same results as this machine."""
 
-import os
-import signal
-import threading
-import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
 
 from tests.campaign.conftest import dataset, make_campaign
+from tests.campaign.processes import PATIENCE_S, dying_once, patient
 from tests.campaign.test_campaign import remove
+from tirelog import remote
+from tirelog.campaign import cluster as cluster_of
+from tirelog.campaign import runner
 from tirelog.cli import run
 
 
-def _kill_after_the_first_rows(pid: int, results: Path) -> None:
-    for _ in range(600):
-        if list(results.rglob("part.parquet")):
-            break
-        time.sleep(0.05)
-    os.kill(pid, signal.SIGKILL)
+@contextmanager
+def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
+    """A Dask cluster on this machine that waits for a busy one."""
+    import dask
+
+    slow = f"{PATIENCE_S:.0f}s"
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": slow, "distributed.comm.timeouts.tcp": slow}),
+        distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+        ) as cluster,
+    ):
+        yield cluster
 
 
-def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed")
     manifest = make_campaign(tmp_path, logs=8)
     results = tmp_path / "results"
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
     want = dataset(results)
     remove(results)
-    with distributed.LocalCluster(n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1") as cluster:
-        victim = next(iter(cluster.workers.values())).pid
-        killer = threading.Thread(target=_kill_after_the_first_rows, args=(victim, results), daemon=True)
-        killer.start()
+    monkeypatch.setenv("TIRELOG_TEST_GATE", str(tmp_path))
+    monkeypatch.setattr(cluster_of, "make_tables", dying_once)
+    monkeypatch.setattr(cluster_of, "_TIMEOUT_S", PATIENCE_S)
+    with local_cluster(distributed, 3) as cluster:
         assert run(["campaign", "run", str(manifest), "--quiet", "--scheduler", cluster.scheduler_address]) == 0
-        killer.join()
+    assert (tmp_path / "died").exists()
     assert dataset(results) == want
 
 
 @pytest.fixture
 def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """An S3 bucket on this machine."""
+    """An S3 bucket on this machine, which may be slow to answer."""
     pytest.importorskip("s3fs")
+    monkeypatch.setattr(remote, "ANSWER_S", PATIENCE_S)
+    monkeypatch.setattr(runner, "make_tables", patient)
     server_of = pytest.importorskip("moto.server")
     server = server_of.ThreadedMotoServer(ip_address="127.0.0.1", port=0)
     server.start()

@@ -75,6 +75,29 @@ def test_check_says_what_moved_and_bless_takes_it(folder: Path, tirelog: Command
     assert tirelog("check", "b.csv", "--against", "a.csv").status == 0
 
 
+def test_check_does_not_take_another_folder_for_another_log(folder: Path, tirelog: Command) -> None:
+    tirelog("speed", "log.csv", "-o", "a.csv")
+    table = pd.read_csv("a.csv").assign(log="somewhere/else/log.csv")
+    table.to_csv("b.csv", index=False)
+    outcome = tirelog("check", "b.csv", "--against", "a.csv")
+    assert (outcome.status, outcome.out) == (0, "")
+    assert outcome.err == "tirelog: note: no row has the path of its log in common; logs are matched by file name\n"
+    table.drop(index=2).to_csv("b.csv", index=False)
+    outcome = tirelog("check", "b.csv", "--against", "a.csv")
+    assert outcome.status == 1
+    assert outcome.err.splitlines()[1] == "tirelog: note: 1 rows are missing"
+    assert outcome.out.splitlines()[1:] == ["log=log.csv channel=strain_1 revolution=2,(row),absent,present,inf"]
+
+
+@pytest.mark.parametrize("text", ["log,a\nx,1\nx,1,2,3\n", "log,a\nx,1,2\ny,3,4\n", 'log,a\nx,"1\n'])
+def test_a_table_whose_rows_do_not_fit_its_header(folder: Path, tirelog: Command, text: str) -> None:
+    (folder / "ragged.csv").write_text(text)
+    outcome = tirelog("check", "ragged.csv", "--against", "ragged.csv")
+    assert outcome.status == 4
+    assert outcome.err.startswith("tirelog: error: ragged.csv: is not a table (")
+    assert outcome.err.count("\n") == 1
+
+
 def test_several_logs_make_one_table(folder: Path, tirelog: Command) -> None:
     (folder / "again.csv").write_bytes((folder / "log.csv").read_bytes())
     outcome = tirelog("speed", "log.csv", "again.csv", "--setup", "log.toml")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 
 from tirelog.campaign.ledger import Entry
 from tirelog.campaign.work import Task, make_tables
@@ -12,7 +12,7 @@ _TIMEOUT_S = 8
 _RETRIES = 3
 
 
-def on_cluster(tasks: list[Task], scheduler: str) -> Iterator[Entry]:
+def on_cluster(tasks: list[Task], scheduler: str) -> Generator[Entry, None, None]:
     """Entries as they come.  UsageError: dask.distributed is missing, or the scheduler does not answer."""
     try:
         from distributed import Client, as_completed

@@ -4,6 +4,10 @@
 
 What a campaign knows of a file is whether it is there; what it may rely on is that it is whole.  A folder at an address is
 `campaign.remote_folder.RemoteFolder`.
+
+On this machine everything is written below `.tirelog/tmp`, which is the campaign's own, and moved to
+its place when it is whole.  So what a kill has left is there and nowhere else: the next run empties
+that one folder, and never looks at files of other programs that stand among its results.
 """
 
 from __future__ import annotations
@@ -11,19 +15,27 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
 from tirelog.errors import UsageError
-from tirelog.files import output_error, whole_file
-from tirelog.remote import PART, address
+from tirelog.files import failed_writes, output_error
+from tirelog.remote import address
 
 #: what stands in a campaign's folder beside its results
 HIDDEN = ".tirelog"
+#: what a campaign writes besides, by its name in the folder
+_RESULTS = re.compile(r"summary\.csv|table=[^/]+/log=[^/]+/part\.parquet|models/[^/]+/(page|compare|diagnose|ladder)\.json")
+
+
+def is_own(name: str) -> bool:
+    """Whether a file of the output folder is the campaign's: a result, or anything in its hidden folder."""
+    return name.startswith(f"{HIDDEN}/") or _RESULTS.fullmatch(name) is not None
 
 
 class Folder(Protocol):
@@ -78,33 +90,29 @@ class LocalFolder:
 
     def __init__(self, path: Path) -> None:
         self.path, self.root = path, str(path)
-        self.temporary = path / HIDDEN / "tmp"
+        self.temporary = _temporary_in(path)
 
     @contextmanager
     def held(self) -> Iterator[None]:
+        hidden = self.path / HIDDEN
         try:
-            (self.path / HIDDEN).mkdir(parents=True, exist_ok=True)
-            lock = (self.path / HIDDEN / "lock").open("a+")
+            hidden.mkdir(parents=True, exist_ok=True)
+            _refuse_link(hidden)  # its folder tmp is emptied: never one that a link leads to
+            lock = os.open(hidden / "lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
         except OSError as problem:
             raise output_error(self.path, problem) from problem
-        with lock:
+        with os.fdopen(lock):
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise UsageError(
                     "another campaign run works in this folder; one at a time is allowed; wait for it", file=self.path
                 ) from None
-            self._sweep()
+            swept(self.temporary)
             try:
                 yield
             finally:
-                self._sweep()  # a worker that died has left what it was writing
-
-    def _sweep(self) -> None:
-        """Remove what a kill left half-written."""
-        swept(self.temporary)
-        for part in self.path.rglob(f".*{PART}"):
-            part.unlink(missing_ok=True)
+                swept(self.temporary)  # a worker that died has left what it was writing
 
     def check_held(self) -> None:
         pass
@@ -119,13 +127,8 @@ class LocalFolder:
         return {name: data for name in names if (data := self.read(name)) is not None}
 
     def write(self, name: str, data: bytes) -> None:
-        path = self.path / name
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise output_error(path, problem) from problem
-        with whole_file(path) as part:
-            part.write_bytes(data)
+        with moved_into(self.path, name) as unmoved, failed_writes(self.path / name):
+            unmoved.write_bytes(data)
 
     def remove(self, names: Sequence[str]) -> None:
         for name in names:
@@ -139,10 +142,47 @@ class LocalFolder:
         return found
 
 
+def _temporary_in(output: Path) -> Path:
+    """Where a campaign in the folder `output` keeps what is not whole yet."""
+    return output / HIDDEN / "tmp"
+
+
+def _refuse_link(path: Path) -> None:
+    """UsageError: `path` is a symbolic link."""
+    if path.is_symlink():
+        raise UsageError(
+            "is a link; allowed is a folder of the campaign's own, which it empties; remove the link",
+            file=path,
+        )
+
+
+@contextmanager
+def moved_into(output: Path, name: str) -> Iterator[Path]:
+    """A path to write to; when the block ends well, the file there becomes `name` in `output`.
+
+    The path is in a new folder of an unpredictable name that nobody else may enter.  OutputError:
+    it cannot be put there; what stood under `name` stands.
+    """
+    path, temporary = output / name, _temporary_in(output)
+    with ExitStack() as left:
+        with failed_writes(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary.mkdir(parents=True, exist_ok=True)
+            folder = tempfile.TemporaryDirectory(dir=temporary, ignore_cleanup_errors=True)
+            unmoved = Path(left.enter_context(folder)) / path.name
+        yield unmoved
+        with failed_writes(path):
+            with unmoved.open("rb+") as stream:
+                os.fsync(stream.fileno())
+            os.replace(unmoved, path)
+
+
 def swept(temporary: Path) -> None:
-    """An empty folder at `temporary`."""
-    shutil.rmtree(temporary, ignore_errors=True)
+    """An empty folder at `temporary`.  A link in its place is removed, and not followed."""
     try:
+        if temporary.is_symlink():
+            temporary.unlink()
+        shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
     except OSError as problem:
         raise output_error(temporary, problem) from problem

@@ -32,6 +32,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import SetupError, UsageError, nearest
 from tirelog.remote import address, match_remote, read_remote
 from tirelog.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
@@ -97,28 +98,85 @@ def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign
 
     UsageError: not TOML, an unknown key, no log matches, two logs with one name.  A log whose setup does not fit is no error here.
     """
-    try:
-        data = tomllib.loads(path.read_text("utf-8"))
-    except OSError as problem:
-        raise _refuse(f"cannot be read ({problem.strerror}); a manifest is a TOML file; give its path", path) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise _refuse(f"not TOML: {problem}; mend the line", path) from None
-    _keys(data, _SECTIONS, "the manifest", path)
+    data = _keys(_toml(path), _SECTIONS, "the manifest", path)
     about = _keys(data.get("campaign", {}), ("name", "output"), "[campaign]", path)
     wanted = _keys(data.get("tables", {}), tuple(tables), "[tables]", path)
     for name, options in wanted.items():
         _keys(options, tables[name], f"[tables.{name}]", path)
+        for option, value in options.items():
+            _check_option(option, value, f"[tables.{name}]", path)
     base = path.parent
-    logs = tuple(
-        log for number, entry in enumerate(data.get("logs", []), 1) for log in _logs(entry, f"[[logs]] number {number}", base, path)
-    )
+    logs = tuple(log for where, entry in _entries(data, "logs", path) for log in _logs(entry, where, base, path))
     _distinct(logs, path)
-    if not wanted and not data.get("models"):
+    models = tuple(_model(entry, where, base, path) for where, entry in _entries(data, "models", path))
+    if not wanted and not models:
         raise _refuse(f"asks for nothing; allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]; add one", path)
-    models = tuple(_model(entry, base, path) for entry in data.get("models", []))
     _distinct_models(models, path)
-    output = str(about.get("output", "results"))
-    return Campaign(str(about.get("name", path.stem)), address(output) or str(base / output), logs, wanted, models, path)
+    output = _text(about, "output", "[campaign]", path) or "results"
+    name = _text(about, "name", "[campaign]", path) or path.stem
+    return Campaign(name, address(output) or str(base / output), logs, wanted, models, path)
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    """The manifest's content.  UsageError: it cannot be read, or is no TOML."""
+    try:
+        return tomllib.loads(path.read_text("utf-8-sig"))
+    except OSError as problem:
+        raise _refuse(f"cannot be read ({problem.strerror}); a manifest is a TOML file; give its path", path) from None
+    except ValueError as problem:  # not TOML, not UTF-8, an integer of thousands of digits
+        raise _refuse(f"not TOML: {problem}; mend the line", path) from None
+    except RecursionError:
+        raise _refuse("is nested too deep; a manifest has tables of keys with plain values; mend it", path) from None
+
+
+def _entries(data: Mapping[str, Any], name: str, file: Path) -> list[tuple[str, Any]]:
+    """The [[`name`]] entries, each with how an error calls it."""
+    entries = data.get(name, [])
+    if not isinstance(entries, list):
+        raise _refuse(f"{name} is not a list of tables; allowed are entries that begin with [[{name}]]; mend it", file)
+    return [(f"[[{name}]] number {number}", entry) for number, entry in enumerate(entries, 1)]
+
+
+def _text(table: Mapping[str, Any], key: str, where: str, file: Path) -> str | None:
+    """The text under `key`, None if it is not there.  UsageError: it is no text, empty, or holds control characters."""
+    value = table.get(key)
+    if value is not None and (not isinstance(value, str) or not value.strip() or not value.isprintable()):
+        raise _refuse(f"{where}: {key} is not text of one line; allowed is text in quotes; mend it", file)
+    return value
+
+
+#: option of a table -> what it may be
+_ALLOWED = {
+    "calibrate_radius": "true or false",
+    "cutoff": '"auto", hertz ("400Hz") or multiples of the wheel frequency ("40x")',
+    "steady_step": "a number of m/s above 0",
+    "average": "a whole number of revolutions from 1",
+    "calibration": "the path of a calibration in quotes",
+    "zero": '"auto", "none", a speed in m/s, or "START:STOP" in s',
+}
+
+
+def _check_option(option: str, value: Any, where: str, file: Path) -> None:
+    """UsageError: the value is none that the table's command would take."""
+    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
+    fits = {
+        "calibrate_radius": isinstance(value, bool),
+        "cutoff": isinstance(value, str) and _is_cutoff(value),
+        "steady_step": number and value > 0,
+        "average": number and isinstance(value, int) and 1 <= value < 2**31,
+        "calibration": isinstance(value, str) and value.isprintable() and value != "",
+        "zero": number or (isinstance(value, str) and value.isprintable()),
+    }
+    if not fits.get(option, True):
+        raise _refuse(f"{where}: {option} = {str(value)[:40]!r}; allowed is {_ALLOWED[option]}; mend it", file)
+
+
+def _is_cutoff(text: str) -> bool:
+    try:
+        Cutoff.parse(text)
+    except UsageError:
+        return False
+    return True
 
 
 def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
@@ -147,14 +205,19 @@ def _distinct_models(models: tuple[CampaignModel, ...], path: Path) -> None:
 def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
     """The logs of one [[logs]] entry, in the order of their paths."""
     _keys(entry, ("glob", "setup", "conditions"), where, file)
-    pattern = entry.get("glob")
-    if not isinstance(pattern, str) or not pattern:
+    pattern = _text(entry, "glob", where, file)
+    if pattern is None:
         raise _refuse(f'{where} has no glob; allowed is a pattern relative to the manifest; add glob = "logs/*.csv"', file)
-    found = [log for log in _matches(pattern, base) if not log.endswith((".toml", ".truth.json"))]
+    setup, conditions = _text(entry, "setup", where, file), _text(entry, "conditions", where, file)
+    try:
+        matching = _matches(pattern, base)
+    except (ValueError, IndexError, NotImplementedError, OSError) as problem:
+        raise _refuse(f"{where}: glob {pattern!r} is no pattern ({problem}); allowed is e.g. logs/**/*.csv; mend it", file) from None
+    found = [log for log in matching if not log.endswith((".toml", ".truth.json"))]
     if not found:
         raise _refuse(f"{where}: glob {pattern!r} matches no log; it is relative to {base}, or an address; mend it", file)
-    shared = _setup(str(entry["setup"]), base) if "setup" in entry else None
-    overrides = _conditions(base / entry["conditions"]) if "conditions" in entry else {}
+    shared = _setup(setup, base) if setup is not None else None
+    overrides = _conditions(base / conditions) if conditions is not None else {}
     return [_log(log, shared, overrides, base) for log in found]
 
 
@@ -226,6 +289,7 @@ def _conditions(path: Path) -> dict[str, dict[str, str]]:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.DictReader(stream))
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
+        problem = getattr(problem, "strerror", None) or problem
         raise UsageError(f"cannot be read ({problem}); the conditions are a CSV with a column log; mend the path", file=path) from None
     if not rows or "log" not in rows[0]:
         raise UsageError("has no column log; it names each row's log by path or file name; add it", file=path)
@@ -244,24 +308,28 @@ def _finite(text: str) -> bool:
         return False
 
 
-def _model(entry: Any, base: Path, file: Path) -> CampaignModel:
-    _keys(entry, ("file", "commands"), "[[models]]", file)
-    commands = tuple(entry.get("commands", ["compare", "diagnose"]))
+def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
+    _keys(entry, ("file", "commands"), where, file)
+    commands = entry.get("commands", ["compare", "diagnose"])
+    if not isinstance(commands, list) or not commands:
+        raise _refuse(f"{where}: commands is not a list; allowed are {', '.join(MODEL_COMMANDS)} in one; mend it", file)
     for command in commands:
         if command not in MODEL_COMMANDS:
             raise _refuse(
-                f"[[models]] command {command!r}{nearest(str(command), MODEL_COMMANDS)}; allowed are {', '.join(MODEL_COMMANDS)}; mend it",
+                f"{where}: command {str(command)[:40]!r}{nearest(str(command)[:40], MODEL_COMMANDS)}; "
+                f"allowed are {', '.join(MODEL_COMMANDS)}; mend it",
                 file,
             )
-    if not isinstance(entry.get("file"), str):
-        raise _refuse('[[models]] has no file; allowed is the path of a model file; add file = "beam.toml"', file)
-    path = base / entry["file"]
-    return CampaignModel(path, _observable(path), commands)
+    name = _text(entry, "file", where, file)
+    if name is None:
+        raise _refuse(f'{where} has no file; allowed is the path of a model file; add file = "beam.toml"', file)
+    path = base / name
+    return CampaignModel(path, _observable(path), tuple(commands))
 
 
 def _observable(path: Path) -> str:
     """What the model file says it predicts; what else is wrong with it is said when it is used."""
     try:
         return str(tomllib.loads(path.read_text("utf-8")).get("model", {}).get("observable", "strain"))
-    except (OSError, ValueError, AttributeError):
+    except (OSError, ValueError, AttributeError, RecursionError):
         return "strain"

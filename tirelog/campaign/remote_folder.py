@@ -22,7 +22,7 @@ import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from tirelog.campaign.folder import HIDDEN, json_of, swept, temporary_for
+from tirelog.campaign.folder import HIDDEN, is_own, json_of, swept, temporary_for
 from tirelog.errors import TirelogError, UsageError
 from tirelog.remote import PART, create_remote, list_remote, read_remote, read_several, remove_remote, write_remote
 
@@ -92,7 +92,7 @@ class RemoteFolder:
         self._number = numbers[-1] + 1 if numbers else 1
         if not create_remote(self._at(f"{_LOCK}{self._number}"), self._content()):
             raise _taken(self.root, "a moment ago")
-        self.remove([f"{_LOCK}{n}" for n in numbers] + [name for name in listed if name.endswith(PART)])
+        self.remove([f"{_LOCK}{n}" for n in numbers] + [name for name in listed if _half_written(name)])
 
     def _content(self) -> bytes:
         return json.dumps({"owner": self._owner, "host": _here(), "pid": os.getpid(), "beat_s": time.time()}).encode()
@@ -106,6 +106,12 @@ class RemoteFolder:
                     self._lost.set()
                     return
                 self.write(name, self._content())
+
+
+def _half_written(name: str) -> bool:
+    """A file of the campaign's own under the name that `write_remote` and `upload` move from."""
+    folder, _, last = name.rpartition("/")
+    return last.startswith(".") and last.endswith(PART) and is_own(f"{folder}/{last[1 : -len(PART)]}".lstrip("/"))
 
 
 def _owner(data: bytes | None) -> str | None:

@@ -10,9 +10,10 @@ import io
 import multiprocessing
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
@@ -22,7 +23,7 @@ from tirelog.campaign.ledger import Entry, Ledger, key_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.campaign.work import Task, make_tables, part_name, pieces_name
 from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
-from tirelog.process import one_heap
+from tirelog.process import end_with_parent, one_heap
 
 #: a log whose worker died this often is failed
 _ATTEMPTS = 3
@@ -85,13 +86,14 @@ def run(
     if any(task.tables for task in tasks):
         folder.remove(sorted(name for name in folder.names() if _log_of(name) in by_name and by_name[_log_of(name)].tables))
     finished = _on_processes(tasks, workers) if scheduler is None else _on_cluster(tasks, scheduler)
-    for number, entry in enumerate(finished, 1):
-        if entry.unwritable:
-            raise OutputError(entry.error)
-        if entry.error:
-            folder.remove([part_name(table, entry.name) for table in campaign.tables])
-        ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
-        said(entry, number, len(tasks))
+    with closing(finished):  # at once, also when what follows fails: nobody works on after this
+        for number, entry in enumerate(finished, 1):
+            if entry.unwritable:
+                raise OutputError(entry.error)
+            if entry.error:
+                folder.remove([part_name(table, entry.name) for table in campaign.tables])
+            ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
+            said(entry, number, len(tasks))
 
 
 def _log_of(name: str) -> str:
@@ -112,21 +114,25 @@ def _with_tables(entry: Entry, task: Task, before: Entry | None) -> Entry:
     return replace(before, pieces=before.pieces | entry.pieces, seconds=before.seconds + entry.seconds)
 
 
-def _on_cluster(tasks: list[Task], scheduler: str) -> Iterator[Entry]:
+def _on_cluster(tasks: list[Task], scheduler: str) -> Generator[Entry, None, None]:
     from tirelog.campaign.cluster import on_cluster
 
     return on_cluster(tasks, scheduler)
 
 
-def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
+def _on_processes(tasks: list[Task], workers: int) -> Generator[Entry, None, None]:
     """Entries as they come.  A worker that dies takes the pool with it: a new pool goes on with what was not finished."""
     waiting = {task.name: task for task in tasks}
     tried: dict[str, int] = dict.fromkeys(waiting, 0)
     context = multiprocessing.get_context("spawn")
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # inherited: a worker's share is one core, and its libraries start their threads on import
+    # multiprocessing's tracker, which ends with its parent too, would tell of what a killed one has left
+    told = os.environ.get("PYTHONWARNINGS", "")
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (told, "ignore:resource_tracker")))
+    others = set(multiprocessing.active_children())
     while waiting:
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin) as pool:
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)) as pool:
             queue = list(waiting.values())
             running: dict[Future[Entry], Task] = {}
             try:
@@ -145,10 +151,15 @@ def _on_processes(tasks: list[Task], workers: int) -> Iterator[Entry]:
                 for task in [t for t in waiting.values() if tried[t.name] >= _ATTEMPTS]:
                     del waiting[task.name]
                     yield _died(task)
+            except BaseException:  # interrupted, or nobody wants the rest
+                for worker in set(multiprocessing.active_children()) - others:
+                    worker.kill()  # the pool would wait for what they have begun
+                raise
 
 
-def _begin() -> None:
+def _begin(parent: int) -> None:
     """In a worker, before anything else."""
+    end_with_parent(parent)
     one_heap()
     # HDF5 objects that are forgotten on a full disk print a traceback each, behind the error that the entry carries
     sys.excepthook = lambda *_: None
@@ -167,15 +178,20 @@ def write_summary(campaign: Campaign, ledger: Ledger) -> str:
     writer = csv.writer(stream)
     writer.writerow([*SUMMARY, *tags])
     for log in campaign.logs:
-        writer.writerow([*_summary_row(log, ledger.entry(log.name)), *(log.tags.get(tag, "") for tag in tags)])
+        row = _summary_row(log, ledger.entry(log.name), list(campaign.tables))
+        writer.writerow([*row, *(log.tags.get(tag, "") for tag in tags)])
     ledger.folder.write("summary.csv", stream.getvalue().encode())
     return f"{ledger.folder.root}/summary.csv"
 
 
-def _summary_row(log: CampaignLog, entry: Entry | None) -> list[object]:
+def _summary_row(log: CampaignLog, entry: Entry | None, tables: list[str]) -> list[object]:
+    """One log's cells; its tables stand in the manifest's order, their quality words in the alphabet's."""
     if entry is None:
         return [log.path, log.name, "open", "", "", "", "", "", ""]
-    rows = ";".join(f"{table}={n}" for table, n in entry.rows.items())
-    quality = ";".join(f"{table}.{word.replace(';', '+')}={n}" for table, words in entry.quality.items() for word, n in words.items())
+    made = sorted(entry.rows, key=lambda table: (tables.index(table) if table in tables else len(tables), table))
+    rows = ";".join(f"{table}={entry.rows[table]}" for table in made)
+    quality = ";".join(
+        f"{table}.{word.replace(';', '+')}={n}" for table in made for word, n in sorted(entry.quality.get(table, {}).items())
+    )
     status = "failed" if entry.error else "lost input" if entry.losses else "done"
     return [log.path, log.name, status, entry.error, rows, quality, len(entry.losses), entry.seconds, entry.peak_memory_MB]

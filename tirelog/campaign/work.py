@@ -10,8 +10,8 @@ from __future__ import annotations
 import resource
 import tempfile
 import time
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 
 from tirelog import __version__
-from tirelog.campaign.folder import HIDDEN
+from tirelog.campaign.folder import HIDDEN, moved_into
 from tirelog.campaign.ledger import Entry
 from tirelog.errors import ExitStatus, OutputError, TirelogError, UsageError
 from tirelog.estimators.makers import MAKERS, tables_of
-from tirelog.files import output_error, whole_file
+from tirelog.files import whole_file
 from tirelog.ingest import open_recording
 from tirelog.recording import Recording
 from tirelog.remote import address
@@ -98,16 +98,14 @@ def pieces_name(observable: str, log: str) -> str:
     return f"{HIDDEN}/pieces/{observable}/{log}.npz"
 
 
-def _place(output: str, name: str) -> str:
-    """Path or address of a file in the output folder; a folder of this machine is made for it."""
+@contextmanager
+def _written(output: str, name: str) -> Iterator[str]:
+    """Path or address to write a file of the output folder to; a path's file takes its place at the end."""
     if address(output) is not None:
-        return f"{output}/{name}"
-    path = Path(output) / name
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise output_error(path, problem) from problem
-    return str(path)
+        yield f"{output}/{name}"
+    else:
+        with moved_into(Path(output), name) as unmoved:
+            yield str(unmoved)
 
 
 def _make(wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: Task, entry: Entry) -> None:
@@ -116,7 +114,7 @@ def _make(wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: T
     with ExitStack() as open_tables:
         writers: dict[str, TableWriter] = {}
         for name in wanted:
-            path = _place(task.output, part_name(name, task.name))
+            path = open_tables.enter_context(_written(task.output, part_name(name, task.name)))
             writers[name] = open_tables.enter_context(TableWriter(name, path, "parquet", metadata=metadata))
             entry.quality[name] = {}
         for name, columns, remarks in tables_of(recording, wanted):
@@ -145,6 +143,6 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
         except TirelogError as problem:
             entry.pieces[observable] = problem.message
             continue
-        with whole_file(_place(task.output, pieces_name(observable, task.name))) as part:
+        with _written(task.output, pieces_name(observable, task.name)) as place, whole_file(place) as part:
             part.write_bytes(pieces_bytes(pieces))
         entry.pieces[observable] = ""

@@ -19,9 +19,13 @@ def check(
     output: Output = None,
     format: Format = None,
 ) -> None:
-    """Compare a table with an earlier one: status 1 and the rows that moved, largest first."""
+    """Compare a table with an earlier one: status 1 and the rows that moved, largest first.
+
+    Rows are matched by the log's path as it was typed; if not one path is in both tables, by the
+    log's file name, which is said.
+    """
     from tirelog.files import whole_file
-    from tirelog.regression import as_table, differences
+    from tirelog.regression import as_table, differences, of_like_logs, summary
     from tirelog.tables import TableWriter, read_table
 
     if bless:
@@ -32,12 +36,15 @@ def check(
             part.write_bytes(table.read_bytes())
         say(f"note: {against} is now {table}")
         return
-    found = differences(read_table(table), read_table(against), _tolerances(tolerance or []))
+    new, old, remark = of_like_logs(read_table(table), read_table(against))
+    found = differences(new, old, _tolerances(tolerance or []))
+    for line in (remark, summary(found)):
+        if line:
+            say(f"note: {line}")
     if found or output is not None:
         with TableWriter("check", output, format) as writer:
             writer.write(as_table(found))
     if found:
-        say(f"note: {len(found)} values moved beyond their tolerance")
         raise typer.Exit(int(ExitStatus.ANSWER_IS_NO))
 
 

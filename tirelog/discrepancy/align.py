@@ -4,9 +4,9 @@
     samples at theta, chunk by chunk -> sums by angle -> template T(phi)
     the same once more -> sums by revolution  y = b + a [T(phi) - s T'(phi)]  -> t_i moved by s
 
-The matched filter uses the whole front around the patch, not its peak: a peak would follow whatever an odd effect does to it.  What is
-left of
-a shift is a nuisance of every cell (`cells`), so nothing is learnt from absolute position.
+The matched filter uses the whole front around the patch, not its peak: a peak would follow whatever an
+odd effect does to it.  What is left of a shift is a nuisance of every cell (`cells`), so nothing is
+learnt from absolute position.
 """
 
 from __future__ import annotations

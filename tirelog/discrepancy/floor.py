@@ -109,11 +109,11 @@ def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
 def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
     """The cells with their values moved to the cell's mean speed by the fitted model.
 
-    A bin's samples have a mean speed of their own, and a waveform that bends with speed does not average to that at the mean.  What
-    amplitude, width, shift and baseline of single revolutions
-    took along with the speed is gone from the values already.  And a wheel that speeds up is slower at the entry edge than at the exit
-    edge.
-    Only for waveforms."""
+    A bin's samples have a mean speed of their own, and a waveform that bends with speed does not
+    average to that at the mean.  What amplitude, width, shift and baseline of single revolutions took
+    along with the speed is gone from the values already.  And a wheel that speeds up is slower at the
+    entry edge than at the exit edge.  Only for waveforms.
+    """
     if cells.phi.shape[1] == 1:
         return cells
     step = np.clip(np.sqrt(cells.speed_square.mean(axis=1)), 0.05, 1.0)

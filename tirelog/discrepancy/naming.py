@@ -2,13 +2,13 @@
 
     Assessed, by falling statistic -> contenders -> refitted with the base parameters from two strengths -> least held-out loss names
 
-Likeness of two effects on these data is the nonlinear cosine  sqrt( what B explains / what A explains ), each refitted as well as it
-can: it
-needs no noise to be defined, and a rival that could stand for A after all its parameters have moved is found.
+Likeness of two effects on these data is the nonlinear cosine sqrt(what B explains / what A explains),
+each refitted as well as it can.  It is defined without noise, and it finds a rival that can stand for
+A once all its parameters have moved.
 
-A second effect must survive freedom of shape: the first effect's size per cell times free shapes over the angle is projected out, since
-a real
-tire does not follow our forms, and what a form that is somewhat wrong leaves repeats perfectly.
+A second effect must survive freedom of shape: the first effect's size per cell, times free shapes over
+the angle, is projected out.  A real tire does not follow our forms, and what a form that is somewhat
+wrong leaves repeats perfectly.
 """
 
 from __future__ import annotations
@@ -50,9 +50,10 @@ NOT_FORM = 0.12
 
 @dataclass(frozen=True)
 class Refitted:
-    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step (1 for the best itself), in
-    whitened units
-    and in size."""
+    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step.
+
+    The likeness is given in whitened units and in size; it is 1 for the best itself.
+    """
 
     assessed: Assessed
     base: Base

@@ -2,10 +2,9 @@
 
     bells on the patch, one after the other -> the model's own response to each -> columns (C, m, k)
 
-A carcass answers a pressure the more the faster it rolls (the beam near its critical speed doubles it), so an exponent of speed that is
-read off
-the strain is not that of a cause in the patch.  Where these few columns explain as much as free shapes of the strain, they tell the
-exponent.
+A carcass answers a pressure the more the faster it rolls (the beam near its critical speed doubles it),
+so an exponent of speed that is read off the strain is not that of a cause in the patch.  If these few
+columns explain as much as free shapes of the strain do, they tell the exponent.
 """
 
 from __future__ import annotations

@@ -31,9 +31,11 @@ class Waveforms:
 
 @dataclass(frozen=True)
 class Map:
-    """The residual over an axis (speed [m/s] or time [s], ascending, (k,)) and the angle (m,): `residual` in the observable's unit,
-    `whitened`
-    in standard errors; both (k, m), NaN where there is nothing."""
+    """The residual over an axis (speed [m/s] or time [s], ascending, (k,)) and the angle (m,).
+
+    `residual` is in the observable's unit, `whitened` in standard errors; both are (k, m), NaN if
+    there is nothing.
+    """
 
     axis: FloatArray
     axis_name: str

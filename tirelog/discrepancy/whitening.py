@@ -85,9 +85,9 @@ class Whitener:
 def whitener(cells: Cells, discrepancy: float = 0.0) -> Whitener:
     """The operator of single cells: noise, shift and the random effects of revolutions.
 
-    `discrepancy` [unit^2] is the mean square that the model at hand misses: added to the noise, so that a model that is wrong in shape
-    does not
-    buy shape with amplitude only because amplitude scatters from revolution to revolution.
+    `discrepancy` [unit^2] is the mean square that the model at hand misses.  It is added to the noise,
+    so that a model that is wrong in shape does not buy shape with amplitude only because amplitude
+    scatters from revolution to revolution.
     """
     inverse = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), 1.0 / np.sqrt(cells.sd**2 + discrepancy), 0.0)
     C, m = inverse.shape

@@ -26,7 +26,10 @@ A tire that moves in time: `coupled_ring` its equations, `coupled_ring_steady` w
 `coupled_ring_motion` the steps, `road` under it, `coupled_ring_transient` what a model's sensor reads meanwhile, `modes` how it rings.
 
 Orientation: xi [m] and phi = xi / R [rad] grow in the direction in which tread material passes the patch, entry edge at -L, exit edge
-at +L.  Displacement w is positive inward, slip positive in braking, y positive toward the axle (errata).
+at +L.  Displacement w is positive inward, slip positive in braking, y positive toward the axle.
+
+What a docstring calls the errata, in this package and all others, is docs/errata.md: what the papers
+print, what is right, and how that was checked.
 """
 
 from __future__ import annotations

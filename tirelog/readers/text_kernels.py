@@ -122,8 +122,8 @@ def rows(
 ) -> tuple[Whole, Whole, Whole]:  # fmt: skip
     """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
 
-    guides  (columns, GUIDE): what, slot in the output, places of counts, whether 0 and -1 are lost, set to 1 where a count could not hold
-            a number
+    guides  (columns, GUIDE): what, slot in the output, places of counts, whether 0 and -1 are lost,
+            set to 1 if a count could not hold a number
     least   cells that a row has to have; `rest` allows cells behind the columns
     begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans: (slots, n, 2)
     hard    (h, 4): row, column, first byte, byte behind of cells that are left to the caller

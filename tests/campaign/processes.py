@@ -1,0 +1,153 @@
+"""Campaigns as processes of their own: begun, held up at a known place, and killed with all that they have started.
+
+Nothing here counts on how long something takes: it waits for an event, and gives up only after
+PATIENCE_S.  What runs on is stopped at a gate, so that it cannot finish before it is killed.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from tirelog import remote
+from tirelog.campaign.folder import moved_into
+from tirelog.campaign.ledger import Entry
+from tirelog.campaign.work import Task, make_tables
+
+#: a busy machine may take so long [s] for what takes one second
+PATIENCE_S = 240.0
+_GATE = "TIRELOG_TEST_GATE"
+
+
+def waited_for(event: Callable[[], bool]) -> bool:
+    """Whether `event` has come, at last."""
+    end = time.monotonic() + PATIENCE_S
+    while not event():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+# ---- what a worker does instead of `make_tables` ---------------------------------------------------
+
+
+def patient(task: Task) -> Entry:
+    """A worker's task, when the store that it asks may be slow."""
+    remote.ANSWER_S = PATIENCE_S
+    return make_tables(task)
+
+
+def gated(task: Task) -> Entry:
+    """A worker's task, begun once there is a ticket in the gate's folder for it."""
+    gate = Path(os.environ[_GATE])
+    while True:
+        for ticket in gate.glob("ticket_*"):
+            try:
+                ticket.rename(gate / f"used_{task.name}")
+            except FileNotFoundError:  # another worker was quicker
+                continue
+            return patient(task)
+        time.sleep(0.01)
+
+
+def stuck(task: Task) -> Entry:
+    """A worker's task that has begun to write its table, and never ends."""
+    with moved_into(Path(task.output), f"table=speed/log={task.name}/part.parquet") as unmoved:
+        unmoved.write_bytes(b"half of a table")
+        while True:
+            time.sleep(1.0)
+
+
+def dying_once(task: Task) -> Entry:
+    """A worker's task; whoever finishes one first dies before it can say so."""
+    entry = patient(task)
+    try:
+        (Path(os.environ[_GATE]) / "died").touch(exist_ok=False)
+    except FileExistsError:
+        return entry
+    os.kill(os.getpid(), signal.SIGKILL)
+    raise AssertionError("killed")
+
+
+# ---- the campaign ----------------------------------------------------------------------------------
+
+_PROGRAM = """
+import sys
+from tests.campaign import processes
+from tirelog import remote
+from tirelog.campaign import runner
+from tirelog.cli import main
+remote.ANSWER_S = processes.PATIENCE_S
+runner.make_tables = getattr(processes, sys.argv.pop(1))
+main()
+"""
+
+
+def begun(manifest: Path, work: Callable[[Task], Entry], *options: str) -> "subprocess.Popen[bytes]":
+    """`campaign run` in a process of its own, whose workers do `work`; what it says goes to `said.txt`."""
+    words = [sys.executable, "-c", _PROGRAM, work.__name__, "campaign", "run", str(manifest), "--quiet", *options]
+    with (manifest.parent / "said.txt").open("wb") as said:
+        return subprocess.Popen(words, stderr=said, cwd=Path(__file__).parents[2])
+
+
+def killed_in_the_midst(manifest: Path, tickets: int, later_s: float, gate: Path) -> None:
+    """`campaign run`, killed with its workers `later_s` after it began the last log that it is let through to."""
+    gate.mkdir(exist_ok=True)
+    for number in range(tickets):
+        (gate / f"ticket_{number}").touch()
+    os.environ[_GATE] = str(gate)
+    process = begun(manifest, gated)
+    try:
+        assert waited_for(lambda: process.poll() is not None or not list(gate.glob("ticket_*")))
+        time.sleep(later_s)
+        assert process.poll() is None, (manifest.parent / "said.txt").read_text()
+    finally:
+        kill_all(process)
+        del os.environ[_GATE]
+
+
+# ---- processes by their number ---------------------------------------------------------------------
+
+
+def children(pid: int) -> dict[int, str]:
+    """What `pid` has started, and what those have started: number -> begin, by what the kernel says."""
+    found: dict[int, str] = {}
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        try:
+            numbers = [int(word) for word in task.read_text().split()]
+        except OSError:  # it has just ended
+            continue
+        for number in numbers:
+            found |= {number: begin_of(number), **children(number)}
+    return {number: begin for number, begin in found.items() if begin}
+
+
+def begin_of(pid: int) -> str:
+    """What tells a living process from another that was given its number later; '' once it has ended."""
+    try:
+        words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return ""
+    return "" if words[0] in "ZX" else words[19]
+
+
+def alive(started: dict[int, str]) -> list[int]:
+    """Those of `children` that have not ended."""
+    return [pid for pid, begin in started.items() if begin_of(pid) == begin]
+
+
+def kill_all(process: "subprocess.Popen[bytes]") -> None:
+    """SIGKILL for the process and what it has started, and for nobody else."""
+    started = children(process.pid)
+    process.kill()
+    process.wait()
+    for pid in alive(started):
+        try:
+            os.kill(pid, signal.SIGKILL)
+        except ProcessLookupError:
+            continue
+    assert waited_for(lambda: not alive(started))

@@ -1,0 +1,130 @@
+"""Faults: a campaign that is killed or told to end leaves no process, and its own temporary files only until the next run."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.campaign.conftest import dataset, make_campaign
+from tests.campaign.processes import PATIENCE_S, alive, begun, children, kill_all, stuck, waited_for
+from tirelog.campaign.folder import moved_into
+from tirelog.campaign.remote_folder import _half_written
+from tirelog.cli import run
+
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="what a process has started is read from /proc")
+
+
+@LINUX
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals) -> None:
+    manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
+    results, temporary = tmp_path / "results", tmp_path / "results" / ".tirelog" / "tmp"
+    process = begun(manifest, stuck, "--workers", "2")
+    try:
+        assert waited_for(lambda: process.poll() is not None or len(list(temporary.glob("*/part.parquet"))) == 2)
+        started = children(process.pid)
+        assert len(started) >= 2
+        process.send_signal(how)
+        assert process.wait(PATIENCE_S) == (-how if how is signal.SIGKILL else 128 + how)
+        assert waited_for(lambda: not alive(started))
+    finally:
+        kill_all(process)
+    said = (tmp_path / "said.txt").read_text()
+    if how is signal.SIGKILL:
+        assert said == ""
+        assert len(list(temporary.glob("*/part.parquet"))) == 2
+        assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
+        assert len(dataset(results)) == 4
+    else:
+        assert said == "tirelog: error: interrupted; nothing was left under the result's name; start it again\n"
+    assert not list(temporary.iterdir())
+
+
+@LINUX
+def test_a_worker_that_comes_to_life_after_its_parent_has_gone_ends(tmp_path: Path) -> None:
+    """The parent's number is not the one that the kernel names: as if it had ended before the worker began."""
+    program = "from tirelog.process import end_with_parent; end_with_parent(1 << 30); print('alive')"
+    found = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
+    assert (found.returncode, found.stdout) == (1, b"")
+
+
+def test_files_of_other_programs_stay(tmp_path: Path) -> None:
+    manifest = make_campaign(tmp_path, logs=1, seconds=1.0)
+    manifest.write_text(manifest.read_text().replace('"results"', '"."'))
+    others = [
+        tmp_path / "other" / ".download.part",
+        tmp_path / ".notes.part",
+        tmp_path / "table=speed" / "log=mine" / f".part.parquet.{os.getpid()}.part",
+        tmp_path / "models" / ".beam.toml.12.part",
+    ]
+    for path in others:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("not a campaign's")
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
+    assert [path.read_text() for path in others] == ["not a campaign's"] * 4
+
+
+def test_in_a_store_only_own_names_are_swept() -> None:
+    own = [".summary.csv.part", "table=speed/log=a/.part.parquet.part", ".tirelog/done/.a.json.part", "models/beam/.page.json.part"]
+    others = [".notes.part", "other/.download.part", "table=speed/log=a/.mine.part", "models/.beam.toml.part", "part.parquet"]
+    assert [_half_written(name) for name in own + others] == [True] * 4 + [False] * 5
+
+
+def test_planted_links_are_not_followed(tmp_path: Path) -> None:
+    manifest = make_campaign(tmp_path, logs=1, seconds=1.0)
+    treasure, hidden = tmp_path / "treasure" / "gold.txt", tmp_path / "results" / ".tirelog"
+    treasure.parent.mkdir()
+    treasure.write_text("gold")
+    hidden.mkdir(parents=True)
+    (hidden / "tmp").symlink_to(treasure.parent)
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
+    assert treasure.read_text() == "gold"
+    assert not (hidden / "tmp").is_symlink()
+    (hidden / "lock").unlink()
+    (hidden / "lock").symlink_to(treasure)
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
+    (tmp_path / "elsewhere").mkdir()
+    manifest.write_text(manifest.read_text().replace('"results"', '"second"'))
+    (tmp_path / "second").mkdir()
+    (tmp_path / "second" / ".tirelog").symlink_to(tmp_path / "elsewhere")
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
+    assert treasure.read_text() == "gold"
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_a_temporary_name_is_another_one_each_time(tmp_path: Path) -> None:
+    """And a file under the name that would be guessed is neither opened nor in the way."""
+    names = set()
+    for _ in range(2):
+        with moved_into(tmp_path, "summary.csv") as unmoved:
+            assert unmoved.parent.parent == tmp_path / ".tirelog" / "tmp"
+            assert unmoved.parent.stat().st_mode & 0o777 == 0o700
+            names.add(unmoved)
+            unmoved.write_text("done")
+    assert len(names) == 2
+    assert (tmp_path / "summary.csv").read_text() == "done"
+
+
+def test_what_fails_half_way_leaves_what_was_there(tmp_path: Path) -> None:
+    (tmp_path / "summary.csv").write_text("before")
+    with pytest.raises(ZeroDivisionError), moved_into(tmp_path, "summary.csv") as unmoved:
+        unmoved.write_text("half")
+        raise ZeroDivisionError
+    assert (tmp_path / "summary.csv").read_text() == "before"
+    assert not list((tmp_path / ".tirelog" / "tmp").iterdir())
+
+
+def test_a_second_run_with_nothing_to_do_changes_no_byte_of_the_summary(tmp_path: Path) -> None:
+    manifest = make_campaign(tmp_path, logs=1, seconds=1.0)
+    # cut off in the middle of a row: words of several kinds, in the order in which they were met
+    log = tmp_path / "logs" / "run_0.csv"
+    log.write_text(log.read_text()[:-7])
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 3
+    first = (tmp_path / "results" / "summary.csv").read_bytes()
+    assert b"speed=" in first
+    assert first.index(b"speed=") < first.index(b"dissipation=")
+    assert run(["campaign", "run", str(manifest), "--quiet"]) == 3
+    assert (tmp_path / "results" / "summary.csv").read_bytes() == first
