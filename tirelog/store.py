@@ -82,7 +82,9 @@ class RunWriter:
             for key in ("first", "start_s", "period_s"):
                 place.create_dataset(key, data=getattr(axis, key), **options)
             return
-        times = place.create_dataset("time_s", shape=(axis.size,), dtype="f8", chunks=(CHUNK,), fletcher32=True)
+        # HDF5 refuses a chunk that is longer than a dataset of fixed size, as a few stamps are
+        chunks = (min(CHUNK, axis.size),)
+        times = place.create_dataset("time_s", shape=(axis.size,), dtype="f8", chunks=chunks, fletcher32=True)
         for start in range(0, axis.size, CHUNK):
             times[start : start + CHUNK] = axis.explicit(start, min(start + CHUNK, axis.size))
 

@@ -10,7 +10,10 @@ import time
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
+
+from tests.readers.mcap_files import START_NS, write_json
 
 from .conftest import SETUP, Command, pulse_rows
 
@@ -230,3 +233,20 @@ def test_a_model_against_nothing_that_can_be_read(folder: Path, tirelog: Command
     assert outcome.status == 4
     assert outcome.err.count("error:") == 1
     assert "is empty" in outcome.err
+
+
+def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder: Path, tirelog: Command) -> None:
+    """A short topic from a bus beside the strain: its times are its stamps, and the strain is read as without it."""
+    times_s = np.cumsum(np.random.default_rng(5).uniform(0.01, 0.09, 69))
+    cells = [row.split(",") for row in pulse_rows()]
+    strain = [("/s", START_NS + round(float(t) * 1e9), {"a": float(a), "b": float(b)}) for t, a, b in cells]
+    bus = [("/can", START_NS + round(t * 1e9), {"v": 12.0}) for t in times_s]
+    write_json(folder / "log.mcap", sorted(strain + bus, key=lambda m: m[1]))
+    sources = SETUP.replace('"CH1"', '"/s:a"').replace('"CH2"', '"/s:b"').replace('[log]\ntime = "time_s"', "")
+    (folder / "alone.toml").write_text(sources)
+    (folder / "log.toml").write_text(sources + '[channels.v]\nkind = "vehicle_speed"\nsource = "/can:v"\n')
+    alone = tirelog("speed", "log.mcap", "--setup", "alone.toml")
+    both = tirelog("speed", "log.mcap")
+    assert both.status == 0, both.err
+    assert both.out == alone.out
+    assert len(both.out.splitlines()) > 10
