@@ -21,6 +21,16 @@ class ExitStatus(IntEnum):
     DEFECT = 70
 
 
+def printable(text: str) -> str:
+    """`text` as one line that a terminal shows and never obeys.
+
+    Names in a log may hold line ends, escape sequences and marks that turn the direction of writing: they are shown as `\\x1b`, `\\n`.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii") for c in text)
+
+
 class TirelogError(Exception):
     """Base of all errors that the user can mend."""
 
@@ -32,7 +42,7 @@ class TirelogError(Exception):
 
     def __str__(self) -> str:
         where = "" if self.file is None else f"{self.file}{'' if self.line is None else f':{self.line}'}: "
-        return f"{where}{self.message}"
+        return printable(f"{where}{self.message}")
 
 
 class UsageError(TirelogError):

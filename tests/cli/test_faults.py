@@ -1,6 +1,7 @@
 """Faults: what a broken, truncated or hostile input meets on the command line, and with which status."""
 
 import gzip
+import json
 import os
 import re
 import signal
@@ -223,6 +224,32 @@ def test_usage(folder: Path, tirelog: Command, arguments: list[str], words: str)
     outcome = tirelog(*arguments)
     assert outcome.status == 2, outcome.err
     assert words in message(outcome.err)
+
+
+@pytest.mark.parametrize("log", [".", "/", "", "..", "x" * 300, "a" * 5000 + ".csv"])
+@pytest.mark.parametrize("command", [["speed"], ["info"], ["ingest", "-o", "run.h5"]])
+def test_a_log_that_is_no_file(folder: Path, tirelog: Command, log: str, command: list[str]) -> None:
+    outcome = tirelog(command[0], log, *command[1:])
+    assert outcome.status in (2, 4), outcome.err
+    message(outcome.err)
+    assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "log.toml"]
+
+
+def test_names_of_a_log_do_not_reach_the_terminal_raw(folder: Path, tirelog: Command) -> None:
+    """Topics and columns that clear the screen, set a title, turn the writing round or begin a message of their own."""
+    hostile = "/\x1b[2J\x9b31m\u202e\ntirelog: error: a lie"
+    write_json(folder / "log.mcap", [(hostile, START_NS + 10**6 * i, {hostile: i, "v": i}) for i in range(99)])
+    first = pulse_rows(0.1)
+    (folder / "cells.csv").write_text(f"time_s,CH1,CH2,\x1b]0;title\x07\x9b\n{chr(10).join(row + ',0' for row in first)}\n", "utf-8")
+    (folder / "log.toml").write_text(SETUP.replace('"CH1"', '"/t:v"'))
+    (folder / "cells.toml").write_text(SETUP.replace('"CH1"', '"CH7"').replace('"CH2"', '"CH8"'))
+    (folder / "topic.toml").write_text(f'[channels.v]\nkind = "vehicle_speed"\nsource = {json.dumps(hostile + ":w")}\n')
+    for log, setup in (("log.mcap", "log.toml"), ("cells.csv", "cells.toml"), ("log.mcap", "topic.toml")):
+        outcome = tirelog("speed", log, "--setup", setup)
+        assert outcome.status in (2, 3, 4)
+        assert r"\x1b" in outcome.err
+        assert all(line.startswith("tirelog: ") and line.isprintable() for line in outcome.err.splitlines())
+        assert not any(line.startswith("tirelog: error: a lie") for line in outcome.err.splitlines())
 
 
 @pytest.mark.parametrize("name", ["compare", "diagnose", "ladder"])

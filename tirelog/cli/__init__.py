@@ -10,7 +10,7 @@ import os
 import sys
 from typing import Any
 
-from tirelog.errors import ExitStatus, TirelogError
+from tirelog.errors import ExitStatus, TirelogError, printable
 
 _INTERRUPTED = 130
 
@@ -38,7 +38,7 @@ def _status_of(problem: BaseException) -> int:
     else:
         text = f"a defect of tirelog's own ({type(problem).__name__}: {problem}); run it again with --debug and report what it prints"
         status = int(ExitStatus.DEFECT)
-    sys.stderr.write(f"tirelog: error: {text}\n")
+    sys.stderr.write(f"tirelog: error: {printable(text)}\n")
     return status
 
 

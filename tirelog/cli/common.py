@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.errors import DataLoss, ExitStatus, ReadError, UsageError
+from tirelog.errors import DataLoss, ExitStatus, ReadError, UsageError, printable
 
 if TYPE_CHECKING:
     from tirelog.recording import Recording
@@ -36,8 +36,8 @@ ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_def
 
 
 def say(text: str) -> None:
-    """A line on standard error."""
-    sys.stderr.write(f"tirelog: {text}\n")
+    """A line on standard error; whatever a log's names hold, it stays one line."""
+    sys.stderr.write(f"tirelog: {printable(text)}\n")
 
 
 def keeps_hashes(output: Path | None, format: str | None) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from tirelog.errors import printable
 from tirelog.overview import channel_rows
 from tirelog.recording import Recording
 
@@ -19,9 +20,9 @@ def print_summary(recording: Recording) -> None:
     console = Console(highlight=False, markup=False, soft_wrap=True, width=None if sys.stdout.isatty() else _WIDTH)
     about = recording.provenance
     size = f", {about['bytes']:,} bytes, sha256 {about['sha256'][:12]}" if about.get("sha256") else ""
-    console.print(f"{recording.log}: {about.get('format', 'log')}{size}")
+    console.print(printable(f"{recording.log}: {about.get('format', 'log')}{size}"))
     if about.get("start"):
-        console.print(f"started {about['start']}")
+        console.print(printable(f"started {about['start']}"))
     rows = channel_rows(recording)
     table = Table(box=None, pad_edge=False)
     for name in list(rows)[1:]:
@@ -38,4 +39,4 @@ def print_summary(recording: Recording) -> None:
     tire, conditions = recording.setup.tire, recording.setup.conditions
     known = {**{k: v for k, v in tire.__dict__.items() if v}, **{k: v for k, v in conditions.__dict__.items() if v is not None}}
     if known:
-        console.print("setup: " + ", ".join(f"{k} {v}" for k, v in known.items()))
+        console.print(printable("setup: " + ", ".join(f"{k} {v}" for k, v in known.items())))
