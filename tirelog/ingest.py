@@ -156,7 +156,7 @@ def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks:
             if hdf5 is not None and is_run(hdf5):
                 raise UsageError("is a run already; ingest takes a log; give the run's path to the other commands", file=log)
             reader = _reader(stream, head, hdf5, setup, log)
-            _write(reader, setup, path, summary, stream, compress, blocks)
+            _write(reader, reader.setup, path, summary, stream, compress, blocks)
         finally:
             if temporary and hdf5 is not None:
                 os.unlink(hdf5)

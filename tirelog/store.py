@@ -16,12 +16,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
+from tirelog import units
 from tirelog.chunks import CHUNK, ChunkWriter, unfiltered
 from tirelog.convert import to_si
 from tirelog.errors import ReadError, SetupError
@@ -155,8 +157,8 @@ def _recording(file: h5py.File, plain: int | None, log: str, setup: Setup | None
     if version != FORMAT_VERSION:
         raise ReadError(f"is a run of format {version}; this tirelog reads {FORMAT_VERSION}; ingest the log again", file=log)
     provenance = json.loads(file["provenance"][()])
-    stored = parse_setup(file["setup"].asstr()[()], provenance.get("setup_file"))
-    setup = setup or stored
+    stored = _with_units(parse_setup(file["setup"].asstr()[()], provenance.get("setup_file")), file)
+    setup = _with_units(setup, file) if setup else stored
     losses: list[str] = list(provenance.get("losses", []))
     axes = {name: _read_axis(place) for name, place in file["groups"].items()}
     channels: dict[str, Channel] = {}
@@ -174,6 +176,18 @@ def _recording(file: h5py.File, plain: int | None, log: str, setup: Setup | None
             channels[name] = _compensated(channels[name], channels[twin], used.thermal_expansion_1_K)
     order = [name for name in setup.channels if name in channels] + [name for name in channels if name not in setup.channels]
     return Recording(log, {name: channels[name] for name in order}, setup, provenance, tuple(provenance.get("remarks", [])), losses)
+
+
+def _with_units(setup: Setup, file: h5py.File) -> Setup:
+    """The setup with the units that were taken from the log itself, where it names none: the run keeps them with its samples."""
+    channels = dict(setup.channels)
+    for name, channel in setup.channels.items():
+        about = file["channels"][name].attrs if name in file["channels"] else {}
+        if channel.unit is None and about.get("kind") == channel.kind:
+            unit = str(about["source_unit"])
+            units.to_si(unit, *KINDS[channel.kind][0])
+            channels[name] = replace(channel, unit=unit)
+    return replace(setup, channels=channels)
 
 
 def _read_axis(place: h5py.Group) -> TimeAxis:
