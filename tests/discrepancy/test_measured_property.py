@@ -120,6 +120,13 @@ def test_one_manoeuvre_has_no_error_held_out(cleat, beam, compared):
     assert any("none can be held out" in remark for remark in compared.remarks)
 
 
+def test_the_floor_within_manoeuvres_is_the_same_for_every_model(cleat, beam, compared):
+    worse = beam.with_values({"foundation_stiffness_N_m2": 3.0 * beam.values["foundation_stiffness_N_m2"]})
+    other = compare(measured([cleat]).stacks, worse)
+    assert abs(other.rmse / compared.rmse - 1.0) > 0.02
+    assert other.noise_floor_within == pytest.approx(compared.noise_floor_within, rel=1e-9)
+
+
 def several(sizes):
     """Toy logs of so many manoeuvres each, every manoeuvre one piece."""
     stacks = Stacks()

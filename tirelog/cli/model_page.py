@@ -93,7 +93,8 @@ def fit_page(result: FitResult) -> str:
         for full, value, se, p, _ in zip(result.names, result.values, result.se, parameters, names)
     ]
     aside = f" ({result.set_aside} of them set aside as outliers)" if result.set_aside else ""
-    lines = [f"{result.revolutions} revolutions{aside}, reduced chi-square {result.reduced_chi2:.3f}", _aligned(rows)]
+    of = " of single revolutions" if result.residuals else ""  # else of means of like revolutions, as `compare` has it
+    lines = [f"{result.revolutions} revolutions{aside}, reduced chi-square{of} {result.reduced_chi2:.3f}", _aligned(rows)]
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]
     lines += [f"{name} stands at a bound" for name in result.at_bound]
     if result.reduced_chi2 > FORM_IN_DOUBT:
