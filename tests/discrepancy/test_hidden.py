@@ -71,6 +71,8 @@ def test_ladder_and_comparison_tell_the_same(model):
     assert [step.effect for step in climbed.steps][:2] == ["base", "water_film"]
     assert climbed.steps[1].rmse_heldout < climbed.steps[0].rmse_heldout
     assert climbed.verdict == "at_the_floor"
+    assert climbed.manoeuvres_locked > 0  # so the first step is no comparison on all manoeuvres, and it says so
+    assert any(f"{climbed.manoeuvres_locked} of {climbed.manoeuvres + climbed.manoeuvres_locked}" in r for r in climbed.remarks)
     after = compare(given, climbed.model)
     assert after.rmse_heldout < 1.05 * after.noise_floor
     assert {row["angle"] for row in after.tables["angle"]} == {"entry", "patch", "exit", "away"}

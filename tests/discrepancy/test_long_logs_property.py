@@ -7,10 +7,10 @@ import pytest
 
 from tests.discrepancy.test_transient_truth import scenario
 from tests.discrepancy.toy import stack
-from tirelog.cli.transients import parted, watched
 from tirelog.discrepancy import compare, stacks_from_logs
 from tirelog.discrepancy.cells import cells_of
 from tirelog.discrepancy.gathering import pieces_of_all
+from tirelog.discrepancy.measured import measured
 from tirelog.discrepancy.pieces import Pieces, joined_pieces, pieces_of
 from tirelog.discrepancy.stack import _cuts
 from tirelog.discrepancy.stacks import Stacks, joined
@@ -204,11 +204,10 @@ def test_an_obstacle_is_found_in_a_log_of_several_stretches():
     met = to_recording(simulate(scenario()), "cleat.csv")
     answers = []
     for most in (1000, 12):
-        kept = {}
-        stacks = stacks_from_logs(watched([met], "strain", None, kept), most=most)
+        stacks = stacks_from_logs([met], most=most)
         assert (len(stacks) > 2) == (most == 12)
-        answers.append(parted(stacks, kept))
-    (steady, (hits,)), (steady_parts, (hits_parts,)) = answers
+        answers.append(measured([met], most=most))
+    (steady, (hits,)), (steady_parts, (hits_parts,)) = ((found.stacks, found.obstacles) for found in answers)
     same(joined(steady), joined(steady_parts))
     np.testing.assert_array_equal(hits.hits_s, hits_parts.hits_s)
     assert len(joined(steady)) < len(joined(stacks))

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.discrepancy.toy import channel, stack, waveform
 from tirelog.discrepancy.align import WheelAngle, refine, split_turns
 from tirelog.discrepancy.cells import make_cells
-from tirelog.discrepancy.manoeuvres import accelerations, regimes, segment
+from tirelog.discrepancy.manoeuvres import SHORTEST, accelerations, regimes, segment
 from tirelog.discrepancy.samples import Samples
 
 
@@ -65,3 +67,38 @@ def test_cell_means_lie_on_the_waveform_at_their_own_angles():
     for c in range(len(cells)):
         rest = left[c] - columns[c] @ np.linalg.lstsq(columns[c], left[c], rcond=None)[0]
         assert np.sqrt(np.mean(rest**2)) < 5e-4
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    st.lists(st.tuples(st.integers(1, 9), st.sampled_from(["cruise", "drive", "coast", "brake"]), st.booleans()), min_size=1, max_size=12)
+)
+def test_every_revolution_is_in_one_manoeuvre_however_short_the_stretches(stretches):
+    regime = np.repeat([word for _, word, _ in stretches], [n for n, _, _ in stretches])
+    first = np.cumsum([0, *(n for n, _, _ in stretches[:-1])])
+    breaks = np.zeros(regime.size, bool)
+    breaks[first[[gap for _, _, gap in stretches]]] = True
+    breaks[0] = stretches[0][2]  # a log may begin with a gap or without
+    given_regime, given_breaks = regime.copy(), breaks.copy()
+    number, found = segment(regime, breaks)
+    assert number[0] == 0
+    assert set(np.diff(number)) <= {0, 1}  # contiguous: each revolution in one, numbered through
+    counts = np.bincount(number)
+    assert counts.min() >= min(SHORTEST, regime.size)
+    assert all(np.unique(found[number == k]).size == 1 for k in range(counts.size))
+    long = np.flatnonzero(given_breaks & (np.arange(regime.size) >= SHORTEST))
+    for gap in long:  # a gap parts what is long enough on both sides
+        if (given_regime[gap - SHORTEST : gap] == given_regime[gap - 1]).all() and not given_breaks[gap - SHORTEST + 1 : gap].any():
+            ahead = given_regime[gap : gap + SHORTEST]
+            if ahead.size == SHORTEST and (ahead == ahead[0]).all() and not given_breaks[gap + 1 : gap + SHORTEST].any():
+                assert number[gap] == number[gap - 1] + 1
+    np.testing.assert_array_equal(regime, given_regime)
+    np.testing.assert_array_equal(breaks, given_breaks)
+
+
+def test_a_standing_start_before_a_gap_goes_with_what_follows():
+    breaks = np.zeros(23, bool)
+    breaks[[0, 3]] = True
+    number, regime = segment(np.array(["drive"] * 3 + ["cruise"] * 20), breaks)
+    assert set(number) == {0}
+    assert set(regime) == {"cruise"}

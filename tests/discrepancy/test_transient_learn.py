@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from tests.discrepancy.test_transient_property import MODEL, NOISE, made
-from tirelog.discrepancy.transient_learn import held, learn, motion_names
+from tirelog.discrepancy.motion import held, motion_names
+from tirelog.discrepancy.transient_learn import learn
 from tirelog.errors import UsageError
 
 

@@ -2,7 +2,7 @@
 
 output/.tirelog/hashes.json          log -> [what changes with its bytes (size, time, a store's tag), sha256]
 output/.tirelog/done/<name>.json     Entry of a log
-output/.tirelog/pieces/<observable>/<name>.npz   what models need of a log (`pieces_file`), where the manifest has models
+output/.tirelog/steady/<observable>/<name>.npz   what models need of a log (`pieces_file`), where the manifest has models
 output/.tirelog/tmp/                 temporary runs of the workers (elsewhere if the output is at an address); emptied when a run begins
 """
 

@@ -6,9 +6,8 @@
 What differs between logs (load, pressure, water, age) is what lets `diagnose` see effects that no single log shows.  A result carries the
 key of everything it was made of, so it is made again only when a log, a setup, the model or tirelog changes.
 
-Memory: MOST_PIECES means of like revolutions at most, whatever the campaign's size, and nothing of the revolutions; every log gives the
-same share of them (two at least; beyond MOST_PIECES / 2 logs only so many logs, evenly), spread over its speeds.  A result says how many
-there were.
+Memory: the means of like revolutions that `discrepancy.gathering` has room for, whatever the campaign's size, and nothing of the
+revolutions; logs share that room as those of one `diagnose` do, so that both give the same numbers.  A result says how many there were.
 """
 
 from __future__ import annotations
@@ -17,9 +16,8 @@ import hashlib
 import json
 import shlex
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from tirelog import __version__
 from tirelog.campaign.folder import json_of
@@ -31,7 +29,8 @@ from tirelog.errors import ReadError, TirelogError, UsageError
 if TYPE_CHECKING:
     from tirelog.discrepancy.pieces import Pieces
 
-_LEAST_SHARE = 2
+#: changes with what a result is made of beside logs, setups and models, so that older results are made again
+_FORM = "steady revolutions, shared room"
 
 
 def run_models(campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]) -> list[str]:
@@ -54,7 +53,7 @@ def _run(model: CampaignModel, manifest: str, ledger: Ledger, tasks: list[Task],
         raise UsageError(f"cannot be read ({problem}); a model is a TOML file; mend its path in the manifest") from None
     if not measured:
         raise UsageError(f"no log of the campaign measures {model.observable}, so there is nothing to hold the model against")
-    key = hashlib.sha256(json.dumps([[t.key for t in measured], text, __version__]).encode()).hexdigest()
+    key = hashlib.sha256(json.dumps([[t.key for t in measured], text, __version__, _FORM]).encode()).hexdigest()
     folder = f"models/{model.file.stem}"
     waiting = [name for name in model.commands if json_of(ledger.folder.read(f"{folder}/{name}.json")).get("key") != key]
     if not waiting:
@@ -100,23 +99,33 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
 
 def _pieces(tasks: list[Task], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:
     """Each log's share of pieces, and what to say of it."""
-    from tirelog.campaign.pieces_file import MOST_PIECES, read_pieces
+    from tirelog.discrepancy.gathering import chosen_logs, left_out, room, share_out
     from tirelog.discrepancy.pieces import joined_pieces
+    from tirelog.physics.carcass import SCALARS
 
-    share = max(MOST_PIECES // len(tasks), _LEAST_SHARE)
-    most_logs = MOST_PIECES // share
-    chosen = sorted({int(i) for i in np.linspace(0, len(tasks) - 1, min(len(tasks), most_logs)).round()})
-    parts, of = [], 0
-    for number, task in enumerate(tasks[i] for i in chosen):
-        name = pieces_name(observable, task.name)
-        try:
-            whole = read_pieces(ledger.folder.read(name) or b"")
-        except (ValueError, KeyError, OSError, EOFError):
-            raise ReadError(f"{name} is damaged; it is made by campaign run; remove it and run again", file=ledger.folder.root) from None
-        of += len(whole)
-        parts.append(whole.thinned(share, number))
+    most = room(1 if observable in SCALARS else 2)
+    chosen = [tasks[i] for i in chosen_logs(len(tasks), most)]
+    sizes = [len(_kept(task, observable, ledger)) for task in chosen]  # read twice: all of them at once may not fit
+    parts = [
+        _kept(task, observable, ledger).thinned(share, number)
+        for number, (task, share) in enumerate(zip(chosen, share_out(sizes, most), strict=True))
+    ]
     pieces = joined_pieces(parts)
-    return pieces, {"logs_used": len(parts), "logs": len(tasks), "cells_used": len(pieces), "cells": of}
+    said = left_out(len(pieces), sum(sizes), len(parts), len(tasks))
+    about = {"logs_used": len(parts), "logs": len(tasks), "cells_used": len(pieces), "cells": sum(sizes)}
+    pieces = replace(pieces, notes=(*pieces.notes, *said))
+    return pieces, {**about, "remarks": list(pieces.notes)}
+
+
+def _kept(task: Task, observable: str, ledger: Ledger) -> Pieces:
+    """The pieces that a log's worker kept.  ReadError: the file is damaged."""
+    from tirelog.campaign.pieces_file import read_pieces
+
+    name = pieces_name(observable, task.name)
+    try:
+        return read_pieces(ledger.folder.read(name) or b"")
+    except (ValueError, KeyError, OSError, EOFError):
+        raise ReadError(f"{name} is damaged; it is made by campaign run; remove it and run again", file=ledger.folder.root) from None
 
 
 def _bytes(data: Mapping[str, Any]) -> bytes:

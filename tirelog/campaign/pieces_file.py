@@ -15,9 +15,7 @@ import numpy as np
 from tirelog.discrepancy.pieces import Pieces
 from tirelog.recording import Conditions
 
-#: pieces that a campaign's models work on, all logs together: what keeps them within 400 MB (measured by `benchmarks campaign`)
-MOST_PIECES = 240
-_WORDS = ("observable", "channel", "surface", "radius_m", "logs")
+_WORDS = ("observable", "channel", "surface", "radius_m", "logs", "notes")
 
 
 def pieces_bytes(pieces: Pieces) -> bytes:
@@ -36,4 +34,4 @@ def read_pieces(data: bytes) -> Pieces:
         words = json.loads(str(arrays["words"]))
         conditions = Conditions(**{f.name: arrays[f"conditions.{f.name}"] for f in fields(Conditions)})
         rows = {f.name: arrays[f.name] for f in fields(Pieces) if f.name not in (*_WORDS, "conditions")}
-    return Pieces(**{**words, "logs": tuple(words["logs"])}, conditions=conditions, **rows)
+    return Pieces(**{**words, "logs": tuple(words["logs"]), "notes": tuple(words["notes"])}, conditions=conditions, **rows)

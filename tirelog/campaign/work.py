@@ -94,8 +94,8 @@ def part_name(table: str, log: str) -> str:
 
 
 def pieces_name(observable: str, log: str) -> str:
-    """Where a log's pieces stand in the output folder."""
-    return f"{HIDDEN}/pieces/{observable}/{log}.npz"
+    """Where a log's pieces stand in the output folder; the folder's name changes with what is in them."""
+    return f"{HIDDEN}/steady/{observable}/{log}.npz"
 
 
 @contextmanager
@@ -130,16 +130,17 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
     """The pieces of each observable that models of the campaign ask for; why there are none is in the entry, and is no failure."""
     if not task.observables:
         return
-    from tirelog.campaign.pieces_file import MOST_PIECES, pieces_bytes
+    from tirelog.campaign.pieces_file import pieces_bytes
     from tirelog.discrepancy.gathering import pieces_of_all
-    from tirelog.discrepancy.stack import KINDS, stacks_from_logs
+    from tirelog.discrepancy.measured import measured
+    from tirelog.discrepancy.stack import KINDS
 
     for observable in task.observables:
         if not recording.of_kind(*KINDS.get(observable, ())):
             entry.pieces[observable] = f"no channel for {observable}"
             continue
         try:
-            pieces = pieces_of_all(stacks_from_logs([recording], observable)).thinned(MOST_PIECES)
+            pieces = pieces_of_all(measured([recording], observable).stacks)
         except TirelogError as problem:
             entry.pieces[observable] = problem.message
             continue

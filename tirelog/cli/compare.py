@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,11 +13,11 @@ from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Ses
 
 if TYPE_CHECKING:
     from tirelog.discrepancy import Comparison
+    from tirelog.discrepancy.measured import MeasuredLogs
     from tirelog.discrepancy.stacks import Stacks
     from tirelog.discrepancy.transient import TransientComparison
     from tirelog.discrepancy.transient_log import TransientLog
     from tirelog.physics.model import Model
-    from tirelog.recording import Recording
 
 Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)]
 ChannelName = Annotated[
@@ -33,28 +34,21 @@ By = Annotated[
 
 
 def stacks_and_model(session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None) -> tuple[Stacks, Model]:
-    """What diagnose and ladder start from; a log that cannot be read is said and left out, revolutions on an obstacle are left out."""
-    stacks, read, _ = stacks_model_and_obstacles(session, logs, model, effects, channel)
-    return stacks, read
+    """What diagnose and ladder start from: steady revolutions, and the model; a log that cannot be read is said and left out."""
+    found, read = measured_and_model(session, logs, model, effects, channel)
+    return found.stacks, read
 
 
-def stacks_model_and_obstacles(
+def measured_and_model(
     session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
-) -> tuple[Stacks, Model, list[TransientLog]]:
-    """What compare starts from: steady revolutions, the model, and the logs that met an obstacle (their setup has a [road])."""
-    from tirelog.cli.transients import parted, watched
-    from tirelog.discrepancy import stacks_from_logs
-    from tirelog.discrepancy.transient_learn import held
+) -> tuple[MeasuredLogs, Model]:
+    """What compare starts from: steady revolutions and obstacles of the logs, and the model."""
+    from tirelog.discrepancy.measured import measured
     from tirelog.physics.model import Model
     from tirelog.physics.user_effects import catalogue_with
 
     read = Model.load(model, catalogue=catalogue_with(effects))
-    kept: dict[str, Recording] = {}
-    stacks = stacks_from_logs(watched(session.recordings(logs), read.observable, channel, kept), read.observable, channel)
-    steady, obstacles = parted(stacks, kept)
-    for log in obstacles:
-        session.note(f"{log.log}: {log.hits_s.size} hits on an obstacle; the revolutions on it are kept apart from the steady ones")
-    return steady, held(read), obstacles
+    return measured(session.recordings(logs), read.observable, channel), read
 
 
 def own_effects(effects: Path | None) -> list[Any]:
@@ -98,18 +92,21 @@ def compare(
     plot: Plot = None,
 ) -> None:
     """Fit a model on part of the manoeuvres and show its error on the rest, beside the noise floor."""
+    from tirelog.cli.targets import refuse_picture, refuse_unwritable
     from tirelog.cli.transients import TABLES
     from tirelog.errors import UsageError, nearest
 
     tables = ("revolution", "angle", "speed", "regime", "conditions", *TABLES)
     if by is not None and by not in tables:
         raise UsageError(f"--by {by}{nearest(by, tables)}; allowed are {', '.join(tables)}; choose one")
+    refuse_unwritable(output)
+    refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
-        stacks, read, obstacles = stacks_model_and_obstacles(session, logs, model, effects, channel)
+        found, read = measured_and_model(session, logs, model, effects, channel)
         from tirelog.discrepancy import compare as compare_stacks
 
-        result = compare_stacks(stacks, read)
-        answers = _obstacles(session, obstacles, result)
+        result = compare_stacks(found.stacks, read)
+        answers = _obstacles(session, found.obstacles, result)
         if by in TABLES and answers is None:
             raise UsageError(
                 f"--by {by} is for a coupled_ring model and logs whose setup has a [road]; allowed here are "
@@ -139,7 +136,7 @@ def compare(
                 transients_page(answers)
 
 
-def _obstacles(session: Session, obstacles: list[TransientLog], result: Comparison) -> TransientComparison | None:
+def _obstacles(session: Session, obstacles: Sequence[TransientLog], result: Comparison) -> TransientComparison | None:
     """The fitted model's answer to the obstacles; None where there are none, or the model does not move in time."""
     if not obstacles:
         return None

@@ -23,6 +23,10 @@ def diagnose(
     plot: Plot = None,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
+    from tirelog.cli.targets import refuse_picture, refuse_unwritable
+
+    refuse_unwritable(output)
+    refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         stacks, read = stacks_and_model(session, logs, model, effects, channel)
         from tirelog.discrepancy import diagnose as diagnose_stacks
@@ -35,7 +39,7 @@ def diagnose(
 
             draw(result.after, plot)
         if format == "json" or (output is not None and output.suffix == ".json"):
-            write_json(result.to_json(), output)
+            write_json(result.to_json() | {"remarks": list(result.before.remarks)}, output)
         elif format is not None or output is not None:
             with session.table("diagnose", output, format) as table:
                 table.write(columns_of(_rows(result)))

@@ -41,14 +41,21 @@ def _table(columns: list[str], rows: list[list[Any]]) -> Any:
     return table
 
 
+def _held_out(result: Comparison, factor: float) -> list[float | str]:
+    """Error, floor and excess on manoeuvres held out; dashes if none could be."""
+    if result.rmse_heldout is None or result.excess_heldout is None:
+        return ["-", result.noise_floor * factor, "-"]
+    return [result.rmse_heldout * factor, result.noise_floor * factor, result.excess_heldout * factor]
+
+
 def comparison_page(result: Comparison) -> None:
     """Errors, where they are, parameters."""
     out = _console()
     factor, unit = shown(result.observable, result.unit)
     out.print(f"{result.observable} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} manoeuvres")
-    rows = [
+    rows: list[list[Any]] = [
         ["all, fitted", result.rmse * factor, result.noise_floor * factor, result.excess * factor],
-        ["all, held out", result.rmse_heldout * factor, result.noise_floor * factor, result.excess_heldout * factor],
+        ["all, held out", *_held_out(result, factor)],
     ]
     for name in ("angle", "speed", "regime", "conditions"):
         for row in result.tables[name]:
@@ -57,8 +64,8 @@ def comparison_page(result: Comparison) -> None:
     out.print(_table(["", "rmse", "floor", "excess"], rows))
     out.print(f"reduced chi-square {result.reduced_chi2:.3g}, fit {result.fit_percent:.2f} %")
     out.print(
-        f"floor: {result.noise_floor_within * factor:.3g} within manoeuvres, {result.noise_floor_between * factor:.3g} between them; "
-        "errors are those of one revolution at one angle"
+        f"floor: {result.noise_floor_within * factor:.3g} within manoeuvres, {result.noise_floor_between * factor:.3g} between them "
+        "as this model sees them (a worse model takes some of its misfit for scatter); errors are those of one revolution at one angle"
     )
     parameters = [[n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]]
     out.print(_table(["parameter", "value", "error", "unit"], parameters))
@@ -66,11 +73,13 @@ def comparison_page(result: Comparison) -> None:
 
 def diagnosis_page(result: Diagnosis) -> None:
     """Verdict, ranking, sets, what is left, what to drive, what to type."""
+    from tirelog.discrepancy.results import in_unit
+
     out = _console()
     factor, unit = shown(result.before.observable, result.before.unit)
     out.print(f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}")
     out.print(
-        f"held-out error {result.rmse_heldout_before * factor:.3g} -> {result.rmse_heldout_after * factor:.3g} {unit}, "
+        f"held-out error {in_unit(result.rmse_heldout_before, factor)} -> {in_unit(result.rmse_heldout_after, factor)} {unit}, "
         f"noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres"
     )
     rows = []

@@ -49,5 +49,6 @@ def history_page(rows: dict[str, list[Any]]) -> str:
             lines.append(f"{climbed}  {rows['observable'][i]}  {rows['verdict'][i]}")
             last = climbed
         error, floor = rows["rmse_heldout"][i], rows["noise_floor"][i]
-        lines.append(f"  {rows['step'][i]}  {rows['effect'][i]:20} held-out error {error:.4g}, floor {floor:.4g}  {rows['decision'][i]}")
+        held_out = "-" if error != error else f"{error:.4g}"
+        lines.append(f"  {rows['step'][i]}  {rows['effect'][i]:20} held-out error {held_out}, floor {floor:.4g}  {rows['decision'][i]}")
     return "\n".join(lines)

@@ -33,6 +33,10 @@ def ladder(
     by_log: Annotated[bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")] = False,
 ) -> None:
     """Add effects one by one until nothing more is worth adding; one row a step."""
+    from tirelog.cli.targets import refuse_picture, refuse_unwritable
+
+    refuse_unwritable(output, save)
+    refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         stacks, read = stacks_and_model(session, logs, model, effects, channel)
         from tirelog.discrepancy import ladder as climb
@@ -60,13 +64,16 @@ def _bars(result: Ladder) -> None:
     from tirelog.cli.discrepancy_page import shown
 
     factor, unit = shown(result.observable, result.unit)
-    largest = max(step.rmse_heldout for step in result.steps)
-    for step in result.steps:
-        length = max(1, round(_BAR * step.rmse_heldout / largest))
+    errors = [step.rmse_fit if step.rmse_heldout is None else step.rmse_heldout for step in result.steps]
+    largest = max(errors)
+    for step, error in zip(result.steps, errors, strict=True):
+        length = max(1, round(_BAR * error / largest))
         floor = min(_BAR - 1, round(_BAR * step.noise_floor / largest))
         bar = "".join("|" if i == floor else "#" if i < length else " " for i in range(_BAR))
-        sys.stderr.write(f"{step.step:2d} {step.effect:18s} {bar} {step.rmse_heldout * factor:.3g} {unit}\n")
+        sys.stderr.write(f"{step.step:2d} {step.effect:18s} {bar} {error * factor:.3g} {unit}\n")
         sys.stderr.write(f"   {step.sentence}\n")
+    for remark in result.remarks:
+        sys.stderr.write(f"   {remark}\n")
     if result.rmse_untouched is not None:
         error, floor_there = result.rmse_untouched * factor, (result.floor_untouched or 0.0) * factor
         sys.stderr.write(f"   on manoeuvres that nothing had touched: {error:.3g} {unit}, floor {floor_there:.3g}\n")

@@ -11,6 +11,8 @@ import typer
 from tirelog.cli.common import Format, Logs, ModelFile, Output, Quiet, Session, SetupFile, say
 
 if TYPE_CHECKING:
+    from tirelog.discrepancy.transient_log import TransientLog
+    from tirelog.physics.fit_result import FitResult
     from tirelog.physics.model import Model
     from tirelog.setup import Setup
 
@@ -170,32 +172,27 @@ def fit(
     effects: EffectsFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Fit a model's free parameters to all revolutions of the logs, and write the model with values and standard errors.
+    """Fit a model's free parameters to the logs as `compare` does, and write the model with values and standard errors.
 
+    Several channels, or other nuisances than the shift, are fitted revolution by revolution, which `compare` does not do.
     Masses, damping and bristles of a coupled ring are fitted to the obstacles of logs whose setup has a [road].
     """
     from tirelog.cli.model_page import fit_page, learned_page
-    from tirelog.cli.transients import parted, watched
-    from tirelog.discrepancy.stack import stacks_from_logs
-    from tirelog.discrepancy.stacks import joined
-    from tirelog.discrepancy.transient_learn import held, learn, motion_names
+    from tirelog.cli.targets import refuse_unwritable
+    from tirelog.discrepancy.motion import motion_names
+    from tirelog.discrepancy.transient_learn import learn
     from tirelog.physics.carcass import WAVEFORMS
-    from tirelog.physics.fit import fit as fit_model
 
+    refuse_unwritable(output)
     start = _load(model, effects)
-    words = [w for w in nuisances.replace(",", " ").split() if w != "none"] if start.observable in WAVEFORMS else []
+    words = [w for w in nuisances.replace(",", " ").split() if w != "none"] if start.observable in WAVEFORMS else ["shift"]
     with Session(setup, quiet) as session:
-        recordings = session.all_recordings(logs)
-        stacks: list[Any] = []
-        obstacles: list[Any] = []
-        for name in channel or (None,):
-            observable = _observable(recordings, name, start)
-            kept: dict[str, Any] = {}
-            measured = stacks_from_logs(watched(recordings, observable, name, kept), observable, name)
-            steady, met = parted(measured, kept)
-            stacks += [joined(steady.of_log(number)) for number in range(len(steady.logs))]  # the fit takes a log as a whole
-            obstacles += met
-        result = fit_model(held(start), stacks, nuisances=words, scatter=True)
+        if len(channel) < 2 and words == ["shift"]:
+            result, obstacles, remarks = _as_compare(session, logs, start, channel)
+        else:
+            result, obstacles, remarks = _by_revolution(session, logs, start, channel, words)
+        for remark in remarks:
+            session.note(remark)
         fitted = result.model.with_parameters({name: start.parameters[name] for name in motion_names(start)})
         learned = learn(obstacles, fitted) if obstacles and motion_names(start) else None
         (fitted if learned is None else learned.model).save(output)
@@ -205,6 +202,37 @@ def fit(
                 typer.echo(learned_page(learned))
             elif motion_names(start):
                 say(f"note: {', '.join(motion_names(start))}: told by obstacles alone; no log has a [road] in its setup: kept")
+
+
+def _as_compare(session: Session, logs: list[str], start: Model, channel: list[str]) -> tuple[FitResult, list[TransientLog], list[str]]:
+    """The fit of `compare`, the obstacles, and remarks."""
+    from tirelog.discrepancy.fitted import fit_measured
+    from tirelog.discrepancy.measured import measured
+
+    found = measured(session.recordings(logs), start.observable, channel[0] if channel else None)
+    result, remarks = fit_measured(found.stacks, start)
+    return result, list(found.obstacles), list(remarks)
+
+
+def _by_revolution(
+    session: Session, logs: list[str], start: Model, channel: list[str], nuisances: list[str]
+) -> tuple[FitResult, list[TransientLog], list[str]]:
+    """The fit to single revolutions of several channels or with nuisances of one's own, the obstacles, and remarks."""
+    from tirelog.discrepancy.measured import measured
+    from tirelog.discrepancy.motion import held
+    from tirelog.discrepancy.stacks import joined
+    from tirelog.physics.fit import fit as fit_model
+
+    recordings = session.all_recordings(logs)
+    stacks: list[Any] = []
+    obstacles: list[TransientLog] = []
+    remarks = ["fitted revolution by revolution; `compare` has other weights, so its parameters, errors and chi-square differ somewhat"]
+    for name in channel or (None,):
+        found = measured(recordings, _observable(recordings, name, start), name)
+        stacks += [joined(found.stacks.of_log(number)) for number in range(len(found.stacks.logs))]  # the fit takes a log as a whole
+        obstacles += found.obstacles
+        remarks += found.stacks.notes
+    return fit_model(held(start), stacks, nuisances=nuisances, scatter=True), obstacles, remarks
 
 
 def _observable(recordings: list[Any], name: str | None, model: Model) -> str:

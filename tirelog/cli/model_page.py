@@ -13,6 +13,11 @@ if TYPE_CHECKING:
     from tirelog.physics.parameters import Parameter
 
 
+#: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in `diagnose`; twice as high would leave unsaid
+#: a misfit as large as the noise itself
+FORM_IN_DOUBT = 1.2
+
+
 def _aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
     """Rows of text in columns as wide as their widest cell."""
     rows = list(rows)
@@ -88,9 +93,12 @@ def fit_page(result: FitResult) -> str:
         for full, value, se, p, _ in zip(result.names, result.values, result.se, parameters, names)
     ]
     aside = f" ({result.set_aside} of them set aside as outliers)" if result.set_aside else ""
-    lines = [f"{result.revolutions} revolutions{aside}, reduced chi-square {result.reduced_chi2:.3f}", _aligned(rows)]
+    of = " of single revolutions" if result.residuals else ""  # else of means of like revolutions, as `compare` has it
+    lines = [f"{result.revolutions} revolutions{aside}, reduced chi-square{of} {result.reduced_chi2:.3f}", _aligned(rows)]
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]
     lines += [f"{name} stands at a bound" for name in result.at_bound]
+    if result.reduced_chi2 > FORM_IN_DOUBT:
+        lines.append("what is left is more than noise: the errors hold only as far as the model's form does; `tirelog diagnose` tells more")
     return "\n".join([*lines, *result.degenerate])
 
 

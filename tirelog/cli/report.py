@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tirelog.report.build import Report
 
 _FORMATS = ("html", "png")
+_SUFFIXES = (".html", ".htm")
 
 
 def report(
@@ -53,6 +54,7 @@ def report(
 
 def _possible(logs: list[str] | None, output: Path | None, campaign: Path | None, format: str, figures: Path | None) -> None:
     """UsageError, before any work, where nothing could come of it."""
+    from tirelog.cli.targets import refuse_unwritable
     from tirelog.errors import UsageError, nearest
     from tirelog.report.page import plotting_library
 
@@ -65,6 +67,9 @@ def _possible(logs: list[str] | None, output: Path | None, campaign: Path | None
     if output is None and figures is None:
         raise UsageError("nothing to write; allowed are -o PAGE.html and --format png --figures DIR; add one")
     if output is not None:
+        if output.suffix.lower() not in _SUFFIXES and (output.is_file() or not output.exists()):
+            raise UsageError(f"-o {output}: the page is HTML; allowed are the suffixes {', '.join(_SUFFIXES)}; rename it")
+        refuse_unwritable(output)
         plotting_library()
     if figures is not None:
         from tirelog.report.pictures import need_matplotlib

@@ -1,57 +1,14 @@
-"""What `compare` does with logs whose setup has a [road]: obstacles found, steady revolutions kept apart, the model's answer compared.
-
-recordings --`watched`--> the same, the observed channel of those with a road kept --stacks--> `parted`: steady stacks, TransientLogs
-"""
+"""What `compare` shows of logs whose setup has a [road]: the model's answer to the obstacles, hit by hit, and its picture."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy.stacks import Stacks
     from tirelog.discrepancy.transient import TransientComparison
-    from tirelog.discrepancy.transient_log import TransientLog
-    from tirelog.recording import Recording
 
 TABLES = ("hit", "time", "frequency")
-
-
-def watched(recordings: Iterable[Recording], observable: str, channel: str | None, kept: dict[str, Recording]) -> Iterator[Recording]:
-    """The recordings as they come; of those that met an obstacle the observed channel is kept in memory, by log."""
-    from tirelog.discrepancy.stack import observe_channel
-    from tirelog.physics.carcass import WAVEFORMS
-    from tirelog.recording import Channel, TimeAxis
-
-    for recording in recordings:
-        if recording.setup.road.kind != "flat" and observable in WAVEFORMS:
-            source = observe_channel(recording, observable, channel)
-            axis = replace(TimeAxis.of_times(source.axis.time()), rate_Hz=source.axis.rate_Hz)
-            copy = Channel.of_array(source.name, source.kind, source.read(), axis, surface=source.surface)
-            kept[recording.log] = replace(recording, channels={source.name: copy})
-        yield recording
-
-
-def parted(stacks: Stacks, kept: dict[str, Recording]) -> tuple[Stacks, list[TransientLog]]:
-    """The stacks without the revolutions that an obstacle disturbs, and the logs that met one."""
-    from tirelog.discrepancy.stacks import Stacks, joined
-    from tirelog.discrepancy.transient_log import steady_revolutions, transient_log
-
-    if not kept:
-        return stacks, []
-    found, steady = [], Stacks()
-    for number, log in enumerate(stacks.logs):
-        recording = kept.get(log)
-        if recording is None:
-            steady.add(log, stacks.of_log(number))
-            continue
-        stack = joined(stacks.of_log(number))  # its samples are in memory as a whole too
-        found.append(transient_log(recording, recording.channels[stack.channel], stack))
-        steady.add(log, [steady_revolutions(stack, found[-1].hits_s)])
-    steady.number_through()  # a manoeuvre may have gone with its revolutions
-    return steady, found
 
 
 def transients_page(result: TransientComparison) -> None:

@@ -61,6 +61,11 @@ class Base:
         return self.floor.within + self.plain.mean_square(self.held_plain)
 
     @property
+    def rmse_held(self) -> float | None:
+        """Error on manoeuvres left out; None if there is but one, since none can be left out then."""
+        return float(np.sqrt(max(self.square_held, 0.0))) if self.cells.manoeuvres > 1 else None
+
+    @property
     def excess(self) -> float:
         """Held-out mean square above the floor; may be slightly negative by chance."""
         return self.square_held - self.floor.square

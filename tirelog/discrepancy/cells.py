@@ -37,6 +37,7 @@ class Cells:
     speed_mean, speed_square (C, m)  mean and mean square of a bin's samples' speed about the cell's mean speed [m/s], [m^2/s^2]
     moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does that)
     cell           (n,) the cell of each revolution of the stack, empty where only the pieces are left
+    notes          sentences on what was set apart, taken together or left out of the logs
     """
 
     observable: str
@@ -60,6 +61,7 @@ class Cells:
     moved: FloatArray
     cell: IntArray
     logs: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def angles(self) -> dict[str, Any]:
@@ -112,6 +114,7 @@ def cells_of(pieces: Pieces) -> Cells:
         moved=np.zeros(len(pieces)),
         cell=pieces.cell,
         logs=pieces.logs,
+        notes=pieces.notes,
     )
 
 

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from tirelog.discrepancy.base import Base, prepare
 from tirelog.discrepancy.cells import cells_of
 from tirelog.discrepancy.floor import Plain, scatter_columns
-from tirelog.discrepancy.gathering import pieces_of_all
+from tirelog.discrepancy.gathering import pieces_of_logs
 from tirelog.discrepancy.leftover import half_angle
+from tirelog.discrepancy.motion import held
 from tirelog.discrepancy.pieces import Pieces
 from tirelog.discrepancy.results import Comparison, Map, Tables, Waveforms, excess_of
 from tirelog.errors import UsageError
@@ -46,7 +47,7 @@ def measured_pieces(measured: Measured) -> Pieces:
     """The pieces of all logs.  UsageError: there is none."""
     if not len(measured):
         raise UsageError("no stack to compare with; at least one log is needed; give one")
-    return measured if isinstance(measured, Pieces) else pieces_of_all(measured)
+    return measured if isinstance(measured, Pieces) else pieces_of_logs(measured)
 
 
 def single_revolutions(measured: Measured) -> Sequence[Stack]:
@@ -63,7 +64,7 @@ def start(measured: Measured, model: Model) -> Base:
             f"{pieces.observable} (model new) or another log",
             file=pieces.logs[0],
         )
-    return prepare(cells_of(pieces), model)
+    return prepare(cells_of(pieces), held(model))
 
 
 def compare(measured: Measured, model: Model) -> Comparison:
@@ -81,7 +82,7 @@ def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
         unit=UNITS[base.model.observable],
         model=base.model,
         rmse=float(np.sqrt(max(base.square_fit, 0.0))),
-        rmse_heldout=float(np.sqrt(max(base.square_held, 0.0))),
+        rmse_heldout=base.rmse_held,
         noise_floor=float(np.sqrt(base.floor.square)),
         noise_floor_within=float(np.sqrt(base.floor.within)),
         noise_floor_between=float(np.sqrt(base.floor.between)),
@@ -106,7 +107,9 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
 
 def remarks_of(base: Base) -> list[str]:
     """What a person should know of the fit before believing it."""
-    said = []
+    said = list(base.cells.notes)
+    if base.cells.manoeuvres < 2:
+        said.append("one manoeuvre: none can be held out from the fit, so there is no held-out error; drive more of them")
     measured = np.nanmean(base.cells.values, axis=0)
     expected = np.nanmean(base.fit.prediction, axis=0)
     good = np.isfinite(measured) & np.isfinite(expected)
@@ -267,18 +270,21 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     angles: dict[str, Any] = (
         {"phi_rad": stack.phi_mean - base.cells.moved[cell][:, None], "phi_variance": stack.phi_variance} if waves else {"phi_rad": None}
     )
+    left_out = cell < 0  # of a log that many others left no room
+    cell = np.maximum(cell, 0)
     predicted = base.model.predict(stack.conditions, surface=stack.surface, **angles) + base.offset_of_cell[cell][:, None]
     left = np.where(np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan)
     direction = base.plain.direction[cell]
     left = left - direction * np.nansum(left * direction, axis=1, keepdims=True)
-    rmse = np.sqrt(np.nanmean(left**2, axis=1))
-    floor = np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell]
+    rmse = np.where(left_out, np.nan, np.sqrt(np.nanmean(left**2, axis=1)))
+    floor = np.where(left_out, np.nan, np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell])
     c = stack.conditions
     return [
         {
             "log": stack.logs[stack.log[i]], "channel": stack.channel, "revolution": int(stack.revolution[i]), "time_s": float(c.time_s[i]),
             "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]), "manoeuvre": int(stack.manoeuvre[i]),
-            "rmse": float(rmse[i]), "noise_floor": float(floor[i]), "quality": "ok",
+            "rmse": float(rmse[i]), "noise_floor": float(floor[i]),
+            "quality": "left_out" if left_out[i] else "ok",
         }
         for i in range(len(stack))
     ]  # fmt: skip

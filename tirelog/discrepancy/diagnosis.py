@@ -72,8 +72,8 @@ class Diagnosis:
     separating_manoeuvres: tuple[Mapping[str, Any], ...]
     unexplained: Mapping[str, Any]
     not_tested: Mapping[str, str]
-    rmse_heldout_before: float
-    rmse_heldout_after: float
+    rmse_heldout_before: float | None
+    rmse_heldout_after: float | None
     noise_floor: float
     noise_floor_within: float
     reduced_chi2_before: float
@@ -189,8 +189,8 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         separating_manoeuvres=tuple(advice),
         unexplained=unexplained,
         not_tested=reasons,
-        rmse_heldout_before=float(np.sqrt(max(before.square_held, 0.0))),
-        rmse_heldout_after=float(np.sqrt(max(result.square_held, 0.0))),
+        rmse_heldout_before=before.rmse_held,
+        rmse_heldout_after=result.rmse_held,
         noise_floor=float(np.sqrt(floor.square)),
         noise_floor_within=float(np.sqrt(floor.within)),
         reduced_chi2_before=before.reduced_chi2,

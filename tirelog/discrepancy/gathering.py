@@ -1,16 +1,20 @@
-"""The pieces of all stacks; those of long logs gathered, so that what works on them takes the same memory however long the logs are.
+"""The pieces of all logs under one limit, `MOST_PIECES`: what works on them takes the same memory however long and many the logs are.
 
-    Stacks, one after the other, each in its turn in memory --pieces_of--> their pieces under each other
-    more than `MOST_PIECES` of them: manoeuvres of one log and one regime, a few neighbours together --groups-->
+    Stacks of one log, each in its turn in memory --pieces_of--> their pieces under each other
+    more than `MOST_PIECES` of them: manoeuvres of one regime, a few neighbours together --groups-->
         pieces of one group in one band of speed --> one Piece: joined as revolutions are in `pieces` (coefficients out, the rest averaged)
+    the pieces of several logs, more than `MOST_PIECES` together --share_out--> each log's share of them, evenly over its speeds
 
-No revolution is left out: each counts in its piece's mean, noise and coefficients, and `cell` knows its piece.  To all that follows a
-group is one manoeuvre: replicates are fewer, and no more correlated than manoeuvres are.
+Within a log no revolution is left out: each counts in its piece's mean, noise and coefficients, and `cell` knows its piece.  To all
+that follows a group is one manoeuvre: replicates are fewer, and no more correlated than manoeuvres are.  Of many logs pieces are left
+out instead, since gathering them further would make one manoeuvre of what repeats.  `notes` of the pieces say both.
+
+`diagnose` of logs does both steps at once; a campaign's workers do the first and its models the second, with the same numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,20 +22,104 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.pieces import BAND_M_S, Pieces, assign, concatenated, one_waveform, pieces_of
-from tirelog.discrepancy.stacks import outlines
+from tirelog.discrepancy.stack import ANGLES
+from tirelog.discrepancy.stacks import Stacks, outlines
 from tirelog.recording import Conditions, Stack
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-#: pieces that all stacks together may have (25 minutes of mixed driving): a diagnosis takes 0.4 MB for each beside 240 MB.  Gathering more
-#: would cost what error bars rest on: with loads that scatter by 1 %, three manoeuvres as one raised reduced chi-square from 1.0 to 2.0
+#: pieces that all logs together may have (25 minutes of mixed driving), of `diagnose` as of a campaign: a diagnosis takes 0.4 MB for
+#: each beside 240 MB, so twice as many would take 530 MB.  Gathering more would cost what error bars rest on: with loads that scatter
+#: by 1 %, three manoeuvres as one raised reduced chi-square from 1.0 to 2.0
 MOST_PIECES = 360
+#: pieces that a log gives at least; where there are so many logs that they have no room, only some of the logs, evenly
+LEAST_SHARE = 2
+
+
+def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
+    """The pieces of all logs of the stacks, at most `most`; each log is gathered by itself, several share the room."""
+    outline = outlines(stacks)
+    most = room(outline[0].phi_rad.size, most)
+    parts: list[Pieces] = []
+    for places in _places_of_logs(outline):
+        part = _pieces((stacks[i] for i in places), [outline[i] for i in places], most)
+        first = parts[-1].manoeuvre.max() + 1 if parts else 0
+        parts.append(replace(part, manoeuvre=np.unique(part.manoeuvre, return_inverse=True)[1] + first))
+    chosen = chosen_logs(len(parts), most)
+    shares = dict(zip(chosen, share_out([len(parts[i]) for i in chosen], most), strict=True))
+    kept, cells, before = [], [], 0
+    for number, part in enumerate(parts):
+        share = shares.get(number, 0)
+        rows = part.spread(share, chosen.index(number)) if share else np.zeros(0, np.int64)
+        if rows.size:
+            kept.append(part if rows.size == len(part) else part.take(rows))
+        cells.append(_nearest(part, rows, before))
+        before += rows.size
+    said = left_out(before, sum(len(parts[i]) for i in chosen), len(kept), len(parts))
+    notes = (*_notes(stacks), *(note for part in kept for note in part.notes), *said)
+    return replace(concatenated(kept), cell=np.concatenate(cells), notes=notes)
+
+
+def room(angles: int, most: int = MOST_PIECES) -> int:
+    """How many pieces there is room for: `most` waveforms; numbers per revolution take next to none."""
+    return most if angles > 1 else most * ANGLES
+
+
+def chosen_logs(logs: int, most: int = MOST_PIECES) -> list[int]:
+    """The logs that give pieces: all, or where they have no room evenly some of them."""
+    return sorted({int(i) for i in np.linspace(0, logs - 1, min(logs, max(most // LEAST_SHARE, 1))).round()})
+
+
+def share_out(sizes: Sequence[int], most: int = MOST_PIECES) -> list[int]:
+    """How many pieces each log gives, of `sizes` that they have: short logs all of theirs, longer ones equally many, `most` together."""
+    highest = max(sizes, default=0)
+    while highest > LEAST_SHARE and sum(min(size, highest) for size in sizes) > most:
+        highest -= 1
+    return [min(size, highest) for size in sizes]
+
+
+def left_out(used: int, of: int, logs_used: int, logs: int) -> tuple[str, ...]:
+    """The sentence on what many logs have no room for, if anything."""
+    if used == of and logs_used == logs:
+        return ()
+    return (f"{used} of {of} means of like revolutions are used, spread over the speeds of {logs_used} of {logs} logs; more have no room",)
+
+
+def _places_of_logs(stacks: Sequence[Stack]) -> list[list[int]]:
+    """The stacks of each log, by their place; all together where one stack holds several logs."""
+    logs = [np.unique(stack.log) for stack in stacks]
+    if any(names.size > 1 for names in logs):
+        return [list(range(len(stacks)))]
+    return [[i for i, names in enumerate(logs) if names[0] == log] for log in dict.fromkeys(int(names[0]) for names in logs)]
+
+
+def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
+    """The piece of each revolution of a log of which `kept` pieces are left, numbered on from `before`: its own, or the one nearest in
+    speed; -1 where none is left."""
+    if not kept.size:
+        return np.full(part.cell.size, -1)
+    if kept.size == len(part):
+        return part.cell + before
+    speed = part.conditions.speed_m_s
+    nearest = np.abs(speed[:, None] - speed[kept]).argmin(axis=1)
+    nearest[kept] = np.arange(kept.size)
+    return before + nearest[part.cell]
 
 
 def pieces_of_all(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
     """The pieces of stacks that are numbered through, `most` or fewer where manoeuvres can be gathered so far."""
-    groups = _groups(outlines(stacks), most)
+    pieces = _pieces(stacks, outlines(stacks), most)
+    return replace(pieces, notes=(*_notes(stacks), *pieces.notes))
+
+
+def _notes(stacks: Sequence[Stack]) -> tuple[str, ...]:
+    return stacks.notes if isinstance(stacks, Stacks) else ()
+
+
+def _pieces(stacks: Iterable[Stack], outline: Sequence[Stack], most: int) -> Pieces:
+    """`pieces_of_all` of stacks as they come; `outline` the same without waveforms."""
+    groups = _groups(outline, most)
     parts: list[Pieces] = []
     for stack in stacks:
         parts.append(pieces_of(stack))
@@ -40,8 +128,14 @@ def pieces_of_all(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
     pieces = concatenated(parts)
     if groups is None:
         return pieces
+    before = np.unique(np.concatenate([stack.manoeuvre for stack in outline])).size
     pieces = _gathered(pieces, groups)
-    return replace(pieces, manoeuvre=groups[pieces.manoeuvre])
+    manoeuvre = groups[pieces.manoeuvre]
+    said = (
+        f"{', '.join(pieces.logs[i] for i in np.unique(pieces.log))}: {before} manoeuvres are taken together as "
+        f"{np.unique(manoeuvre).size}, some neighbours of one regime as one; scatter between those counts as the model's error"
+    )
+    return replace(pieces, manoeuvre=manoeuvre, notes=(said,))
 
 
 def _groups(stacks: Sequence[Stack], most: int) -> IntArray | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tirelog.discrepancy.base import Base
 from tirelog.discrepancy.cells import cells_of
-from tirelog.discrepancy.comparison import UNITS, Measured, measured_pieces, start
+from tirelog.discrepancy.comparison import UNITS, Measured, measured_pieces, remarks_of, start
 from tirelog.discrepancy.diagnosis import EXPLAINED, Found, Progress, search
 from tirelog.discrepancy.fitting import Problem, centred
 from tirelog.discrepancy.floor import Plain, at_mean_speed
@@ -42,6 +42,7 @@ def ladder(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), 
     found = search(base, tuple(effects), progress)
     after = found.after
     untouched = _untouched(after, locked) if locked is not None else (None, None)
+    kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
     return Ladder(
         observable=model.observable,
         unit=UNITS[model.observable],
@@ -54,6 +55,15 @@ def ladder(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), 
         revolutions=int(after.cells.revolutions.sum()),
         manoeuvres=after.cells.manoeuvres,
         logs=after.cells.logs,
+        manoeuvres_locked=kept_back,
+        remarks=(*remarks_of(found.before), *([_said(base.cells.manoeuvres, kept_back)] if kept_back else [])),
+    )
+
+
+def _said(seen: int, locked: int) -> str:
+    return (
+        f"{locked} of {seen + locked} manoeuvres are locked away until the last step is made; the errors of the steps are those on the "
+        f"other {seen}, so the first differs somewhat from what `compare` says on all"
     )
 
 
@@ -134,7 +144,7 @@ def _steps(found: Found) -> Iterable[LadderStep]:
 
 def _row(number: int, base: Base, last: Base | None, step: Step | None) -> LadderStep:
     named = step.named if step else None
-    rmse_fit, rmse_held = (float(np.sqrt(max(x, 0.0))) for x in (base.square_fit, base.square_held))
+    rmse_fit, rmse_held = float(np.sqrt(max(base.square_fit, 0.0))), base.rmse_held
     floor = float(np.sqrt(base.floor.square))
     decision, sentence = "start", "The model as it came."
     if named and step:
@@ -147,7 +157,7 @@ def _row(number: int, base: Base, last: Base | None, step: Step | None) -> Ladde
         rmse_fit=rmse_fit,
         rmse_heldout=rmse_held,
         noise_floor=floor,
-        excess_heldout=excess_of(rmse_held, floor),
+        excess_heldout=None if rmse_held is None else excess_of(rmse_held, floor),
         p_adjusted=named.assessed.p if named else None,
         decision=decision,
         sentence=sentence,

@@ -41,8 +41,13 @@ def regimes(acceleration_m_s2: FloatArray) -> NDArray[np.str_]:
 
 
 def segment(regime: NDArray[np.str_], breaks: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.str_]]:
-    """(manoeuvre (n,), regime (n,)) with short stretches given to the longer neighbour; `breaks[i]` True starts a new one at i (a gap)."""
-    regime = regime.copy()
+    """The manoeuvre (n,) 0, 1, 2, ... and the regime (n,) of each revolution; `breaks[i]` True: a gap lies before revolution i.
+
+    A stretch below `SHORTEST` joins the longer of its neighbours that no gap parts from it.  Between two gaps it joins the
+    stretch before it, and the first of a log the one after it: so few revolutions are no manoeuvre, and none is left out.
+    Each joining leaves one stretch less, so it ends.
+    """
+    regime, breaks = regime.copy(), breaks.copy()
     while True:
         start = np.flatnonzero(np.r_[True, (regime[1:] != regime[:-1]) | breaks[1:]])
         length = np.diff(np.r_[start, regime.size])
@@ -52,10 +57,7 @@ def segment(regime: NDArray[np.str_], breaks: NDArray[np.bool_]) -> tuple[NDArra
         i = short[np.argmin(length[short])]
         before = length[i - 1] if i > 0 and not breaks[start[i]] else -1
         after = length[i + 1] if i + 1 < start.size and not breaks[start[i + 1]] else -1
-        if before < 0 and after < 0:
-            breaks = breaks.copy()
-            breaks[start[i]] = False
-            continue
-        neighbour = start[i - 1] if before >= after else start[i + 1]
-        regime[start[i] : start[i] + length[i]] = regime[neighbour]
+        joins_before = before >= after if max(before, after) >= 0 else i > 0
+        regime[start[i] : start[i] + length[i]] = regime[start[i] - 1] if joins_before else regime[start[i + 1]]
+        breaks[start[i] if joins_before else start[i + 1]] = False
     return np.repeat(np.arange(start.size), length), regime

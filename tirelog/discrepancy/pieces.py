@@ -28,7 +28,7 @@ FEWEST = 3
 MOST_BANDS = 6
 _ROUNDS = 2
 #: fields of Pieces that are not a row a piece
-_APART = ("observable", "channel", "surface", "radius_m", "coefficients", "conditions", "cell", "logs")
+_APART = ("observable", "channel", "surface", "radius_m", "coefficients", "conditions", "cell", "logs", "notes")
 #: successive logs take their share of pieces at other speeds: the golden ratio's fraction spreads them evenly
 _GOLDEN = 0.6180339887498949
 
@@ -43,6 +43,7 @@ class Pieces:
     speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the piece's mean speed [m/s], [m^2/s^2]
     number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces
     conditions, log, manoeuvre, regime  a value a piece;  cell (n,) the piece of each revolution of the stack, empty where it is not known
+    notes          sentences on what was set apart, taken together or left out on the way here
     """
 
     observable: str
@@ -68,6 +69,7 @@ class Pieces:
     regime: NDArray[np.str_]
     cell: IntArray
     logs: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return int(self.number.size)
@@ -84,10 +86,14 @@ class Pieces:
 
     def thinned(self, most: int, turn: int = 0) -> Pieces:
         """At most `most` pieces, evenly over the speeds; another `turn` (the number of a log, say) takes them at other speeds."""
+        return self if len(self) <= most else self.take(self.spread(most, turn))
+
+    def spread(self, most: int, turn: int = 0) -> IntArray:
+        """The pieces, ascending, that `thinned` keeps."""
         if len(self) <= most:
-            return self
+            return np.arange(len(self))
         place = (np.arange(most) + (turn * _GOLDEN) % 1.0) / most * len(self)
-        return self.take(np.argsort(self.conditions.speed_m_s, kind="stable")[place.astype(int)])
+        return np.sort(np.argsort(self.conditions.speed_m_s, kind="stable")[place.astype(int)])
 
 
 def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
@@ -99,7 +105,9 @@ def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
         numbers = [getattr(part, name) for part in parts]
         first = np.cumsum([0, *(1 + int(n.max()) for n in numbers[:-1])])
         rows[name] = np.concatenate([n + more for n, more in zip(numbers, first, strict=True)])
-    return replace(concatenated(parts), cell=np.zeros(0, np.int64), logs=tuple(log for part in parts for log in part.logs), **rows)
+    notes = tuple(note for part in parts for note in part.notes)
+    logs = tuple(log for part in parts for log in part.logs)
+    return replace(concatenated(parts), cell=np.zeros(0, np.int64), logs=logs, notes=notes, **rows)
 
 
 def concatenated(parts: Sequence[Pieces]) -> Pieces:

@@ -70,6 +70,10 @@ class Tables(Mapping[str, Rows]):
 class Comparison:
     """A fitted model against logs.  Errors in the observable's unit, for one revolution's value at one angle.
 
+    rmse          on the revolutions of the fit
+    rmse_heldout  on manoeuvres that the fit had not seen, each left out in its turn; None if there is but one
+    noise_floor   what scatter alone leaves; its part `between` like manoeuvres is seen through this model
+    reduced_chi2  per degree of freedom, against noise and scatter alone, of the fitted point
     `tables`: rows by revolution, angle, speed, regime, conditions.  `half_angle_rad` is the patch's half length as an angle.
     """
 
@@ -77,7 +81,7 @@ class Comparison:
     unit: str
     model: Model
     rmse: float
-    rmse_heldout: float
+    rmse_heldout: float | None
     noise_floor: float
     noise_floor_within: float
     noise_floor_between: float
@@ -99,8 +103,8 @@ class Comparison:
         return excess_of(self.rmse, self.noise_floor)
 
     @property
-    def excess_heldout(self) -> float:
-        return excess_of(self.rmse_heldout, self.noise_floor)
+    def excess_heldout(self) -> float | None:
+        return None if self.rmse_heldout is None else excess_of(self.rmse_heldout, self.noise_floor)
 
     def to_json(self) -> dict[str, Any]:
         apart = ("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks")
@@ -129,9 +133,9 @@ class LadderStep:
     step: int
     effect: str
     rmse_fit: float
-    rmse_heldout: float
+    rmse_heldout: float | None
     noise_floor: float
-    excess_heldout: float
+    excess_heldout: float | None
     p_adjusted: float | None
     decision: str
     sentence: str
@@ -140,7 +144,11 @@ class LadderStep:
 
 @dataclass(frozen=True)
 class Ladder:
-    """Steps from the base model to the floor, the model at the top, and its error on stretches that nothing had touched."""
+    """Steps from the base model to the floor, the model at the top, and its error on manoeuvres that nothing had touched.
+
+    The errors of the steps are those of `compare` on the `manoeuvres` that the search saw; `manoeuvres_locked` others were kept from
+    it, and `rmse_untouched` is the last model's error on them.
+    """
 
     observable: str
     unit: str
@@ -153,6 +161,8 @@ class Ladder:
     revolutions: int
     manoeuvres: int
     logs: tuple[str, ...]
+    manoeuvres_locked: int = 0
+    remarks: tuple[str, ...] = ()
 
     def rows(self) -> list[dict[str, Any]]:
         """The table, one dict a step, parameters as `name` and `name_se` columns at the end."""
@@ -177,8 +187,15 @@ class Ladder:
             "revolutions",
             "manoeuvres",
             "logs",
+            "manoeuvres_locked",
+            "remarks",
         )
         return plain({name: getattr(self, name) for name in names} | {"steps": steps})
+
+
+def in_unit(error: float | None, factor: float) -> str:
+    """An error to read, times `factor`; a dash if there is none."""
+    return "-" if error is None else f"{error * factor:.3g}"
 
 
 def excess_of(rmse: float, floor: float) -> float:

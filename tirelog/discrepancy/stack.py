@@ -60,13 +60,22 @@ class Turns:
 
 
 def observe_channel(recording: Recording, observable: str, name: str | None = None) -> Channel:
-    """The channel of the recording that measures the observable: the named one, or the first.  UsageError where there is none."""
+    """The channel of the recording that measures the observable: the named one, or the first.  UsageError: there is none."""
+    kinds = KINDS.get(observable, (observable,))
+    found = recording.of_kind(*kinds)
     if name is not None and name in recording.channels:
-        return recording.channels[name]
-    found = recording.of_kind(*KINDS.get(observable, ()))
+        channel = recording.channels[name]
+        if channel.kind in kinds:
+            return channel
+        fits = ", ".join(c.name for c in found) or "none of this log"
+        raise UsageError(
+            f"channel {name} is of the kind {channel.kind}, the model predicts {observable}; channels of the kind {' or '.join(kinds)} are "
+            f"allowed: {fits}; name one of them, or take a model for {channel.kind}",
+            file=recording.log,
+        )
     if name is not None or not found:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
-        wanted = name or f"of the observable {observable} ({' or '.join(KINDS.get(observable, (observable,)))})"
+        wanted = name or f"of the observable {observable} ({' or '.join(kinds)})"
         raise UsageError(f"no channel {wanted}; the log has {have}; take a model for what is measured, or another log", file=recording.log)
     return found[0]
 

@@ -26,10 +26,14 @@ _NUMBERS = ("noise", "log", "manoeuvre", "revolution", "regime")
 
 
 class Stacks(Sequence[Stack]):
-    """Stacks on the same angles; `logs` names all logs, and each stack's `log` and `manoeuvre` count through them."""
+    """Stacks on the same angles; `logs` names all logs, and each stack's `log` and `manoeuvre` count through them.
+
+    `notes`: sentences on what was set apart of them.
+    """
 
     def __init__(self, in_memory: int | None = None) -> None:
         self.logs: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = ()
         self._room = IN_MEMORY if in_memory is None else in_memory
         self._stacks: list[Stack] = []
         self._places: list[int | None] = []  # where in the file the waveforms are, None where they are in memory
@@ -43,6 +47,10 @@ class Stacks(Sequence[Stack]):
                 number = np.full(len(stretch), len(self.logs))
                 self._keep(replace(stretch, log=number, manoeuvre=stretch.manoeuvre + first))
         self.logs = (*self.logs, log)
+
+    def note(self, sentence: str) -> None:
+        """A sentence that whoever reads a result of these stacks must see."""
+        self.notes = (*self.notes, sentence)
 
     def of_log(self, number: int) -> Iterator[Stack]:
         """The stacks of one log, in order."""

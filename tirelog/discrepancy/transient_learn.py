@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from tirelog.discrepancy.motion import motion_names
 from tirelog.discrepancy.transient_fit import View, fit_hit, motion_at, view_of
 from tirelog.discrepancy.transient_log import TransientLog, around
 from tirelog.errors import UsageError
@@ -39,16 +40,6 @@ class Learned:
     before: float
     after: float
     hits: int
-
-
-def motion_names(model: Model) -> tuple[str, ...]:
-    """The free parameters that only a motion tells."""
-    return tuple(name for name in model.free if name in MOTION and model.carcass == "coupled_ring")
-
-
-def held(model: Model) -> Model:
-    """The model as the steady waveform is fitted: without what only a motion tells."""
-    return model.with_parameters({name: model.parameters[name].fixed() for name in motion_names(model)})
 
 
 @dataclass(frozen=True)

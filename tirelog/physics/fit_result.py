@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,6 +46,39 @@ class FitResult:
     residuals: tuple[FloatArray, ...] = field(repr=False, default=())
 
 
+def result_of(
+    model: Model,
+    names: tuple[str, ...],
+    jacobian: FloatArray,
+    se: FloatArray,
+    *,
+    reduced_chi2: float,
+    scale: float,
+    freedom: int,
+    revolutions: int,
+) -> FitResult:
+    """The result of a fit that was made elsewhere: `jacobian` (N, p) of its whitened residuals, `se` (p,) of its parameters; `scale`
+    multiplies the variances."""
+    parameters = model.parameters
+    covariance, _, blind = _errors(jacobian, names, parameters, scale)
+    values = {name: parameters[name].value for name in names}
+    return FitResult(
+        model=model.with_parameters({n: replace(parameters[n], se=float(s) if np.isfinite(s) else None) for n, s in zip(names, se)}),
+        names=names,
+        values=np.array(list(values.values())),
+        se=se,
+        covariance=covariance,
+        correlations=_correlated(names, covariance, np.where(np.isfinite(se), np.sqrt(np.diag(covariance)), np.inf)),
+        at_bound=_at_bound(values, parameters),
+        degenerate=(*_shared_scale(model, names), *blind),
+        reduced_chi2=reduced_chi2,
+        freedom=freedom,
+        revolutions=revolutions,
+        set_aside=0,
+        evaluations=0,
+    )
+
+
 def summarise(problem: Problem, point: Point, evaluations: int) -> FitResult:
     """The result at the best point."""
     names = tuple(name for name in problem.model.free if name != LEVER or problem.lever_free)
@@ -56,9 +89,6 @@ def summarise(problem: Problem, point: Point, evaluations: int) -> FitResult:
     parameters = problem.model.parameters
     covariance, se, blind = _errors(jacobian, names, parameters, max(chi2, 1.0))
     errors = {name: float(s) for name, s in zip(names, se) if np.isfinite(s)}
-    at_bound = tuple(
-        n for n in names if _near(values[n], parameters[n].min, parameters[n]) or _near(values[n], parameters[n].max, parameters[n])
-    )
     return FitResult(
         model=problem.model.with_values({n: float(np.clip(values[n], parameters[n].min, parameters[n].max)) for n in names}, se=errors),
         names=names,
@@ -66,7 +96,7 @@ def summarise(problem: Problem, point: Point, evaluations: int) -> FitResult:
         se=se,
         covariance=covariance,
         correlations=_correlated(names, covariance, se),
-        at_bound=at_bound,
+        at_bound=_at_bound({n: values[n] for n in names}, parameters),
         degenerate=(*_shared_scale(problem.model, names), *blind),
         reduced_chi2=chi2,
         freedom=freedom,
@@ -74,6 +104,12 @@ def summarise(problem: Problem, point: Point, evaluations: int) -> FitResult:
         set_aside=sum(int(rows.sum()) for rows in problem.aside),
         evaluations=evaluations,
         residuals=tuple(point.residuals),
+    )
+
+
+def _at_bound(values: Mapping[str, float], parameters: Mapping[str, Parameter]) -> tuple[str, ...]:
+    return tuple(
+        n for n, value in values.items() if any(_near(value, bound, parameters[n]) for bound in (parameters[n].min, parameters[n].max))
     )
 
 

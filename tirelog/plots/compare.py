@@ -20,6 +20,8 @@ def figure(result: Comparison) -> Any:
     """A matplotlib figure of a comparison."""
     from matplotlib.figure import Figure
 
+    from tirelog.discrepancy.results import in_unit
+
     factor, unit = _SHOWN.get(result.observable, (1.0, result.unit))
     canvas = Figure(figsize=(12.0, 9.5), layout="constrained")
     grid = canvas.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 1.0))
@@ -29,8 +31,8 @@ def figure(result: Comparison) -> Any:
             axes = canvas.add_subplot(grid[row, column])
             _map(canvas, axes, map_, kind, factor if kind == "residual" else 1.0, label, name, result.half_angle_rad)
     canvas.suptitle(
-        f"held-out error {result.rmse_heldout * factor:.3g} {unit}, noise floor {result.noise_floor * factor:.3g}, "
-        f"excess {result.excess_heldout * factor:.3g}; reduced chi-square {result.reduced_chi2:.3g}"
+        f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor {result.noise_floor * factor:.3g}, "
+        f"excess {in_unit(result.excess_heldout, factor)}; reduced chi-square {result.reduced_chi2:.3g}"
     )
     return canvas
 

@@ -41,10 +41,11 @@ def model_story(
     progress: Callable[[str], None],
 ) -> Story:
     """The sections of a model.  TirelogError where model and logs do not fit together."""
-    from tirelog.discrepancy import diagnose, stacks_from_logs
+    from tirelog.discrepancy import diagnose
+    from tirelog.discrepancy.measured import measured
     from tirelog.physics.effects import BY_ID
 
-    stacks = stacks_from_logs(recordings, model.observable, asked.channel)
+    stacks = measured(recordings, model.observable, asked.channel).stacks
     own = [effect for name, effect in catalogue.items() if name not in BY_ID]
     found = diagnose(stacks, model, effects=own, progress=progress)
 

@@ -43,10 +43,12 @@ def number(value: Any) -> str:
 
 def comparison(result: Comparison, command: str) -> Section:
     """Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and angle and time."""
+    from tirelog.discrepancy.results import in_unit
+
     factor, unit = shown(result.observable, result.unit)
     words = [
-        f"Error of one revolution's value at one angle, on manoeuvres held out from the fit: {result.rmse_heldout * factor:.3g} {unit}; "
-        f"noise floor {result.noise_floor * factor:.3g}, excess {result.excess_heldout * factor:.3g}. On the data of the fit: "
+        f"Error of one revolution's value at one angle, on manoeuvres held out from the fit: {in_unit(result.rmse_heldout, factor)} "
+        f"{unit}; noise floor {result.noise_floor * factor:.3g}, excess {in_unit(result.excess_heldout, factor)}. On the data of the fit: "
         f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; {result.revolutions} revolutions, "
         f"{result.manoeuvres} manoeuvres.",
         _where(result, factor, unit),
@@ -161,12 +163,14 @@ def _parameters(result: Comparison) -> Table:
 def diagnosis(result: Diagnosis, command: str) -> Section:
     """Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and command."""
     from tirelog.discrepancy.ranking_errors import removed_errors
+    from tirelog.discrepancy.results import in_unit
 
     factor, unit = shown(result.before.observable, result.before.unit)
     words = [
         f"{result.verdict.replace('_', ' ').capitalize()}. {result.sentence}",
-        f"Held-out error {result.rmse_heldout_before * factor:.3g} {unit} as it came, {result.rmse_heldout_after * factor:.3g} with what "
-        f"was selected; noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
+        f"Held-out error {in_unit(result.rmse_heldout_before, factor)} {unit} as it came, {in_unit(result.rmse_heldout_after, factor)} "
+        f"with what was selected; noise floor {result.noise_floor * factor:.3g}; "
+        f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
         *(f"These data cannot tell apart: {', '.join(group)}." for group in result.ambiguous_groups),
         str(result.unexplained["sentence"]),
         *(_manoeuvre(row) for row in result.separating_manoeuvres),
@@ -228,30 +232,39 @@ def ladder(climbed: Mapping[str, Any], command: str) -> Section:
     factor, unit = shown(climbed["observable"], climbed["unit"])
     steps = [step for step in climbed["steps"] if not step["decision"].startswith("not added")]
     names = [step["effect"] for step in steps]
-    held, fitted, floor = ([step[name] * factor for step in steps] for name in ("rmse_heldout", "rmse_fit", "noise_floor"))
+    held, fitted, floor = ([_times(step[name], factor) for step in steps] for name in ("rmse_heldout", "rmse_fit", "noise_floor"))
     marks = {"size": 14, "symbol": "line-ew-open", "color": GREY_BAR, "line": {"width": 3}}
     traces = [
         bars(names, held, "held-out error", 0),
         {**dots(range(len(names)), fitted, "error of the fit"), "x": names, "marker": marks},
         {**line(range(len(names)), floor, "noise floor", 1), "x": names},
     ]
-    words = [step["sentence"] for step in climbed["steps"]]
+    words = [step["sentence"] for step in climbed["steps"]] + [f"{remark}." for remark in climbed.get("remarks", ())]
     if climbed.get("rmse_untouched") is not None:
         words.append(
             f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} {unit}, "
             f"floor there {climbed['floor_untouched'] * factor:.3g}."
         )
-    alt = "Held-out error falling to the floor: " + ", ".join(f"{n} {h:.3g} {unit}" for n, h in zip(names, held, strict=True))
+    said = [f"{n} {h:.3g} {unit}" if h == h else f"{n} none" for n, h in zip(names, held, strict=True)]
+    alt = f"Held-out error falling to the floor: {', '.join(said)}"
     shape = {"xaxis": axis("", type="category"), "yaxis": axis(f"{climbed['observable']} error [{unit}]", rangemode="tozero")}
     alt += f"; noise floor {floor[-1]:.3g} {unit}."
     figures = [Figure("ladder-steps", "The error falling to the floor", alt, traces, shape)]
     return Section("ladder", "The ladder", command, words, figures, [_steps(climbed, factor, unit)])
 
 
+def _times(error: float | None, factor: float) -> float:
+    """An error in the page's unit; not a number if there is none."""
+    return float("nan") if error is None else error * factor
+
+
+_ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
+
+
 def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> Table:
     rows = [
-        [str(s["step"]), s["effect"], *(number(s[k] * factor) for k in ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")),
-         number(s["p_adjusted"]), s["decision"], _strengths(s["parameters"])]
+        [str(s["step"]), s["effect"], *("-" if s[k] is None else number(s[k] * factor) for k in _ERRORS), number(s["p_adjusted"]),
+         s["decision"], _strengths(s["parameters"])]
         for s in climbed["steps"]
     ]  # fmt: skip
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]

@@ -130,9 +130,14 @@ _WORDS = (
     ("quality", "'ok', or words that say what is wrong inside a row's patch window; such rows are counted and not drawn"),
     ("phase shift", "wheel angle at the middle of the patch signal minus its value in the zero stretch; negative in braking"),
     ("effect", "one physical mechanism that can be in a model or missing from it"),
-    ("noise floor", "the error that no model can remove: scatter of revolutions and of like manoeuvres"),
+    (
+        "noise floor",
+        "the error that scatter alone leaves: that of revolutions within a manoeuvre, which is the same for every model, and that between "
+        "like manoeuvres, which is seen through the model, so that a worse model has a higher floor",
+    ),
     ("excess error", "sqrt(rmse^2 - floor^2): what a better model could still remove"),
-    ("held out", "data that the fit has not seen"),
+    ("held out", "manoeuvres that the fit has not seen: each is left out in its turn and predicted from all the others"),
+    ("reduced chi-square", "squared residual per degree of freedom, in units of noise and scatter: 1 if the model leaves nothing else"),
     ("manoeuvre", "a stretch of one regime (cruise, drive, coast, brake); what repeats from one to the next is no chance"),
     ("residual", "measured less predicted"),
 )

@@ -57,6 +57,7 @@ def comparisons(measured: Measured, top: Model, names: Sequence[str], bare: Mode
     from tirelog.discrepancy.base import prepare
     from tirelog.discrepancy.cells import cells_of
     from tirelog.discrepancy.comparison import comparison_of, measured_pieces
+    from tirelog.discrepancy.motion import held
 
     cells = cells_of(measured_pieces(measured))
     full = (1 << len(names)) - 1
@@ -68,7 +69,7 @@ def comparisons(measured: Measured, top: Model, names: Sequence[str], bare: Mode
             if not mask & (1 << bit):
                 model = model.without_effect(name)
         try:
-            found[mask] = comparison_of(prepare(cells, model, several=full < _THOROUGH))
+            found[mask] = comparison_of(prepare(cells, held(model), several=full < _THOROUGH))
         except ModelError as problem:
             found[mask] = problem.message
         progress(f"effects on and off: {mask + 1} of {full + 1} combinations fitted")
@@ -84,7 +85,7 @@ def switches(found: Mapping[int, Comparison | str], names: Sequence[str], comman
     factor, _ = shown(full.observable, full.unit)
     known = [result for result in found.values() if not isinstance(result, str)]
     reach = max(colour_reach(result.by_speed.residual * factor) for result in known)
-    highest = max(max(result.rmse, result.rmse_heldout, result.noise_floor) for result in known) * factor
+    highest = max(max(result.rmse, result.rmse_heldout or 0.0, result.noise_floor) for result in known) * factor
     title = "Residual over angle and speed, by switches"
     figures = [_waveforms(full), residual_map("switch-map", title, full.by_speed, full, reach), _error(full, highest)]
     states = {str(mask): _state(result, full, figures, _combination(mask, names)) for mask, result in found.items()}
@@ -116,12 +117,18 @@ def _waveforms(full: Comparison) -> Figure:
 def _error(full: Comparison, highest: float) -> Figure:
     """Three bars on an axis that holds those of every combination."""
     factor, unit = shown(full.observable, full.unit)
-    values = [v * factor for v in (full.rmse, full.rmse_heldout, full.noise_floor)]
+    values = _errors(full, factor)
     words = ["fitted", "held out", "noise floor"]
     shape = layout("", f"error [{unit}]", yrange=(0.0, 1.05 * highest), height=300, showlegend=False)
     shape["xaxis"] = {"type": "category", "automargin": True}
     alt = "Error on the data of the fit, error on held-out manoeuvres, and noise floor of the chosen combination."
     return Figure("switch-error", "Error, by switches", alt, [bars(words, values, "error")], shape)
+
+
+def _errors(result: Comparison, factor: float) -> list[float]:
+    """Fitted, held out (not a number if none is), noise floor."""
+    held_out = np.nan if result.rmse_heldout is None else result.rmse_heldout
+    return [error * factor for error in (result.rmse, held_out, result.noise_floor)]
 
 
 def _state(result: Comparison | str, full: Comparison, figures: Sequence[Figure], combination: str) -> dict[str, Any]:
@@ -137,14 +144,16 @@ def _state(result: Comparison | str, full: Comparison, figures: Sequence[Figure]
             for f in figures
         }
         return {"text": f"{combination}: cannot be computed ({result}).", "figures": empty}
+    from tirelog.discrepancy.results import in_unit
+
     factor, unit = shown(result.observable, result.unit)
     text = (
-        f"{combination}: held-out error {result.rmse_heldout * factor:.3g} {unit}, noise floor {result.noise_floor * factor:.3g}, "
-        f"excess {result.excess_heldout * factor:.3g}, reduced chi-square {result.reduced_chi2:.3g}."
+        f"{combination}: held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor {result.noise_floor * factor:.3g}, "
+        f"excess {in_unit(result.excess_heldout, factor)}, reduced chi-square {result.reduced_chi2:.3g}."
     )
     changes: dict[str, Any] = {
         waves.id: {str(2 * i): {"y": packed(y * factor)} for i, y in enumerate(result.waveforms.predicted)},
-        error.id: {"0": {"y": packed([v * factor for v in (result.rmse, result.rmse_heldout, result.noise_floor)])}},
+        error.id: {"0": {"y": packed(_errors(result, factor))}},
     }
     key = "z" if full.by_speed.phi_rad.size > 1 else "y"
     residual = result.by_speed.residual * factor
