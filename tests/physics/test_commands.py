@@ -71,7 +71,7 @@ def test_predict_gives_the_contracts_columns(here):
     run(["model", "new", "--setup", "s.toml", "-o", "b.toml"])
     assert run(["model", "predict", "b.toml", "--setup", "s.toml", "--speed", "14", "-o", "w.csv"]) == 0
     header, *lines = (here / "w.csv").read_text().splitlines()
-    assert header == "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m"
+    assert header == "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m,shear_traction_N_m"
     table = np.array([[float(x) for x in line.split(",")] for line in lines])
     assert np.all(np.diff(table[:, 1]) > 0)
     assert abs(table[np.argmax(table[:, 3]), 0]) < 0.063  # inner surface: a maximum in the patch

@@ -286,7 +286,8 @@ def predict(
     phi = np.linspace(-np.pi, np.pi, points, endpoint=False) + np.pi / points
     columns: dict[str, Any] = {"xi_m": phi * read.parameters["radius_m"].value, "phi_deg": np.degrees(phi)}
     wanted = {"displacement_m": "displacement", "strain": "strain", "radial_acceleration_m_s2": "radial_acceleration"}
-    for column, observable in (*wanted.items(), ("contact_pressure_N_m", "contact_pressure")):
+    wanted |= {"contact_pressure_N_m": "contact_pressure", "shear_traction_N_m": "shear_traction"}
+    for column, observable in wanted.items():
         columns[column] = read.predict(conditions, phi, surface=surface or "outer", observable=observable)[0]
     with Session(None).table("predict", output, format) as table:
         table.write(columns)
