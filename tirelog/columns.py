@@ -112,6 +112,7 @@ _ALL = [
     Column("displacement_m", "m", "float", "radial displacement, inward positive", 1e-10, 1e-6),
     Column("radial_acceleration_m_s2", "m/s^2", "float", "radial acceleration, outward positive", 1e-4, 1e-6),
     Column("contact_pressure_N_m", "N/m", "float", "contact pressure per length of tread", 1e-3, 1e-6),
+    Column("shear_traction_N_m", "N/m", "float", "traction of the road on the tread per length, positive in braking", 1e-3, 1e-6),
     # model predict over a road
     Column("sensor_deg", "deg", "float", "the sensor's angle on the belt at the start, 0 under the wheel", 1e-9),
     Column("distance_m", "m", "float", "distance driven since the start", 1e-6),
@@ -165,7 +166,7 @@ TABLES: dict[str, tuple[str, ...]] = {
         "patch_width_detrended_deg", "phase_shift_detrended_deg", "phase_shift_corrected_deg", "vertical_force_N", "vertical_force_se_N",
         "longitudinal_force_N", "longitudinal_force_se_N",
     ),
-    "predict": ("xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2", "contact_pressure_N_m"),
+    "predict": ("xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2", "contact_pressure_N_m", "shear_traction_N_m"),
     "passage": (
         "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg", "hub_displacement_m", "road_vertical_N",
         "road_longitudinal_N", "spindle_vertical_N", "spindle_longitudinal_N", "strain", "radial_acceleration_m_s2",

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from tirelog.errors import SetupError, nearest
 
+#: Standard gravity, the g of units, models and estimators.
+STANDARD_GRAVITY_M_S2 = 9.80665
+
 #: unit -> (quantity, factor, offset):  SI value = factor * value + offset
 UNITS: dict[str, tuple[str, float, float]] = {
     "m": ("length", 1.0, 0.0),
@@ -22,7 +25,7 @@ UNITS: dict[str, tuple[str, float, float]] = {
     "um/m": ("strain", 1e-6, 0.0),
     "m/s^2": ("acceleration", 1.0, 0.0),
     "m/s2": ("acceleration", 1.0, 0.0),
-    "g": ("acceleration", 9.80665, 0.0),
+    "g": ("acceleration", STANDARD_GRAVITY_M_S2, 0.0),
     "m/s": ("speed", 1.0, 0.0),
     "km/h": ("speed", 1.0 / 3.6, 0.0),
     "mph": ("speed", 0.44704, 0.0),
@@ -40,7 +43,7 @@ UNITS: dict[str, tuple[str, float, float]] = {
     "N": ("force", 1.0, 0.0),
     "kN": ("force", 1e3, 0.0),
     "daN": ("force", 10.0, 0.0),
-    "kgf": ("force", 9.80665, 0.0),
+    "kgf": ("force", STANDARD_GRAVITY_M_S2, 0.0),
     "lbf": ("force", 4.4482216152605, 0.0),
     "s": ("time", 1.0, 0.0),
     "ms": ("time", 1e-3, 0.0),

@@ -75,23 +75,28 @@ def test_bins_with_a_variance_read_the_mean_over_their_samples():
     assert np.abs(got - mean).max() < 0.02 * np.abs(plain - mean).max()
 
 
-def test_radial_acceleration_is_that_of_a_point_on_the_deformed_tread():
-    """A point of the inextensible belt in the plane, at (R + w) e_r + v e_t with v' = -w, differenced twice in time, projected outward."""
-    speed, step = 12.0, 2e-3
+@pytest.mark.parametrize("ahead", [0.0, 4.0, -6.0])
+def test_radial_acceleration_is_the_specific_force_at_a_point_of_the_tread(ahead):
+    """A point of the inextensible belt, at (R + w) e_r + v e_t with v' = -w from a centre that accelerates, differenced twice in time,
+    less gravity, projected outward.  In the plane s + i z: s backwards, as the tread passes through the patch, z up."""
+    speed, step, g = 12.0, 2e-3, 9.80665
     omega = speed / R
     model = Model.new("beam", "radial_acceleration", radius_m=R, load_N=20.0)
-    conditions = Conditions.of(1, speed_m_s=speed)
+    conditions = Conditions.of(1, speed_m_s=speed, acceleration_m_s2=ahead)
     phi = np.arange(-np.pi, np.pi, step)
     w = -model.predict(conditions, phi, observable="displacement")[0]
     v = -np.cumsum(w - w.mean()) * step + 0.5 * step * (w - w.mean())
-    turning = np.exp(1j * phi)
-    place = (R + w + 1j * v) * turning
-    second = (place[:-2] - 2 * place[1:-1] + place[2:]) / step**2 * omega**2
-    outward = (second * np.conj(turning[1:-1])).real
+    outwards = np.sin(phi) - 1j * np.cos(phi)  # straight down at the patch centre
+    time = phi / omega
+    place = -(speed * time + 0.5 * ahead * time**2) + (R + w + 1j * v) * outwards
+    second = (place[:-2] - 2 * place[1:-1] + place[2:]) / (step / omega) ** 2
+    outward = ((second + 1j * g) * np.conj(outwards[1:-1])).real
     middle = slice(1000, -1000)
     level = 2 * omega**2 * w.mean()  # the mean of w that an inextensible belt would not have
     got = model.predict(conditions, phi)[0][1:-1]
     assert np.abs(got - outward - level)[middle].max() < 2e-3 * np.ptp(outward[middle])
+    frame = model.predict(conditions, phi, observable="frame_acceleration")[0]
+    assert np.allclose(frame, -g * np.cos(phi) - ahead * np.sin(phi), atol=1e-5)
 
 
 def test_above_the_critical_speed_the_beam_refuses():

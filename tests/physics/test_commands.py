@@ -71,12 +71,69 @@ def test_predict_gives_the_contracts_columns(here):
     run(["model", "new", "--setup", "s.toml", "-o", "b.toml"])
     assert run(["model", "predict", "b.toml", "--setup", "s.toml", "--speed", "14", "-o", "w.csv"]) == 0
     header, *lines = (here / "w.csv").read_text().splitlines()
-    assert header == "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m"
+    assert header == "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m,shear_traction_N_m"
     table = np.array([[float(x) for x in line.split(",")] for line in lines])
     assert np.all(np.diff(table[:, 1]) > 0)
     assert abs(table[np.argmax(table[:, 3]), 0]) < 0.063  # inner surface: a maximum in the patch
     assert np.allclose(table[:, 0], 0.305 * np.radians(table[:, 1]))
     assert table[:, 5].mean() * 2 * np.pi * 0.305 == pytest.approx(3434.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "option", [["--speed", "-5"], ["--speed", "nan"], ["--speed", "300"], ["--speed", "9", "--acceleration", "inf"],
+               ["--speed", "9", "--time", "-1"], ["--speed", "9", "--temperature", "2000"], ["--speed", "9", "--slip", "1.5"]]
+)  # fmt: skip
+def test_conditions_that_no_tire_is_driven_under_are_refused(here, capsys, option):
+    run(["model", "new", "--setup", "s.toml", "-o", "b.toml", "--quiet"])
+    assert run(["model", "predict", "b.toml", *option, "-o", "w.csv"]) == 2
+    assert f"{option[-2]} {float(option[-1]):g}; " in capsys.readouterr().err
+    assert not (here / "w.csv").exists()
+
+
+def test_bar_taken_for_pascal_is_refused(here, capsys):
+    (here / "bar.toml").write_text(SETUP.replace("2.2e5", "2.2"))
+    for command in (
+        ["model", "new", "--carcass", "ring", "--setup", "bar.toml", "-o", "r.toml"],
+        ["model", "new", "--carcass", "ring", "--set", "inflation_pressure_Pa=32", "-o", "r.toml"],
+    ):
+        assert run(command) == 2
+        assert "no tire's pressure in Pa" in capsys.readouterr().err
+        assert not (here / "r.toml").exists()
+    run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml", "--quiet"])
+    assert run(["model", "predict", "r.toml", "--setup", "bar.toml", "--speed", "9", "-o", "w.csv"]) == 2
+    (here / "r.toml").write_text((here / "r.toml").read_text().replace("inflation_pressure_Pa = 220000.0", "inflation_pressure_Pa = 2.2"))
+    assert run(["model", "predict", "r.toml", "--speed", "9", "-o", "w.csv"]) == 2
+    assert not (here / "w.csv").exists()
+
+
+def test_new_says_what_it_had_to_guess(here, capsys):
+    run(["model", "new", "-o", "b.toml"])
+    assert "neither the setup nor --set gives load_N = 3600, radius_m = 0.3126: a guess" in capsys.readouterr().err
+    run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml"])
+    run(["model", "new", "--set", "load_N=3000", "--set", "radius_m=0.3", "-o", "c.toml"])
+    assert "guess" not in capsys.readouterr().err
+
+
+def test_new_predicts_what_the_setups_channels_measure(here):
+    wheel = SETUP[: SETUP.index("[channels")] + '[channels.a]\nkind = "radial_acceleration"\nsource = "a"\nunit = "g"\n'
+    (here / "wheel.toml").write_text(wheel)
+    run(["model", "new", "--setup", "wheel.toml", "-o", "a.toml", "--quiet"])
+    run(["model", "new", "--setup", "wheel.toml", "--observable", "strain", "-o", "s1.toml", "--quiet"])
+    run(["model", "new", "--setup", "s.toml", "-o", "s2.toml", "--quiet"])
+    assert [Model.load(here / f).observable for f in ("a.toml", "s1.toml", "s2.toml")] == ["radial_acceleration", "strain", "strain"]
+
+
+def test_a_users_effect_on_nothing_is_refused_with_what_acts(here, capsys):
+    run(["model", "new", "--observable", "radial_acceleration", "-o", "a.toml", "--quiet"])
+    with (here / "a.toml").open("a") as text:
+        text.write('\n[[effects]]\nname = "mine"\nacts_on = "baseline"\nexpression = "q"\nparameters = { q = 0.1 }\n')
+    assert run(["model", "show", "a.toml"]) == 2
+    told = capsys.readouterr().err
+    assert "a.toml:" in told
+    assert "what acts on radial_acceleration: load, contact_pressure, structure (foundation_stiffness), sensor, radial_acceleration" in told
+    run(["model", "new", "--observable", "patch_length", "-o", "l.toml", "--quiet"])
+    assert run(["model", "add", "l.toml", "viscous_damping", "-o", "l2.toml"]) == 2
+    assert "does nothing to patch_length" in capsys.readouterr().err
 
 
 def test_effects_lists_the_catalogue(here, capsys):

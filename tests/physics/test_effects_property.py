@@ -8,7 +8,7 @@ import pytest
 from tirelog.errors import ModelError
 from tirelog.physics import CATALOGUE, Model
 from tirelog.physics.effects.base import ACTS_ON
-from tirelog.physics.user_effects import effect_by_expression
+from tirelog.physics.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
 from tirelog.recording import Conditions
 
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
@@ -126,7 +126,8 @@ def test_pressure_still_carries_the_load(effect):
 def test_it_works_on_a_ring_and_for_radial_acceleration(effect):
     base = base_for(effect, "ring")
     on = probed(base.with_effect(effect), effect)
-    off = on.with_values({f"{effect.id}.{name}": 0.0 for name in effect.strength})
+    without = (*effect.strength, "slip_per_g") if effect.id == "traction" else effect.strength  # a ring feels the shear without a lever
+    off = on.with_values({f"{effect.id}.{name}": 0.0 for name in without})
     assert np.array_equal(off.predict(DRIVE, PHI), base.predict(DRIVE, PHI))
     assert not np.array_equal(on.predict(DRIVE, PHI), base.predict(DRIVE, PHI))
     acceleration = on.predict(DRIVE, PHI, observable="radial_acceleration")
@@ -297,6 +298,51 @@ def test_users_effects_are_off_at_zero_and_do_what_they_say():
     softer = base.with_effect(effect_by_expression("mine", "foundation_stiffness", "q", (q,))).with_values({"mine.q": 5e5})
     stiff = base.with_values({"foundation_stiffness_N_m2": 2.5e6})
     assert np.allclose(softer.predict(DRIVE, PHI), stiff.predict(DRIVE, PHI), rtol=1e-12)
+
+
+REACHED = {
+    "strain": {"contact_pressure", "foundation_stiffness", "strain", "baseline", "load", "sensor"},
+    "radial_acceleration": {"contact_pressure", "foundation_stiffness", "radial_acceleration", "load", "sensor"},
+    "dissipation_factor": {"contact_pressure", "foundation_stiffness", "load", "sensor"},
+    "patch_length": {"load"},
+    "patch_width": {"load"},
+}
+
+
+@pytest.mark.parametrize("observable", list(REACHED))
+@pytest.mark.parametrize("acts_on", EXPRESSION_ACTS_ON)
+def test_a_users_effect_moves_what_it_acts_on_or_is_refused(observable, acts_on):
+    from tirelog.physics.parameters import Parameter
+
+    q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
+    effect = effect_by_expression("mine", acts_on, "q", (q,)) if acts_on != "contact_pressure" else None
+    effect = effect or effect_by_expression("mine", acts_on, "q * exp(-(xi / 0.1)**2)", (q,))
+    base = Model.new("beam", observable)
+    if acts_on not in REACHED[observable]:
+        with pytest.raises(ModelError, match=f"does nothing to {observable}.*what acts on {observable}: load"):
+            base.with_effect(effect)
+        return
+    moved = base.with_effect(effect).with_values({"mine.q": 1e-3 if acts_on in ("strain", "baseline", "sensor") else 100.0})
+    assert not np.allclose(moved.predict(DRIVE, PHI), base.predict(DRIVE, PHI), rtol=1e-6, atol=0.0)
+
+
+def test_a_users_acceleration_is_added_and_a_sensors_factor_multiplies_all_of_it():
+    from tirelog.physics.parameters import Parameter
+
+    q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
+    base = Model.new("ring", "radial_acceleration", "prescribed")
+    mine, more = (base.with_effect(effect_by_expression("mine", on, "q * cos(phi)" if on != "sensor" else "q", (q,)))
+                  for on in ("radial_acceleration", "sensor"))  # fmt: skip
+    read = base.predict(DRIVE, PHI)
+    assert np.allclose(mine.with_values({"mine.q": 2.0}).predict(DRIVE, PHI), read + 2.0 * np.cos(PHI), rtol=1e-12)
+    assert np.allclose(more.with_values({"mine.q": 0.1}).predict(DRIVE, PHI), 1.1 * read, rtol=1e-12)
+
+
+def test_wear_shortens_the_lever_of_a_grating_and_leaves_an_accelerometer_alone():
+    base = Model.new("beam", "radial_acceleration").with_effect("wear", amplitude=0.0, lever_loss=0.5)
+    assert np.array_equal(base.predict(DRIVE, PHI), base.without_effect("wear").predict(DRIVE, PHI))
+    strain, worn = (model.predict(DRIVE, PHI, observable="strain") for model in (base.without_effect("wear"), base))
+    assert np.allclose(worn, strain * (1.0 - 0.5 * DRIVE.distance_km[:, None] / 40000.0), rtol=1e-12)
 
 
 def test_a_users_wedge_is_the_catalogues_wedge():

@@ -51,10 +51,10 @@ def _plot(chosen: list[Effect], path: Path) -> None:
         raise UsageError("--plot needs matplotlib; it comes with the extra: pip install 'tirelog[plot]'") from None
     if path.suffix.lower() not in (".png", ".svg"):
         raise UsageError(f"--plot {path}; .png and .svg are allowed; rename it")
-    drawn = [effect for effect in chosen if "strain" in effect.observables]
+    drawn = [effect for effect in chosen if "strain" in effect.reaches]
     if not drawn:
         raise UsageError(
-            f"{chosen[0].id} acts on {', '.join(chosen[0].observables)}, not on strain; a strain effect can be drawn; choose another"
+            f"{chosen[0].id} acts on {', '.join(chosen[0].reaches)}, not on strain; a strain effect can be drawn; choose another"
         )
     columns = min(len(drawn), 4)
     rows = -(-len(drawn) // columns)

@@ -59,7 +59,10 @@ def new(
     output: Target,
     carcass: Annotated[str, typer.Option(help="beam, ring or coupled_ring.")] = "beam",
     setup: SetupFile = None,
-    observable: Annotated[str, typer.Option(help="What the model predicts, as in the model file.")] = "strain",
+    observable: Annotated[
+        str | None,
+        typer.Option(help="What the model predicts, as in the model file; default what the setup's channels measure, else strain."),
+    ] = None,
     contact: Annotated[str | None, typer.Option(help="prescribed or flat_road; rings stand on a flat road by default.")] = None,
     sets: Sets = [],  # noqa: B006  (typer reads it, nothing writes it)
     quiet: Quiet = False,
@@ -67,12 +70,53 @@ def new(
     """Make a model without effects; tire and conditions come from the setup where it has them."""
     from tirelog.physics.model import Model
 
-    model = Model.new(carcass, observable, contact)
-    model = model.with_values({**_from_setup(model, _setup(setup)), **_assignments(sets)})
+    known = _setup(setup)
+    model = Model.new(carcass, observable or _measured(known), contact)
+    given = {**_from_setup(model, known), **_assignments(sets)}
+    check_pressure(given.get("inflation_pressure_Pa"))
+    model = model.with_values(given)
     model.save(output)
     if not quiet:
+        for remark in _invented(model, given):
+            say(f"note: {remark}")
         fitted = output.with_stem(f"{output.stem}_fitted")
         say(f"wrote {output}; next: tirelog model fit LOG --model {output} -o {fitted}, or tirelog compare LOG --model {output}")
+
+
+#: A tire at less than this [Pa] stands on its rim, and bar, psi and kPa taken for Pa all lie below it: a
+#: fifth of it would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are driven at.
+LEAST_PRESSURE_PA = 5e3
+#: Speeds [m/s] and accelerations [m/s^2] that a tire is driven at; beyond them a number is in another unit.
+FASTEST_M_S, HARDEST_M_S2 = 200.0, 100.0
+
+
+def check_pressure(pressure_Pa: float | None) -> None:
+    """ModelError for an inflation pressure that is none in Pa; nothing at all (0) is allowed."""
+    from tirelog.errors import ModelError
+
+    if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
+        raise ModelError(
+            f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa; 0, or {LEAST_PRESSURE_PA:g} and more, is allowed; "
+            f"write it in Pa (2.2 bar is 2.2e5)"
+        )
+
+
+def _measured(setup: Setup | None) -> str:
+    """The waveform that a setup's channels measure: radial acceleration where no channel is strain."""
+    kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
+    return "radial_acceleration" if "radial_acceleration" in kinds and not kinds & {"fbg_strain", "strain"} else "strain"
+
+
+def _invented(model: Model, given: dict[str, float]) -> list[str]:
+    """What neither the setup nor --set gives, though it is this tire's or this drive's own."""
+    own = ("load_N", "radius_m", "inflation_pressure_Pa", "width_m")
+    guessed = [f"{name} = {model.values[name]:g}" for name in own if name in model.parameters and name not in given]
+    if not guessed:
+        return []
+    return [
+        f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
+        f"give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
+    ]
 
 
 def _from_setup(model: Model, setup: Setup | None) -> dict[str, float]:
@@ -243,6 +287,21 @@ def _observable(recordings: list[Any], name: str | None, model: Model) -> str:
     return model.observable
 
 
+def _drivable(speed: float, acceleration: float, time: float, temperature: float | None, slip: float | None) -> None:
+    """UsageError for conditions that no tire is driven under."""
+    from tirelog.errors import UsageError
+
+    for option, value, low, high, unit in (
+        ("speed", speed, 0.0, FASTEST_M_S, "m/s"),
+        ("acceleration", acceleration, -HARDEST_M_S2, HARDEST_M_S2, "m/s^2"),
+        ("time", time, 0.0, 1e7, "s"),
+        ("temperature", temperature, -300.0, 300.0, "K of change"),
+        ("slip", slip, -1.0, 1.0, "(positive in braking)"),
+    ):
+        if value is not None and not low <= value <= high:
+            raise UsageError(f"--{option} {value:g}; {low:g} to {high:g} {unit} is allowed; correct it")
+
+
 @app.command()
 def predict(
     model: Model_,
@@ -285,6 +344,8 @@ def predict(
     from tirelog.recording import Conditions
 
     read, given = _load(model, effects), _setup(setup)
+    _drivable(speed, acceleration, time, temperature, slip)
+    check_pressure(read.values.get("inflation_pressure_Pa"))
     known: dict[str, Any] = {
         "speed_m_s": speed,
         "acceleration_m_s2": acceleration,
@@ -295,6 +356,7 @@ def predict(
     if given is not None:
         names = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
         known |= {name: getattr(given.conditions, name) for name in names}
+        check_pressure(given.conditions.inflation_pressure_Pa)
         strain = [c.surface for c in given.channels.values() if c.kind in ("fbg_strain", "strain") and c.surface]
         surface = surface or (strain[0] if strain else None)
     conditions = Conditions.of(1, **{name: value for name, value in known.items() if value is not None})
@@ -315,7 +377,8 @@ def predict(
     phi = np.linspace(-np.pi, np.pi, points, endpoint=False) + np.pi / points
     columns: dict[str, Any] = {"xi_m": phi * read.parameters["radius_m"].value, "phi_deg": np.degrees(phi)}
     wanted = {"displacement_m": "displacement", "strain": "strain", "radial_acceleration_m_s2": "radial_acceleration"}
-    for column, observable in (*wanted.items(), ("contact_pressure_N_m", "contact_pressure")):
+    wanted |= {"contact_pressure_N_m": "contact_pressure", "shear_traction_N_m": "shear_traction"}
+    for column, observable in wanted.items():
         columns[column] = read.predict(conditions, phi, surface=surface or "outer", observable=observable)[0]
     with Session(None).table("predict", output, format) as table:
         table.write(columns)

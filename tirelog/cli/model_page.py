@@ -115,7 +115,7 @@ def effect_page(effect: Effect) -> str:
     rows: list[tuple[str, ...]] = [
         ("follows", effect.follows),
         ("acts on", ", ".join(effect.acts_on)),
-        ("for", ", ".join(effect.observables)),
+        ("for", ", ".join(effect.reaches)),
         ("needs", ", ".join(effect.needs) or "nothing beyond speed"),
         ("signature", effect.signature),
         ("valid", effect.valid),
@@ -146,7 +146,7 @@ def catalogue_rows(effects: Iterable[Effect]) -> dict[str, list[Any]]:
         "mechanism": [e.mechanism for e in effects],
         "follows": [e.follows for e in effects],
         "acts_on": [" ".join(e.acts_on) for e in effects],
-        "observables": [" ".join(e.observables) for e in effects],
+        "observables": [" ".join(e.reaches) for e in effects],
         "parameters": [" ".join(p.name for p in e.parameters) for e in effects],
         "needs": [" ".join(e.needs) for e in effects],
         "source": [e.source for e in effects],

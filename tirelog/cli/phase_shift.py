@@ -46,7 +46,7 @@ def phase_shift(
         if applied is not None:
             _note_delay(session, applied)
         kept: list[Passages] = []
-        for passages in _measured(session, logs, zero, fit_forces, applied):
+        for passages in _measured(session, logs, zero, calibrate is not None, applied):
             if calibrate is None:
                 writer.write(table(passages, applied))
             if calibrate is not None or plot is not None:
@@ -79,12 +79,18 @@ def _measured(session: Session, logs: list[str], zero: str, forces: bool, calibr
 
 
 def _note_delay(session: Session, calibration: Calibration) -> None:
-    """Says once what the rows' word `delay_removed` means."""
+    """Says once what the rows' word `delay_removed` means, and what cannot be told from a delay."""
     if calibration.has_delay:
         delay, se = 1e3 * calibration.delay_s, 1e3 * calibration.delay_se_s
+        known = (
+            "the measured longitudinal force is not in it"
+            if calibration.beside_force
+            else "so may be force that follows speed (drag, engine braking), which a longitudinal_force channel would part"
+        )
         session.note(
-            f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} +- {se:.3f} ms later than the encoder; "
-            "the speed map takes it off (delay_removed), it is no force"
+            f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} +- {se:.3f} ms later than the encoder: "
+            f"a telemetry delay plus any trend linear in speed, which no drive tells apart; {known}; "
+            "the speed map takes it off (delay_removed)"
         )
 
 

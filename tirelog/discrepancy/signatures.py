@@ -46,7 +46,7 @@ def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect
         effect
         for effect in known.values()
         if effect.id not in held
-        and model.observable in effect.observables
+        and model.observable in effect.reaches
         and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
     ]
 

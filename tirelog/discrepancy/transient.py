@@ -191,7 +191,8 @@ def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
     phi = split_turns(log.wheel.theta(log.time_s) + hit.alignment_rad)[1]
     wave = model.predict(conditions, phi, surface=log.surface)[0]
     if log.observable == "radial_acceleration":
-        wave = wave * (log.wheel.speed_rad_s(log.time_s) * log.radius_m / conditions.speed_m_s[0]) ** 2
+        frame = model.predict(conditions, phi, observable="frame_acceleration")[0]  # does not follow the spin
+        wave = (wave - frame) * (log.wheel.speed_rad_s(log.time_s) * log.radius_m / conditions.speed_m_s[0]) ** 2 + frame
     error: FloatArray = log.values - wave
     return error - error[log.calm].mean()
 

@@ -126,7 +126,7 @@ def _fitted(log: TransientLog, transient: Transient, reached: float, rough_s: fl
 def alignment(log: TransientLog, model: Model, conditions: Conditions) -> float:
     """Angle [rad] of the model's patch where the passages are: its steady waveform laid on T."""
     phi = np.linspace(-np.pi, np.pi, _ALIGNED_AT, endpoint=False)
-    measured = log.steady(phi)
+    measured = log.steady_at(phi, np.full(_ALIGNED_AT, log.spin_rad_s))
     measured = measured - measured.mean()
 
     def left(shift: float) -> float:

@@ -21,6 +21,7 @@ from tirelog.discrepancy.align import WheelAngle, split_turns, template
 from tirelog.errors import UsageError
 from tirelog.recording import Channel, Conditions, Recording, Stack
 from tirelog.setup import RoadSetup
+from tirelog.units import STANDARD_GRAVITY_M_S2
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ class TransientLog:
 
     time_s, values  (N,) samples that are there
     passages_s      (k,), turns (k,) their numbers, and wheel: theta(t) through those that no obstacle disturbs
-    steady          T(phi), of the observable (for an acceleration over (Omega / Omega_0)^2, Omega_0 `spin_rad_s`)
+    steady          T(phi), of the observable (for an acceleration less gravity, over (Omega / Omega_0)^2, Omega_0 `spin_rad_s`)
     calm            (N,) True where no obstacle disturbs; hits_s rough times, (h,)
     """
 
@@ -74,8 +75,14 @@ class TransientLog:
 
     def steady_at(self, theta_rad: FloatArray, spin_rad_s: FloatArray) -> FloatArray:
         """T at wheel angles (m,) and spins (m,)."""
-        wave: FloatArray = self.steady(split_turns(theta_rad)[1])
-        return wave * (spin_rad_s / self.spin_rad_s) ** 2 if self.observable == "radial_acceleration" else wave
+        phi = split_turns(theta_rad)[1]
+        wave: FloatArray = self.steady(phi)
+        return wave * (spin_rad_s / self.spin_rad_s) ** 2 + _gravity(phi) if self.observable == "radial_acceleration" else wave
+
+
+def _gravity(phi_rad: FloatArray) -> FloatArray:
+    """What of an accelerometer's reading does not follow the spin, (m,)."""
+    return -STANDARD_GRAVITY_M_S2 * np.cos(phi_rad)
 
 
 def transient_log(recording: Recording, channel: Channel, stack: Stack) -> TransientLog:
@@ -140,15 +147,18 @@ def _wheel(passages_s: FloatArray, turns: FloatArray) -> WheelAngle:
 def _with_steady(log: TransientLog) -> TransientLog:
     """With T from the calm samples: bin medians would need more revolutions, means do after two rounds."""
     theta = log.wheel.theta(log.time_s[log.calm])
-    scale = (log.wheel.speed_rad_s(log.time_s[log.calm]) / log.spin_rad_s) ** 2 if log.observable == "radial_acceleration" else 1.0
-    turns = np.unique(split_turns(theta)[0]).size
+    turn, phi = split_turns(theta)
+    values = log.values[log.calm]
+    if log.observable == "radial_acceleration":
+        values = (values - _gravity(phi)) * (log.spin_rad_s / log.wheel.speed_rad_s(log.time_s[log.calm])) ** 2
+    turns = np.unique(turn).size
     if turns < _FEWEST_STEADY:
         raise UsageError(
             f"{turns} steady revolutions beside the obstacles of channel {log.channel}; {_FEWEST_STEADY} or more are needed to know what "
             f"the obstacle adds; give a log that rolls on before or after it",
             file=log.log,
         )
-    return replace(log, steady=template(split_turns(theta)[1], log.values[log.calm] / scale))
+    return replace(log, steady=template(phi, values))
 
 
 def around(log: TransientLog, time_s: float) -> TransientLog:

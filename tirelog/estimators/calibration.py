@@ -6,6 +6,11 @@
 
 A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)^2, v0 the speed of the zeros.  The errors are those of
 the least squares, widened by the scatter of the residuals and by their correlation from passage to passage.
+
+A telemetry delay is a phase shift in proportion to speed, and so is any other trend linear in speed: no regression on speed parts them.
+A force that grows with speed (drag) and the difference between driving and coasting bend the map too.  Where the longitudinal force is
+measured it stands in the regression, and the map is that at unchanged force; else the acceleration stands for it, apart for driving and
+coasting, and drag stays in the map.
 """
 
 from __future__ import annotations
@@ -26,6 +31,8 @@ QUASI_STATIC_M_S2 = 0.6
 DRIVE_M_S2 = 0.8
 #: a delay that is so many standard errors long is one
 SURE = 3.0
+#: the channel by which a shift's map is freed of what is force
+FORCE = "longitudinal_force"
 #: passages and range of speed that a map needs
 LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
 
@@ -52,7 +59,8 @@ class SpeedMap:
 class Calibration:
     """A calibration.  `reference_speed_m_s` is where the phase shift is zero by convention; `patch_width_deg` the mean width there;
     `crosstalk` k of P4 (3) with `crosstalk_se`; `delay_s` the constant lag of the accelerometer behind the encoder, if the part of the
-    phase shift linear in speed is nothing else; NaN or None where the logs did not show it."""
+    phase shift linear in speed is nothing else; NaN or None where the logs did not show it.  `beside_force` is True where the shift's map
+    was learnt beside the measured longitudinal force."""
 
     reference_speed_m_s: float
     shift: SpeedMap
@@ -64,6 +72,7 @@ class Calibration:
     delay_se_s: float
     vertical: ForceMap | None = None
     longitudinal: ForceMap | None = None
+    beside_force: bool = False
 
     @property
     def has_delay(self) -> bool:
@@ -93,7 +102,8 @@ def calibrate(logs: Sequence[Passages], forces: bool = False) -> Calibration:
     delay, delay_se = _delay(shift, reference, float(np.median([p.radius_m for p in logs])))
     plain = Calibration(reference, shift, width, float(np.mean(levels)), np.nan, np.nan, delay, delay_se)
     k, k_se = _crosstalk(logs, plain)
-    whole = Calibration(reference, shift, width, plain.patch_width_deg, k, k_se, delay, delay_se)
+    beside = _force_of_all(logs)
+    whole = Calibration(reference, shift, width, plain.patch_width_deg, k, k_se, delay, delay_se, beside_force=beside)
     return _with_forces(logs, whole) if forces else whole
 
 
@@ -103,17 +113,26 @@ def quasi_static(p: Passages) -> np.ndarray:
         return p.good & (np.abs(p.acceleration_m_s2) < QUASI_STATIC_M_S2) & np.isfinite(p.speed_m_s)
 
 
-def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMap:
-    """Weighted least squares of one constant a log, (v - v0), (v - v0)^2 and, where the logs climb and fall, the acceleration.
+def _force_of_all(logs: Sequence[Passages]) -> bool:
+    """Whether every log that a map is learnt on has its longitudinal force measured."""
+    used = [p for p in logs if quasi_static(p).any()]
+    return bool(used) and all(FORCE in p.forces_N and np.isfinite(p.forces_N[FORCE][quasi_static(p)]).all() for p in used)
 
-    The acceleration is a nuisance: what little force a quasi-static drive has would else bend the map.
+
+def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMap:
+    """Weighted least squares of one constant a log, (v - v0), (v - v0)^2 and what little force a quasi-static drive has, as nuisances.
+
+    That is the measured longitudinal force for the shift where all logs have it; and where the logs climb and fall the acceleration, for
+    the shift apart for either sign, since a wheel that drives does not mirror one that coasts.  All of it would else bend the map.
     """
+    by_force = what == "shift" and _force_of_all(logs)
     parts = []
     for number, p in enumerate(logs):
         values, se = (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
         rows = quasi_static(p) & np.isfinite(values)
-        parts.append(np.stack([values, se, p.speed_m_s, p.acceleration_m_s2, np.full(values.size, float(number))])[:, rows])
-    y, se, v, a, group = np.concatenate(parts, axis=1)
+        force = p.forces_N[FORCE] if by_force and rows.any() else np.zeros(values.size)
+        parts.append(np.stack([values, se, p.speed_m_s, p.acceleration_m_s2, force, np.full(values.size, float(number))])[:, rows])
+    y, se, v, a, force, group = np.concatenate(parts, axis=1)
     if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
         found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
         raise UsageError(
@@ -122,8 +141,12 @@ def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMa
         )
     dv = v - reference
     columns = [(group == g).astype(float) for g in np.unique(group)] + [dv, dv**2]
-    two_ways = np.quantile(a, 0.1) < -0.03 and np.quantile(a, 0.9) > 0.03
-    design = np.stack([*columns, *([a] if two_ways else [])], axis=1)
+    nuisances = []
+    if np.quantile(a, 0.1) < -0.03 and np.quantile(a, 0.9) > 0.03:
+        nuisances = [np.maximum(a, 0.0), np.minimum(a, 0.0)] if what == "shift" and not by_force else [a]
+    if by_force:
+        nuisances.append(force - force.mean())
+    design = np.stack([*columns, *nuisances], axis=1)
     at = len(columns) - 2
     solved, covariance, residual = _least_squares(design, y, se)
     return SpeedMap(

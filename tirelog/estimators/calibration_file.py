@@ -25,7 +25,7 @@ _TABLES = {
     "phase_shift": _MAP,
     "patch_width": ("at_reference_deg", *_MAP),
     "crosstalk": ("k", "se"),
-    "telemetry_delay": ("delay_s", "se_s"),
+    "telemetry_delay": ("delay_s", "se_s", "beside_force"),
     "vertical_force": _FORCE,
     "longitudinal_force": _FORCE,
 }
@@ -45,6 +45,7 @@ def write_calibration(path: Path, calibration: Calibration) -> None:
         lines += _table("crosstalk", {"k": c.crosstalk, "se": c.crosstalk_se})
     if math.isfinite(c.delay_s):
         lines += _table("telemetry_delay", {"delay_s": c.delay_s, "se_s": c.delay_se_s})
+        lines.append(f"beside_force = {str(c.beside_force).lower()}   # whether the longitudinal force was measured and taken off")
     for name, force in (("vertical_force", c.vertical), ("longitudinal_force", c.longitudinal)):
         if force is not None:
             values = (force.centre_deg, force.coefficients, force.covariance, force.low_deg, force.high_deg, force.rms_N)
@@ -76,7 +77,9 @@ def read_calibration(path: Path) -> Calibration:
     at_reference = take.number(data["patch_width"], "patch_width", "at_reference_deg", 0.0, 360.0)
     k = take.pair("crosstalk", "k", "se", 1e3)
     delay = take.pair("telemetry_delay", "delay_s", "se_s", 1e3)
-    return Calibration(reference, shift, width, at_reference, *k, *delay, take.force("vertical_force"), take.force("longitudinal_force"))
+    beside = take.flag("telemetry_delay", "beside_force")
+    forces = take.force("vertical_force"), take.force("longitudinal_force")
+    return Calibration(reference, shift, width, at_reference, *k, *delay, *forces, beside)
 
 
 def _parsed(path: Path) -> dict[str, Any]:
@@ -141,6 +144,13 @@ class _Taker:
             return float("nan"), float("nan")
         table = self.table(name)
         return self.number(table, name, value, -most, most), self.number(table, name, se, 0.0, most)
+
+    def flag(self, name: str, key: str) -> bool:
+        """True or false; false where the file does not have it."""
+        value = self.table(name).get(key, False) if name in self.data else False
+        if not isinstance(value, bool):
+            raise self.error(name, key, value, "true or false")
+        return value
 
     def force(self, name: str) -> ForceMap | None:
         if name not in self.data:

@@ -24,8 +24,8 @@ from tirelog.estimators.fronts_samples import flanks_of
 from tirelog.estimators.passage_bins import DEGREE, Dips, binned, find_dips
 from tirelog.estimators.wheel_angle import WheelAngle
 from tirelog.recording import Channel, FloatArray, IntArray
+from tirelog.units import STANDARD_GRAVITY_M_S2
 
-GRAVITY_M_S2 = 9.80665
 #: half width of the flank's window: this share of the level over the flank's median slope, within bounds [deg], from a first guess
 FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
 #: passages before and after the middle of the log that the slope is learnt from
@@ -74,7 +74,7 @@ def gravity_in(dips: Dips, sign: int) -> bool:
     unit = left / np.outer(scale, scale)
     columns = [0, 1, 2] if np.linalg.cond(unit) < 3e3 else [0, 2]
     solved = np.linalg.lstsq(unit[np.ix_(columns, columns)], (right / scale)[columns], rcond=1e-12)[0] / scale[columns]
-    return bool(sign * solved[-1] > 0.3 * GRAVITY_M_S2)
+    return bool(sign * solved[-1] > 0.3 * STANDARD_GRAVITY_M_S2)
 
 
 def find_fronts(channel: Channel, wheel: WheelAngle, radius_m: float, limits: tuple[float, float] = (-np.inf, np.inf)) -> Fronts | None:
@@ -89,7 +89,7 @@ def find_fronts(channel: Channel, wheel: WheelAngle, radius_m: float, limits: tu
         return None
     dips, expected, row = _expected(dips.take(np.sign(dips.level) == sign), wheel, turn)
     gravity = gravity_in(dips, sign)
-    flanks = flanks_of(dips, wheel, channel, radius_m, sign * GRAVITY_M_S2 if gravity else 0.0)
+    flanks = flanks_of(dips, wheel, channel, radius_m, sign * STANDARD_GRAVITY_M_S2 if gravity else 0.0)
     n = row.size
     window = np.full(2, FIRST_GUESS * DEGREE)
     some = slice(max(n // 2 - LEARN_FROM, 0), n // 2 + LEARN_FROM)

@@ -8,6 +8,7 @@ What flows through it (n revolutions, K Fourier modes of the tread's circumferen
       -> structure H (n, K), response of the carcass per unit of load                     effects on structure
       -> sensor    S (n, K), transfer of grating and interrogator, and a gain             effects on sensor
       X = P H S -> values (n, m) at the angles asked + baseline (n, 1)                    effects on baseline
+                   (an accelerometer's holds gravity and the vehicle's acceleration too)
 
 A column that is the same for all revolutions keeps one row, so what does not change is computed once.  The tread closes upon
 itself: every waveform is periodic over one revolution, and coefficient n has the wave number q = n / R.

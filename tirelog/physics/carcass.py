@@ -21,7 +21,7 @@ def _p(name: str, unit: str, description: str, value: float, low: float, high: f
 _LOAD = (
     _p("lever_arm_m", "m", "distance from the neutral axis; the surface gives the sign", 3e-4, 0.0, 0.02),
     _p("load_N", "N", "F, where the log does not measure it", 3600.0, 1.0, 1e6, free=False),
-    _p("radius_m", "m", "R, unloaded radius", 0.3126, 0.05, 3.0, free=False),
+    _p("radius_m", "m", "R, with which the tread passes: v = Omega R, the rolling radius", 0.3126, 0.05, 3.0, free=False),
 )
 _PATCH = (
     _p("patch_half_length_m", "m", "L at the reference load", 0.055, 0.01, 0.2),

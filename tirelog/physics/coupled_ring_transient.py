@@ -41,7 +41,7 @@ LONGEST_STEP_S = 1e-4
 KEEP_S = 1e-4
 #: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls on a flat road.
 _CLEAR = 0.35
-_STEADY_ONLY = ("tilt", "pressure", "kernel", "traction", "strain")
+_STEADY_ONLY = ("tilt", "pressure", "kernel", "traction", "strain", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,11 @@ class Transient:
         reading = self.model.predict(self.conditions, phi, surface=surface, observable=observable)[0]
         if observable == "radial_acceleration":
             omega = np.interp(time_s, grid, self.motion.omega_rad_s)
-            reading = reading * (omega / self.conditions.speed_m_s[0] * self.motion.tire.R) ** 2
+            # gravity does not follow the spin, and the vehicle's acceleration is in what the motion adds
+            frame = self.model.predict(self.conditions, phi, observable="frame_acceleration")[0]
+            still = replace(self.conditions, acceleration_m_s2=np.zeros(1))
+            gravity = self.model.predict(still, phi, observable="frame_acceleration")[0]
+            reading = (reading - frame) * (omega / self.conditions.speed_m_s[0] * self.motion.tire.R) ** 2 + gravity
         reading = reading + self.added(observable, phi, time_s, surface=surface)
         return np.where((time_s < grid[0] - KEEP_S) | (time_s > grid[-1]), np.nan, reading)
 
@@ -113,9 +117,9 @@ class Transient:
             lifted = np.interp(when, self.motion.time_s, self._lifted)
             rigid = lifted.real * np.sin(phi_rad) - lifted.imag * np.cos(phi_rad)
             waves: FloatArray = 2.0 * np.einsum("mn,mn->m", self._acceleration(when), turns).real + rigid
-            return waves
-        lever = self.model.values["lever_arm_m"] * (1.0 if surface == "inner" else -1.0)
-        bent: FloatArray = (2.0 * lever * self._gain()) * np.einsum("mn,mn->m", self._curvature(when), turns).real
+            return waves * self._gain("gain")
+        lever = self.model.values["lever_arm_m"] * (1.0 if surface == "inner" else -1.0) * self._gain("lever")
+        bent: FloatArray = (2.0 * lever * self._gain("gain")) * np.einsum("mn,mn->m", self._curvature(when), turns).real
         return bent
 
     @cached_property
@@ -168,11 +172,12 @@ class Transient:
         lagged: ComplexArray = np.fft.ifft(np.fft.fft(belt, 2 * size, axis=0) * answer[:, None], axis=0)[:size]
         return lagged
 
-    def _gain(self) -> float:
-        gain = 1.0
-        for a in self.task.having("gain"):
-            gain *= np.asarray(a.effect.gain(a.values, self.task.drive)).item()  # type: ignore[misc]
-        return gain
+    def _gain(self, hook: str) -> float:
+        """Product of what effects multiply by this hook, `gain` or `lever`."""
+        factor = 1.0
+        for a in self.task.having(hook):
+            factor *= np.asarray(getattr(a.effect, hook)(a.values, self.task.drive)).item()
+        return factor
 
 
 def drive(

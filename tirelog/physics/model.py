@@ -13,6 +13,7 @@ import numpy as np
 from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass import CARCASSES, CONTACTS, OBSERVABLES, carcass_parameters, steady_carcass
 from tirelog.physics.effects import BY_ID, Effect
+from tirelog.physics.effects.base import acting_on
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.prediction import Predicting
 from tirelog.recording import Conditions
@@ -144,10 +145,13 @@ class Model(Predicting):
     def _accept(self, added: ModelEffect) -> None:
         if added.id in [e.id for e in self.effects]:
             raise ModelError(f"the model has the effect {added.id!r} already; each effect once is allowed; change its parameters instead")
-        if self.observable not in added.effect.observables:
+        effect = added.effect
+        if self.observable not in effect.reaches:
+            own = f"acts on {', '.join(effect.acts_on)} and does nothing to {self.observable}"
+            serves = f"for {', '.join(effect.reaches)}" if effect.reaches else "for no observable"
             raise ModelError(
-                f"effect {added.id!r} does nothing to {self.observable}; it is for {', '.join(added.effect.observables)}; "
-                f"choose another effect"
+                f"effect {added.id!r} {own}, it is {serves}; what acts on {self.observable}: "
+                f"{', '.join(acting_on(self.observable))}; choose one of them, or another effect"
             )
         if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
             raise ModelError('the carcass is a ring already; ring_curvature is for carcass = "beam"; leave it out')

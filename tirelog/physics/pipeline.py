@@ -19,6 +19,7 @@ from tirelog.physics.pressure import parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray, FloatArray
 from tirelog.physics.stiffening import hardened_load
 from tirelog.physics.task import Task
+from tirelog.units import STANDARD_GRAVITY_M_S2
 
 #: Parameters of the carcass and the load by the stage that reads them; the ring on a flat road reads its carcass in the load stage too.
 LOAD_NAMES = ("load_N", "reference_load_N", "patch_load_exponent", "patch_half_length_m", "radius_m")
@@ -79,28 +80,47 @@ def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
     return task.once("site", key, lambda: site_and_base_pressure(task))
 
 
-def pressure(task: Task) -> tuple[ComplexArray, ComplexArray | None]:
-    """Modes of p [N/m] with all effects, carrying F exactly, and of the traction tau [N/m] (None without), each (n or 1, K)."""
+@dataclass(frozen=True)
+class Pressed:
+    """What the road does to the tread, modes (n or 1, K) [N/m]: the pressure p, which carries F exactly; the traction tau along the
+    road, positive in braking; and what tau does across the tread by its lever h, the `couple` h d tau / d xi (P2 (18)).  The last two
+    are None without traction."""
+
+    pressure: ComplexArray
+    traction: ComplexArray | None = None
+    couple: ComplexArray | None = None
+
+    @property
+    def normal(self) -> ComplexArray:
+        """Pressure and couple: all that acts across the tread."""
+        return self.pressure if self.couple is None else self.pressure + self.couple
+
+
+def pressure(task: Task) -> Pressed:
+    """What the road does to the tread with all effects, once per set of values."""
     names = None if task.flat_road else LOAD_NAMES
     return task.once("pressure", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: _pressure(task))
 
 
-def _pressure(task: Task) -> tuple[ComplexArray, ComplexArray | None]:
+def _pressure(task: Task) -> Pressed:
     site, p, tilted = loaded_site(task)
     if not task.having(*PRESSURE_HOOKS):
-        return p, None
+        return Pressed(p)
     for a in task.having("tilt"):
         p = p - a.effect.tilt(a.values, task.drive) * tilted  # type: ignore[misc,operator]
     for a in task.having("pressure"):
         p = p + a.effect.pressure(a.values, task.drive, site)  # type: ignore[misc]
-    tau = None
+    tau: ComplexArray | None = None
+    couple: ComplexArray | None = None
     for a in task.having("traction"):
         pulled = a.effect.traction(a.values, task.drive, site)  # type: ignore[misc]
         if pulled is not None:
-            tau, lever = pulled
-            p = p + (1j * lever * site.q) * tau
+            own, lever = pulled
+            across = (1j * lever * site.q) * own
+            tau, couple = (own, across) if tau is None or couple is None else (tau + own, couple + across)
     for a in task.having("kernel"):
-        p = p * a.effect.kernel(a.values, task.drive, site)  # type: ignore[misc]
+        smeared = a.effect.kernel(a.values, task.drive, site)  # type: ignore[misc]
+        p, couple = p * smeared, None if couple is None else couple * smeared
     carried = 2.0 * np.pi * site.radius_m * p[:, :1].real
     if not np.all(carried > 0.0):
         raise ModelError(
@@ -108,16 +128,18 @@ def _pressure(task: Task) -> tuple[ComplexArray, ComplexArray | None]:
             "lower their strength"
         )
     scale = site.load_N / carried
-    return p * scale, None if tau is None else tau * scale
+    return Pressed(p * scale, None if tau is None else tau * scale, None if couple is None else couple * scale)
 
 
 def load_on_carcass(task: Task) -> ComplexArray:
     """Modes of the inward load per length: the pressure, on a ring with its tangential parts (`ring.equivalent_load`)."""
-    p, tau = pressure(task)
+    pressed = pressure(task)
     if task.carcass == "beam":
-        return p
+        return pressed.normal
     names = None if task.flat_road else LOAD_NAMES
-    return task.once("ring load", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: ring.equivalent_load(p, tau))
+    return task.once(
+        "ring load", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: ring.equivalent_load(pressed.normal, pressed.traction)
+    )
 
 
 def structure(task: Task) -> Structure:
@@ -239,11 +261,16 @@ def closed_ring(task: Task, Z: FloatArray | ComplexArray, s: Structure) -> Float
 def waveform(task: Task, observable: str, lever_m: float) -> tuple[ComplexArray, FloatArray | float]:
     """Modes of the waveform (n or 1, K) and the baseline (n or 1, 1) that is added to it.
 
-    `observable`: strain (at the signed `lever_m`), radial_acceleration [m/s^2], outward positive (errata), displacement [m], inward,
-    or contact_pressure [N/m].
+    `observable`: strain (at the signed `lever_m`), radial_acceleration [m/s^2], outward positive (errata), what of it is no motion of the
+    tread (frame_acceleration), displacement [m], inward, contact_pressure or shear_traction [N/m].
     """
     if observable == "contact_pressure":
-        return pressure(task)[0], 0.0
+        return pressure(task).pressure, 0.0
+    if observable == "shear_traction":
+        tau = pressure(task).traction
+        return np.zeros((1, MODES), np.complex128) if tau is None else tau, 0.0
+    if observable == "frame_acceleration":
+        return sensed(task, frame_acceleration(task)) * gain(task), 0.0
     load, r, R = load_on_carcass(task), response(task), task.base["radius_m"]
     if np.any(r.cubic):
         load = hardened_load(load, r.displacement, r.cubic)
@@ -251,12 +278,37 @@ def waveform(task: Task, observable: str, lever_m: float) -> tuple[ComplexArray,
         return load * r.displacement, 0.0
     if observable == "strain":
         modes = sensed(task, load * (lever_m * r.curvature))
-        for a in task.having("gain"):
-            modes = modes * a.effect.gain(a.values, task.drive)  # type: ignore[misc]
-        return modes, baseline(task)
+        for a in task.having("lever"):
+            modes = modes * a.effect.lever(a.values, task.drive)  # type: ignore[misc]
+        return modes * gain(task), baseline(task)
     spin = task.drive.speed_m_s**2
     curved = load * r.curvature if task.carcass == "ring" else load * (r.curvature - r.displacement / R**2)
-    return sensed(task, curved * spin), -spin / R
+    factor = gain(task)
+    return sensed(task, curved * spin + frame_acceleration(task)) * factor, -spin / R * factor
+
+
+def frame_acceleration(task: Task) -> ComplexArray:
+    """Modes (n or 1, K) of what an accelerometer that the wheel carries round reads without any motion of the tread in the wheel.
+
+    It reads specific force, acceleration less gravity, here along the outward radius.  That points down at the patch centre (phi = 0),
+    where gravity does too, and backwards at phi = 90 degrees, where the material has left the patch:
+
+        -g cos(phi) - a_x sin(phi) = Re[(-g + i a_x) exp(i phi)]
+
+    An acceleration of the vehicle that is not known counts as none.
+    """
+    a_x = np.nan_to_num(task.drive.acceleration_m_s2)
+    modes = np.zeros((a_x.shape[0], MODES), np.complex128)
+    modes[:, 1:2] = 0.5 * (-STANDARD_GRAVITY_M_S2 + 1j * a_x)
+    return modes
+
+
+def gain(task: Task) -> FloatArray | float:
+    """What effects on the sensor multiply its whole reading by, (n or 1, 1)."""
+    factor: FloatArray | float = 1.0
+    for a in task.having("gain"):
+        factor = factor * a.effect.gain(a.values, task.drive)  # type: ignore[misc]
+    return factor
 
 
 def sensed(task: Task, modes: ComplexArray) -> ComplexArray:
@@ -281,6 +333,6 @@ def baseline(task: Task) -> FloatArray | float:
 
 def hub_forces(task: Task) -> FloatArray:
     """(F_x, F_z) [N] of a ring, (2, n or 1); `ring.hub_forces` at the pressure and traction of the task."""
-    p, tau = pressure(task)
+    pressed = pressure(task)
     carcass = ring_carcass(task)
-    return np.stack(ring.hub_forces(p, tau, carcass, task.drive.speed_m_s[:, 0] / carcass.R))
+    return np.stack(ring.hub_forces(pressed.normal, pressed.traction, carcass, task.drive.speed_m_s[:, 0] / carcass.R))

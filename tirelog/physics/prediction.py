@@ -31,6 +31,8 @@ BLOCK = 96
 #: Step of a central difference over a parameter's size; the stages are smooth, the error is its square.
 _STEP = 2e-5
 _LOAD_STEP = 1e-4
+#: Observable -> the hook that adds to it at the angles themselves.
+_AT_ANGLES = {"strain": "strain", "radial_acceleration": "acceleration"}
 
 
 class Predicting:
@@ -65,8 +67,9 @@ class Predicting:
         """What the sensor reads, shape (n, m): revolutions x angles; for a number per revolution (n, 1).
 
         phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2 times it.  `values` replaces values by
-        full name without a check of bounds.  `observable` may also be displacement [m], inward, or contact_pressure [N/m] (its modes carry
-        the load exactly and ripple by some parts in a thousand beside its kinks).
+        full name without a check of bounds.  `observable` may also be displacement [m], inward, contact_pressure [N/m] (its modes carry
+        the load exactly and ripple by some parts in a thousand beside its kinks), shear_traction [N/m], positive in braking, or
+        frame_acceleration [m/s^2], gravity and the vehicle's acceleration in what a radial accelerometer reads.
         surface 'outer' (groove, minimum in the patch) or 'inner' (liner, maximum).  ModelError: speed at or above the critical one,
         load not above zero, patch longer than the circumference, a condition that an effect needs is not known.
         """
@@ -92,7 +95,7 @@ class Predicting:
         flat = {**self.values, **(values or {})}
         angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
         n, m = len(conditions), 1 if angles is None else angles.phi_rad.shape[1]
-        wide = any(e.effect.strain is not None for e in self.effects)
+        wide = any(getattr(e.effect, hook) is not None for e in self.effects for hook in _AT_ANGLES.values())
         wave, level = np.empty((n, m)), np.zeros((n, m if wide else 1))
         steep = np.empty((n, m) if slope else (0, 0))
         for rows, task in self._tasks(conditions, flat):
@@ -183,7 +186,7 @@ class Predicting:
             value_up, value_down = (scalar(end, observable, _lever(end, surface)) for end in ends)
             return (value_up - value_down) / (2.0 * step)
         (up, level_up), (down, level_down) = (waveform(end, observable, _lever(end, surface)) for end in ends)
-        added_up, added_down = (_added_strain(end, observable, angles.phi_rad) for end in ends)
+        added_up, added_down = (_added(end, observable, angles.phi_rad) for end in ends)
         level = (level_up - level_down + added_up - added_down) / (2.0 * step)
         return angles.evaluate((up - down) / (2.0 * step)) + level
 
@@ -195,7 +198,7 @@ class Predicting:
     def _split(self, flat: Mapping[str, float]) -> tuple[dict[str, float], tuple[Active, ...]]:
         """The carcass's values, and the effects that are on, in the order of their ids."""
         active = (Active(e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id))
-        return {p.name: flat[p.name] for p in self.base}, tuple(a for a in active if a.effect.is_on(a.values))
+        return {p.name: flat[p.name] for p in self.base}, tuple(a for a in active if a.effect.is_on(a.values, steady_carcass(self.carcass)))
 
     def _tasks(self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()) -> Iterator[tuple[slice, Task]]:
         """(rows, task) block by block; ModelError where an effect that is on, or has a parameter in `also`, lacks a condition."""
@@ -244,13 +247,13 @@ def _parts(task: Task, observable: str, surface: str, angles: Angles | None, slo
         return scalar(task, observable, _lever(task, surface)), 0.0, 0.0
     modes, level = waveform(task, observable, _lever(task, surface))
     steep = angles.evaluate(modes * (1j * np.arange(MODES))) if slope else 0.0
-    return angles.evaluate(modes), level + _added_strain(task, observable, angles.phi_rad), steep
+    return angles.evaluate(modes), level + _added(task, observable, angles.phi_rad), steep
 
 
-def _added_strain(task: Task, observable: str, phi_rad: FloatArray) -> FloatArray | float:
-    """Strain that effects add at the angles themselves (a user's own, `acts_on = "strain"`)."""
+def _added(task: Task, observable: str, phi_rad: FloatArray) -> FloatArray | float:
+    """What effects add at the angles themselves (a user's own, `acts_on = "strain"` or "radial_acceleration")."""
     total: FloatArray | float = 0.0
-    if observable == "strain":
-        for a in task.having("strain"):
-            total = total + a.effect.strain(a.values, task.drive, loaded_site(task)[0], phi_rad)  # type: ignore[misc]
+    hook = _AT_ANGLES.get(observable, "")
+    for a in task.having(hook) if hook else ():
+        total = total + getattr(a.effect, hook)(a.values, task.drive, loaded_site(task)[0], phi_rad)
     return total

@@ -3,6 +3,7 @@
 What an expression means depends on `acts_on`:
     contact_pressure      a pressure [N/m] added to p, that is then rescaled to carry the load; may read xi, phi, L, R
     strain                a strain added to the waveform; may read xi, phi, L, R
+    radial_acceleration   [m/s^2], outward, added to the waveform of an accelerometer; may read xi, phi, L, R
     foundation_stiffness  [N/m^2] added to k;  baseline  a strain added all around;  load  [N] added to F
     sensor                the waveform is multiplied by 1 + expression
 """
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ModelError, nearest
+from tirelog.physics.carcass import OBSERVABLES
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
 from tirelog.physics.expression import FUNCTIONS, Expression, parse
@@ -35,8 +37,8 @@ CONDITIONS = {
     "water": "water_depth_mm",
 }
 PLACES = ("xi", "phi", "L", "R", "load")
-EXPRESSION_ACTS_ON = ("contact_pressure", "foundation_stiffness", "strain", "baseline", "load", "sensor")
-_WAVES = ("contact_pressure", "strain")
+EXPRESSION_ACTS_ON = ("contact_pressure", "foundation_stiffness", "strain", "baseline", "load", "sensor", "radial_acceleration")
+_WAVES = ("contact_pressure", "strain", "radial_acceleration")
 
 
 def effect_by_expression(name: str, acts_on: str, expression: str, parameters: tuple[Parameter, ...]) -> Effect:
@@ -65,6 +67,7 @@ def effect_by_expression(name: str, acts_on: str, expression: str, parameters: t
         source="the model file",
         valid="as its author says",
         signature="as its author says",
+        observables=OBSERVABLES,
         needs=tuple(CONDITIONS[n] for n in sorted(formula.names & set(CONDITIONS)) if n != "speed"),
         **_hook(acts_on, formula),
     ).checked()
@@ -80,14 +83,15 @@ def _hook(acts_on: str, formula: Expression) -> dict[str, Any]:
     def pressure(v: Values, drive: Drive, site: Site) -> Any:
         return to_modes(np.atleast_2d(_spread(formula(_names(v, drive, site, grid_angles())), grid_angles().size)))
 
-    def strain(v: Values, drive: Drive, site: Site, phi_rad: FloatArray) -> FloatArray:
+    def at_angles(v: Values, drive: Drive, site: Site, phi_rad: FloatArray) -> FloatArray:
         empty = np.isnan(phi_rad)  # bins without a sample have no angle, and that is no fault of the formula
         values = formula(_names(v, drive, site, np.where(empty, 0.0, phi_rad)))
         return np.atleast_2d(np.where(empty, np.nan, values))
 
     hooks: dict[str, dict[str, Any]] = {
         "contact_pressure": {"pressure": pressure},
-        "strain": {"strain": strain},
+        "strain": {"strain": at_angles},
+        "radial_acceleration": {"acceleration": at_angles},
         "foundation_stiffness": {"structure": lambda v, drive: Structure(added_stiffness=column(v, drive))},
         "baseline": {"baseline": column},
         "load": {"added_load": column},

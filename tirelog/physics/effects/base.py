@@ -17,10 +17,38 @@ from tirelog.physics.spectral import ComplexArray, FloatArray, grid_angles, wave
 from tirelog.recording import Conditions
 
 Values = Mapping[str, float]
-GRAVITY_M_S2 = 9.81
+#: The 9.81 in the forms "a acceleration/9.81" of the catalogue: a scale by convention, not gravity
+#: (that is `units.STANDARD_GRAVITY_M_S2`); coefficients in model files are per this.
+CATALOGUE_G_M_S2 = 9.81
 
 #: Stages an effect can act on, in the contract's words.
-ACTS_ON = ("load", "contact_pressure", "structure", "baseline", "sensor", "regressors", "foundation_stiffness", "strain")
+ACTS_ON = (
+    "load", "contact_pressure", "structure", "baseline", "sensor", "regressors", "foundation_stiffness", "strain", "radial_acceleration",
+)  # fmt: skip
+_WAVES = ("strain", "radial_acceleration", "dissipation_factor")
+_PRESSURE, _ALL = ("contact_pressure", _WAVES), (*_WAVES, "patch_length", "phase_shift", "patch_width")
+#: Hook -> (the stage it enters, the observables that are computed from that stage).
+REACH: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "load": ("load", _ALL),
+    "added_load": ("load", _ALL),
+    "pressure": _PRESSURE,
+    "tilt": _PRESSURE,
+    "kernel": _PRESSURE,
+    "traction": _PRESSURE,
+    "structure": ("structure (foundation_stiffness)", _WAVES),
+    "transfer": ("sensor", _WAVES),
+    "gain": ("sensor", _WAVES),
+    "lever": ("sensor", ("strain", "dissipation_factor")),
+    "baseline": ("baseline", ("strain",)),
+    "strain": ("strain", ("strain",)),
+    "acceleration": ("radial_acceleration", ("radial_acceleration",)),
+    "regressor": ("regressors", ("phase_shift", "patch_width")),
+}
+
+
+def acting_on(observable: str) -> list[str]:
+    """The stages by which an effect can act on an observable, in the words of a model file."""
+    return list(dict.fromkeys(stage for stage, reached in REACH.values() if observable in reached))
 
 
 @dataclass(frozen=True)
@@ -115,13 +143,15 @@ class Effect:
     acts_on                    the stages it enters
     parameters                 numbers with unit, bounds, start; `strength` names those that are all zero when it is off
     needs                      fields of Conditions without which it cannot be computed
+    also_at_zero               carcasses on which something of it acts also when its strength is zero
     instead                    a field of `needs` -> another that serves as well
     options                    words a model file may choose from, the first by default
     source, valid, signature   where it comes from, where it holds, what it looks like in a waveform
     hooks                      load: relative change of F; added_load [N]; pressure: modes to add [N/m]; tilt: a in p (1 - a xi/L);
                                kernel: transfer of a convolution of p; traction: modes of tau [N/m] and its lever [m];
-                               structure; baseline [strain]; transfer: sensor's transfer; gain: sensor's factor;
-                               strain: added waveform at (drive, site, phi); regressor: added to a number per revolution
+                               structure; baseline [strain]; transfer: sensor's transfer; gain: sensor's factor; lever: the same
+                               of the lever arm, so for strain alone; strain: added waveform at (drive, site, phi);
+                               acceleration [m/s^2]: likewise; regressor: added to a number per revolution
     """
 
     id: str
@@ -134,6 +164,7 @@ class Effect:
     valid: str
     signature: str
     needs: tuple[str, ...] = ()
+    also_at_zero: tuple[str, ...] = ()
     instead: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     observables: tuple[str, ...] = ("strain", "radial_acceleration", "patch_length", "dissipation_factor")
@@ -147,12 +178,20 @@ class Effect:
     baseline: DriveHook | None = None
     transfer: SiteHook | None = None
     gain: DriveHook | None = None
+    lever: DriveHook | None = None
     strain: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
+    acceleration: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
     regressor: Callable[[Values, Drive, Site, str], FloatArray] | None = None
 
-    def is_on(self, values: Values) -> bool:
+    @property
+    def reaches(self) -> tuple[str, ...]:
+        """Those of its `observables` that are computed from a stage which it enters; on the others it would act on nothing."""
+        hooks = [reached for hook, (_, reached) in REACH.items() if getattr(self, hook) is not None]
+        return tuple(name for name in self.observables if any(name in reached for reached in hooks))
+
+    def is_on(self, values: Values, carcass: str = "beam") -> bool:
         """False where its strength is zero: the model is then the same as without it, to the last bit."""
-        return not self.strength or any(values[name] != 0.0 for name in self.strength)
+        return not self.strength or carcass in self.also_at_zero or any(values[name] != 0.0 for name in self.strength)
 
     def missing(self, conditions: Conditions) -> list[str]:
         """Fields of the conditions that it needs and some revolution lacks."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from tirelog.physics.effects.base import GRAVITY_M_S2, Drive, Effect, Values
+from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import FloatArray
 
 
 def _load(v: Values, drive: Drive) -> FloatArray:
-    return v["coefficient"] * drive.acceleration_m_s2 / GRAVITY_M_S2
+    return v["coefficient"] * drive.acceleration_m_s2 / CATALOGUE_G_M_S2
 
 
 EFFECT = Effect(

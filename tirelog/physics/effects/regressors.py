@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.physics.effects.base import Drive, Effect, Site, Values
+from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import FloatArray
 
@@ -35,7 +35,7 @@ def _delay(v: Values, drive: Drive, site: Site, observable: str) -> FloatArray:
 
 
 def _pitch(v: Values, drive: Drive, site: Site, observable: str) -> FloatArray:
-    angle = v["phase_per_g_rad"] * drive.acceleration_m_s2 / 9.81
+    angle = v["phase_per_g_rad"] * drive.acceleration_m_s2 / CATALOGUE_G_M_S2
     return v["amplitude_rad"] * (np.cos(v["steps"] * angle) - 1.0) + v["slope_rad"] * np.sin(v["steps"] * angle)
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from tirelog.physics.brush import traction_modes
-from tirelog.physics.effects.base import GRAVITY_M_S2, Drive, Effect, Site, Values
+from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import ComplexArray, FloatArray
 
 
 def slip(v: Values, drive: Drive) -> FloatArray:
     """The measured slip where the log has one, else -a acceleration/9.81; positive in braking."""
-    return np.where(np.isfinite(drive.slip), drive.slip, -v["slip_per_g"] * drive.acceleration_m_s2 / GRAVITY_M_S2)
+    return np.where(np.isfinite(drive.slip), drive.slip, -v["slip_per_g"] * drive.acceleration_m_s2 / CATALOGUE_G_M_S2)
 
 
 def _traction(v: Values, drive: Drive, site: Site) -> tuple[ComplexArray, float] | None:
@@ -32,6 +32,7 @@ EFFECT = Effect(
         Parameter("slip_per_g", "1", "a in slip = -a acceleration/9.81, where no slip is measured", 0.1, 0.0, 1.0, probe=0.1),
     ),
     strength=("lever_m",),
+    also_at_zero=("ring",),  # the belt is pulled along by the shear itself; the lever only adds its couple
     source="P2 (13)-(18), C_x by (17); errata: the jump at x_s, either sign of the lever",
     valid="slip up to 1; friction 0.8 sticking, 0.6 sliding; on a ring the shear also pulls the belt along",
     signature="odd, changes sign with the acceleration, a kink where adhesion ends",

@@ -16,7 +16,7 @@ def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
     return bell(height, v["position"] * site.half_length_m, v["width"] * site.half_length_m, site.radius_m)
 
 
-def _gain(v: Values, drive: Drive) -> FloatArray:
+def _lever(v: Values, drive: Drive) -> FloatArray:
     return 1.0 - v["lever_loss"] * (drive.distance_km / LIFE_KM)
 
 
@@ -37,5 +37,5 @@ EFFECT = Effect(
     signature="exit side heavier than the entry side, the same at every speed, growing with distance",
     needs=("distance_km",),
     pressure=_pressure,
-    gain=_gain,
+    lever=_lever,
 )
