@@ -112,17 +112,17 @@ def test_quality_words() -> None:
 @pytest.mark.parametrize("format", FORMATS)
 def test_a_later_log_may_say_less(tmp_path: Path, format: str) -> None:
     """What the setup of a later log leaves open is empty there; what only a later one has stands nowhere, so it is refused."""
-    full = {"log": "a.csv", "revolution": np.arange(3), "power_W": np.array([1.0, 2.0, 3.0]), "quality": np.array(["ok"] * 3, object)}
-    less = {name: value for name, value in full.items() if name not in ("power_W", "quality")} | {"log": "b.csv"}
+    full = {"log": "a.csv", "revolution": np.arange(3), "strip_power_W": np.array([1.0, 2.0, 3.0]), "quality": np.array(["ok"] * 3, object)}
+    less = {name: value for name, value in full.items() if name not in ("strip_power_W", "quality")} | {"log": "b.csv"}
     out = tmp_path / f"t.{format}"
     with TableWriter("dissipation", out, format) as table:
         table.write(full)
         table.write(less)
     read = read_table(out)
-    assert read["power_W"].isna().tolist() == [False] * 3 + [True] * 3
+    assert read["strip_power_W"].isna().tolist() == [False] * 3 + [True] * 3
     assert (read["quality"].fillna("") == "").tolist() == [False] * 3 + [True] * 3
     assert read["log"].tolist() == ["a.csv"] * 3 + ["b.csv"] * 3
-    with pytest.raises(UsageError, match=r"b\.csv: has power_W, quality, which"), TableWriter("dissipation", out, format) as table:
+    with pytest.raises(UsageError, match=r"b\.csv: has strip_power_W, quality, which"), TableWriter("dissipation", out, format) as table:
         table.write(less | {"log": "a.csv"})
         table.write(full | {"log": "b.csv"})
     assert read_table(out).equals(read)

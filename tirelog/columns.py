@@ -63,18 +63,28 @@ _ALL = [
     Column("steady", "", "bool", "the revolution lies in a stretch of constant speed"),
     Column("dissipation_factor_mean_1_m", "1/m", "float", "moving average of the factor within the steady stretch", 0.0, 1e-4),
     Column("specific_power_mean_m3_s2", "m^3/s^2", "float", "moving average of the specific power within the steady stretch", 0.0, 1e-4),
-    Column("power_W", "W", "float", "dissipated power with the setup's viscosity", 0.0, 1e-4),
-    Column("rolling_resistance_N", "N", "float", "rolling resistance force, power over speed", 0.0, 1e-4),
-    Column("rolling_resistance_coefficient", "", "float", "rolling resistance force over load", 0.0, 1e-4),
+    Column("strip_power_W", "W", "float", "power in the strip under the grating with the setup's viscosity (P1 27)", 0.0, 1e-4),
+    Column("strip_rolling_resistance_N", "N", "float", "the strip's power over the speed; no tire's rolling resistance", 0.0, 1e-4),
+    Column("strip_rolling_resistance_coefficient", "", "float", "the strip's resistance over the tire's load", 0.0, 1e-4),
     # dissipation --fit
     _text("quantity", "the column that is fitted as intercept + slope x speed"),
     Column("intercept", "of the quantity", "float", "value at speed 0", 0.0, 1e-3),
-    Column("intercept_se", "of the quantity", "float", "its standard error, revolutions of one stretch taken as correlated", 0.0, 1e-2),
+    Column("intercept_se", "of the quantity", "float", "its standard error from the scatter of the stretches' means", 0.0, 1e-2),
     Column("slope", "of the quantity per m/s", "float", "change with speed", 0.0, 1e-3),
-    Column("slope_se", "of the quantity per m/s", "float", "its standard error", 0.0, 1e-2),
+    Column("slope_se", "of the quantity per m/s", "float", "its standard error from the scatter of the stretches' means", 0.0, 1e-2),
+    Column("slope_lower", "of the quantity per m/s", "float", "lower end of its 95 % interval (t quantile)", 0.0, 1e-2),
+    Column("slope_upper", "of the quantity per m/s", "float", "upper end of its 95 % interval", 0.0, 1e-2),
     Column("scatter", "of the quantity", "float", "standard deviation of the revolutions about the line", 0.0, 1e-2),
     _integer("rows", "revolutions at constant speed"),
     _integer("stretches", "stretches of constant speed"),
+    _integer("points", "means that the line goes through: stretches, long slow changes of speed in pieces of 1 m/s"),
+    _integer("speeds", "speeds among them, 0.5 m/s or more apart"),
+    _integer("degrees_of_freedom", "points less the line's two numbers"),
+    Column("miss", "of the quantity", "float", "largest distance of a point from the line", 0.0, 1e-2),
+    Column("miss_sigmas", "", "float", "and in standard errors of the points", 1e-2, 1e-2),
+    Column("curvature", "of the quantity per m^2/s^2", "float", "coefficient of the squared speed in the parabola", 0.0, 1e-2),
+    Column("curvature_se", "of the quantity per m^2/s^2", "float", "its standard error", 0.0, 1e-2),
+    _text("judgement", "what speaks against the line; empty where nothing does"),
     Column("slowest_m_s", "m/s", "float", "range of the speeds: least", 1e-5),
     Column("fastest_m_s", "m/s", "float", "range of the speeds: largest", 1e-5),
     # phase shift
@@ -151,11 +161,12 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
     "dissipation": _revolutions(
         "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2", "steady", "dissipation_factor_mean_1_m",
-        "specific_power_mean_m3_s2", "power_W", "rolling_resistance_N", "rolling_resistance_coefficient",
+        "specific_power_mean_m3_s2", "strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient",
     ),
     "dissipation-fit": (
-        "log", "channel", "quantity", "intercept", "intercept_se", "slope", "slope_se", "scatter", "rows", "stretches", "slowest_m_s",
-        "fastest_m_s",
+        "log", "channel", "quantity", "intercept", "intercept_se", "slope", "slope_se", "slope_lower", "slope_upper", "scatter", "rows",
+        "stretches", "points", "speeds", "degrees_of_freedom", "slowest_m_s", "fastest_m_s", "miss", "miss_sigmas", "curvature",
+        "curvature_se", "judgement",
     ),
     "inflation": _revolutions(
         "stretch", "duration_s", "inflation_pressure_Pa", "pressure_change_Pa", "strain", "strain_se", "strain_change", "strain_slope_1_Pa",
@@ -176,6 +187,6 @@ TABLES: dict[str, tuple[str, ...]] = {
 
 #: columns that stand in a table only where the setup or calibration gives what they need
 OPTIONAL = {
-    "power_W", "rolling_resistance_N", "rolling_resistance_coefficient", "vertical_force_N", "vertical_force_se_N", "longitudinal_force_N",
-    "longitudinal_force_se_N",
+    "strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient", "vertical_force_N", "vertical_force_se_N",
+    "longitudinal_force_N", "longitudinal_force_se_N",
 }  # fmt: skip

@@ -8,9 +8,11 @@ import pytest
 from tests.estimators.strain_truth import Beam, Ring
 from tirelog.dsp.differentiator import bridged, differentiator, response
 from tirelog.estimators.dissipation import dissipation, moving_average, steady_stretches
-from tirelog.estimators.dissipation_table import by_speed, dissipation_of, regression, regression_columns
+from tirelog.estimators.dissipation_fit import regression
+from tirelog.estimators.dissipation_table import by_speed, dissipation_of, regression_columns
 from tirelog.estimators.passages import find_passages
 from tirelog.estimators.speed import speed_words
+from tirelog.plots.dissipation import said
 from tirelog.recording import Recording
 from tirelog.setup import LogConditions, Setup, Tire
 
@@ -76,10 +78,26 @@ def test_specific_power_power_and_rolling_resistance(drive, radius_m):
     (table,) = dissipation_of(Recording("a.csv", {"s": made.channel}, Setup(tire, LogConditions(load_N=3600.0))))
     c = table.columns
     np.testing.assert_allclose(c["specific_power_m3_s2"], 12.0**2 * 0.018 * 0.215 * c["dissipation_factor_1_m"], rtol=2e-3)
-    np.testing.assert_allclose(c["power_W"], 2e3 * c["specific_power_m3_s2"])
-    np.testing.assert_allclose(c["rolling_resistance_N"] * c["speed_m_s"], c["power_W"])
-    np.testing.assert_allclose(c["rolling_resistance_coefficient"] * 3600.0, c["rolling_resistance_N"])
+    np.testing.assert_allclose(c["strip_power_W"], 2e3 * c["specific_power_m3_s2"])
+    np.testing.assert_allclose(c["strip_rolling_resistance_N"] * c["speed_m_s"], c["strip_power_W"])
+    np.testing.assert_allclose(c["strip_rolling_resistance_coefficient"] * 3600.0, c["strip_rolling_resistance_N"])
     assert any("0.00387" in remark for remark in table.remarks)
+    assert any("strip under the grating" in remark for remark in table.remarks)
+
+
+def test_the_remark_on_bending_is_of_the_grating_s_own_surface(drive, radius_m):
+    """P1 (25) without stretch over (27): 12 (y/h)^2, so 3 on the liner (y = h/2), 1 at y = 0.29 h and 1/33 at P2's y = h/20."""
+    tire = Tire(rolling_radius_m=radius_m, section_height_m=0.018, width_m=0.215, viscosity_Pa_s=2e3)
+    made = {name: drive([0, 2], [12, 12], seed=1722, surface=name).channel for name in ("outer", "inner")}
+    tables = list(dissipation_of(Recording("a.csv", {"in": made["inner"], "out": made["outer"], "more": made["outer"]}, Setup(tire))))
+    bending = [[remark for remark in table.remarks if "in pure bending" in remark] for table in tables]
+    assert "liner" in bending[0][0]
+    assert "three times too much" in bending[0][0]
+    assert "groove" in bending[1][0]
+    assert "too little" in bending[1][0]
+    assert "too much" not in bending[1][0]
+    assert "5.2 mm" in bending[1][0]  # 18 mm / sqrt(12)
+    assert not bending[2]
 
 
 def test_constant_speed_is_told_by_the_size_of_the_step():
@@ -113,6 +131,61 @@ def test_a_regression_gives_its_line_back():
     assert abs(np.mean(pulls)) < 0.5
     assert regression("q", np.full(20, 9.0), np.ones(20), np.zeros(20, int)) is None
     assert regression("q", speed, values, np.full(speed.size, -1)) is None
+
+
+@pytest.mark.parametrize(("stretches", "between"), [(3, 0.0), (3, 1e-5), (5, 0.0), (5, 1e-6), (5, 1e-5), (12, 1e-5)])
+def test_the_interval_of_a_slope_covers_it(stretches, between):
+    """Revolutions of one stretch share what it has of its own: 95 % intervals must hold with and without that."""
+    rng = np.random.default_rng(1732)
+    covered = []
+    for _ in range(200):
+        rows = rng.integers(5, 60, stretches)
+        speed = np.repeat(np.linspace(6, 24, stretches), rows)
+        own = np.repeat(rng.normal(0, between, stretches), rows)
+        values = 4e-4 - 5e-6 * speed + own + rng.normal(0, 3e-6, speed.size)
+        line = regression("q", speed, values, np.repeat(np.arange(stretches), rows))
+        covered.append(line.slope_lower < -5e-6 < line.slope_upper)
+    assert 0.90 <= np.mean(covered) <= 0.98
+
+
+def line_of(means, scatter=1e-7):
+    """A regression through stretches of ten revolutions, of the `means` (m,) at speeds 4 m/s apart."""
+    rng = np.random.default_rng(1733)
+    speed = np.repeat(6.0 + 4.0 * np.arange(len(means)), 10)
+    return regression("q", speed, np.repeat(means, 10) + rng.normal(0, scatter, speed.size), np.repeat(np.arange(len(means)), 10))
+
+
+def test_what_is_said_of_a_line():
+    """A line through two or three speeds is not tested; one that a parabola beats says so; scatter between stretches is no fault."""
+    two, three, bent = line_of([1.0, 3.0]), line_of([1.0, 2.0, 3.0]), line_of([1.0, 2.0, 3.5])
+    assert (two.degrees_of_freedom, two.judgement) == (0, "2 speeds: a line is not tested")
+    assert not np.isfinite(two.slope_se)
+    assert not np.isfinite(two.curvature)
+    assert (three.degrees_of_freedom, three.judgement) == (1, "3 speeds: a line is not tested")
+    assert bent.judgement.startswith("3 speeds: a line is not tested; the line misses a mean by")
+    assert bent.miss_sigmas > 4
+    five = line_of([1.0, 4.0, 9.0, 16.0, 25.0])
+    assert "parabola follows" in five.judgement
+    assert five.doubtful
+    assert five.curvature == pytest.approx(1 / 16, rel=1e-4)
+    np.testing.assert_allclose(np.polynomial.polynomial.polyval([6.0, 22.0], five.parabola), [1.0, 25.0], rtol=1e-4)
+    assert line_of([1.0, 2.0, 3.0, 4.0]).judgement == ""
+    assert not line_of([1.0, 2.0, 3.0, 4.0]).doubtful
+    assert not line_of([1.0, 2.1, 2.9, 4.05, 4.98]).doubtful
+
+
+def test_a_slow_coast_down_is_more_than_one_point():
+    """A stretch whose speed moves on by small steps is cut: its mean alone would forget its slope."""
+    speed = np.linspace(10.0, 20.0, 200)
+    line = regression("q", speed, 2.0 * speed, np.zeros(200, int))
+    assert (line.stretches, line.points) == (1, 10)
+    assert line.slope == pytest.approx(2.0, rel=1e-6)
+    assert line.slope_se < 1e-6
+
+
+def test_the_picture_of_a_line_says_what_speaks_against_it():
+    assert "3 speeds: a line is not tested" in " ".join(said(line_of([1.0, 2.0, 3.5])).splitlines())
+    assert "±" not in said(line_of([1.0, 3.0]))
 
 
 def test_the_table_behind_fig_11_and_its_lines(drive, radius_m):

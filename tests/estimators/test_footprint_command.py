@@ -79,7 +79,7 @@ def test_dissipation_and_its_lines(command, rolling):
     status, table, err = command(rolling, "dissipation", "--plot", "page.png")
     assert status == 0
     assert "section height x width" in err
-    assert {"power_W", "rolling_resistance_N", "rolling_resistance_coefficient"} <= set(table.columns)
+    assert {"strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient"} <= set(table.columns)
     with open("page.png", "rb") as page:
         assert page.read(4) == b"\x89PNG"
     status, lines, _ = command(rolling, "dissipation", "--fit")

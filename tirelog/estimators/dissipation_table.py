@@ -1,7 +1,7 @@
 """The tables of the command `dissipation`: a row a revolution, its moving averages sorted by speed, and the regressions on speed.
 
 Recording --passages, dissipation--> columns --power, force, coefficient where the setup gives what they need--> table
-rows of constant speed --straight lines in the speed, errors by stretch--> Regression
+rows of constant speed --`dissipation_fit`: lines through the means of their stretches--> regressions
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.estimators.dissipation import AVERAGED, STEADY_STEP_M_S, Dissipation, dissipation
+from tirelog.estimators.dissipation_fit import regression, regression_table
 from tirelog.estimators.held import released
 from tirelog.estimators.passages import Passages
 from tirelog.estimators.speed import begin, speed_words
@@ -20,8 +21,8 @@ from tirelog.estimators.strain_channels import rotating
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray, Recording
 from tirelog.tables import quality_column
 
-#: rows of constant speed that a regression needs
-LEAST_ROWS = 8
+#: distance from the neutral axis, in heights of the strip, at which P1 (27) is right in pure bending: 12 (y/h)^2 = 1
+RIGHT_LEVER = 12.0**-0.5
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,12 @@ def dissipation_of(
     recording: Recording, steady_step_m_s: float = STEADY_STEP_M_S, averaged: int = AVERAGED, block_samples: int = BLOCK_SAMPLES
 ) -> Iterator[DissipationOfChannel]:
     """The dissipation of each strain channel of `recording`."""
-    said = False
+    said: set[str] = set()
     for channel, passages in rotating(recording):
         found = dissipation_of_channel(recording, channel, passages, steady_step_m_s, averaged, block_samples)
         del channel  # before the next one takes its place in memory
-        yield replace(found, remarks=()) if said else found
-        said = True
+        yield replace(found, remarks=tuple(remark for remark in found.remarks if remark not in said))
+        said.update(found.remarks)
 
 
 def dissipation_of_channel(
@@ -75,23 +76,27 @@ def dissipation_of_channel(
     }
     columns |= _with_viscosity(recording, found, passages.speed_m_s)
     columns["quality"] = quality_column(found.quality)
-    return DissipationOfChannel(released(channel), passages, found, columns, _remarks(recording))
+    return DissipationOfChannel(released(channel), passages, found, columns, _remarks(recording, channel.surface))
 
 
 def _with_viscosity(recording: Recording, found: Dissipation, speed_m_s: FloatArray) -> dict[str, FloatArray]:
-    """Power eta P_d, rolling resistance power / speed, and its coefficient, where viscosity, area and load are known (P1 27)."""
+    """Power eta P_d of the strip under the grating, that over the speed, and that over the load, where viscosity, area and load are known.
+
+    P1 (27) is the power of one strip of the belt, of the given section and viscosity, under one grating: of a whole tire's rolling
+    resistance (some 1 % of the load) it is a part that only the true section, viscosity and lever arm would tell.
+    """
     tire, load = recording.setup.tire, recording.setup.conditions.load_N
     if tire.viscosity_Pa_s is None or tire.area_m2 is None:
         return {}
     power = tire.viscosity_Pa_s * found.specific_power_m3_s2
     with np.errstate(invalid="ignore", divide="ignore"):
         force = power / speed_m_s
-    more = {"power_W": power, "rolling_resistance_N": force}
-    return more | ({"rolling_resistance_coefficient": force / load} if load is not None else {})
+    more = {"strip_power_W": power, "strip_rolling_resistance_N": force}
+    return more | ({"strip_rolling_resistance_coefficient": force / load} if load is not None else {})
 
 
-def _remarks(recording: Recording) -> tuple[str, ...]:
-    """What the setup left open."""
+def _remarks(recording: Recording, surface: str | None) -> tuple[str, ...]:
+    """What the setup left open, and what a power in watts holds for."""
     tire = recording.setup.tire
     remarks = []
     if tire.area_m2 is None:
@@ -101,60 +106,24 @@ def _remarks(recording: Recording) -> tuple[str, ...]:
     elif tire.section_area_m2 is None:
         remarks.append(f"section area taken as section height x width = {tire.area_m2:.4g} m^2; section_area_m2 under [tire] overrides it")
     if tire.viscosity_Pa_s is not None and tire.area_m2 is not None:
-        remarks.append("power as P1 (27) prints it, for membrane strain; in pure bending a grating on the liner reads three times too much")
+        remarks.append("the powers and resistances in W and N are of the strip under the grating alone, with the setup's viscosity (P1 27)")
+        remarks.append(_in_bending(surface, tire.section_height_m))
     return tuple(remarks)
 
 
-@dataclass(frozen=True)
-class Regression:
-    """quantity = intercept + slope x speed over `rows` revolutions of constant speed in `stretches` stretches.
+def _in_bending(surface: str | None, height_m: float | None) -> str:
+    """What P1 (27) reads of a strip of height h that bends and does not stretch: 12 (y / h)^2 of its power, y off the neutral axis.
 
-    Standard errors hold with revolutions of one stretch correlated (sums over stretches), or from the residuals where there are fewer
-    than four; `scatter`: standard deviation of the residuals.
+    The strain at z is then z / y times the grating's, so that P1 (25) is eta A h^2 / (12 y^2) int (d eps_m / ds)^2 ds; (27) leaves the
+    factor out.
     """
-
-    quantity: str
-    intercept: float
-    intercept_se: float
-    slope: float
-    slope_se: float
-    scatter: float
-    rows: int
-    stretches: int
-    slowest_m_s: float
-    fastest_m_s: float
-
-
-def regression(quantity: str, speed_m_s: FloatArray, values: FloatArray, stretch: IntArray) -> Regression | None:
-    """The straight line of `values` on `speed_m_s` (n,) over the rows with a `stretch`; None where there are too few or one speed only."""
-    good = (stretch >= 0) & np.isfinite(values) & np.isfinite(speed_m_s)
-    v, y, group = speed_m_s[good], values[good], stretch[good]
-    if v.size < LEAST_ROWS or np.ptp(v) < 1e-6 * np.abs(v).max():
-        return None
-    design = np.column_stack([np.ones_like(v), v - v.mean()])
-    inverse = np.linalg.inv(design.T @ design)
-    coefficients = inverse @ (design.T @ y)
-    residual = y - design @ coefficients
-    scatter = float(np.sqrt((residual**2).sum() / (v.size - 2)))
-    names, place = np.unique(group, return_inverse=True)
-    if names.size >= 4:
-        scores = np.zeros((names.size, 2))
-        np.add.at(scores, place, design * residual[:, None])
-        covariance = inverse @ (scores.T @ scores) @ inverse * (names.size / (names.size - 1))
-    else:
-        covariance = inverse * scatter**2
-    to_zero = np.array([1.0, -v.mean()])
-    return Regression(
-        quantity,
-        float(coefficients @ to_zero),
-        float(np.sqrt(to_zero @ covariance @ to_zero)),
-        float(coefficients[1]),
-        float(np.sqrt(covariance[1, 1])),
-        scatter,
-        int(v.size),
-        int(names.size),
-        float(v.min()),
-        float(v.max()),
+    text = "P1 (27) is exact for membrane strain; in pure bending "
+    if surface == "inner":
+        return f"{text}a grating on the liner, half the strip's height from its neutral axis, reads three times too much"
+    right = f" = {1e3 * RIGHT_LEVER * height_m:.1f} mm" if height_m is not None else ""
+    return (
+        f"{text}a grating in a groove reads 12 (y/h)^2 of the power, y its distance from the neutral axis, h the strip's height: "
+        f"right at y = 0.29 h{right}, too little nearer the axis (33 times too little at y = 0.05 h, as in P2)"
     )
 
 
@@ -174,9 +143,7 @@ def regression_columns(log: str, found: DissipationOfChannel) -> dict[str, Any] 
     kept = [line for line in lines if line is not None]
     if not kept:
         return None
-    names = ("quantity", "intercept", "intercept_se", "slope", "slope_se", "scatter", "rows", "stretches", "slowest_m_s", "fastest_m_s")
-    columns = {name: np.array([getattr(line, name) for line in kept]) for name in names}
-    return {"log": log, "channel": found.channel.name} | columns
+    return {"log": log, "channel": found.channel.name} | regression_table(kept)
 
 
 def by_speed(found: DissipationOfChannel) -> dict[str, Any]:

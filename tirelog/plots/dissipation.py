@@ -8,6 +8,7 @@ Right: both averages over speed with their regressions (Fig. 11).
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tirelog.estimators.dissipation_table import DissipationOfChannel, clean, regression
+from tirelog.estimators.dissipation_fit import Regression, regression
+from tirelog.estimators.dissipation_table import DissipationOfChannel, clean
 from tirelog.plots.style import COLOURS, EDGE, MICRO, RAW, draw_signal, label, least_and_most, page, robust_range, write
 from tirelog.recording import FloatArray, Recording
 
@@ -90,8 +92,14 @@ def _magnified(axes: Axes, sketch: Sketch) -> None:
     label(axes, "time [s]", "strain [µε]", f"{MAGNIFIED} revolutions at {speed:.1f} m/s" if time.size else "")
 
 
+def said(line: Regression) -> str:
+    """The legend of a line: its slope with the error, and what speaks against it, in lines that a legend holds."""
+    error = f" ± {line.slope_se:.1g}" if np.isfinite(line.slope_se) else ""
+    return "\n".join([f"{line.slope:.3g}{error} per m/s", *textwrap.wrap(line.judgement, 44)])
+
+
 def _over_speed(axes: Axes, kept: Sequence[tuple[Recording, DissipationOfChannel]], name: str, average: str, text: str) -> None:
-    """Moving averages sorted by speed, with the regression on all revolutions of constant speed (P1 Fig. 11)."""
+    """Moving averages sorted by speed, means of the stretches and the line through them (P1 Fig. 11), dashed where it is doubtful."""
     values = []
     for number, (recording, found) in enumerate(kept[:MOST]):
         colour = COLOURS[number % len(COLOURS)]
@@ -102,8 +110,11 @@ def _over_speed(axes: Axes, kept: Sequence[tuple[Recording, DissipationOfChannel
         values.append(found.columns[average])
         line = regression(name, speed, found.columns[name], clean(found))
         if line is not None:
-            ends = np.array([line.slowest_m_s, line.fastest_m_s])
-            axes.plot(ends, line.intercept + line.slope * ends, "-", color="black", lw=1.4)
-            axes.plot([], [], "-", color="black", label=f"{line.slope:.3g} ± {line.slope_se:.1g} per m/s")
+            axes.errorbar(line.speed_m_s, line.means, line.mean_se, fmt="o", color=colour, mec="black", ms=5, capsize=2)
+            ends = np.linspace(line.slowest_m_s, line.fastest_m_s, 50)
+            style = "--" if line.doubtful else "-"
+            axes.plot(ends, line.intercept + line.slope * ends, style, color=colour if len(kept) > 1 else "black", lw=1.4, label=said(line))
+            if line.doubtful and np.isfinite(line.curvature):
+                axes.plot(ends, np.polynomial.polynomial.polyval(ends, line.parabola), ":", color=colour, lw=1.2, label="parabola")
     axes.legend(fontsize=7)
     label(axes, "speed [m/s]", text, ylim=robust_range(*values, share=0.0))

@@ -62,19 +62,26 @@ def dissipation(table: pd.DataFrame, command: str, remarks: Sequence[str], lines
         alt = f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, {len(steady)} passages (P1 Fig. 11)."
         figures.append(Figure(f"{column}-speed", f"{title} against speed", alt, over, layout("speed [m/s]", label)))
     for column, title, label in (
-        ("power_W", "Dissipated power", "power [W]"),
-        ("rolling_resistance_N", "Rolling resistance", "rolling resistance [N]"),
+        ("strip_power_W", "Power of the strip under the grating", "power of the strip [W]"),
+        ("strip_rolling_resistance_N", "Rolling resistance of the strip under the grating", "resistance of the strip [N]"),
     ):
         if column in good and good[column].notna().any():
-            alt = f"{title} against speed with the setup's viscosity: {reach(good[column], label.split('[')[1][:-1])}."
+            size = reach(good[column], label.split("[")[1][:-1])
+            alt = f"{title} against speed with the setup's viscosity and section, not the whole tire's: {size}."
             figures.append(Figure(column, title, alt, [dots(good["speed_m_s"], good[column], title.lower())], layout("speed [m/s]", label)))
     factor = reach(good["dissipation_factor_1_m"], "1/m")
     words = [f"Dissipation factor: {factor} over {len(good)} passages, {len(steady)} of them at constant speed.", *remarks, *drawn_of(good)]
     tables = [quality(table, "dissipation")]
     if lines is not None:
-        header = ["quantity", "channel", "slope", "its error", "value at speed 0", "its error", "revolutions"]
-        names = ("quantity", "channel", "slope", "slope_se", "intercept", "intercept_se", "rows")
-        cells = [[f"{row[n]:.4g}" if isinstance(row[n], float) else str(row[n]) for n in names] for _, row in lines.iterrows()]
+        heads = {
+            "quantity": "quantity", "channel": "channel", "slope": "slope", "slope_se": "its error", "slope_lower": "95 % from",
+            "slope_upper": "to", "intercept": "value at speed 0", "intercept_se": "its error", "rows": "revolutions", "points": "means",
+            "judgement": "judgement",
+        }  # fmt: skip
+        names = [name for name in heads if name in lines]  # a table of an older run has fewer
+        header = [heads[name] for name in names]
+        cells = [["" if pd.isna(row[n]) else f"{row[n]:.4g}" if isinstance(row[n], float) else str(row[n]) for n in names]
+                 for _, row in lines.iterrows()]  # fmt: skip
         tables.append(Table("Regressions on the speed in m/s", header, cells))
     return Section("dissipation", "Dissipation", command, words, figures, tables)
 
@@ -89,7 +96,10 @@ def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict]:
         who = f"{names[str(row['log'])]}: {row['channel']}" if len(names) > 1 else row["channel"]
         ends = np.array([row["slowest_m_s"], row["fastest_m_s"]], float)
         y = float(row["intercept"]) + float(row["slope"]) * ends
-        drawn.append(line(ends, y, f"{who}, fitted line", i, line={"width": 2.5}))
+        judgement = row.get("judgement")
+        doubt = str(judgement) if isinstance(judgement, str) and judgement else ""
+        style = {"width": 2.5, "dash": "dash"} if doubt else {"width": 2.5}
+        drawn.append(line(ends, y, f"{who}, fitted line" + (f" ({doubt})" if doubt else ""), i, line=style))
     return drawn
 
 
