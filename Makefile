@@ -20,7 +20,7 @@ demo: .venv/.demo
 	$(BIN)/python sample_data/demo.py
 
 test: .venv/.dev
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 bench: .venv/.dev
 	$(BIN)/python -m benchmarks

@@ -140,9 +140,9 @@ def alive(started: dict[int, str]) -> list[int]:
     return [pid for pid, begin in started.items() if begin_of(pid) == begin]
 
 
-def kill_all(process: "subprocess.Popen[bytes]") -> None:
-    """SIGKILL for the process and what it has started, and for nobody else."""
-    started = children(process.pid)
+def kill_all(process: "subprocess.Popen[bytes]", known: dict[int, str] | None = None) -> None:
+    """SIGKILL for the process, what it has started and what was `known` of that, and for nobody else."""
+    started = (known or {}) | children(process.pid)
     process.kill()
     process.wait()
     for pid in alive(started):

@@ -23,6 +23,7 @@ def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals
     manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
     results, temporary = tmp_path / "results", tmp_path / "results" / ".tirelog" / "tmp"
     process = begun(manifest, stuck, "--workers", "2")
+    started: dict[int, str] = {}
     try:
         assert waited_for(lambda: process.poll() is not None or len(list(temporary.glob("*/part.parquet"))) == 2)
         started = children(process.pid)
@@ -31,7 +32,7 @@ def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals
         assert process.wait(PATIENCE_S) == (-how if how is signal.SIGKILL else 128 + how)
         assert waited_for(lambda: not alive(started))
     finally:
-        kill_all(process)
+        kill_all(process, started)
     said = (tmp_path / "said.txt").read_text()
     if how is signal.SIGKILL:
         assert said == ""

@@ -1,7 +1,9 @@
 """Faults: logs that cannot be read do not stop a campaign; a manifest that cannot be used does, with advice."""
 
+import json
 import re
 import socket
+from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
@@ -10,6 +12,8 @@ import pytest
 from tests.campaign.conftest import MANIFEST, dataset
 from tests.cli.conftest import Command
 from tirelog.campaign import cluster
+from tirelog.campaign.ledger import Entry, _entry
+from tirelog.campaign.remote_folder import _refuse_if_alive
 
 pytest_plugins: list[str] = []
 
@@ -144,3 +148,34 @@ def test_a_manifest_of_other_types_is_told_what_is_allowed(tmp_path: Path, tirel
         assert words in outcome.err
         assert outcome.err.count("\n") == 1
     assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(
+    "lock",
+    [
+        "[]",
+        "{",
+        '{"beat_s": "now", "pid": []}',
+        f'{{"beat_s": {"9" * 400}, "pid": {"9" * 400}}}',
+        '{"beat_s": NaN}',
+        '{"beat_s": Infinity}',
+    ],
+)
+def test_a_lock_that_nobody_can_have_written_holds_nobody_up(lock: str) -> None:
+    _refuse_if_alive("s3://bucket", lock.encode())
+
+
+def test_an_entry_of_the_ledger_that_was_damaged_is_made_again() -> None:
+    whole = asdict(Entry("a.csv", "a.csv", "key", rows={"speed": 3}, quality={"speed": {"ok": 3}}, seconds=1.5))
+    assert _entry(json.dumps(whole).encode()) == Entry(**whole)
+    assert _entry(json.dumps(whole | {"seconds": 1}).encode()) is not None
+    for key, value in (
+        ("rows", 1),
+        ("rows", []),
+        ("quality", {"speed": 1}),
+        ("losses", "x"),
+        ("error", None),
+        ("more", 1),
+        ("seconds", "1"),
+    ):
+        assert _entry(json.dumps(whole | {key: value}).encode()) is None

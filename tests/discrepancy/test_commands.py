@@ -12,6 +12,8 @@ from tirelog.discrepancy import stacks
 from tirelog.simulation import simulate, write_log
 from tirelog.simulation.scenarios import Case, case
 
+pytestmark = pytest.mark.xdist_group("hidden logs")  # one worker makes what these tests share
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tirelog.cli import run
+from tirelog.discrepancy import transient
 from tirelog.simulation import Scenario, scenario_of, simulate, write_log
 
 TIRE = {"radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0}
@@ -36,6 +37,26 @@ def scenario(**road) -> Scenario:
             "channels": {"groove": {"kind": "strain", "angle_deg": 70.0}},
         }
     )
+
+
+pytestmark = pytest.mark.xdist_group("cleat")  # one worker makes the log and the answer
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_fit():
+    """The hits are fitted once for all commands that are given the same log and the same model."""
+    fitted, fit = {}, transient.compare_transients
+
+    def once(logs, model, *, unit):
+        key = (*(log.log for log in logs), *model.values.items())
+        if key not in fitted:
+            fitted[key] = fit(logs, model, unit=unit)
+        return fitted[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(transient, "compare_transients", once)
+        yield
+    assert len(fitted) == 1
 
 
 @pytest.fixture(scope="module")

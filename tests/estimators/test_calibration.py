@@ -15,6 +15,9 @@ TREND = (0.03, 0.0015)  # degrees per m/s and per (m/s)^2 about 10 m/s
 WIDTH = (-0.05, -0.002)
 
 
+pytestmark = pytest.mark.xdist_group("calibration")  # one worker makes what these tests share
+
+
 def trend(v, of=TREND):
     return of[0] * (v - 10) + of[1] * (v - 10) ** 2
 

@@ -18,7 +18,7 @@ def opened(browser: Any, page_file: Path) -> Any:
     page.on("dialog", lambda d: problems.append(f"dialog {d.message}"))
     page.on("request", lambda r: requests.append(r.url) if not r.url.startswith(("data:", "blob:")) else None)
     page.goto(page_file.as_uri())
-    page.wait_for_selector("html[data-ready=true]", timeout=30_000)
+    page.wait_for_selector("html[data-ready=true]", timeout=240_000)
     yield page, problems, requests
     context.close()
 
@@ -26,7 +26,7 @@ def opened(browser: Any, page_file: Path) -> Any:
 def draw_all(page: Any) -> None:
     for figure in page.query_selector_all(".plot"):
         figure.scroll_into_view_if_needed()
-        page.wait_for_function("e => e.querySelector('.main-svg') !== null", arg=figure, timeout=30_000)
+        page.wait_for_function("e => e.querySelector('.main-svg') !== null", arg=figure, timeout=240_000)
 
 
 def test_it_loads_without_an_error_or_a_request(opened: Any, page_file: Path) -> None:
@@ -113,13 +113,13 @@ def test_paper_is_white_and_no_wider_than_a4_whatever_the_screen_is(browser: Any
     context = browser.new_context(color_scheme="dark", viewport={"width": 1440, "height": 900})
     page = context.new_page()
     page.goto(page_file.as_uri())
-    page.wait_for_selector("html[data-ready=true]", timeout=30_000)
+    page.wait_for_selector("html[data-ready=true]", timeout=240_000)
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-    page.wait_for_function("() => document.querySelectorAll('.plot .main-svg').length >= 8", timeout=30_000)
+    page.wait_for_function("() => document.querySelectorAll('.plot .main-svg').length >= 8", timeout=240_000)
     fill = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
     widths = page.evaluate("[...document.querySelectorAll('.plot .main-svg')].map(s => s.getBoundingClientRect().width)")
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
-    page.wait_for_function("() => document.querySelector('#speed .main-svg').getBoundingClientRect().width > 700", timeout=30_000)
+    page.wait_for_function("() => document.querySelector('#speed .main-svg').getBoundingClientRect().width > 700", timeout=240_000)
     after = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
     context.close()
     assert fill == "rgb(0, 0, 0)"

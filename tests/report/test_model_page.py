@@ -11,6 +11,8 @@ import pytest
 from tests.report.test_page import data, numbers
 from tirelog.cli import run
 
+pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
+
 
 @pytest.fixture(scope="module")
 def opened(browser: Any, model_page: Path) -> Any:
@@ -21,7 +23,7 @@ def opened(browser: Any, model_page: Path) -> Any:
     page.on("console", lambda m: problems.append(m.text) if m.type in ("error", "warning") else None)
     page.on("pageerror", lambda e: problems.append(str(e)))
     page.goto(model_page.as_uri())
-    page.wait_for_selector("html[data-ready=true]", timeout=30_000)
+    page.wait_for_selector("html[data-ready=true]", timeout=240_000)
     yield page, problems
     context.close()
 
@@ -72,7 +74,7 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
     for name in ("switch-waves", "switch-map", "switch-error"):
         figure = page.query_selector(f"#{name}")
         figure.scroll_into_view_if_needed()
-        page.wait_for_function("e => e.querySelector('.main-svg') !== null", arg=figure, timeout=30_000)
+        page.wait_for_function("e => e.querySelector('.main-svg') !== null", arg=figure, timeout=240_000)
 
     def state() -> tuple[str, float, float, float]:
         """The text; height of the highest bar on the screen [px], size of the first wave and of the map as drawn."""

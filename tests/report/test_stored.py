@@ -11,6 +11,8 @@ from tirelog.report.figures import Figure, packed
 from tirelog.report.page import Section, Table
 from tirelog.report.stored import model_pages, read_stored, stored
 
+pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
+
 
 def section(name: str = "switches") -> Section:
     figure = Figure("switch-map", "Map", "A map.", [{"type": "heatmap", "z": packed([[1.0, 2.0], [3.0, 4.0]])}], {"height": 300})

@@ -93,10 +93,17 @@ class Ledger:
 
 
 def _entry(data: bytes) -> Entry | None:
+    """The entry in a file, or None if it is not what was written: then its log is worked on again."""
     try:
-        return Entry(**json_of(data))
+        entry = Entry(**json_of(data))
     except TypeError:
         return None
+    written = Entry("", "", "")
+    as_written = all(
+        isinstance(value := getattr(entry, name), type(like)) or (isinstance(like, float) and type(value) is int)
+        for name, like in vars(written).items()
+    )
+    return entry if as_written and all(isinstance(words, dict) for words in entry.quality.values()) else None
 
 
 def _bytes(data: Any) -> bytes:

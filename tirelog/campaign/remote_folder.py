@@ -121,10 +121,15 @@ def _owner(data: bytes | None) -> str | None:
 def _refuse_if_alive(root: str, data: bytes | None) -> None:
     """UsageError while the lock's heart may beat."""
     lock = json_of(data)
-    age = time.time() - float(lock.get("beat_s", 0.0))
-    if age > EXPIRES_S or (lock.get("host") == _here() and not _runs(int(lock.get("pid", 0)))):
+    age = time.time() - _number(lock.get("beat_s"))
+    if age > EXPIRES_S or (lock.get("host") == _here() and not _runs(int(_number(lock.get("pid"))))):
         return
     raise _taken(root, f"{age:.0f} s ago from {lock.get('host')}, process {lock.get('pid')}")
+
+
+def _number(value: object) -> float:
+    """A number of a lock, 0 if it is none: a lock that nobody can have written has ended."""
+    return float(value) if isinstance(value, int | float) and abs(value) < 1e18 else 0.0
 
 
 def _taken(root: str, when: str) -> UsageError:
@@ -145,7 +150,7 @@ def _here() -> str:
 def _runs(pid: int) -> bool:
     try:
         os.kill(pid, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, OverflowError):
         return False
     except OSError:
         pass
