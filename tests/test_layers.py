@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: lower layers first; a module imports its own layer and those below
 LAYERS = [
     {"errors", "columns", "units", "remote", "compiled", "process"},
-    {"recording", "dsp", "files"},
+    {"recording", "dsp", "files", "documents"},
     {
         "setup",
         "convert",

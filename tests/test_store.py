@@ -73,6 +73,19 @@ def test_a_run_gives_back_the_source_in_si(tmp_path: Path, block: int) -> None:
         assert file["channels/v"].dtype == np.float32
 
 
+@pytest.mark.parametrize("size", [2, 69, CHUNK - 1, CHUNK, CHUNK + 1])
+def test_irregular_stamps_come_back_however_few(tmp_path: Path, size: int) -> None:
+    times = np.cumsum(np.random.default_rng(size).uniform(0.005, 0.05, size))
+    none = np.zeros(0)
+    writer = RunWriter(tmp_path / "r.h5", parse_setup(SETUP), (Group("g", ("s", "t", "v")),), compress=True)
+    writer.append(RawBlock("g", {name: np.full(size, 1550.0) for name in ("s", "t", "v")}))
+    axis = TimeAxis(size, 36.0, none.astype(np.int64), none, none, lambda start, stop: times[start:stop])
+    writer.finish({"g": axis}, {}, {})
+    writer.close()
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        np.testing.assert_array_equal(run.channels["v"].axis.time(0, size), times)
+
+
 @pytest.mark.parametrize("late", [1550.00001, 5e5, 1550 + 1 / 3])
 def test_a_value_that_no_count_can_hold_promotes_the_channel(tmp_path: Path, late: float) -> None:
     values = source()

@@ -12,8 +12,6 @@ from enum import IntEnum
 
 _USER = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2})[^\s/?#]*@")
 _QUERY = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2}[^\s?#]*)\?((?:[^\s'\"<>:;,]|[:;,](?!\s|$))+)")
-#: control characters, those that turn the direction of writing, and what stands for bytes that are no UTF-8
-_UNPRINTABLE = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
 def without_credentials(text: str) -> str:
@@ -26,18 +24,6 @@ def _starred(found: re.Match[str]) -> str:
     return f"{found[1]}***"
 
 
-def printable(text: str) -> str:
-    """`text` as one line that any terminal may show: no control characters, no credentials."""
-    text = without_credentials(re.sub(r"\s*[\r\n]+\s*", " ", text))
-    return _UNPRINTABLE.sub(_escaped, text)
-
-
-def _escaped(found: re.Match[str]) -> str:
-    code = ord(found[0])
-    code -= 0xDC00 if 0xDC80 <= code <= 0xDCFF else 0  # a byte of a file's name, as Python keeps it
-    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
-
-
 class ExitStatus(IntEnum):
     """Exit statuses of every command."""
 
@@ -47,6 +33,23 @@ class ExitStatus(IntEnum):
     INPUT_LOST = 3
     NOTHING_READ = 4
     DEFECT = 70
+
+
+def printable(text: str) -> str:
+    """`text` as one line that a terminal shows and never obeys.
+
+    Names in a log may hold line ends, escape sequences and marks that turn the direction of writing: they are shown as `\\x1b`, `\\n`.
+    Addresses lose what may be a secret.
+    """
+    text = without_credentials(text)
+    return text if text.isprintable() else "".join(c if c.isprintable() else _escaped(c) for c in text)
+
+
+def _escaped(letter: str) -> str:
+    """What stands for a letter that no terminal should get; a byte of a file's name as that byte."""
+    if "\udc80" <= letter <= "\udcff":
+        return f"\\x{ord(letter) - 0xDC00:02x}"
+    return letter.encode("unicode_escape", "surrogatepass").decode("ascii")
 
 
 class TirelogError(Exception):

@@ -185,7 +185,7 @@ def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks:
                 reader = _reader(stream, head, hdf5, setup, log)
             except OSError as problem:
                 raise _unreadable(log, problem) from None
-            _write(reader, setup, path, summary, stream, compress, blocks)
+            _write(reader, reader.setup, path, summary, stream, compress, blocks)
     return summary
 
 

@@ -9,19 +9,16 @@ unknown key is refused with its line, what is allowed and the nearest spelling. 
 from __future__ import annotations
 
 import math
+import os
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 from tirelog import units
+from tirelog.documents import toml_tables, toml_text
 from tirelog.errors import SetupError, nearest
-from tirelog.files import taken_as_input
-
-#: a setup is a page of text; what is larger is something else
-LARGEST_SETUP_BYTES = 1 << 20
 
 #: kind -> (quantities that its unit may have, SI unit, unit where the setup names none)
 KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
@@ -272,11 +269,7 @@ def parse_road(words: str) -> RoadSetup:
 def parse_setup(text: str, file: str | None = None) -> Setup:
     """The setup in `text`.  SetupError, with file and line, for anything that is not allowed."""
     source = _Source(text, file)
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        line = re.search(r"line (\d+)", str(problem))
-        raise SetupError(f"not TOML: {problem}; mend the line", file=file or "setup", line=int(line[1]) if line else None) from None
+    data = toml_tables(text, SetupError, file=file or "setup")
     sections = ("tire", "conditions", "channels", "log", "road")
     for key in data:
         if key not in sections:
@@ -299,28 +292,17 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
 
 def load_setup(path: Path | str) -> Setup:
     """The setup file at `path`."""
-    path = Path(path)
-    taken_as_input(path)
-    try:
-        with path.open("rb") as stream:
-            raw = stream.read(LARGEST_SETUP_BYTES + 1)
-    except OSError as problem:
-        raise SetupError(f"cannot be read ({problem.strerror}); a setup is a TOML file; give another with --setup", file=path) from None
-    if len(raw) > LARGEST_SETUP_BYTES:
-        raise SetupError(f"larger than {LARGEST_SETUP_BYTES} bytes; a setup is a page of TOML; give another with --setup", file=path)
-    try:
-        return parse_setup(raw.decode("utf-8-sig"), str(path))
-    except UnicodeDecodeError:
-        raise SetupError("is not UTF-8 text; a setup is a TOML file; give another with --setup", file=path) from None
+    text = toml_text(path, SetupError, what="a setup", advice="give another with --setup")
+    return parse_setup(text, str(path))
 
 
 def setup_beside(log: Path | str) -> Path | None:
     """The setup of the log's own name (`drive.csv.gz`: `drive.csv.toml`, `drive.toml`), or None."""
     path = Path(log)
-    if not path.name:  # "." or "/": no log
+    if not path.name:  # a folder, such as . or /
         return None
     candidates = [path.with_suffix(".toml")]
     while path.suffix:
         path = path.with_suffix("")
         candidates.append(path.with_suffix(path.suffix + ".toml") if path.suffix else path.with_name(path.name + ".toml"))
-    return next((c for c in candidates if c.is_file()), None)
+    return next((c for c in candidates if os.path.isfile(c)), None)  # also for a name too long for any file

@@ -19,6 +19,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import replace
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -26,13 +27,15 @@ from typing import Any
 import h5py
 import numpy as np
 
+from tirelog import units
 from tirelog.chunks import CHUNK, ChunkWriter, unfiltered
 from tirelog.convert import to_si
+from tirelog.documents import LARGEST_BYTES
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers import LOST_COUNT, Group, RawBlock
 from tirelog.readers.hdf5_source import LIBRARY_ERRORS, walk
 from tirelog.recording import Channel, FloatArray, Recording, Scaled, TimeAxis
-from tirelog.setup import KINDS, LARGEST_SETUP_BYTES, ChannelSetup, Setup, parse_setup
+from tirelog.setup import KINDS, ChannelSetup, Setup, parse_setup
 from tirelog.store_checks import (
     COLUMN_DIGEST,
     DIGEST,
@@ -110,7 +113,9 @@ class RunWriter(AbstractContextManager["RunWriter"]):
             for key in ("first", "start_s", "period_s"):
                 place.create_dataset(key, data=getattr(axis, key), **options)
             return
-        times = place.create_dataset("time_s", shape=(axis.size,), dtype="f8", chunks=(CHUNK,), fletcher32=True)
+        # HDF5 refuses a chunk that is longer than a dataset of fixed size, as a few stamps are
+        chunks = (min(CHUNK, axis.size),)
+        times = place.create_dataset("time_s", shape=(axis.size,), dtype="f8", chunks=chunks, fletcher32=True)
         for start in range(0, axis.size, CHUNK):
             times[start : start + CHUNK] = axis.explicit(start, min(start + CHUNK, axis.size))
         if self.kept:
@@ -190,8 +195,9 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
     if plain is None and contents_digest(file) != text_in(file, DIGEST):
         raise ReadError("its contents are not those that were written (sha256); copy it again, or ingest the log again")
     provenance = provenance_at(file)
-    stored = parse_setup(text_at(file, "setup", LARGEST_SETUP_BYTES), str(provenance.get("setup_file") or log))
-    setup = setup or stored
+    stored = parse_setup(text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log))
+    stored = _with_units(stored, file)
+    setup = _with_units(setup, file) if setup else stored
     losses: list[str] = provenance["losses"]
     axes = {name: axis_at(file, name) for name in walk(file, "groups")}
     channels: dict[str, Channel] = {}
@@ -212,6 +218,21 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
             channels[name] = _compensated(channels[name], channels[twin], used.thermal_expansion_1_K)
     order = [name for name in setup.channels if name in channels] + [name for name in channels if name not in setup.channels]
     return Recording(log, {name: channels[name] for name in order}, setup, provenance, tuple(provenance.get("remarks", [])), losses)
+
+
+def _with_units(setup: Setup, file: h5py.File) -> Setup:
+    """The setup with the units that were taken from the log itself, where it names none: the run keeps them with its samples."""
+    channels = dict(setup.channels)
+    held = walk(file, "channels")
+    for name, channel in setup.channels.items():
+        if channel.unit is not None or name not in held:
+            continue
+        about = walk(file, f"channels/{name}")
+        if text_in(about, "kind") == channel.kind:
+            unit = text_in(about, "source_unit")
+            units.to_si(unit, *KINDS[channel.kind][0])
+            channels[name] = replace(channel, unit=unit)
+    return replace(setup, channels=channels)
 
 
 def _channel(

@@ -10,7 +10,6 @@ the long ones and compares theirs.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,6 +17,7 @@ import h5py
 import numpy as np
 
 from tirelog.chunks import CHUNK, recording_closed
+from tirelog.documents import json_value
 from tirelog.errors import ReadError
 from tirelog.readers.hdf5_attributes import Attributes, as_number
 from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column, check_shape, check_storage, check_type, refuse, walk
@@ -106,7 +106,7 @@ def text_in(item: h5py.Group | h5py.Dataset, name: str) -> str:
 
 def provenance_at(file: h5py.File) -> dict[str, Any]:
     """The provenance, each part of the kind that the commands rely on."""
-    told = json.loads(text_at(file, "provenance", LARGEST_TEXT_BYTES))
+    told = json_value(text_at(file, "provenance", LARGEST_TEXT_BYTES))
     if not isinstance(told, dict):
         raise ReadError("the run's provenance is no table; allowed is what `tirelog ingest` writes; ingest the log again")
     for key, kind in _PROVENANCE.items():

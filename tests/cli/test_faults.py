@@ -1,6 +1,7 @@
 """Faults: what a broken, truncated or hostile input meets on the command line, and with which status."""
 
 import gzip
+import json
 import os
 import re
 import signal
@@ -10,7 +11,10 @@ import time
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
+
+from tests.readers.mcap_files import START_NS, write_json
 
 from .conftest import SETUP, Command, pulse_rows
 
@@ -222,6 +226,32 @@ def test_usage(folder: Path, tirelog: Command, arguments: list[str], words: str)
     assert words in message(outcome.err)
 
 
+@pytest.mark.parametrize("log", [".", "/", "", "..", "x" * 300, "a" * 5000 + ".csv"])
+@pytest.mark.parametrize("command", [["speed"], ["info"], ["ingest", "-o", "run.h5"]])
+def test_a_log_that_is_no_file(folder: Path, tirelog: Command, log: str, command: list[str]) -> None:
+    outcome = tirelog(command[0], log, *command[1:])
+    assert outcome.status in (2, 4), outcome.err
+    message(outcome.err)
+    assert sorted(p.name for p in folder.iterdir()) == ["log.csv", "log.toml"]
+
+
+def test_names_of_a_log_do_not_reach_the_terminal_raw(folder: Path, tirelog: Command) -> None:
+    """Topics and columns that clear the screen, set a title, turn the writing round or begin a message of their own."""
+    hostile = "/\x1b[2J\x9b31m\u202e\ntirelog: error: a lie"
+    write_json(folder / "log.mcap", [(hostile, START_NS + 10**6 * i, {hostile: i, "v": i}) for i in range(99)])
+    first = pulse_rows(0.1)
+    (folder / "cells.csv").write_text(f"time_s,CH1,CH2,\x1b]0;title\x07\x9b\n{chr(10).join(row + ',0' for row in first)}\n", "utf-8")
+    (folder / "log.toml").write_text(SETUP.replace('"CH1"', '"/t:v"'))
+    (folder / "cells.toml").write_text(SETUP.replace('"CH1"', '"CH7"').replace('"CH2"', '"CH8"'))
+    (folder / "topic.toml").write_text(f'[channels.v]\nkind = "vehicle_speed"\nsource = {json.dumps(hostile + ":w")}\n')
+    for log, setup in (("log.mcap", "log.toml"), ("cells.csv", "cells.toml"), ("log.mcap", "topic.toml")):
+        outcome = tirelog("speed", log, "--setup", setup)
+        assert outcome.status in (2, 3, 4)
+        assert r"\x1b" in outcome.err
+        assert all(line.startswith("tirelog: ") and line.isprintable() for line in outcome.err.splitlines())
+        assert not any(line.startswith("tirelog: error: a lie") for line in outcome.err.splitlines())
+
+
 @pytest.mark.parametrize("name", ["compare", "diagnose", "ladder"])
 def test_a_model_against_nothing_that_can_be_read(folder: Path, tirelog: Command, name: str) -> None:
     assert tirelog("model", "new", "--carcass", "beam", "--setup", "log.toml", "-o", "beam.toml").status == 0
@@ -230,3 +260,20 @@ def test_a_model_against_nothing_that_can_be_read(folder: Path, tirelog: Command
     assert outcome.status == 4
     assert outcome.err.count("error:") == 1
     assert "is empty" in outcome.err
+
+
+def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder: Path, tirelog: Command) -> None:
+    """A short topic from a bus beside the strain: its times are its stamps, and the strain is read as without it."""
+    times_s = np.cumsum(np.random.default_rng(5).uniform(0.01, 0.09, 69))
+    cells = [row.split(",") for row in pulse_rows()]
+    strain = [("/s", START_NS + round(float(t) * 1e9), {"a": float(a), "b": float(b)}) for t, a, b in cells]
+    bus = [("/can", START_NS + round(t * 1e9), {"v": 12.0}) for t in times_s]
+    write_json(folder / "log.mcap", sorted(strain + bus, key=lambda m: m[1]))
+    sources = SETUP.replace('"CH1"', '"/s:a"').replace('"CH2"', '"/s:b"').replace('[log]\ntime = "time_s"', "")
+    (folder / "alone.toml").write_text(sources)
+    (folder / "log.toml").write_text(sources + '[channels.v]\nkind = "vehicle_speed"\nsource = "/can:v"\n')
+    alone = tirelog("speed", "log.mcap", "--setup", "alone.toml")
+    both = tirelog("speed", "log.mcap")
+    assert both.status == 0, both.err
+    assert both.out == alone.out
+    assert len(both.out.splitlines()) > 10

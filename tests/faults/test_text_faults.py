@@ -35,7 +35,8 @@ NOTHING = {
     "prose": (b"Dear Sir,\nthe log is lost.\n" * 20, "holds no rows of numbers"),
     "binary": (bytes(range(256)) * 100, "is not text"),
     "control characters": (b"\x01\x02\x03\x04abc\n" * 100, "is not text"),
-    "nul in the header": (b"time_s,A\0,B\n" + log().encode(), "NUL byte at 8"),
+    "nul in every row": (log().replace(",1542", ",15\x0042").encode(), "is not text .a NUL byte at"),
+    "nothing but nul": (HEADER.encode() + b"\0" * 4096, "is not text .a NUL byte at"),
     "utf-16": (log().encode("utf-16"), "UTF-16.*iconv"),
     "utf-16 without its mark": (log().encode("utf-16-le"), "UTF-16.*iconv"),
     "utf-16 big-endian": (log().encode("utf-16-be"), "UTF-16.*iconv"),
@@ -81,6 +82,39 @@ def test_what_is_lost_is_told_and_the_rest_is_kept(name: str, monkeypatch: pytes
     good = ~np.isnan(block.values["a"])
     assert good.sum() >= kept - 2
     np.testing.assert_allclose(block.values["a"][good], 1550 + np.round(block.stamps_s[good] * 2500) / 1000, atol=1e-9)
+
+
+NUL = {
+    "a byte in a row": (log({100: "0.0400,15\x0050.1,1542.0"}), 200, "1 cells are no numbers (first in line 102"),
+    "a byte in a stamp": (log({100: "0.04\x0000,1550.1,1542.0"}), 199, "1 rows do not parse (first in line 102: no readable"),
+    "a hole in the middle": (log({100: "0.04" + "\0" * 3000 + "1,1542.0"}), 199, "1 rows do not parse (first in line 102"),
+    "a padded tail": (log() + "\0" * 4096, 200, "line 202: the last row is cut off"),
+    "a padded tail behind half a row": (log()[:-8] + "\0" * 4096, 199, "line 201: the last row is cut off"),
+    "a byte in the first row": (log({0: "0.0000,1550.0,15\x0042"}), 199, "line 2 holds NUL bytes"),
+    "a byte in a header that stands twice": ("time_s,A\0,B\n" + log(), 200, "line 1 holds NUL bytes"),
+}
+
+
+@pytest.mark.parametrize("name", NUL)
+def test_nul_bytes_cost_their_row_and_no_other(name: str) -> None:
+    """What a power cut leaves: a block that was never written, in the part of the log by which its layout is told."""
+    text, kept, message = NUL[name]
+    reader, block = read(text, SETUP)
+    assert block.values["a"].size == kept
+    assert [message in loss for loss in reader.report.losses] == [True]
+    good = ~np.isnan(block.values["a"])
+    assert good.sum() >= kept - 1
+    first = 1551.0 / 1000 - 1.55 if "first" in name else 0.0
+    np.testing.assert_allclose(block.values["a"][good], 1550 + first + block.stamps_s[good] * 2.5, atol=1e-9)
+
+
+def test_a_header_with_a_byte_that_no_encoding_knows() -> None:
+    """0x81 is no letter of cp1252; the rows begin where they begin all the same."""
+    data = log().encode().replace(b"time_s,A,B", b"time_s,A,B \x81\x8d\xb0C")
+    reader, block = read(data, setup_of({"a": {"source": "A"}}))
+    assert block.values["a"].size == 200
+    assert block.values["a"][0] == 1550.0
+    assert reader.report.losses == []
 
 
 def test_a_last_row_without_its_line_end_is_a_row() -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
+from tirelog.documents import json_value
 from tirelog.errors import ModelError
 
 _STEP = ("step", "effect", "rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout", "p_adjusted", "decision")
@@ -20,7 +20,7 @@ def read_history(model: Path) -> list[dict[str, Any]]:
     """The ladders climbed from a model, oldest first; none where there is no file.  ModelError: the file is damaged."""
     path = history_file(model)
     try:
-        ladders = json.loads(path.read_text(encoding="utf-8"))["ladders"]
+        ladders = json_value(path.read_text(encoding="utf-8"))["ladders"]
         if all(set(_STEP) <= set(step) for entry in ladders for step in entry["steps"]):
             return list(ladders)
     except FileNotFoundError:

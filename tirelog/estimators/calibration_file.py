@@ -6,20 +6,19 @@ Calibration --write_calibration--> text, whole or not at all --read_calibration-
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tirelog.documents import toml_tables, toml_text
 from tirelog.errors import SetupError, nearest
 from tirelog.estimators.calibration import Calibration, SpeedMap
 from tirelog.estimators.calibration_force import ForceMap
 from tirelog.files import whole_file
 
 VERSION = 1
-LARGEST_BYTES = 1 << 18
 _MAP = ("linear_deg_s_m", "quadratic_deg_s2_m2", "covariance", "low_m_s", "high_m_s", "rms_deg", "passages")
 _FORCE = ("centre_deg", "coefficients_N", "covariance", "low_deg", "high_deg", "rms_N")
 _TABLES = {
@@ -81,19 +80,8 @@ def read_calibration(path: Path) -> Calibration:
 
 
 def _parsed(path: Path) -> dict[str, Any]:
-    try:
-        with Path(path).open("rb") as stream:
-            raw = stream.read(LARGEST_BYTES + 1)
-    except OSError as problem:
-        raise SetupError(
-            f"cannot be read ({problem.strerror}); a calibration is what --calibrate writes; name another", file=path
-        ) from None
-    if len(raw) > LARGEST_BYTES:
-        raise SetupError(f"larger than {LARGEST_BYTES} bytes; a calibration is a page of TOML; name another", file=path)
-    try:
-        return tomllib.loads(raw.decode("utf-8-sig"))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as problem:
-        raise SetupError(f"not TOML: {problem}; a calibration is what --calibrate writes; name another", file=path) from None
+    text = toml_text(path, SetupError, what="a calibration", advice="name what --calibrate wrote")
+    return toml_tables(text, SetupError, file=path)
 
 
 class _Taker:

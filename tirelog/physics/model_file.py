@@ -17,6 +17,7 @@ from typing import Any
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
+from tirelog.documents import LARGEST_BYTES, toml_tables, toml_text
 from tirelog.errors import ModelError, nearest
 from tirelog.files import whole_file
 from tirelog.physics.carcass import CARCASSES, CONTACTS, OBSERVABLES, carcass_parameters
@@ -25,7 +26,6 @@ from tirelog.physics.model import COUPLED_STANDS, Model, ModelEffect
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.user_effects import EXPRESSION_ACTS_ON, catalogue_with, effect_by_expression
 
-_LARGEST_BYTES = 1 << 20
 _NUMBER_KEYS = ("value", "min", "max", "se", "fixed")
 
 
@@ -46,22 +46,14 @@ class _Text:
 
 def read(path: Path, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
     """The model in the file; ModelError where it cannot be read or used."""
-    try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise ModelError("is larger than 1 MB; a model is a page of text; give a model file", file=path)
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as problem:
-        raise ModelError(
-            f"cannot be read ({problem.strerror}); a model file is needed; make one with `tirelog model new`", file=path
-        ) from None
-    except UnicodeDecodeError:
-        raise ModelError("is not UTF-8 text; a TOML model file is allowed; save it as UTF-8", file=path) from None
+    text = toml_text(path, ModelError, what="a model", advice="make one with `tirelog model new`")
     return replace(parse(text, path, catalogue=catalogue), path=path)
 
 
 def parse(text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
     """The model that the TOML text describes."""
     source = _Text(text, path)
+    toml_tables(text, ModelError, file=path or "model")  # tomlkit, which keeps the comments, follows any depth and any number
     try:
         document = tomlkit.parse(text).unwrap()
     except (TOMLKitError, RecursionError) as problem:
@@ -218,8 +210,9 @@ def _may_be_replaced(path: Path) -> bool:
     if not path.is_file() or not path.stat().st_size:
         return True
     try:
-        return path.stat().st_size <= _LARGEST_BYTES and "model" in tomlkit.parse(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, TOMLKitError, RecursionError):
+        text = path.read_text(encoding="utf-8-sig") if path.stat().st_size <= LARGEST_BYTES else ""
+        return "model" in toml_tables(text, ModelError, file=path)
+    except (OSError, UnicodeDecodeError, ModelError):
         return False
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.recording import FloatArray
+from tirelog.setup import Setup
 
 #: float64 values, or int32 counts
 Samples = FloatArray | NDArray[np.int32]
@@ -91,6 +92,7 @@ class LogReader(Protocol):
     """An open log."""
 
     report: ReadReport
+    setup: Setup  # as given, with the units that the file itself states
 
     @property
     def groups(self) -> tuple[Group, ...]:

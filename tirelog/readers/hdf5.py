@@ -19,7 +19,6 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog import units
 from tirelog.errors import ReadError
 from tirelog.readers import Group, RawBlock, ReadReport
 from tirelog.readers.hdf5_attributes import Scale, rate_of, scale_of, unit_of
@@ -27,8 +26,9 @@ from tirelog.readers.hdf5_cut import Padded, declared_size, kept, unstored
 from tirelog.readers.hdf5_layout import TimeColumn, find, time_of
 from tirelog.readers.hdf5_slabs import SLAB_BYTES, Slabs
 from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column, first_number
+from tirelog.readers.units_stated import with_stated_units
 from tirelog.recording import FloatArray
-from tirelog.setup import ChannelSetup, Setup
+from tirelog.setup import Setup
 
 #: values a block over all channels of a group
 BLOCK_VALUES = 1 << 20
@@ -71,12 +71,15 @@ class Hdf5Log:
     def __init__(self, path: Path, setup: Setup, log_name: str) -> None:
         self.report = ReadReport(format="hdf5")
         self.log_name, self.setup = log_name, setup
+        self.stated: dict[str, str] = {}  # units, by channel, as the file spells them
         self.end: int | None = None  # size of a file that was cut off
         self.file = self._open(path)
         try:
             self.clocks = self._clocks(self._channels())
         except LIBRARY_ERRORS as problem:
             raise self._error(f"cannot be read ({problem}); the file is damaged; record it again") from None
+        self.setup, said = with_stated_units(setup, self.stated)
+        self.report.remarks += said
         self.groups = tuple(clock.group for clock in self.clocks)
 
     def _error(self, message: str) -> ReadError:
@@ -109,7 +112,8 @@ class Hdf5Log:
             try:
                 column = find(self.file, channel.source)
                 channels.append(_Channel(name, channel.kind, column, scale_of(column)))
-                self._compare_units(name, channel, column)
+                if unit := unit_of(column):
+                    self.stated[name] = unit
             except ReadError as problem:
                 problems.append(f"channel {name}: {problem.message}")
             except LIBRARY_ERRORS as problem:
@@ -118,15 +122,6 @@ class Hdf5Log:
             raise self._error("; ".join(self.report.losses + problems[:3]) or "the setup has no channels")
         self.report.losses += problems
         return channels
-
-    def _compare_units(self, name: str, channel: ChannelSetup, column: Column) -> None:
-        stated = unit_of(column)
-        if stated is None or units.canonical(stated) in (None, units.canonical(channel.source_unit)):
-            return
-        self.report.remarks.append(
-            f"channel {name}: the file gives the unit {stated!r} and the setup {channel.source_unit!r}; the setup's is used; "
-            f"write unit = {stated!r} in the setup if the file is right"
-        )
 
     def _clocks(self, channels: list[_Channel]) -> list[_Clock]:
         """The channels in groups of one length, rate and time."""

@@ -27,6 +27,8 @@ LOST_WORDS = (
 _NUMBER = {sign: re.compile(rf"[+-]?(\d+{re.escape(sign)}?\d*|{re.escape(sign)}\d+)([eE][+-]?\d+)?") for sign in (".", ",")}
 #: a time of day that ends with a colon and stands before the first separator
 _TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
+#: marks of a comment, which some programs put in front of a header
+_MARKS = ("#", "%", "//")
 #: rows kept as a sample from the head's beginning and end; last lines that the choice of a separator looks at, one after the other
 _SAMPLE_ROWS = 200
 _TAILS = (10, 3, 50, 200)
@@ -40,6 +42,9 @@ class Layout:
     `width` is the usual number of cells a row, `ragged` true where rows differ in it; `counts` is the number of columns of peak
     counts, which begin at column `counts_at`; `kinds` says what the cells of each column are: number, time form, blank or text;
     `timed` rows begin with a time of day and `: `.  `rows` are sample rows, cut into cells.
+    `damaged` are the numbers of lines above the first row that hold NUL bytes; `counter` is true if a row number without a name stands
+    in front of the named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names` hold none of them but
+    what is sure.
     """
 
     encoding: str
@@ -58,6 +63,9 @@ class Layout:
     timed: bool = False
     returns: bool = False
     preamble: tuple[str, ...] = ()
+    damaged: tuple[int, ...] = ()
+    counter: bool = False
+    misfit: tuple[str, ...] = ()
 
 
 def sniff(head: bytes, name: str) -> Layout:
@@ -68,7 +76,7 @@ def sniff(head: bytes, name: str) -> Layout:
     if len(lines) > 1 and (len(head) >= 1 << 17 or not lines[-1].strip()):
         lines.pop()  # the head may end inside of a row
     clean = [line.rstrip("\r") for line in lines]
-    full = [i for i, line in enumerate(clean) if line.strip()]
+    full = [i for i, line in enumerate(clean) if line.strip() and "\0" not in line]
     if not full:
         raise ReadError("holds no rows; a text log has one row a sample; check the recording", file=name)
     first = None
@@ -88,7 +96,10 @@ def sniff(head: bytes, name: str) -> Layout:
     rows = rows if len(rows) <= 2 * _SAMPLE_ROWS else rows[:_SAMPLE_ROWS] + rows[-_SAMPLE_ROWS:]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
     names, unit_row = _header([i for i in full if i < first], cells, width, separator)
-    skip = start + len("".join(line + "\n" for line in lines[:first]).encode(encoding))
+    raw = head.replace(b"\r", b"\n") if returns else head
+    skip = start  # counted in bytes as they stand, since not all of them need be letters of the encoding
+    for _ in range(first):
+        skip = raw.index(b"\n", skip) + 1
     layout = Layout(
         encoding,
         separator,
@@ -104,6 +115,7 @@ def sniff(head: bytes, name: str) -> Layout:
         timed=timed,
         returns=returns,
         preamble=tuple(clean[i] for i in full if i < first),
+        damaged=tuple(i + 1 for i in range(first) if "\0" in clean[i]),
     )
     counts_at, counts = _counts(layout)
     return replace(layout, counts_at=counts_at, counts=counts)
@@ -119,7 +131,7 @@ def _decode(head: bytes, name: str) -> tuple[str, str, int]:
         raise ReadError("is UTF-16 text; allowed are UTF-8 and cp1252; convert it first: iconv -f UTF-16 -t UTF-8 LOG", file=name)
     strange = sum(head[:65536].count(bytes([c])) for c in (*range(1, 9), *range(14, 26), *range(27, 32)))
     first_nul = head.find(b"\0")
-    if first_nul >= 0 or strange > len(head[:65536]) // 200:
+    if (first_nul >= 0 and _mostly_nul(head)) or strange > len(head[:65536]) // 200:
         where = f"a NUL byte at {first_nul}" if first_nul >= 0 else "control characters"
         raise ReadError(f"is not text ({where}); allowed are text, MCAP and HDF5 logs; check which file this is", file=name)
     start = 3 if head.startswith(b"\xef\xbb\xbf") else 0
@@ -129,6 +141,12 @@ def _decode(head: bytes, name: str) -> tuple[str, str, int]:
         if problem.start >= len(head) - start - 4:  # the head ends inside of a character
             return head[start : start + problem.start].decode("utf-8"), "utf-8", start
     return head.decode("cp1252", errors="replace"), "cp1252", 0
+
+
+def _mostly_nul(head: bytes) -> bool:
+    """True if lines with a NUL byte are no fewer than whole ones: then it is no text that lost a block to a power cut."""
+    lines = [line for line in head.replace(b"\r", b"\n").split(b"\n") if line.strip()]
+    return 2 * sum(b"\0" in line for line in lines) >= len(lines)
 
 
 def split(line: str, separator: str, timed: bool = False) -> list[str]:
@@ -213,16 +231,24 @@ def _header(above: list[int], cells: dict[int, list[str]], width: int, separator
     """(names, units) from the lines above the first row; both empty where there is no header."""
     if not above:
         return (), ()
-    last = cells[above[-1]]
+    last = _uncommented(cells[above[-1]], width)
     unit_row: list[str] = []
     if len(above) > 1 and _units_only(last) and len(cells[above[-2]]) >= min(2, width):
-        unit_row, last = [cell.strip("[]() ") for cell in last], cells[above[-2]]
+        unit_row, last = [cell.strip("[]() ") for cell in last], _uncommented(cells[above[-2]], width)
     last = last[: filled(last)]
     if len(last) < min(2, width):
         return (), ()
     names = [_unsuffixed(cell)[0] for cell in last]
     found = [_unsuffixed(cell)[1] for cell in last]
     return tuple(names), tuple((unit_row[k] if k < len(unit_row) else "") or found[k] for k in range(len(last)))
+
+
+def _uncommented(cells: list[str], width: int) -> list[str]:
+    """A header's cells without a comment mark in front (numpy writes `# a b c`); alone, as in `#;time`, it is a name if it has a column."""
+    if cells[0] in _MARKS:
+        return cells[1:] if filled(cells) > width else cells
+    mark = next((mark for mark in _MARKS if cells[0].startswith(mark)), "")
+    return [cells[0].removeprefix(mark).strip().strip('"'), *cells[1:]]
 
 
 def _units_only(cells: list[str]) -> bool:

@@ -25,10 +25,20 @@ from tirelog.errors import ReadError
 from tirelog.readers import Group, RawBlock, ReadReport, Samples, lost_samples
 from tirelog.readers.peaks import GratingTracker
 from tirelog.readers.sniff import LOST_WORDS, Layout, filled, is_number, sniff, split
-from tirelog.readers.text_columns import Columns, assign, decimals, most_decimals, resolution_s, start_iso
+from tirelog.readers.text_columns import (
+    Columns,
+    assign,
+    decimals,
+    most_decimals,
+    placed,
+    resolution_s,
+    start_iso,
+    stated_units,
+)
 from tirelog.readers.text_parse import Parsed, Plan, parse
 from tirelog.readers.text_source import LONGEST_LINE_BYTES, ByteSource
 from tirelog.readers.text_time import MISSING, month_first, unwrap_midnight
+from tirelog.readers.units_stated import with_stated_units
 from tirelog.recording import FloatArray
 from tirelog.setup import Setup
 
@@ -54,15 +64,19 @@ class TextReader:
     """An open text log (`tirelog.readers.LogReader`)."""
 
     def __init__(self, source: ByteSource, setup: Setup, name: str) -> None:
-        self.name, self.setup, self._source = name, setup, source
+        self.name, self._source = name, source
         head = source.head()
         if source.problem and not head.strip():
             raise ReadError(f"{source.problem}; nothing before that could be unpacked; copy the log again", file=name)
-        self.layout = sniff(head, name)
+        self.layout = placed(sniff(head, name))
         self.columns = assign(self.layout, setup, name)
+        setup, said = with_stated_units(setup, stated_units(self.layout, self.columns))
+        self.setup = setup
         self._plan = _plan(self.layout, self.columns, setup)
         self.report = ReadReport(format="text" if source.kind == "plain" else f"text, {source.kind}")
         self.report.start = start_iso(self.layout, self.columns, self._plan.us)
+        self.report.remarks += said + _about_names(self.layout)
+        self.report.losses += [f"line {line} holds NUL bytes and was left out; copy the log again" for line in self.layout.damaged[:3]]
         self.report.losses += [f"channel {channel}: {why}" for channel, why in self.columns.missing.items()]
         channels = [c for c in setup.channels if c not in self.columns.missing]
         self._tracker = GratingTracker({c: setup.channels[c] for c in self.columns.peaks}) if self.columns.peaks else None
@@ -202,6 +216,16 @@ class TextReader:
         for channel in self.columns.peaks:
             if self._tracker and channel not in self._seen:
                 report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
+
+
+def _about_names(layout: Layout) -> list[str]:
+    """What was done about a header that is not as wide as the rows."""
+    if layout.counter:
+        return ["the header has one name fewer than the rows have cells; the first cell is taken for a row number without a name"]
+    if layout.misfit:
+        names, cells = len(layout.misfit), layout.width
+        return [f"the header's names are not used: it has {names} and the rows have {cells} cells; name columns #1 to #{cells}"]
+    return []
 
 
 def cut_off(layout: Layout, line: str) -> bool:

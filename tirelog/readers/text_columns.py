@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +27,8 @@ _NUMBER_NAMES = re.compile(
     r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)|sample|frame|scan|record|n", re.I
 )
 _ERROR_NAMES = re.compile(r".*(error|fault).*", re.I)
+#: a bracket behind a name that holds letters, so that it may be meant for a unit
+_STRANGE_UNIT = re.compile(r"\S\s*[\[(]\s*([^\[\]()]*[^\W\d_%][^\[\]()]*|%)\s*[\])]$")
 _UNIT_SUFFIX = re.compile(r".*[_ ](s|ms|us|ns|min|h)", re.I)
 
 
@@ -72,11 +74,75 @@ def assign(layout: Layout, setup: Setup, name: str) -> Columns:
     return Columns(values, tuple(peaks), missing, time, clock, form, factor, number, errors)
 
 
+def placed(layout: Layout) -> Layout:
+    """The layout with each name on the column that it names, or without names if that cannot be told.
+
+    A header one name shorter than the rows stands one to the right of an unnamed row number, as R writes it and pandas reads it.  Any
+    other difference may be a separator too many or too few anywhere, and every column behind it would be its neighbour.
+    """
+    names = layout.names
+    if not names or layout.ragged or layout.counts or len(names) == layout.width:
+        return _lone_mark(layout)
+    if _trailing(layout):
+        return layout
+    blank = layout.kinds[layout.width - 1] == "blank"
+    if len(names) == layout.width - blank - 1 and _is_row_number(layout):
+        more = ("",) * blank
+        return replace(layout, names=("", *names, *more), units=("", *layout.units, *more), counter=True)
+    # a list of peaks behind fewer names: what stands first is first
+    kept = names[:1] if len(names) < layout.width - 1 else ()
+    fill = ("",) * (layout.width - 1) if kept else ()
+    return replace(layout, names=kept + fill, units=layout.units[:1] + fill if kept else (), misfit=names)
+
+
+def _lone_mark(layout: Layout) -> Layout:
+    """A lone `#` names a row number; over anything else it is the mark of a comment, and the names behind it are one too far right."""
+    if layout.ragged or layout.names[:1] not in (("#",), ("%",), ("//",)) or _whole_and_rising(layout, 0):
+        return layout
+    return replace(layout, names=(), units=(), misfit=layout.names)
+
+
+def _is_row_number(layout: Layout) -> bool:
+    """True if the first column counts rows, and the name that would be its own is that of the second one, as far as can be told."""
+    first, kinds = _bare(layout.names[0]), layout.kinds
+    if not _whole_and_rising(layout, 0) or _NUMBER_NAMES.fullmatch(first):
+        return False
+    steps = _steps(layout, 0)
+    counts = sum(step == 1 for step in steps) >= 0.5 * len(steps)
+    return counts and not (_TIME_NAMES.fullmatch(first) and kinds[1] == "number" and not _ascending(layout, 1))
+
+
+def _whole_and_rising(layout: Layout, column: int) -> bool:
+    """True for whole numbers of which each is larger than the one before."""
+    cells = [row[column] for row in layout.rows if len(row) > column]
+    return all(re.fullmatch(r"\d{1,18}", cell) for cell in cells) and all(step > 0 for step in _steps(layout, column))
+
+
+def stated_units(layout: Layout, columns: Columns) -> dict[str, str]:
+    """What the header says about the unit of each channel, as it is spelt there."""
+    stated = {}
+    for channel, column in columns.values.items():
+        name = layout.names[column] if column < len(layout.names) else ""
+        unit = layout.units[column] if column < len(layout.units) else ""
+        unknown = _STRANGE_UNIT.search(name)  # a unit that is known has been taken off the name
+        if unit or unknown:
+            stated[channel] = unit or (unknown[1] if unknown else "")
+    lengths = {unit for unit in layout.units if _is_length(unit)}
+    if len(lengths) == 1:
+        stated |= dict.fromkeys(columns.peaks, lengths.pop())
+    return stated
+
+
+def _is_length(unit: str) -> bool:
+    name = units.canonical(unit) if unit else None
+    return name is not None and units.UNITS[name][0] == "length"
+
+
 def by_wavelength(layout: Layout, channel: ChannelSetup) -> bool:
     """True where a grating has to be found by wavelength, as its rows hold a varying number of peaks or its column has no name."""
     if not channel.kind.startswith("fbg_") or channel.source.startswith("#"):
         return False
-    unnamed = bool(layout.names) and len(layout.names) != layout.width and not _trailing(layout)
+    unnamed = bool(layout.misfit)
     if layout.counts > 0 or (layout.ragged and not _keeps_places(layout)) or (unnamed and not layout.ragged):
         return True
     return channel.window_nm is not None and (layout.ragged or find(layout, channel.source) is None)
@@ -98,7 +164,9 @@ def find(layout: Layout, source: str) -> int | None:
     if match := re.fullmatch(r"#(\d+)", source.strip()):
         column = int(match[1]) - 1
         return column if 0 <= column < max(layout.width, len(layout.kinds)) else None
-    for same in (str, str.strip, _bare, lambda text: _loose(_bare(text))):
+    if not source.strip():
+        return None
+    for same in (str, str.strip, _bare, lambda text: _loose(_bare(text)), lambda text: _loose(_bare(text.lstrip("#%/ ")))):
         hits = [k for k, text in enumerate(layout.names) if same(text) == same(source)]
         if len(hits) == 1 or (hits and same is str):
             return hits[0]
@@ -115,6 +183,11 @@ def _loose(name: str) -> str:
 
 def _absent(layout: Layout, source: str) -> str:
     """What is wrong with a source that is no column, and which columns there are."""
+    if layout.misfit:
+        return (
+            f"no column {source!r} can be told: the header has {len(layout.misfit)} names and the rows have {layout.width} cells; "
+            f"allowed are #1 to #{layout.width}"
+        )
     if not layout.names:
         return f"no column {source!r}: the log has no header; allowed are #1 to #{layout.width}"
     shown = ", ".join(text for text in layout.names[:12] if text) + (", ..." if len(layout.names) > 12 else "")

@@ -6,7 +6,6 @@ a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last ladder
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from tirelog.columns import OPTIONAL, TABLES
+from tirelog.documents import json_value
 from tirelog.errors import UsageError
 from tirelog.estimators.makers import MAKERS, tables_of
 from tirelog.recording import Recording
@@ -153,7 +153,7 @@ def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
 def read_ladder(path: Path) -> Mapping[str, Any]:
     """The last ladder of the file that `ladder` keeps beside the model, or a ladder's own JSON.  UsageError: neither."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json_value(path.read_text(encoding="utf-8"))
         climbed = found["ladders"][-1] if "ladders" in found else found
         needed = (
             "step",

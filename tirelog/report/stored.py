@@ -5,13 +5,13 @@ Sections --JSON--> models/<model>/page.json --> the same Sections
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from tirelog.documents import json_value
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure
 from tirelog.report.page import Section, Table
@@ -28,7 +28,7 @@ def stored(sections: Sequence[Section], missing: Sequence[tuple[str, str]]) -> d
 def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
     """(sections, what is missing) of a file.  UsageError: it is none."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json_value(path.read_text(encoding="utf-8"))
         sections = [_section(one) for one in content["sections"]]
         return sections, [(str(what), str(command)) for what, command in content["missing"]]
     except (OSError, ValueError, KeyError, TypeError):

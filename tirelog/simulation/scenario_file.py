@@ -8,12 +8,12 @@ What is unknown is refused with what is allowed and the nearest spelling.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import Field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from tirelog.documents import toml_tables, toml_text
 from tirelog.errors import UsageError, nearest
 from tirelog.simulation.planted import PLANTABLE, Planted
 from tirelog.simulation.scenario import (
@@ -135,7 +135,10 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
         raise UsageError('no channels; a log has at least one [channels.NAME] with kind = "..."; add one', file=file)
     values["manoeuvres"] = tuple(_table(Manoeuvre, m, "manoeuvres", file) for m in manoeuvres)
     values["channels"] = {name: _table(Sensor, c, f"channels.{name}", file) for name, c in channels.items()}
-    values["effects"] = tuple(_planted(e, file) for e in data.get("effects", []))
+    effects = data.get("effects", [])
+    if not isinstance(effects, list):
+        raise UsageError("effects is not a list; allowed are [[effects]] with a name; mend it", file=file)
+    values["effects"] = tuple(_planted(e, file) for e in effects)
     if "ramp" in data:
         values["ramp"] = _table(Ramp, data["ramp"], "ramp", file)
     steps = data.get("load_steps", [])
@@ -200,9 +203,5 @@ def _check_coupled(scenario: Scenario, file: str | None) -> None:
 
 def load_scenario(path: Path | str) -> Scenario:
     """The scenario file at `path`."""
-    try:
-        return scenario_of(tomllib.loads(Path(path).read_text(encoding="utf-8")), str(path))
-    except OSError as problem:
-        raise UsageError(f"cannot be read ({problem.strerror}); a scenario is a TOML file; give another", file=path) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise UsageError(f"not TOML ({problem}); a scenario is a TOML file in UTF-8; mend it", file=path) from None
+    text = toml_text(path, UsageError, what="a scenario", advice="give another")
+    return scenario_of(toml_tables(text, UsageError, file=path), str(path))

@@ -1,0 +1,92 @@
+"""Faults: files of tables, written by users and other programs, that go further than any of ours."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tirelog.cli.history import read_history
+from tirelog.documents import DEEPEST, json_value, toml_tables
+from tirelog.errors import ModelError, SetupError, TirelogError, UsageError, printable
+from tirelog.estimators.calibration_file import read_calibration
+from tirelog.physics.model_file import read
+from tirelog.setup import load_setup
+from tirelog.simulation.scenario_file import load_scenario
+
+FILES: dict[str, Callable[[Path], object]] = {
+    "setup": load_setup,
+    "calibration": read_calibration,
+    "scenario": load_scenario,
+    "model": read,
+}
+HOSTILE = {
+    "lists 500 deep": "a = " + "[" * 500 + "]" * 500,
+    "lists 5,000 deep": "a = " + "[" * 5000 + "]" * 5000,
+    "tables 500 deep": "[" + ".".join("a" * 500) + "]\nb = 1",
+    "a key of 300,000 parts": ".".join("a" * 300_000) + " = 1",
+    "a key of 100,000 parts in quotes": 'c = {"a b"' + ". 'a b'" * 100_000 + " = 1}",
+    "tables in tables": "a = " + "{b = " * 100 + "1" + "}" * 100,
+    "an integer of 400 digits": "[tire]\nunloaded_radius_m = 1" + "0" * 400,
+    "an integer of 5,000 digits": "[tire]\nunloaded_radius_m = 1" + "0" * 5000,
+    "a hexadecimal integer of 5,000 digits": "[parameters]\nload_N = 0x1" + "0" * 5000,
+    "a list of such integers": "[phase_shift]\ncovariance = [[1" + "0" * 400 + "]]",
+    "not TOML": "a = = 1",
+    "two megabytes": "#" * (2 << 20),
+    "a value where a table is expected": "tire = 1\nconditions = 1\nchannels = []\nmodel = 3\nparameters = 4\nphase_shift = 5",
+    "a value where a list is expected": 'effects = 1\nmanoeuvres = [{}]\nchannels = {a = {kind = "strain"}}',
+    "a table where a word is expected": "[model]\ncarcass = {a = 1}\nobservable = [1]\n[channels.a]\nkind = []\nsource = {}",
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+@pytest.mark.parametrize("kind", FILES)
+def test_every_file_of_tables_is_refused_with_its_name(tmp_path: Path, kind: str, what: str) -> None:
+    path = tmp_path / "x.toml"
+    path.write_text(HOSTILE[what])
+    with pytest.raises((SetupError, UsageError, ModelError)) as caught:
+        FILES[kind](path)
+    assert str(caught.value).startswith(str(path))
+    assert caught.value.exit_status == 2
+    assert caught.value.message.count(";") >= 1
+    assert len(str(caught.value)) < 2000
+
+
+def test_a_file_of_tables_that_is_no_file(tmp_path: Path) -> None:
+    for load in FILES.values():
+        with pytest.raises(TirelogError, match="cannot be read"):
+            load(tmp_path)
+
+
+def test_the_line_of_what_is_no_toml() -> None:
+    with pytest.raises(SetupError) as caught:
+        toml_tables("a = 1\nb = = 2\n", SetupError, file="s.toml")
+    assert (caught.value.file, caught.value.line) == ("s.toml", 2)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"ladders": ' * 500, '{"ladders": [1' + "0" * 400 + "]}", "[" * 40 + "]" * 40])
+def test_a_history_that_goes_too_far(tmp_path: Path, text: str) -> None:
+    (tmp_path / "m.ladder.json").write_text(text)
+    with pytest.raises(ModelError, match="no history"):
+        read_history(tmp_path / "m.toml")
+
+
+def test_what_is_as_deep_as_allowed_is_read() -> None:
+    assert json_value("[" * DEEPEST + "]" * DEEPEST)
+    with pytest.raises(ValueError, match="nested"):
+        json_value("[" * (DEEPEST + 1) + "]" * (DEEPEST + 1))
+    assert toml_tables(f"a = {2**63 - 1}\nb = {-(2**63)}", SetupError, file="s.toml") == {"a": 2**63 - 1, "b": -(2**63)}
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("/tire:µm ε ²", "/tire:µm ε ²"),
+        ("a\nb\r\tc", r"a\nb\r\tc"),
+        ("\x1b]0;title\x07\x9b31m", r"\x1b]0;title\x07\x9b31m"),
+        ("\u202egnp.\u2066", r"\u202egnp.\u2066"),
+        ("a\u2028b\udcff", r"a\u2028b\udcff"),
+    ],
+)
+def test_a_message_is_one_line_that_a_terminal_does_not_obey(text: str, shown: str) -> None:
+    assert printable(text) == shown
+    assert str(SetupError(f"no column {text}", file="a.csv")) == f"a.csv: no column {shown}"

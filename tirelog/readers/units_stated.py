@@ -1,0 +1,42 @@
+"""The unit that a log itself states, in a header or an attribute: the default of a channel whose setup names none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from tirelog import units
+from tirelog.setup import KINDS, ChannelSetup, Setup
+
+
+def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:
+    """(the setup with the units that the log states for channels without one; what to say about them)."""
+    channels, said = dict(setup.channels), []
+    for name, spelt in stated.items():
+        channel = channels[name]
+        unit = units.canonical(spelt)
+        if channel.unit is None and unit is not None and _fits(unit, channel):
+            channels[name] = replace(channel, unit=unit)
+        elif sentence := _contradiction(channel, spelt, unit):
+            said.append(f"channel {name}: {sentence}")
+    return replace(setup, channels=channels), said
+
+
+def _fits(unit: str, channel: ChannelSetup) -> bool:
+    return units.UNITS[unit][0] in KINDS[channel.kind][0]
+
+
+def _contradiction(channel: ChannelSetup, spelt: str, unit: str | None) -> str:
+    """What to say if the log's unit is not the one that is used; the empty string if it is, or if it says nothing."""
+    used = channel.source_unit
+    if channel.unit is None:
+        if unit == "1" and units.UNITS[used][1] == 1.0 and KINDS[channel.kind][1] == "":
+            return ""  # [-] over strain
+        wrong = f"is none of {' or '.join(KINDS[channel.kind][0])}" if unit else "is not known"
+        return f"the file gives the unit {spelt!r}, which {wrong}; {used!r} is taken; write unit in the setup"
+    if unit is None or units.UNITS[unit] == units.UNITS[units.canonical(used) or unit]:
+        return ""
+    return (
+        f"the file gives the unit {spelt!r} and the setup {used!r}; the setup's is used; "
+        f"write unit = {spelt!r} in the setup if the file is right"
+    )
