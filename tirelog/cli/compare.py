@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tirelog.physics.model import Model
     from tirelog.recording import Recording
 
-Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)]
+Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own; it is run.", show_default=False)]
 ChannelName = Annotated[
     str | None, typer.Option("--channel", help="Channel to compare; the first that fits by default.", show_default=False)
 ]

@@ -156,7 +156,7 @@ def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _
     elif name not in catalogue:
         raise source.error(
             f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}, "
-            f"or one with an expression; see `tirelog effects`",
+            f"or one with an expression; for one of your own in Python give --effects FILE",
             name,
             after - 1,
         )
