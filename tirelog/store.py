@@ -192,25 +192,28 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
     version = attribute(file, "tirelog_run")
     if version != FORMAT_VERSION:
         raise ReadError(f"it is of format {version:g}; this tirelog reads {FORMAT_VERSION}; ingest the log again")
-    if plain is None and contents_digest(file) != text_in(file, DIGEST):
+    own = plain is not None
+    if not own and contents_digest(file) != text_in(file, DIGEST):
         raise ReadError("its contents are not those that were written (sha256); copy it again, or ingest the log again")
     provenance = provenance_at(file)
-    stored = _with_units(parse_setup(text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log)), file)
+    stored = parse_setup(text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log))
+    stored = _with_units(stored, file)
     setup = _with_units(setup, file) if setup else stored
     losses: list[str] = provenance["losses"]
-    axes = {name: axis_at(file, name) for name in walk(file, "groups")}
+    axes = {name: axis_at(file, name, own=own) for name in walk(file, "groups")}
     channels: dict[str, Channel] = {}
     held = walk(file, "channels")
     for name, known in stored.channels.items():
         if name in held:
-            dataset = dataset_at(file, f"channels/{name}", "if", chunk=CHUNK)
+            dataset = dataset_at(file, f"channels/{name}", "if", chunk=CHUNK, own=own)
             axis = axes[text_in(dataset, "group")]
             if dataset.size != axis.size:
                 raise ReadError(f"channel {name} has {dataset.size} samples and {axis.size} times; ingest the log again")
             used = setup.channels.get(name, known)
             if used.kind != known.kind:
                 raise SetupError(f"channel {name} is {known.kind} in the run, {used.kind} in the setup; mend the setup", file=log)
-            channels[name] = _channel(name, dataset, plain, used, axis, flags_at(file, name, axis.size), losses)
+            flags = flags_at(file, name, axis.size, own=own)
+            channels[name] = _channel(name, dataset, plain, used, axis, flags, losses)
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
@@ -221,14 +224,16 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
 
 def _with_units(setup: Setup, file: h5py.File) -> Setup:
     """The setup with the units that were taken from the log itself, where it names none: the run keeps them with its samples."""
-    channels, held = dict(setup.channels), walk(file, "channels")
+    channels = dict(setup.channels)
+    held = walk(file, "channels")
     for name, channel in setup.channels.items():
-        if channel.unit is None and name in held:
-            dataset = dataset_at(file, f"channels/{name}", "if", chunk=CHUNK)
-            if text_in(dataset, "kind") == channel.kind:
-                unit = text_in(dataset, "source_unit")
-                units.to_si(unit, *KINDS[channel.kind][0])
-                channels[name] = replace(channel, unit=unit)
+        if channel.unit is not None or name not in held:
+            continue
+        about = walk(file, f"channels/{name}")
+        if text_in(about, "kind") == channel.kind:
+            unit = text_in(about, "source_unit")
+            units.to_si(unit, *KINDS[channel.kind][0])
+            channels[name] = replace(channel, unit=unit)
     return replace(setup, channels=channels)
 
 

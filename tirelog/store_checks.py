@@ -10,7 +10,7 @@ the long ones and compares theirs.
 from __future__ import annotations
 
 import hashlib
-import json
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,8 +18,9 @@ import h5py
 import numpy as np
 
 from tirelog.chunks import CHUNK, recording_closed
+from tirelog.documents import json_value
 from tirelog.errors import ReadError
-from tirelog.readers.hdf5_attributes import Attributes, as_number
+from tirelog.readers.hdf5_attributes import MOST_ATTRIBUTE_BYTES, as_number
 from tirelog.readers.hdf5_source import LIBRARY_ERRORS, Column, check_shape, check_storage, check_type, refuse, walk
 from tirelog.recording import TimeAxis
 
@@ -37,12 +38,17 @@ FASTEST_HZ = 1e9
 _PROVENANCE = {"losses": list, "remarks": list, "repairs": dict, "counts": dict}
 
 
-def dataset_at(file: h5py.File, path: str, kind: str = "", chunk: int | None = None) -> h5py.Dataset:
+def dataset_at(file: h5py.File, path: str, kind: str = "", chunk: int | None = None, *, own: bool = False) -> h5py.Dataset:
     """The dataset at `path`, one axis long, of numbers of a `kind`.  ReadError says what is refused.
 
-    `chunk` is the length that its chunks must have: what is read at once is then bounded.
+    `chunk` is the length that its chunks must have: what is read at once is then bounded.  `own` is
+    for a temporary run, to which nobody but this process has written: it is taken as it is.
     """
-    item = walk(file, path)
+    return file[path] if own else _checked(path, walk(file, path), kind, chunk)
+
+
+def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> h5py.Dataset:
+    """The dataset `item`, as of `dataset_at`."""
     if not isinstance(item, h5py.Dataset):
         raise refuse(path, "is no dataset", "what `tirelog ingest` writes", "ingest the log again")
     check_storage(path, item)
@@ -82,12 +88,16 @@ def text_at(file: h5py.File, path: str, largest: int) -> str:
 
 def _plain(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     """An attribute's value, None if there is none, or if it lies in the heap, which has no checksum."""
-    attributes = Attributes(item)
     try:
-        inside = name in attributes.names.values() and item.attrs.get_id(name).dtype.kind in "iufbS"
+        handle = item.attrs.get_id(name)
+        kind = handle.dtype
+        if kind.kind not in "iufbS" or math.prod(handle.shape) * kind.itemsize > MOST_ATTRIBUTE_BYTES:
+            return None
+        value = np.empty(handle.shape, kind)
+        handle.read(value)
     except LIBRARY_ERRORS:
         return None
-    return attributes.raw(name) if inside else None
+    return value[()]
 
 
 def attribute(item: h5py.Group | h5py.Dataset, name: str) -> float:
@@ -106,7 +116,7 @@ def text_in(item: h5py.Group | h5py.Dataset, name: str) -> str:
 
 def provenance_at(file: h5py.File) -> dict[str, Any]:
     """The provenance, each part of the kind that the commands rely on."""
-    told = json.loads(text_at(file, "provenance", LARGEST_TEXT_BYTES))
+    told = json_value(text_at(file, "provenance", LARGEST_TEXT_BYTES))
     if not isinstance(told, dict):
         raise ReadError("the run's provenance is no table; allowed is what `tirelog ingest` writes; ingest the log again")
     for key, kind in _PROVENANCE.items():
@@ -120,8 +130,8 @@ def provenance_at(file: h5py.File) -> dict[str, Any]:
     return {**told, **lines}
 
 
-def axis_at(file: h5py.File, name: str) -> TimeAxis:
-    """The time axis of a group: finite, forwards, as long as it says."""
+def axis_at(file: h5py.File, name: str, *, own: bool = False) -> TimeAxis:
+    """The time axis of a group: finite, forwards, as long as it says; `own` as of `dataset_at`."""
     path = f"groups/{name}"
     place = walk(file, path)
     if not isinstance(place, h5py.Group):
@@ -130,8 +140,11 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     if size != int(size) or size < 0 or not 0.0 < rate <= FASTEST_HZ:
         raise refuse(path, f"has {size:g} samples at {rate:g} Hz", "a whole number and a rate", "ingest the log again")
     if "time_s" in place:
-        return _explicit(file, f"{path}/time_s", int(size), rate)
-    parts = [dataset_at(file, f"{path}/{key}", "iu" if key == "first" else "f") for key in ("first", "start_s", "period_s")]
+        return _explicit(file, f"{path}/time_s", int(size), rate, own)
+    kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
+    parts = [dataset_at(file, f"{path}/{key}", kind, own=own) for key, kind in kinds.items()]
+    if own:
+        return TimeAxis(int(size), rate, *(part[:] for part in parts))
     if len({part.size for part in parts}) > 1 or not 0 < parts[0].size <= LARGEST_LIST:
         raise refuse(path, f"has segments of {[part.size for part in parts]} parts", "one number each", "ingest the log again")
     first, start, period = (part[:] for part in parts)
@@ -142,13 +155,13 @@ def axis_at(file: h5py.File, name: str) -> TimeAxis:
     return TimeAxis(int(size), rate, first.astype(np.int64), start.astype(np.float64), period.astype(np.float64))
 
 
-def _explicit(file: h5py.File, path: str, size: int, rate: float) -> TimeAxis:
+def _explicit(file: h5py.File, path: str, size: int, rate: float, own: bool) -> TimeAxis:
     """An axis of one time for each sample.  All are looked at: a damaged one has no time to lose it at."""
-    times = dataset_at(file, path, "f", chunk=max(min(CHUNK, size), 1))
+    times = dataset_at(file, path, "f", chunk=max(min(CHUNK, size), 1), own=own)
     if times.size != size:
         raise refuse(path, f"has {times.size} times for {size} samples", "one each", "ingest the log again")
     last = -np.inf
-    for start in range(0, size, CHUNK):
+    for start in range(0, 0 if own else size, CHUNK):
         part = times[start : start + CHUNK]
         if not np.isfinite(part).all() or part[0] < last or (np.diff(part) < 0).any() or np.abs(part).max() > LATEST_S:
             raise refuse(path, "has times that do not follow each other", "times that grow", "ingest the log again")
@@ -162,12 +175,13 @@ def _explicit(file: h5py.File, path: str, size: int, rate: float) -> TimeAxis:
     return TimeAxis(size, rate, none.astype(np.int64), none, none, explicit)
 
 
-def flags_at(file: h5py.File, name: str, size: int) -> tuple[tuple[int, int, str], ...]:
-    """The flags of a channel of `size` samples."""
+def flags_at(file: h5py.File, name: str, size: int, *, own: bool = False) -> tuple[tuple[int, int, str], ...]:
+    """The flags of a channel of `size` samples; `own` as of `dataset_at`."""
     path = f"flags/{name}"
     if "flags" not in file or name not in walk(file, "flags"):
         return ()
-    start, stop, words = (dataset_at(file, f"{path}/{key}", kind) for key, kind in (("start", "iu"), ("stop", "iu"), ("word", "S")))
+    kinds = {"start": "iu", "stop": "iu", "word": "S"}
+    start, stop, words = (dataset_at(file, f"{path}/{key}", kind, own=own) for key, kind in kinds.items())
     if not start.size == stop.size == words.size <= LARGEST_LIST:
         raise refuse(path, "has flags of several sizes", "one size", "ingest the log again")
     found = tuple((int(a), int(b), w.decode("utf-8")) for a, b, w in zip(start[:], stop[:], words[:], strict=True))
@@ -199,7 +213,7 @@ def contents_digest(file: h5py.File) -> str:
                 value = np.asarray(value)
                 found.update(f"{name}\0{value.dtype.str}{value.shape}\0".encode() + value.tobytes())
         if isinstance(item, h5py.Dataset) and not is_long(path):
-            found.update(dataset_at(file, path)[:].tobytes())
+            found.update(_checked(path, item)[:].tobytes())
     return found.hexdigest()
 
 
@@ -210,11 +224,10 @@ def is_long(path: str) -> bool:
 
 def _objects(file: h5py.File) -> Iterator[tuple[str, Any]]:
     """(path, object) of all that a file holds, in the order of their paths.  ReadError: a link that is no plain one."""
-    todo = [""]
+    todo: list[tuple[str, Any]] = [("", file["/"])]
     seen = 0
     while todo:
-        path = todo.pop()
-        item = walk(file, path)
+        path, item = todo.pop()
         yield path, item
         seen += 1
         if isinstance(item, h5py.Group):
@@ -224,7 +237,7 @@ def _objects(file: h5py.File) -> Iterator[tuple[str, Any]]:
             for name in names:
                 if not isinstance(item.get(name, getlink=True), h5py.HardLink):
                     raise refuse(f"{path}/{name}", "is a link to elsewhere", "data inside the run", "ingest the log again")
-            todo += [f"{path}/{name}".lstrip("/") for name in names]
+            todo += [(f"{path}/{name}".lstrip("/"), item[name]) for name in names]
 
 
 def column_digest(dataset: h5py.Dataset) -> str:
@@ -242,7 +255,7 @@ def check_columns(file: h5py.File) -> list[str]:
     for path, item in _objects(file):
         if isinstance(item, h5py.Dataset) and is_long(path):
             try:
-                same = column_digest(dataset_at(file, path)) == text_in(item, COLUMN_DIGEST)
+                same = column_digest(_checked(path, item)) == text_in(item, COLUMN_DIGEST)
             except OSError:
                 same = False
             wrong += [] if same else [path.removeprefix("channels/")]

@@ -96,4 +96,4 @@ def test_a_message_is_one_line_without_control_characters(folder: Path, tirelog:
     outcome = tirelog("info", "a\x1b[31m\nb\u202e.csv", "--setup", "log.toml")
     assert outcome.status == 4
     assert outcome.err.count("\n") == 1
-    assert "a\\x1b[31m b\\u202e.csv: cannot be read" in outcome.err
+    assert "a\\x1b[31m\\nb\\u202e.csv: cannot be read" in outcome.err

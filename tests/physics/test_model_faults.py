@@ -199,3 +199,21 @@ def test_python_files_that_give_no_effect(text, tmp_path):
         effects_of_file(path)
     with pytest.raises(ModelError, match="cannot be read"):
         effects_of_file(tmp_path / "none.py")
+
+
+def test_what_a_users_python_raises_is_the_users_with_its_line(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(OWN.replace('v["a"]', 'v["b"]'))
+    model = Model.new("beam").with_effect(effects_of_file(path)["mine"], a=2e-6)
+    with pytest.raises(ModelError, match=r"mine\.py:6: baseline of the effect 'mine': KeyError: 'b'; .*correct it"):
+        model.predict(Conditions.of(1, speed_m_s=10.0), PHI)
+    for text, says in (("import sys\nsys.exit(0)", r"mine\.py:2: calls sys.exit"), ("\n1 / 0", r"mine\.py:2: ZeroDivisionError")):
+        path.write_text(text)
+        with pytest.raises(ModelError, match=says):
+            effects_of_file(path)
+
+
+def test_a_model_with_a_users_effect_asks_for_its_file(tmp_path):
+    (tmp_path / "m.toml").write_text(CONTRACT.replace('"viscous_damping"', '"mine"', 1))
+    with pytest.raises(ModelError, match="for one of your own in Python give --effects FILE"):
+        Model.load(tmp_path / "m.toml")

@@ -38,7 +38,7 @@ ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_def
 
 
 def say(text: str) -> None:
-    """A line on standard error; whatever a log's names hold, it stays one line."""
+    """A line on standard error, as any terminal may show it."""
     with suppress(OSError, ValueError):  # nobody reads it: no reason to stop
         sys.stderr.write(f"tirelog: {printable(text)}\n")
 

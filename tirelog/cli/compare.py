@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tirelog.discrepancy.transient_log import TransientLog
     from tirelog.physics.model import Model
 
-Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)]
+Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own; it is run.", show_default=False)]
 ChannelName = Annotated[
     str | None, typer.Option("--channel", help="Channel to compare; the first that fits by default.", show_default=False)
 ]

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 def effects(
     name: Annotated[str | None, typer.Argument(help="One effect; without it the catalogue.", show_default=False)] = None,
-    own: Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)] = None,
+    own: Annotated[
+        Path | None, typer.Option("--effects", help="Python file with effects of your own; it is run.", show_default=False)
+    ] = None,
     plot: Plot = None,
     output: Output = None,
     format: Format = None,

@@ -20,7 +20,7 @@ app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is
 
 Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
 Target = Annotated[Path, typer.Option("-o", "--output", help="Model file to write.", show_default=False)]
-EffectsFile = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own.", show_default=False)]
+EffectsFile = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own; it is run.", show_default=False)]
 Sets = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="A parameter's value; several times.")]
 
 

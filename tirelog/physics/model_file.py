@@ -156,7 +156,7 @@ def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _
     elif name not in catalogue:
         raise source.error(
             f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}, "
-            f"or one with an expression; see `tirelog effects`",
+            f"or one with an expression; for one of your own in Python give --effects FILE",
             name,
             after - 1,
         )
@@ -210,8 +210,9 @@ def _may_be_replaced(path: Path) -> bool:
     if not path.is_file() or not path.stat().st_size:
         return True
     try:
-        return path.stat().st_size <= LARGEST_BYTES and "model" in tomlkit.parse(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, TOMLKitError, RecursionError):
+        text = path.read_text(encoding="utf-8-sig") if path.stat().st_size <= LARGEST_BYTES else ""
+        return "model" in toml_tables(text, ModelError, file=path)
+    except (OSError, UnicodeDecodeError, ModelError):
         return False
 
 

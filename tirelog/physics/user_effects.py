@@ -10,15 +10,16 @@ What an expression means depends on `acts_on`:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tirelog.errors import ModelError, nearest
-from tirelog.physics.carcass import OBSERVABLES
+from tirelog.errors import ModelError, TirelogError, nearest
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
 from tirelog.physics.expression import FUNCTIONS, Expression, parse
@@ -139,13 +140,52 @@ def effects_of_file(path: Path) -> dict[str, Effect]:
     try:
         exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), namespace)
     except OSError as problem:
-        raise ModelError(f"cannot be read ({problem.strerror}); a Python file with effects is allowed; give its path", file=path) from None
-    except Exception as problem:
-        line = getattr(problem, "lineno", None)
-        raise ModelError(
-            f"{type(problem).__name__}: {problem}; a Python file that runs is allowed; correct it", file=path, line=line
-        ) from None
+        if not _line(problem, path):  # the file itself
+            raise ModelError(
+                f"cannot be read ({problem.strerror}); a Python file with effects is allowed; give its path", file=path
+            ) from None
+        raise _failed(problem, path) from problem
+    except (Exception, SystemExit) as problem:
+        raise _failed(problem, path) from problem
     return _collected([value for value in namespace.values() if isinstance(value, Effect)], path)
+
+
+def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
+    """A ModelError for what a user's own Python raised, with its line."""
+    told = "calls sys.exit" if isinstance(problem, SystemExit) else f"{type(problem).__name__}: {problem}"
+    return ModelError(f"{what}{told}; Python that runs and returns is allowed; correct it", file=path, line=_line(problem, path))
+
+
+def _line(problem: BaseException, path: object) -> int | None:
+    """The last line of the file that was at work, or the one that is no Python."""
+    frames = traceback.walk_tb(problem.__traceback__)
+    lines = [line for frame, line in frames if frame.f_code.co_filename == str(path)]
+    return getattr(problem, "lineno", None) or (lines[-1] if lines else None)
+
+
+@dataclass(frozen=True)
+class _Hook:
+    """A user's function; what it raises is the user's to mend, and is told so."""
+
+    function: Callable[..., Any]
+    what: str
+    origin: object
+
+    def __call__(self, *arguments: Any) -> Any:
+        try:
+            return self.function(*arguments)
+        except (TirelogError, MemoryError):
+            raise
+        except (Exception, SystemExit) as problem:
+            raise _failed(problem, self.origin, self.what) from problem
+
+
+def _watched(effect: Effect, origin: object) -> Effect:
+    """The effect, whose functions say whose they are when they fail."""
+    hooks = {f.name: value for f in fields(effect) if callable(value := getattr(effect, f.name))}
+    what = f" of the effect {effect.id!r}: "
+    watched: dict[str, Any] = {name: _Hook(hook, name + what, origin) for name, hook in hooks.items()}
+    return replace(effect, **watched)
 
 
 def installed_effects() -> dict[str, Effect]:
@@ -169,7 +209,7 @@ def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
             raise ModelError(f"gives {type(effect).__name__}; tirelog.physics.Effect is allowed; correct it", file=origin)
         if effect.id in BY_ID or effect.id in found:
             raise ModelError(f"effect {effect.id!r} exists already; a new name is allowed; rename it", file=origin)
-        found[effect.id] = effect.checked()
+        found[effect.id] = _watched(effect.checked(), origin)
     if not found:
         raise ModelError("has no effect; at least one tirelog.physics.Effect at module level is needed; define it", file=origin)
     return found
