@@ -1,11 +1,15 @@
 """Damaged and foreign MCAP files: good chunks are kept, what is lost is named, and nothing but our own errors comes out."""
 
 import io
+import re
 import resource
 import struct
+import tracemalloc
+import zlib
 
 import numpy as np
 import pytest
+import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -280,3 +284,84 @@ def test_one_flip_in_a_chunk_is_never_silent(path):
         damaged = bytearray(content)
         damaged[at] ^= 1 << rng.integers(8)
         assert read(io.BytesIO(damaged), SOURCES)[2].report.losses
+
+
+def record(opcode, body=b""):
+    return struct.pack("<BQ", opcode, len(body)) + body
+
+
+def packed(records):
+    """A chunk record of these records, compressed."""
+    stored = zstandard.ZstdCompressor().compress(records)
+    head = struct.pack("<QQQI", 0, 1, len(records), zlib.crc32(records)) + struct.pack("<I", 4) + b"zstd"
+    return record(Opcode.CHUNK, head + struct.pack("<Q", len(stored)) + stored)
+
+
+def prefixed(text):
+    return struct.pack("<I", len(text)) + text
+
+
+def schema(number, data):
+    return record(Opcode.SCHEMA, struct.pack("<H", number) + prefixed(b"a") + prefixed(b"jsonschema") + prefixed(data))
+
+
+CHANNEL = record(Opcode.CHANNEL, struct.pack("<HH", 1, 1) + prefixed(b"/t") + prefixed(b"json") + struct.pack("<I", 0))
+
+
+def message(data, number=0):
+    return record(Opcode.MESSAGE, struct.pack("<HIQQ", 1, number, START_NS + 10**6 * number, 0) + data)
+
+
+GOOD = packed(schema(1, b"{}") + CHANNEL + b"".join(message(b'{"x": %d}' % i, i) for i in range(50)))
+SWOLLEN = {
+    "a chunk of empty records": (record(Opcode.STATISTICS) * 40_000, "lost (it holds more than"),
+    "a chunk of empty messages": (message(b"") * 40_000, "lost (it holds more than"),
+    "a large schema": (schema(2, b" " * 3000), "cannot be used (it is larger than"),
+    "many schemas": (b"".join(schema(i, b" " * 500) for i in range(2, 20)), "cannot be used (with it there are more than"),
+    "one list of numbers": (message(b'{"x": [' + b"0," * 30_000 + b"0]}"), "of /t: larger than|no message that decodes and is at most"),
+}
+
+
+@pytest.mark.parametrize("alone", [False, True])
+@pytest.mark.parametrize("what", SWOLLEN)
+def test_a_small_file_that_unpacks_to_much_costs_that_chunk_and_no_memory(path, monkeypatch, what, alone):
+    for module in ("mcap_walk", "mcap_records"):
+        monkeypatch.setattr(f"tirelog.readers.{module}.LARGEST_DEFINITION_BYTES", 2000)
+    monkeypatch.setattr("tirelog.readers.mcap_records.MOST_DEFINITION_BYTES", 4000)
+    monkeypatch.setattr("tirelog.readers.mcap_decode.LARGEST_MESSAGE_BYTES", 50_000)
+    records, said = SWOLLEN[what]
+    head = b"\x89MCAP0\r\n" + record(Opcode.HEADER, prefixed(b"") + prefixed(b""))
+    end = record(Opcode.DATA_END, b"\0" * 4) + record(Opcode.FOOTER, b"\0" * 20) + b"\x89MCAP0\r\n"
+    chunks = [packed(schema(1, b"{}") + CHANNEL + records)] if alone else [GOOD, packed(records)]
+    path.write_bytes(head + b"".join(chunks) + end)
+    assert path.stat().st_size < 5000
+    if alone:
+        with pytest.raises(ReadError, match=said.replace("(", "[(]")):
+            read(path, {"x": "/t:x"})
+        return
+    values, _, reader = read(path, {"x": "/t:x"})
+    np.testing.assert_array_equal(values["x"], np.arange(50))
+    assert re.search(said.replace("(", "[(]"), reader.report.losses[0])
+
+
+def test_a_message_of_many_structures_is_not_decoded(path):
+    """A byte each in the file, and an object of Python each in memory."""
+    definition = "my_msgs/Sub[] subs\nfloat64 x\n" + "=" * 80 + "\nMSG: my_msgs/Sub\nuint8 a\n"
+    wide = {"subs": [{"a": 1}] * 40_000, "x": 2.0}
+    plain = [("/t", START_NS + 10**6 * i, "my_msgs/M", definition, {"subs": [{"a": 1}] * 3, "x": float(i)}) for i in range(20)]
+    write_ros2(path, [*plain, ("/t", START_NS + 10**8, "my_msgs/M", definition, wide)])
+    values, _, reader = read(path, {"x": "/t:x"})
+    np.testing.assert_array_equal(values["x"], [*range(20), np.nan])
+    assert reader.report.losses == ["1 messages of /t: does not decode (ValueError)"]
+
+
+def test_a_chunk_is_let_go_before_the_next_is_unpacked(path):
+    rows = b"".join(message(b'{"x": %d}' % i, i) for i in range(2000))
+    head = b"\x89MCAP0\r\n" + record(Opcode.HEADER, prefixed(b"") + prefixed(b"")) + schema(1, b"{}") + CHANNEL
+    path.write_bytes(head + b"".join(packed(rows + record(Opcode.STATISTICS, bytes(20 << 20))) for _ in range(4)))
+    read(path, {"x": "/t:x"})
+    tracemalloc.start()
+    read(path, {"x": "/t:x"})
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 30 << 20

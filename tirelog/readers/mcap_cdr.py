@@ -20,6 +20,8 @@ PRIMITIVES = {
 BUILTIN_TIME = dict.fromkeys(("builtin_interfaces/Time", "builtin_interfaces/Duration"), "int32 sec\nuint32 nanosec")
 ENCAPSULATION = 4
 LONGEST_LIST = 1 << 20
+#: structures and texts of one message: the library makes a Python object of each
+MOST_PARTS = 1 << 15
 FIELD = re.compile(r"^\s*([\w/]+)(?:<=\d+)?(\[(?:<=)?\d*\])?\s+([A-Za-z]\w*)\b\s*(.*)$")
 
 
@@ -76,6 +78,7 @@ class CdrTemplate:
         self.data, self.definitions = data, definitions
         self.order = "<" if data[1] else ">"
         self.at = ENCAPSULATION
+        self.parts = 0
         self.plan = Plan(len(data), [None] * len(wants))
         self.plan.guard_exact(data, 0, 2)
 
@@ -109,6 +112,9 @@ class CdrTemplate:
                     self._value(member.type, [(which, tokens[1:]) for which, tokens in below if tokens and tokens[0] == k], depth)
 
     def _value(self, kind: str, wants: list[tuple[int, tuple[Token, ...]]], depth: int) -> None:
+        self.parts += 1
+        if self.parts > MOST_PARTS:
+            raise NoPlanError
         if kind == "string":
             length = self._length()
             self.at += length
@@ -153,6 +159,14 @@ class CdrTemplate:
 
     def _align(self, size: int) -> None:
         self.at += -(self.at - ENCAPSULATION) % size
+
+
+def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> bool:
+    """True if a message is small, or can be walked and holds no more than MOST_PARTS parts beside its plain lists of numbers."""
+    try:
+        return len(data) <= MOST_PARTS or bool(CdrTemplate(data, definitions, []).walk(root, []))
+    except NoPlanError:
+        return False
 
 
 def cdr_plan(data: bytes, root: str, definitions: dict[str, list[Member]], wants: list[Want]) -> Plan:

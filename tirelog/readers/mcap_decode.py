@@ -31,6 +31,8 @@ MOST_PLANS = 64
 MOST_FAILURES = 8
 #: bytes of messages decoded at once
 PIECE_BYTES = 1 << 21
+#: bytes of one message: ten seconds of 64 channels at 1 kHz are 5 MB.  A library's decoder makes 30 times as much of lists in lists
+LARGEST_MESSAGE_BYTES = 1 << 23
 #: what a decoder raises on a damaged or foreign message
 DECODE_ERRORS = (Exception,)  # three libraries, each with a tree of its own
 PlanMaker = Callable[[bytes, list[Want]], Plan]
@@ -60,6 +62,7 @@ class ChannelDecoder:
 
     def __init__(self, topic: str, encoding: str, schema: Any) -> None:
         self.topic, self.encoding, self.faults = topic, encoding, Faults()
+        self.refused_size = False
         try:
             decode, self.plan_of = _decoder(encoding, schema)
         except ReadError:
@@ -88,6 +91,16 @@ class ChannelDecoder:
             return self.decode(data)
         except DECODE_ERRORS as problem:
             raise FieldError(f"does not decode ({type(problem).__name__})") from None
+
+    def of_bounded_size(self, table: Table, *, count: bool) -> Table:
+        """The table without messages that are too large to be decoded, which are counted as faults if `count`."""
+        small = table.sizes <= LARGEST_MESSAGE_BYTES
+        if small.all():
+            return table
+        self.refused_size = True
+        for _ in range(int((~small).sum()) if count else 0):
+            self.faults.add(f"larger than {LARGEST_MESSAGE_BYTES >> 20} MB; record fewer samples per message")
+        return table.take(small)
 
     def some(self, table: Table) -> list[Any]:
         """The decoded messages of a short table, without those that do not decode."""
@@ -237,11 +250,17 @@ def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None,
     if encoding == "cdr":
         from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 
-        from tirelog.readers.mcap_cdr import cdr_plan, parse_definitions
+        from tirelog.readers.mcap_cdr import MOST_PARTS, cdr_plan, is_bounded, parse_definitions
 
         decode = Ros2Factory().decoder_for(encoding, schema)
         if decode is None:
             return None, None
         root, definitions = parse_definitions(schema.name, schema.data.decode())
-        return decode, lambda data, wants: cdr_plan(data, root, definitions, wants)
+
+        def decode_bounded(data: bytes) -> Any:
+            if not is_bounded(data, root, definitions):
+                raise ValueError(f"more than {MOST_PARTS} structures")
+            return decode(data)
+
+        return decode_bounded, lambda data, wants: cdr_plan(data, root, definitions, wants)
     return None, None

@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mcap.exceptions import McapError
-from mcap.opcode import Opcode
 
 from tirelog.errors import ReadError, nearest
 from tirelog.readers import Group, RawBlock, ReadReport
-from tirelog.readers.mcap_decode import ChannelDecoder
+from tirelog.readers.mcap_decode import LARGEST_MESSAGE_BYTES, ChannelDecoder
 from tirelog.readers.mcap_records import RECORD_ERRORS, Chunk, Records
 from tirelog.readers.mcap_source import FieldError, Want, parse_path, split_source
 from tirelog.readers.mcap_topic import Topic
@@ -118,13 +117,12 @@ class McapLog:
 
     def _messages(self, chunk: Chunk, *, count: bool = True) -> Iterator[tuple[Topic, ChannelDecoder, Table]]:
         """The messages of the topics wanted; topics that have not been met are started with them."""
-        tables, others, rest = split(chunk.data)
-        for opcode, body in others:
-            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                try:
-                    self.records.define(opcode, body)
-                except RECORD_ERRORS:
-                    self.records.lose(f"a definition in the chunk at byte {chunk.offset} does not parse; copy the log again")
+        tables, definitions, rest = split(chunk.data)
+        for opcode, body in definitions:
+            try:
+                self.records.define(opcode, body)
+            except RECORD_ERRORS as problem:
+                self.records.lose(f"a definition in the chunk at byte {chunk.offset} cannot be used ({problem}); copy the log again")
         if rest and count:
             self.records.lose(f"{rest} bytes at the end of the chunk at byte {chunk.offset} are no whole record; copy the log again")
         for number, table in tables.items():
@@ -136,7 +134,7 @@ class McapLog:
             topic = self.topics.get(self.records.channels[number].topic)
             decoder = self._decoder(number) if topic is not None else None
             if topic is not None and decoder is not None:
-                yield topic, decoder, table
+                yield topic, decoder, decoder.of_bounded_size(table, count=count)
 
     def _decoder(self, number: int) -> ChannelDecoder | None:
         if number not in self.decoders:
@@ -167,16 +165,23 @@ class McapLog:
 
     def blocks(self) -> Iterator[RawBlock]:
         """Blocks of every group, in the order of log time within each."""
-        while chunk := self.ahead.popleft() if self.ahead else next(self.source, None):
-            for topic, decoder, table in self._messages(chunk):
-                if not topic.started:
-                    self._start(topic, decoder, table)
-                if topic.started:
-                    topic.feed(table, decoder)
+        while self._feed_chunk():
             if any(group.full for topic in self.topics.values() for group in topic.groups):
                 yield from self._emit(everything=False)
         yield from self._emit(everything=True)
         self._finish()
+
+    def _feed_chunk(self) -> bool:
+        """Feed the next chunk to its topics, and let go of it; False at the end of the log."""
+        chunk = self.ahead.popleft() if self.ahead else next(self.source, None)
+        if chunk is None:
+            return False
+        for topic, decoder, table in self._messages(chunk):
+            if not topic.started:
+                self._start(topic, decoder, table)
+            if topic.started:
+                topic.feed(table, decoder)
+        return True
 
     def _emit(self, *, everything: bool) -> Iterator[RawBlock]:
         groups = [group for topic in self.topics.values() for group in topic.groups]
@@ -214,5 +219,7 @@ class McapLog:
                 continue
             names = ", ".join(topic.wants)
             has = f"; the log has {', '.join(known[:20])}" if known else ""
-            state = "has no message that decodes" if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
+            large = any(decoder.refused_size for decoder in self.decoders.values() if decoder and decoder.topic == topic.name)
+            decodes = f"has no message that decodes{f' and is at most {LARGEST_MESSAGE_BYTES >> 20} MB' if large else ''}"
+            state = decodes if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
             self.report.losses.append(f"channel {names}: topic {topic.name!r} {state}{has}; mend source")

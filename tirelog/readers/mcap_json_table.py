@@ -50,6 +50,8 @@ def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
     found: list[_Cell] = []
 
     def cell(text: str) -> _Cell:
+        if len(found) == MOST_CELLS:
+            raise ValueError
         found.append(_Cell(len(found), text))
         return found[-1]
 
@@ -69,8 +71,6 @@ def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
 
 def _edges(message: bytes, cells: list[_Cell]) -> list[tuple[int, int]]:
     """[start, stop) of the texts around the cells, which stand in the message in their order.  ValueError: not to be told from texts."""
-    if len(cells) > MOST_CELLS:
-        raise ValueError
     edges, at = [], 0
     for cell in cells:
         start = _outside_strings(message, cell.text.encode(), at)

@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from tirelog.readers.mcap_walk import Table, rows
 from tirelog.recording import FloatArray
 
+#: bytes that fix a layout
+MOST_GUARDS = 1 << 14
+
 
 class NoPlanError(ValueError):
     """The wanted numbers of this message have no places of their own: it has to be decoded."""
@@ -49,6 +52,9 @@ class Plan:
     guards: list[tuple[int, int, int]] = field(default_factory=list)
 
     def guard_exact(self, data: bytes, start: int, stop: int) -> None:
+        """Bytes that must be the same.  NoPlanError: so many that comparing them is no faster than decoding."""
+        if len(self.guards) > MOST_GUARDS:
+            raise NoPlanError
         self.guards += [(at, 0xFF, data[at]) for at in range(start, stop)]
 
     def freeze(self) -> FrozenPlan:

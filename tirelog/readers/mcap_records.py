@@ -22,12 +22,17 @@ from mcap.records import Channel, DataEnd, Footer, Schema, Statistics
 
 from tirelog.errors import ReadError
 from tirelog.readers import ReadReport
+from tirelog.readers.mcap_walk import LARGEST_DEFINITION_BYTES, MOST_RECORDS, record_starts
 
 MAGIC = b"\x89MCAP0\r\n"
 #: a chunk has to be decompressed whole to check it
 LARGEST_CHUNK_BYTES = 1 << 28
 LOOSE_BYTES = 1 << 20
 MOST_DEFINITIONS = 1 << 16
+#: bytes of all schemas and channels that are kept: those of real logs are below 1 MB
+MOST_DEFINITION_BYTES = 1 << 25
+#: records that a chunk may hold beside so many per stored byte: a message that differs from its neighbours costs a packer 2 bytes or more
+FEW_RECORDS, RECORDS_PER_BYTE = 1 << 14, 4
 HEAD = struct.Struct("<BQ")
 CHUNK_HEAD = struct.Struct("<QQQII")
 RECORD_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError, EOFError, OverflowError, MemoryError)
@@ -51,6 +56,8 @@ class Records:
         self.stream, self.report, self.log_name = stream, report, log_name
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
+        self._definition_bytes: dict[tuple[int, bytes], int] = {}  # by opcode and id
+        self._defined_bytes = 0
         self.held = b""  # read, and not used yet
         self.offset = 0
         self.crc, self.crc_runs = 0, True
@@ -106,6 +113,7 @@ class Records:
                 chunk = self._chunk(record[HEAD.size :], at)
                 if chunk is not None:
                     yield chunk
+                chunk = None  # not kept while the next one is unpacked
             elif opcode not in (None, Opcode.MESSAGE):
                 self._other(opcode, record[HEAD.size :], at, crc)
         if self.unchecked and not self.whole_checked:
@@ -147,8 +155,8 @@ class Records:
                     self.lose(f"{counted - self.chunks_met} of {counted} chunks are missing; copy the log again")
             elif opcode == Opcode.FOOTER:
                 self._footer(body, at, crc)
-        except RECORD_ERRORS:
-            self.lose(f"record {opcode} at byte {at} does not parse; copy the log again")
+        except RECORD_ERRORS as problem:
+            self.lose(f"record {opcode} at byte {at} does not parse ({_short(problem)}); copy the log again")
 
     def _footer(self, body: bytes, at: int, crc: int) -> None:
         self.ended = True
@@ -160,9 +168,15 @@ class Records:
             self._cut_off(self.offset)
 
     def define(self, opcode: int, body: bytes) -> None:
-        """Keep a schema or a channel."""
-        if len(self.schemas) + len(self.channels) > MOST_DEFINITIONS:
-            return
+        """Keep a schema or a channel.  ValueError: it is too large, or one too many."""
+        key, size = (opcode, body[:2]), len(body)
+        if size > LARGEST_DEFINITION_BYTES:
+            raise ValueError(f"it is larger than {LARGEST_DEFINITION_BYTES >> 20} MB")
+        more = size - self._definition_bytes.get(key, 0)
+        if self._defined_bytes + more > MOST_DEFINITION_BYTES or len(self._definition_bytes) > MOST_DEFINITIONS:
+            raise ValueError(f"with it there are more than {MOST_DEFINITION_BYTES >> 20} MB or {MOST_DEFINITIONS} of them")
+        self._definition_bytes[key] = size
+        self._defined_bytes += more
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(_reader(body))
             self.schemas[schema.id] = schema
@@ -216,6 +230,9 @@ class Records:
             data = decompress(compression, stored, size)
             if len(data) != size or (crc and zlib.crc32(data) != crc):
                 raise ValueError("its checksum fails")
+            most = min(MOST_RECORDS, FEW_RECORDS + RECORDS_PER_BYTE * len(stored))
+            if record_starts(data, most + 1)[0].size > most:
+                raise ValueError(f"it holds more than {most} records in {len(stored)} stored bytes")
         except RECORD_ERRORS as problem:
             self.lose(f"the chunk at byte {at} is lost ({_short(problem)}); copy the log again")
             return None

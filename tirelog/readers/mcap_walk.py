@@ -6,6 +6,7 @@ chunk (bytes) --chain of record lengths, compiled--> starts (n,) --by channel-->
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +20,11 @@ from tirelog.recording import IntArray
 HEAD = struct.Struct("<BQ")
 #: opcode, length; channel, sequence, log time, publish time
 MESSAGE_HEAD_BYTES = 9 + 22
-MESSAGE = 5
+SCHEMA, CHANNEL, MESSAGE = 3, 4, 5
+#: the descriptors of the largest robots are some hundred kilobytes
+LARGEST_DEFINITION_BYTES = 1 << 22
+#: records of one chunk: writers close one at some megabytes, which is below 100,000 messages.  A table of a million takes 100 MB
+MOST_RECORDS = 1 << 20
 _8 = np.uint64(8)
 
 
@@ -43,9 +48,9 @@ class Table:
         return [data[a:b] for a, b in zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)]
 
 
-def record_starts(data: bytes) -> tuple[IntArray, int]:
-    """(starts of the records, end of the last whole one)."""
-    found = np.empty(len(data) // HEAD.size, np.int64)
+def record_starts(data: bytes, most: int = MOST_RECORDS) -> tuple[IntArray, int]:
+    """(starts of the first `most` records, end of the last of these that is whole)."""
+    found = np.empty(min(len(data) // HEAD.size, most), np.int64)
     many, end = _chain(bytes_of(data), found)
     return found[:many].copy(), int(end)
 
@@ -54,7 +59,7 @@ def record_starts(data: bytes) -> tuple[IntArray, int]:
 def _chain(data: Bytes, starts: IntArray) -> tuple[int, Whole]:
     """Writes the starts of the records one behind the other: (how many, end of the last whole one)."""
     at, many = np.int64(0), 0
-    while at <= data.size - 9:
+    while at <= data.size - 9 and many < starts.size:
         length = np.uint64(0)
         for place in range(8, 0, -1):
             length = (length << _8) | np.uint64(data[at + place])
@@ -83,14 +88,14 @@ def rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
     return anywhere[starts].view(np.uint8).reshape(starts.size, size)
 
 
-def split(data: bytes) -> tuple[dict[int, Table], list[tuple[int, bytes]], int]:
-    """(messages by channel id, the other records as (opcode, body), bytes at the end that are no whole record)."""
+def split(data: bytes) -> tuple[dict[int, Table], Iterator[tuple[int, bytes]], int]:
+    """(messages by channel id, definitions as (opcode, body) one by one, bytes at the end that are no whole record).
+
+    Of a definition that is too large to be kept comes no more than shows that it is.
+    """
     starts, end = record_starts(data)
     opcodes = gather(data, starts, "u1")
-    others = []
-    for start in starts[opcodes != MESSAGE].tolist():
-        length = HEAD.unpack_from(data, start)[1]
-        others.append((data[start], data[start + 9 : start + 9 + length]))
+    definitions = _definitions(data, starts[(opcodes == SCHEMA) | (opcodes == CHANNEL)].tolist())
     starts = starts[opcodes == MESSAGE]
     sizes = gather(data, starts + 1, "<u8").astype(np.int64) - 22
     starts, sizes = starts[sizes >= 0], sizes[sizes >= 0]
@@ -100,4 +105,10 @@ def split(data: bytes) -> tuple[dict[int, Table], list[tuple[int, bytes]], int]:
     for channel in np.unique(ids).tolist():
         which = ids == channel
         tables[channel] = Table(data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which])
-    return tables, others, len(data) - end
+    return tables, definitions, len(data) - end
+
+
+def _definitions(data: bytes, starts: list[int]) -> Iterator[tuple[int, bytes]]:
+    for start in starts:
+        length = min(HEAD.unpack_from(data, start)[1], LARGEST_DEFINITION_BYTES + 1)
+        yield data[start], data[start + 9 : start + 9 + length]
