@@ -78,10 +78,10 @@ def diagnosis_page(result: Diagnosis) -> None:
     out = _console()
     factor, unit = shown(result.before.observable, result.before.unit)
     out.print(f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}")
-    out.print(
-        f"held-out error {in_unit(result.rmse_heldout_before, factor)} -> {in_unit(result.rmse_heldout_after, factor)} {unit}, "
-        f"noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres"
-    )
+    error = f"held-out error {in_unit(result.rmse_heldout_before, factor)} -> {in_unit(result.rmse_heldout_after, factor)} {unit}, "
+    if result.rmse_heldout_before is None:
+        error = f"error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out, "
+    out.print(f"{error}noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres")
     rows = []
     for c in result.effects:
         strength = ", ".join(

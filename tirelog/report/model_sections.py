@@ -166,11 +166,15 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     from tirelog.discrepancy.results import in_unit
 
     factor, unit = shown(result.before.observable, result.before.unit)
+    error = (
+        f"Held-out error {in_unit(result.rmse_heldout_before, factor)} {unit} as it came, "
+        f"{in_unit(result.rmse_heldout_after, factor)} with what was selected"
+    )
+    if result.rmse_heldout_before is None:
+        error = f"Error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out"
     words = [
         f"{result.verdict.replace('_', ' ').capitalize()}. {result.sentence}",
-        f"Held-out error {in_unit(result.rmse_heldout_before, factor)} {unit} as it came, {in_unit(result.rmse_heldout_after, factor)} "
-        f"with what was selected; noise floor {result.noise_floor * factor:.3g}; "
-        f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
+        f"{error}; noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
         *(f"These data cannot tell apart: {', '.join(group)}." for group in result.ambiguous_groups),
         str(result.unexplained["sentence"]),
         *(_manoeuvre(row) for row in result.separating_manoeuvres),
