@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ModelError, TirelogError, nearest
+from tirelog.physics.carcass import OBSERVABLES
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
 from tirelog.physics.expression import FUNCTIONS, Expression, parse
