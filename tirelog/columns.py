@@ -30,7 +30,7 @@ def _integer(name: str, meaning: str) -> Column:
 
 
 _ALL = [
-    _text("log", "the log's path as given ('-' for standard input)"),
+    _text("log", "the log's path as given ('-' for standard input; an address without user, password or values of its query)"),
     _text("channel", "the channel's name in the setup"),
     _integer("revolution", "ordinal of the patch passage in the log, the same in all tables of a channel"),
     Column("time_s", "s", "float", "time of the patch passage from the start of the log", 1e-6),

@@ -41,6 +41,7 @@ from tirelog.store_checks import (
     DIGEST,
     attribute,
     axis_at,
+    check_columns,
     check_open,
     column_digest,
     contents_digest,
@@ -152,6 +153,15 @@ def is_run(path: Path | str) -> bool:
             return "tirelog_run" in file.attrs
     except LIBRARY_ERRORS:
         return False
+
+
+def changed_columns(path: Path | str) -> list[str]:
+    """The channels and stamps of a run whose sha256 is not that of what was written; reads it whole."""
+    try:
+        with h5py.File(path, "r") as file:
+            return check_columns(file)
+    except (ReadError, *LIBRARY_ERRORS):
+        return ["what stands in it"]
 
 
 @contextmanager

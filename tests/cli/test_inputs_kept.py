@@ -1,6 +1,7 @@
 """Faults: no command writes on what it was given to read."""
 
 import os
+import warnings
 from pathlib import Path
 
 import pytest
@@ -97,3 +98,16 @@ def test_a_message_is_one_line_without_control_characters(folder: Path, tirelog:
     assert outcome.status == 4
     assert outcome.err.count("\n") == 1
     assert "a\\x1b[31m\\nb\\u202e.csv: cannot be read" in outcome.err
+
+
+def test_a_library_s_warning_is_no_message(folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def warns(*_: object) -> None:
+        warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
+
+    shown: list[object] = []
+    monkeypatch.setattr("tirelog.cli.summary.print_summary", warns)
+    monkeypatch.setattr(warnings, "showwarning", lambda *what, **_: shown.append(what))
+    assert tirelog("info", "log.csv").status == 0
+    assert shown == []
+    assert tirelog("info", "log.csv", "--debug").status == 0
+    assert len(shown) == 1

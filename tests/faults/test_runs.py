@@ -11,6 +11,7 @@ import pytest
 import typer
 
 from tirelog.chunks import CHUNK, FILTERS
+from tirelog.cli import run
 from tirelog.cli.common import Session
 from tirelog.errors import ReadError, SetupError
 from tirelog.ingest import open_recording, write_run
@@ -46,11 +47,11 @@ def write(path: Path, times: np.ndarray | None = None) -> None:
 
 def told(path: Path) -> dict[str, object]:
     """All that a recording says, and its samples' bytes."""
-    with open_run(path, "r.h5") as run:
-        out: dict[str, object] = {"setup": run.setup.text, "about": str(run.provenance), "remarks": run.remarks}
-        for name, channel in run.channels.items():
+    with open_run(path, "r.h5") as read:
+        out: dict[str, object] = {"setup": read.setup.text, "about": str(read.provenance), "remarks": read.remarks}
+        for name, channel in read.channels.items():
             out[name] = (channel.read().tobytes(), channel.axis.time(0, channel.axis.size).tobytes(), channel.flags)
-        return out | {"losses": list(run.losses)}
+        return out | {"losses": list(read.losses)}
 
 
 def test_nothing_lies_in_the_heap(tmp_path: Path) -> None:
@@ -204,11 +205,15 @@ def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path: Path, name: str
         pass
 
 
-def test_columns_that_were_exchanged_are_told(tmp_path: Path) -> None:
+def test_columns_that_were_exchanged_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path / "r.h5")
     with h5py.File(tmp_path / "r.h5", "r+") as file:
         file["channels/s"][7] = 1
         assert check_columns(file) == ["s"]
+    assert run(["info", str(tmp_path / "r.h5"), "--quiet"]) == 3  # for its lost rows
+    assert "is not what was written" not in capsys.readouterr().err
+    assert run(["info", str(tmp_path / "r.h5"), "--quiet", "--verify"]) == 3
+    assert "r.h5: s is not what was written (sha256)" in capsys.readouterr().err
 
 
 def test_a_closed_recording_says_so(tmp_path: Path) -> None:
@@ -232,7 +237,7 @@ def test_an_ingested_log_is_what_was_read(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text("time_s,c\n" + "\n".join(f"{k / 100:.2f},{k % 7}" for k in range(3000)) + "\n")
     (tmp_path / "log.toml").write_text('[channels.v]\nkind = "vehicle_speed"\nsource = "c"\n')
     write_run(str(tmp_path / "log.csv"), None, tmp_path / "r.h5")
-    with open_recording(str(tmp_path / "log.csv")) as log, open_recording(str(tmp_path / "r.h5")) as run:
-        assert np.array_equal(log.channels["v"].read(), run.channels["v"].read())
+    with open_recording(str(tmp_path / "log.csv")) as log, open_recording(str(tmp_path / "r.h5")) as stored:
+        assert np.array_equal(log.channels["v"].read(), stored.channels["v"].read())
     with h5py.File(tmp_path / "r.h5") as file:
         assert check_columns(file) == []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -139,3 +141,16 @@ def test_read_only_folder(tmp_path: Path) -> None:
     target.mkdir()
     with pytest.raises(OutputError):
         write_log(made, target)
+
+
+def test_a_disk_that_is_full_while_hdf5_is_written(tmp_path: Path) -> None:
+    """HDF5 itself ends the process there; a limit on a file's size stands for the disk."""
+    (tmp_path / "s.toml").write_text(GOOD, encoding="utf-8")
+    program = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000));"
+        "from tirelog.cli import run; sys.exit(run(['simulate', 's.toml', '-o', 'o.h5']))"
+    )
+    done = subprocess.run([sys.executable, "-B", "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1].startswith("tirelog: error: o.h5: cannot be written (File too large)")
+    assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]

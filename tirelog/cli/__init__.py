@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from contextlib import suppress
 from typing import Any
 
@@ -59,7 +60,9 @@ def run(arguments: list[str] | None = None) -> int:
         if "_TIRELOG_COMPLETE" in os.environ:  # the shell asks for completions
             parsed.main(prog_name="tirelog")
         # not main(): it would turn a reader that leaves (`| head`) into status 1
-        with endings_unwind(), inputs_kept():
+        with endings_unwind(), inputs_kept(), warnings.catch_warnings():
+            if not debug and not sys.warnoptions:  # a library's warning is no message to a user
+                warnings.simplefilter("ignore")
             with parsed.make_context("tirelog", [a for a in arguments if a != "--debug"]) as context:
                 parsed.invoke(context)
             sys.stdout.flush()

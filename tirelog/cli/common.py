@@ -126,7 +126,7 @@ class Session:
             say(f"error: {problem}")
             return None
         self._read += 1
-        self.hashes[log] = str(recording.provenance.get("sha256", ""))
+        self.hashes[recording.log] = str(recording.provenance.get("sha256", ""))
         for remark in recording.remarks:
             self.note(f"{log}: {remark}")
         self._say_losses(recording)

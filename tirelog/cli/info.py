@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
 from tirelog.cli.common import Format, Logs, Output, Quiet, Session, SetupFile
 
 #: a log is looked into as far as its first blocks; a run says everything in its metadata
 _BLOCKS = 4
 
 
-def info(logs: Logs, setup: SetupFile = None, output: Output = None, format: Format = None, quiet: Quiet = False) -> None:
+def info(
+    logs: Logs,
+    setup: SetupFile = None,
+    output: Output = None,
+    format: Format = None,
+    quiet: Quiet = False,
+    verify: Annotated[bool, typer.Option("--verify", help="Read runs whole and compare their samples' sha256.")] = False,
+) -> None:
     """Show what is in logs or runs: channels, rates, durations, gaps, lost samples, repairs, setup."""
     from tirelog.cli.summary import print_summary
     from tirelog.overview import channel_rows
@@ -17,7 +28,19 @@ def info(logs: Logs, setup: SetupFile = None, output: Output = None, format: For
         if format is None and output is None:
             for recording in session.recordings(logs, blocks=_BLOCKS):
                 print_summary(recording)
+            _verify(session, logs if verify else [])
             return
         with session.table("info", output, format) as table:
             for recording in session.recordings(logs, blocks=_BLOCKS):
                 table.write(channel_rows(recording))
+        _verify(session, logs if verify else [])
+
+
+def _verify(session: Session, logs: list[str]) -> None:
+    """Say which columns of the runs among `logs` are not what was written."""
+    from tirelog.ingest import is_file
+    from tirelog.store import changed_columns, is_run
+
+    for log in logs:
+        for name in changed_columns(log) if is_file(log) and is_run(log) else ():
+            session.lost(f"{log}: {name} is not what was written (sha256); copy the run again, or ingest the log again")
