@@ -1,11 +1,14 @@
 """Closed form: the unit table against definitions written out here."""
 
+import ast
 import math
+from pathlib import Path
 
 import pytest
 
 from tirelog.errors import SetupError
-from tirelog.units import UNITS, canonical, to_si
+from tirelog.physics.effects.base import CATALOGUE_G_M_S2
+from tirelog.units import STANDARD_GRAVITY_M_S2, UNITS, canonical, to_si
 
 # one value in the unit, and the same in SI, by definition of the unit
 DEFINITIONS = {
@@ -46,3 +49,16 @@ def test_case_decides_between_milli_and_mega() -> None:
 def test_unit_of_another_quantity_is_refused_with_what_is_allowed() -> None:
     with pytest.raises(SetupError, match=r"'bar' is not one of m, mm, um, nm, pm"):
         to_si("bar", "length")
+
+
+def test_one_gravity() -> None:
+    """Models and estimators share one g; the catalogue's 9.81 is a scale with a name of its own; the simulator keeps its own."""
+    package = Path(__file__).parents[1] / "tirelog"
+    found = {
+        (path.relative_to(package).as_posix(), node.value)
+        for path in package.rglob("*.py")
+        if "simulation" not in path.parts
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, float) and 9.75 < node.value < 9.85
+    }
+    assert found == {("units.py", STANDARD_GRAVITY_M_S2), ("physics/effects/base.py", CATALOGUE_G_M_S2)}

@@ -65,6 +65,10 @@ def test_one_log_without_the_channel_leaves_the_force_out_for_all():
     assert not both.beside_force
     lost = ramp(4)
     lost.forces_N["longitudinal_force"][5:9] = np.nan
+    few = calibrate([lost])
+    assert few.beside_force
+    assert few.shift.passages == calibrate([ramp(4)]).shift.passages - 4
+    lost.forces_N["longitudinal_force"][5:200] = np.nan
     assert not calibrate([lost]).beside_force
 
 

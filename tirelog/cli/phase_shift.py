@@ -85,7 +85,7 @@ def _note_delay(session: Session, calibration: Calibration) -> None:
         known = (
             "the measured longitudinal force is not in it"
             if calibration.beside_force
-            else "so may be force that follows speed (drag, engine braking), which a longitudinal_force channel would part"
+            else "so may be force that follows speed (drag, engine braking), which a longitudinal_force channel in every log would part"
         )
         session.note(
             f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} +- {se:.3f} ms later than the encoder: "

@@ -33,6 +33,8 @@ DRIVE_M_S2 = 0.8
 SURE = 3.0
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
+#: share of a log's quasi-static passages at which it has to be known, to be used; the others are then left out of the map
+FORCE_KNOWN = 0.8
 #: passages and range of speed that a map needs
 LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
 
@@ -114,9 +116,9 @@ def quasi_static(p: Passages) -> np.ndarray:
 
 
 def _force_of_all(logs: Sequence[Passages]) -> bool:
-    """Whether every log that a map is learnt on has its longitudinal force measured."""
+    """Whether every log that a map is learnt on has its longitudinal force measured, at most of its passages."""
     used = [p for p in logs if quasi_static(p).any()]
-    return bool(used) and all(FORCE in p.forces_N and np.isfinite(p.forces_N[FORCE][quasi_static(p)]).all() for p in used)
+    return bool(used) and all(FORCE in p.forces_N and np.mean(np.isfinite(p.forces_N[FORCE][quasi_static(p)])) > FORCE_KNOWN for p in used)
 
 
 def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMap:
@@ -131,6 +133,7 @@ def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMa
         values, se = (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
         rows = quasi_static(p) & np.isfinite(values)
         force = p.forces_N[FORCE] if by_force and rows.any() else np.zeros(values.size)
+        rows &= np.isfinite(force)
         parts.append(np.stack([values, se, p.speed_m_s, p.acceleration_m_s2, force, np.full(values.size, float(number))])[:, rows])
     y, se, v, a, force, group = np.concatenate(parts, axis=1)
     if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
