@@ -16,7 +16,7 @@ from tirelog.estimators.footprint_windows import gather_windows
 from tirelog.estimators.onset_kernel import onset_rows, traction_gains
 from tirelog.recording import Channel, TimeAxis
 
-SIGMA, ODD_SD, SCATTER = 0.02, 0.3, 1.2
+SIGMA, ODD_SD = 0.02, 0.3
 #: the table's grid: first, step, squared speed, shift, half window
 GRID = np.array([-0.15, 5e-4, 196.0, 0.003, 0.13])
 
@@ -155,7 +155,7 @@ def test_the_gain_of_a_traction():
     table[:, 5:7] *= 1e-2
     table[:, 7] *= 1e-4
     values, motion = windows(8, 903, table, 0.1 * waves[:, 5])
-    found = traction_gains(values, motion, table, GRID, waves, 2, SIGMA, ODD_SD, SCATTER)
+    found = traction_gains(values, motion, table, GRID, waves, 2, SIGMA, ODD_SD)
     for row in range(8):
         columns, known, xi, _ = design(values[row], motion[row], table, 1.0, 7)
         whole, inverse = plain_fit(columns, known, ODD_SD)
@@ -164,7 +164,7 @@ def test_the_gain_of_a_traction():
         for onset in range(0, 11, 2):
             wave = np.interp(xi, GRID[0] + GRID[1] * np.arange(601), waves[:, onset])
             free = wave @ wave - wave @ own @ inverse @ own.T @ wave
-            best = max(best, (wave @ residual) ** 2 / free / (SIGMA * SCATTER) ** 2)
+            best = max(best, (wave @ residual) ** 2 / free / SIGMA**2)
         assert found[row] == pytest.approx(best, rel=1e-6)
 
 
@@ -176,7 +176,7 @@ def test_form_and_traction_together():
     values, motion = windows(6, 904, table, 0.2 * waves[:, 6])
     shift = np.linspace(-0.002, 0.002, 6)
     starts = np.array([0.0, 1e4])  # the second is outside of the window
-    found = onset_rows(values, motion, table, GRID, waves, 1, shift, starts, 1, SIGMA, ODD_SD, np.inf)
+    found = onset_rows(values, motion, table, GRID, waves, 1, shift, starts, 1, SIGMA, ODD_SD, np.inf, 3)
     at = GRID[0] + GRID[1] * np.arange(601)
 
     def tried(row, place, onsets):
@@ -187,6 +187,7 @@ def test_form_and_traction_together():
         plain, _ = tried(row, shift[row], range(11))
         rough = int(np.argmin([one[0] for one in plain]))
         own = plain[rough][1][2] / plain[rough][1][0]
+        first = [one[0] for one in plain]
         near = np.clip(np.arange(rough - 1, rough + 2), 0, 10)
         plain, used = tried(row, shift[row] + own, near)
         best = int(np.argmin([one[0] for one in plain]))
@@ -195,7 +196,8 @@ def test_form_and_traction_together():
         np.testing.assert_allclose(found[row, 2:5], [chi2 for chi2, _, _ in plain], rtol=1e-5)
         np.testing.assert_allclose(found[row, 5:8], [whole[3] / whole[0] for _, whole, _ in plain], rtol=1e-4)
         chi2, whole, error = plain[best]
-        np.testing.assert_allclose(found[row, 8:], [chi2, whole[3] / whole[0], error / abs(whole[0]), used], rtol=1e-4)
+        np.testing.assert_allclose(found[row, 8:12], [chi2, whole[3] / whole[0], error / abs(whole[0]), used], rtol=1e-4)
+        assert found[row, 12] == pytest.approx(min(one for k, one in enumerate(first) if abs(k - near[best]) > 3), rel=1e-5)
 
 
 @pytest.mark.parametrize("z", [0.02, 0.9, 3.2, 4.4934, 15.9, 16.1, 60.0])

@@ -13,6 +13,7 @@ from tirelog.errors import UsageError
 from tirelog.estimators.dissipation import dissipation
 from tirelog.estimators.footprint import footprint
 from tirelog.estimators.footprint_table import footprint_of
+from tirelog.estimators.footprint_windows import window_class
 from tirelog.estimators.passages import find_passages
 from tirelog.estimators.speed import speed_words
 from tirelog.recording import Channel, Recording, TimeAxis
@@ -146,3 +147,8 @@ def test_cutoffs_as_the_papers_give_them(radius_m):
     np.testing.assert_allclose(Cutoff.parse("400 Hz").frequency(speed, radius_m, 1.0), 400.0)
     np.testing.assert_allclose(Cutoff.parse("0.4kHz").frequency(speed, radius_m, 1.0), 400.0)
     np.testing.assert_allclose(Cutoff.parse("40x").frequency(speed, radius_m, 1.0), 40 * speed / (2 * np.pi * radius_m))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_passage_without_a_speed_has_the_least_window_in_silence():
+    assert window_class(np.array([np.nan, 3.0, 9.0, 12.5, 17.0])).tolist() == [8, 8, 12, 16, 24]

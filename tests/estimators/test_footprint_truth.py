@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from tests.estimators.strain_truth import Beam, Ring
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.estimators.edges import find_edges
-from tirelog.estimators.footprint import footprint
+from tirelog.estimators.footprint import _told, footprint
 from tirelog.estimators.passages import find_passages
 
 CALM = {"height": 1.0, "drift": 0.0}
@@ -123,3 +123,10 @@ def test_edges_stand_at_the_same_abscissae_when_the_wheel_brakes():
         found.append(find_edges(values, rate, 200.0 * same, speed, acceleration * same, 400.0 * same, 0.055 * same, 1e-9, 4))
     for name in ("entry_m", "exit_m", "length_d1_m"):
         assert getattr(found[1], name)[0] == pytest.approx(getattr(found[0], name)[0], abs=4e-4), name
+
+
+def test_a_length_below_its_own_error_is_not_told():
+    """Where a log cuts a patch off, a fit may leave an error of 1e147 m: neither the length nor its error is a number then."""
+    length, error = _told(np.array([0.11, 0.11, -0.02, 0.11, np.nan]), np.array([6e-5, 1e147, 1e-5, np.nan, np.nan]))
+    np.testing.assert_array_equal(length, [0.11, np.nan, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(error, [6e-5, np.nan, np.nan, np.nan, np.nan])

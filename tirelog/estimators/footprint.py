@@ -17,13 +17,18 @@ from tirelog.dsp.lowpass import Cutoff
 from tirelog.estimators.footprint_fit import PassageFits
 from tirelog.estimators.footprint_kernel import FITTED
 from tirelog.estimators.footprint_learn import Learnt, learn_reference
-from tirelog.estimators.footprint_measure import Measured, measure
+from tirelog.estimators.footprint_measure import Measured, find_onsets, measure
+from tirelog.estimators.footprint_refine import REMARKABLE
 from tirelog.estimators.passages import Passages
 from tirelog.estimators.slip_onset import SlipOnset
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root of what the traction has moved it
 UNEXPLAINED = 2.0
+#: passages with a traction are too few to bend the learnt form, or too many to be left out, by this share; twice as much is still neither
+DRIVEN_SHARE = 0.03
+#: times that a form is learnt anew without passages that turn out driven: the second time sees what the first one's form has hidden
+MOST_LEARNT = 3
 #: fewer samples between the edges than this cannot tell a length
 LEAST_SAMPLES = 4
 
@@ -78,8 +83,27 @@ def footprint(
         asked = cutoff.frequency(speed, passages.radius_m, learnt.wave_number_1_m)
         if cutoff.unit == "auto":
             asked = np.minimum(asked, 0.9 * nyquist)
-        measure(channel, passages, learnt, np.minimum(asked, 0.98 * nyquist), work, block_samples)
+        lowpass_Hz = np.minimum(asked, 0.98 * nyquist)
+        look = measure(channel, passages, learnt, lowpass_Hz, work, block_samples)
+        left_out = np.zeros(n, bool)
+        for _ in range(MOST_LEARNT):
+            if not _mixed(learnt, work) or not (work.driven & ~left_out).any():
+                break
+            left_out |= work.driven
+            freed = learn_reference(channel, passages, block_samples, learnt, left_out)
+            if freed is None:
+                break
+            learnt, work = freed, Measured.empty(n)
+            look = measure(channel, passages, learnt, lowpass_Hz, work, block_samples)
+        if look is not None:
+            find_onsets(look, work)
     return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)
+
+
+def _mixed(learnt: Learnt, work: Measured) -> bool:
+    """Whether the form was learnt from passages with and without traction alike, and missed both: to be learnt without them."""
+    some = DRIVEN_SHARE * work.driven.size < work.driven.sum() < (1.0 - DRIVEN_SHARE) * work.driven.size
+    return some and work.usual is not None and learnt.reference.misfit > REMARKABLE * work.usual.scatter**2
 
 
 def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArray:
@@ -118,6 +142,10 @@ def _assembled(
     length = np.where(slipping, slip.length_m, fits.length_m)
     own_se = np.where(slipping, np.hypot(slip.length_se_m, _unexplained(fits, slip, scatter)), fits.length_se_m * scatter)
     noise_se = np.sqrt(own_se**2 + reference_se**2 + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2)
+    length, noise_se = _told(length, noise_se)
+    edges = dict(edges)
+    for name in ("length_d2", "length_d1"):
+        edges[f"{name}_m"], edges[f"{name}_se_m"] = _told(edges[f"{name}_m"], edges[f"{name}_se_m"])
     half = 0.5 * length
     with np.errstate(invalid="ignore"):
         entry = passages.time_s + _time_at(fits.shift_m - half, speed, acceleration)
@@ -141,17 +169,26 @@ def _assembled(
         work.slip,
         asked_Hz,
         learnt,
-        _words(passages, work, length, asked_Hz, nyquist),
+        _words(passages, work, length, edges["length_d2_m"], asked_Hz, nyquist),
     )
 
 
-def _words(passages: Passages, work: Measured, length_m: FloatArray, asked_Hz: FloatArray, nyquist: float) -> tuple[frozenset[str], ...]:
+def _told(lengths_m: FloatArray, errors_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lengths and their errors (n,), both NaN where a length is not above its own error: nothing is known of it there."""
+    with np.errstate(invalid="ignore"):
+        told = errors_m < lengths_m
+    return np.where(told, lengths_m, np.nan), np.where(told, errors_m, np.nan)
+
+
+def _words(
+    passages: Passages, work: Measured, length_m: FloatArray, length_d2_m: FloatArray, asked_Hz: FloatArray, nyquist: float
+) -> tuple[frozenset[str], ...]:
     """Quality words of the rows: the passages' own, and what the footprint adds."""
     with np.errstate(invalid="ignore"):
         cut = asked_Hz > nyquist
         short = work.inside < LEAST_SAMPLES
     unknown = ~np.isfinite(length_m)
-    unclear = ~np.isfinite(work.edges["length_d2_m"]) & ~cut & ~unknown
+    unclear = ~np.isfinite(length_d2_m) & ~cut & ~unknown
     words = list(passages.quality)
     for name, marked in (("cutoff", cut), ("patch_short", short), ("no_length", unknown), ("edge_unclear", unclear)):
         for row in np.flatnonzero(marked):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.estimators.edge_shapes import EdgeFamily
 from tirelog.estimators.footprint_reference import Average, Reference, average, fit_averages
@@ -74,10 +75,11 @@ class Learnt:
         return float(np.sqrt(max(LEAST_SCATTER, np.median(known)))) if known.size else 1.0
 
 
-def _usable(passages: Passages) -> IntArray:
-    """Ordinals of passages without a quality word and with a neighbour at a turn on either side."""
-    clean = np.array([not words for words in passages.quality], dtype=bool)
-    both = passages.turn_before & passages.turn_after & np.isfinite(passages.time_s)
+def _usable(passages: Passages, without: NDArray[np.bool_] | None) -> IntArray:
+    """Ordinals of passages without a quality word and with a neighbour at a turn on either side, and not among `without` (n,)."""
+    wanted = np.isfinite(passages.time_s) if without is None else np.isfinite(passages.time_s) & ~without
+    clean = np.array([not words for words in passages.quality], dtype=bool) & wanted
+    both = passages.turn_before & passages.turn_after & wanted
     with np.errstate(invalid="ignore"):
         sure = passages.speed_se_m_s < SURE_SPEED * passages.speed_m_s
     for good in (
@@ -85,7 +87,7 @@ def _usable(passages: Passages) -> IntArray:
         clean & both,
         clean & (passages.turn_before | passages.turn_after),
         clean,
-        np.isfinite(passages.time_s),
+        wanted,
     ):
         rows = np.flatnonzero(good & (passages.speed_m_s > 0.5))
         if rows.size:
@@ -179,14 +181,21 @@ def _better_first(both: tuple[Reference, ...]) -> tuple[Reference, Reference]:
     return (closed, straight) if lead > LEAST_LEAD * max(straight.misfit, 1.0) else (straight, closed)
 
 
-def learn_reference(channel: Channel, passages: Passages, block_samples: int = BLOCK_SAMPLES, like: Learnt | None = None) -> Learnt | None:
+def learn_reference(
+    channel: Channel,
+    passages: Passages,
+    block_samples: int = BLOCK_SAMPLES,
+    like: Learnt | None = None,
+    without: NDArray[np.bool_] | None = None,
+) -> Learnt | None:
     """The form of the passages of `channel`; None where the log has none to learn from.
 
-    `like`: what another grating of the same wheel has taught: a start that spares the search for one.
+    `like`: what another grating of the same wheel has taught: a start that spares the search for one; `without` (n,): passages that are
+    left out.
     """
     if passages.template is None or not len(passages):
         return None
-    rows = _usable(passages)
+    rows = _usable(passages, without)
     if not rows.size:
         return None
     rows, classes, free = _steady_first(passages, rows)

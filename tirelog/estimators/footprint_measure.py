@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 
 from tirelog.estimators.edges import DENSE, SEARCH, Edges, find_edges
 from tirelog.estimators.footprint_fit import FormTables, PassageFits, fit
-from tirelog.estimators.footprint_learn import Learnt
+from tirelog.estimators.footprint_learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, Learnt
 from tirelog.estimators.footprint_windows import PatchWindows, gather_windows
 from tirelog.estimators.passages import Passages
 from tirelog.estimators.slip_onset import (
-    LEAST_GAIN,
+    ASKED,
     NO_FORM,
     SPEED_UNKNOWN,
     TOO_SMALL,
     WORST_SPEED,
     SlipOnset,
     Tractions,
+    Usual,
     traction_table,
-    worth_a_look,
 )
 from tirelog.recording import Channel, FloatArray, IntArray
 
@@ -44,17 +44,21 @@ Motions = tuple[FloatArray, FloatArray]
 
 @dataclass
 class Measured:
-    """What is filled row by row, a row a passage; `inside`: samples between the edges, (n,)."""
+    """What is filled row by row, a row a passage; `inside`: samples between the edges, (n,); `driven`: whether a traction is seen, (n,);
+    `usual`: what free passages leave, None where there is none to ask."""
 
     inside: FloatArray
     edges: dict[str, FloatArray]
     fits: PassageFits
     slip: SlipOnset
+    driven: NDArray[np.bool_]
+    usual: Usual | None = None
 
     @classmethod
     def empty(cls, n: int) -> Measured:
         """`n` rows, nothing known."""
-        return cls(np.full(n, np.nan), {f.name: np.full(n, np.nan) for f in fields(Edges)}, PassageFits.empty(n), SlipOnset.none(n))
+        edges = {f.name: np.full(n, np.nan) for f in fields(Edges)}
+        return cls(np.full(n, np.nan), edges, PassageFits.empty(n), SlipOnset.none(n), np.zeros(n, bool))
 
 
 class Forms:
@@ -64,7 +68,6 @@ class Forms:
         reference = learnt.reference
         self.reference = reference.at_speeds(reference.knots(float(speed_m_s.min()), float(speed_m_s.max())))
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
-        self.scatter = learnt.scatter(np.array([reference.misfit]))
         self._half_window_m = learnt.half_window_m
         self._tractions: dict[int, Tractions] = {}
 
@@ -77,16 +80,19 @@ class Forms:
         if number not in self._tractions:
             waves, tables = traction_table(self.reference, number, self._half_window_m), self.tables
             half_length_m = float(tables.half_length_m[number])
-            self._tractions[number] = Tractions(tables.columns[number], tables.grids[number], waves, half_length_m, self.scatter)
+            self._tractions[number] = Tractions(tables.columns[number], tables.grids[number], waves, half_length_m)
         return self._tractions[number]
 
 
-def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: FloatArray, work: Measured, block_samples: int) -> None:
-    """Fill `work` for all rows whose speed is known; `cutoff_Hz` (n,) of the plain edges' low-pass."""
+def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: FloatArray, work: Measured, block_samples: int) -> Look | None:
+    """Fill `work`, but for slip onsets, for all rows whose speed is known; what `find_onsets` takes, None without such rows.
+
+    `cutoff_Hz` (n,) of the plain edges' low-pass.
+    """
     rate, speed = channel.axis.rate_Hz, passages.speed_m_s
     rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
     if not rows.size:
-        return
+        return None
     motion = speed, np.nan_to_num(passages.acceleration_m_s2)
     vague = ~(passages.speed_se_m_s < WORST_SPEED * speed)
     forms = Forms(learnt, speed[rows])
@@ -105,6 +111,61 @@ def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: Flo
             plain = part.reduced(key // 8)
             for low in range(0, len(plain.row), ROWS):
                 _edges_alike(plain.take(slice(low, low + ROWS)), passages.noise, motion, cutoff_Hz, half_length, key % 8, work)
+    look = Look(channel, passages, forms, motion, number, reach, for_fit, block_samples)
+    _seek_driven(look, rows[~vague[rows] & np.isfinite(work.fits.length_m[rows])], work)
+    return look
+
+
+@dataclass(frozen=True)
+class Look:
+    """Windows of some rows again, for the tractions: what `measure` knows of all rows, (n,) each."""
+
+    channel: Channel
+    passages: Passages
+    forms: Forms
+    motions: Motions
+    number: IntArray
+    reach: FloatArray
+    averaged: IntArray
+    block_samples: int
+
+    def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, FloatArray, float, int]]:
+        """Windows, motion, noise of a value and number of the form of `rows`, those alike together."""
+        gathered = gather_windows(self.channel, self.passages.sign, self.passages.index, self.reach, rows, self.block_samples)
+        for windows in gathered:
+            for key, part in _alike(windows, self.averaged * len(self.forms.reference.shapes) + self.number):
+                averaged, knot = divmod(key, len(self.forms.reference.shapes))
+                kept = part.reduced(averaged)
+                yield kept, kept.motion(*self.motions), self.passages.noise / np.sqrt(kept.averaged), knot
+
+
+def _seek_driven(look: Look, rows: IntArray, work: Measured) -> None:
+    """Which of `rows` (m,) show a traction beyond what the form misses of free ones: `driven` and `usual` of `work`."""
+    free = _free(look, rows)
+    if not free.size:
+        return
+    asked = free[np.linspace(0, free.size - 1, min(ASKED, free.size)).astype(np.int64)]
+    gains = [look.forms.traction(knot).gains(windows, motion, sigma) for windows, motion, sigma, knot in look.alike(asked)]
+    usual = Usual.of(work.fits.chi2[free], np.concatenate(gains))
+    for windows, motion, sigma, knot in look.alike(rows[usual.worth_a_look(work.fits)[rows]]):
+        work.driven[windows.row] = look.forms.traction(knot).gains(windows, motion, sigma) > usual.gain
+    work.usual = usual
+
+
+def find_onsets(look: Look, work: Measured) -> None:
+    """Slip onsets of the rows of `work` that are driven."""
+    if work.usual is None:
+        return
+    for windows, motion, sigma, knot in look.alike(np.flatnonzero(work.driven)):
+        shift = np.nan_to_num(work.fits.shift_m[windows.row] - look.forms.tables.shift_m[knot])
+        work.slip.put(windows.row, look.forms.traction(knot).onsets(windows, motion, shift, sigma, work.usual.scatter))
+
+
+def _free(look: Look, rows: IntArray) -> IntArray:
+    """Those of `rows` without a quality word and at steady speed; all clean ones, or all of them, if those are too few."""
+    clean = rows[np.fromiter((not look.passages.quality[row] for row in rows.tolist()), bool, rows.size)]
+    steady = clean[np.abs(look.motions[1][clean]) < FREE_ROLLING_M_S2]
+    return next((some for some in (steady, clean) if some.size >= ENOUGH_STEADY), rows)
 
 
 def _alike(windows: PatchWindows, keys: IntArray) -> Iterator[tuple[int, PatchWindows]]:
@@ -123,22 +184,12 @@ def _power_of_two(values: FloatArray) -> IntArray:
 def _fit_alike(
     windows: PatchWindows, noise: float, motions: Motions, vague: NDArray[np.bool_], forms: Forms, number: IntArray, work: Measured
 ) -> None:
-    """Fits and slip onsets of rows that share averaging; `number` (rows,) of their forms, `vague` (n,) where the speed is."""
+    """Fits of rows that share averaging; `number` (rows,) of their forms, `vague` (n,) where the speed is."""
     row = windows.row
-    motion = windows.motion(*motions)
-    fits = fit(windows, motion, forms.tables, number, noise)
+    fits = fit(windows, windows.motion(*motions), forms.tables, number, noise)
     work.fits.put(row, fits)
     known = np.isfinite(fits.length_m)
     work.slip.reason[row] = np.where(known, np.where(vague[row], SPEED_UNKNOWN, TOO_SMALL), NO_FORM)
-    look = np.flatnonzero(worth_a_look(fits, forms.scatter) & ~vague[row])
-    sigma = noise / np.sqrt(windows.averaged)
-    for knot in np.unique(number[look]):
-        traction = forms.traction(int(knot))
-        which = look[number[look] == knot]
-        which = which[traction.gains(windows.take(which), motion[which], sigma) > LEAST_GAIN]
-        if which.size:
-            shift = np.nan_to_num(fits.shift_m[which] - forms.tables.shift_m[knot])
-            work.slip.put(row[which], traction.onsets(windows.take(which), motion[which], shift, sigma))
 
 
 def _edges_alike(

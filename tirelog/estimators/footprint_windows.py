@@ -66,9 +66,13 @@ class PatchWindows:
 
 
 def window_class(reach_samples: FloatArray) -> IntArray:
-    """Half window [samples] of each passage: `reach_samples` rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT)."""
-    two = 2.0 ** np.ceil(np.log2(np.maximum(reach_samples, 8.0)))
-    return np.where(reach_samples <= 0.75 * two, 0.75 * two, two).astype(np.int64)
+    """Half window [samples] of each passage: `reach_samples` rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT).
+
+    A passage whose speed is unknown has no reach; it gets the least window, and nothing is cut out for it.
+    """
+    reach = np.fmax(reach_samples, 8.0)
+    two = 2.0 ** np.ceil(np.log2(reach))
+    return np.where(reach <= 0.75 * two, 0.75 * two, two).astype(np.int64)
 
 
 def gather_windows(

@@ -68,9 +68,8 @@ def _beside(
 @compiled
 def traction_gains(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, every: int, sigma: float, odd_sd: float,
-    scatter: float,
 ) -> FloatArray:  # fmt: skip
-    """Squared sigmas (`sigma` x `scatter`) of misfit that a small traction removes from the fit of each row, the best of the onsets.
+    """Squared `sigma` of misfit that a small traction removes from the fit of each row, the best of the onsets.
 
     `waves` (g, c): tractions on the table's grid, of which `every`-th is tried; shape (n,).
     """
@@ -92,7 +91,7 @@ def traction_gains(
             _wave(waves, onset, place, used, wave)
             own, right, free = _beside(columns, wave, used, inverse, along, moved)
             if free > LEAST_OWN * own:
-                out[row] = max(out[row], right**2 / free / (sigma * scatter) ** 2)
+                out[row] = max(out[row], right**2 / free / sigma**2)
     return out
 
 
@@ -152,22 +151,24 @@ def _own_shift(whole: FloatArray, most: float) -> float:
 @compiled
 def onset_rows(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, fine: int, shift_m: FloatArray,
-    starts_m: FloatArray, turns: int, sigma: float, odd_sd: float, enough: float,
+    starts_m: FloatArray, turns: int, sigma: float, odd_sd: float, enough: float, apart: int,
 ) -> FloatArray:  # fmt: skip
     """Form and traction of each row, the form put first where `shift_m` (n,) says, with the evenly spaced `starts_m` about it tried and
     every `fine`-th of the onsets of `waves` (g, c); from the best of these, and from the next best ones while more than `enough` squared
     sigmas a sample are left, the form is put `turns` times where the joint solution moves it, with onsets about the best.
 
-    (n, 12): number of the best onset, and of the onset in the middle of three; squared residual over sigma^2 at those; length over height
-    at those; the best's squared residual, length over height, and its error; samples used.  NaN: too few, or the form is not upright.
+    (n, 13): number of the best onset, and of the onset in the middle of three; squared residual over sigma^2 at those; length over height
+    at those; the best's squared residual, length over height, and its error; samples used; the least squared residual with an onset more
+    than `apart` from the best one (costs of what is not to be trusted included).  NaN: too few, or the form is not upright.
     """
-    out = np.full((values.shape[0], 12), np.nan)
+    out = np.full((values.shape[0], 13), np.nan)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     wide, coarse, near = table.shape[1], np.arange(0, waves.shape[1], fine), np.arange(-fine, fine + 1)
     tried = near.copy()
     told, best, at = np.empty((max(coarse.size, near.size), 3)), np.empty(FITTED + 1), grid.copy()
     cost, onset, moved = np.empty(starts_m.size), np.zeros(starts_m.size, np.int64), np.empty(starts_m.size)
     trust_m = TRUST * (starts_m[1] - starts_m[0])
+    costs = np.empty((starts_m.size, coarse.size))
     for row in range(values.shape[0]):
         for attempt in range(starts_m.size + ATTEMPTS):
             rough, k = attempt < starts_m.size, attempt
@@ -189,7 +190,10 @@ def onset_rows(
             if rough:
                 far = max(abs(best[SHIFT] / best[HEIGHT]) / trust_m, 1.0)
                 cost[k], onset[k], moved[k] = told[top, 0] * far**FAR, chosen, shift
-                if used <= FITTED or np.isnan(cost[k]):
+                some = used > FITTED and not np.isnan(cost[k])
+                for t in range(coarse.size):
+                    costs[k, t] = told[t, 0] * far**FAR if some else np.inf
+                if not some:
                     cost[k] = np.inf
             elif used > FITTED and best[HEIGHT] > 0.0 and not out[row, 8] <= told[top, 0]:
                 middle = min(max(top, 1), near.size - 2)
@@ -198,4 +202,12 @@ def onset_rows(
                     out[row, 2 + c], out[row, 5 + c], out[row, 8 + c] = told[middle - 1 + c, 0], told[middle - 1 + c, 1], told[top, c]
             if not rough and out[row, 8] < enough * used:
                 break
+        if np.isnan(out[row, 0]):
+            continue
+        rival = np.inf
+        for t in range(coarse.size):
+            if abs(coarse[t] - out[row, 0]) > apart:
+                for k in range(starts_m.size):
+                    rival = min(rival, costs[k, t])
+        out[row, 12] = rival
     return out

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from tirelog.estimators.edge_shapes import EdgeFamily, EdgeShape
 from tirelog.estimators.footprint_fit import ODD_SD, PassageFits, grid_of
-from tirelog.estimators.footprint_kernel import OWN
+from tirelog.estimators.footprint_kernel import FITTED, OWN
+from tirelog.estimators.footprint_learn import LEAST_SCATTER
 from tirelog.estimators.footprint_reference import Reference
 from tirelog.estimators.footprint_windows import PatchWindows
 from tirelog.estimators.onset_kernel import onset_rows, traction_gains
@@ -28,21 +29,31 @@ from tirelog.recording import FloatArray, IntArray
 FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
 #: friction coefficients of P2 Table 1, adhesion and sliding: only their ratio matters
 STATIC, SLIDING = 0.8, 0.6
-#: an onset must remove this much of the misfit (squared sigmas): noise alone does so in far less than one passage of a hundred
+#: a traction must remove this much of the misfit (squared sigmas, where free passages leave noise): noise alone does so in far less than
+#: one passage of a hundred; twice as much loses the faintest tenth of the slips
 LEAST_GAIN = 20.0
-#: rows whose misfit lies less than this above what noise leaves are not looked at
-LEAST_EXCESS = 5.0
+#: and this many times what it usually removes from passages that roll freely, whose form the learnt one misses: of those that pass fewer
+#: than one in ten thousand has no slip, at half of it one in a hundred of the worst logs
+TIMES_USUAL = 10.0
+#: free passages that are asked for that, and rows with less than this share of the gain beyond what free ones leave are not looked at
+ASKED, LEAST_SHARE = 96, 0.5
+#: an onset stands alone where others this far from it (share of the half length) leave so many more squared sigmas; half as many keep a
+#: hundredth more of the onsets
+APART, ALONE = 0.28, 20.0
 #: weak knowledge of damping and tilt beside a traction; turns of the joint fit (each puts the form anew)
 JOINT_ODD_SD, TURNS = 0.1, 4
 #: squared sigmas a sample that a joint fit may leave before another start is followed, and up to which its onset is believed
-ENOUGH, WORST_LEFT = 1.6, 6.0
+ENOUGH, WORST_LEFT = 1.0, 4.0
 #: where the form is put first, as shares of the half length beside its fit without traction
-START_SHIFTS = tuple(0.025 * k for k in range(-12, 13))
+START_SHIFTS = tuple(0.05 * k for k in range(-6, 7))
 #: an onset is not told better than this share of the half length
 LEAST_ERROR = 0.015
-#: and its standard error must be below this share of the half length
-WORST_ERROR = 0.35
-NO_FORM, TOO_SMALL, TOO_WIDE, AT_EDGE = "no_form", "slip_too_small", "onset_uncertain", "onset_at_edge"
+#: the misfit about the best onset, with the form put once, rises this many times as steeply as with the form put anew for each (2 to 5
+#: on passages of the finite-difference beam at 0.8 to 8 pm): as many times is the error larger; at twice as much nine in ten are within it
+STEEPER = 4.0
+#: an onset whose error is above this share of the half length is not told: at twice as much one in twenty is off by 5 mm or more
+WORST_ERROR = 0.05
+NO_FORM, TOO_SMALL, TOO_WIDE, AT_EDGE, NOT_ALONE = "no_form", "slip_too_small", "onset_uncertain", "onset_at_edge", "onset_ambiguous"
 #: a speed known worse than this (relative) bends the abscissa as much as a slip would the strain
 SPEED_UNKNOWN, WORST_SPEED = "speed_uncertain", 0.002
 
@@ -95,24 +106,45 @@ def traction_table(reference: Reference, number: int, half_window_m: float) -> F
 
 
 @dataclass(frozen=True)
+class Usual:
+    """What passages that roll freely leave in this log: `scatter`, how much larger their residuals are than the noise of a sample tells,
+    and `gain`, squared sigmas of misfit that a traction must remove from a row to be more than what the form misses of all passages."""
+
+    scatter: float
+    gain: float
+
+    @classmethod
+    def of(cls, chi2: FloatArray, gains: FloatArray) -> Usual:
+        """From chi-square per degree of freedom (n,) of free passages, and `gains` (k,) of a traction in some of them."""
+        scatter = float(np.sqrt(max(LEAST_SCATTER, np.median(chi2))))
+        return cls(scatter, max(LEAST_GAIN * scatter**2, TIMES_USUAL * float(np.median(gains))))
+
+    def worth_a_look(self, fits: PassageFits) -> NDArray[np.bool_]:
+        """Rows with misfit enough for such a gain: no other can hold an onset."""
+        free = np.maximum(fits.used - OWN, 1.0)
+        with np.errstate(invalid="ignore"):
+            return (fits.chi2 - self.scatter**2) * free > LEAST_SHARE * self.gain
+
+
+@dataclass(frozen=True)
 class Tractions:
     """What slip onsets are looked for with at one speed: `table` (g, 8) and `grid` (5,) of the form, `waves` (g, c) of the traction, half
-    of the form's length; `scatter`: how much larger this log's residuals are than the noise of a sample tells."""
+    of the form's length."""
 
     table: FloatArray
     grid: FloatArray
     waves: FloatArray
     half_length_m: float
-    scatter: float
 
     def gains(self, windows: PatchWindows, motion: FloatArray, sigma: float) -> FloatArray:
-        """Squared sigmas of misfit that a small traction removes from the fit of each row, with its best onset of the coarse ones."""
-        return traction_gains(windows.values, motion, self.table, self.grid, self.waves, FINE, sigma, ODD_SD, self.scatter)
+        """Squared sigmas of misfit that a small traction removes from the fit of each row, the best of every other coarse onset."""
+        return traction_gains(windows.values, motion, self.table, self.grid, self.waves, 2 * FINE, sigma, ODD_SD)
 
-    def onsets(self, windows: PatchWindows, motion: FloatArray, shift_m: FloatArray, sigma: float) -> SlipOnset:
-        """Slip onsets of rows whose residual has room for one; `shift_m` (n,): where their fits put the form beside its own place."""
+    def onsets(self, windows: PatchWindows, motion: FloatArray, shift_m: FloatArray, sigma: float, scatter: float) -> SlipOnset:
+        """Slip onsets of rows whose residual has room for one; `shift_m` (n,): where their fits put the form beside its own place;
+        `scatter` of the log (`Usual`)."""
         L, onsets = self.half_length_m, onset_grid(self.half_length_m)
-        starts = np.array(START_SHIFTS) * L
+        step, starts = onsets[1] - onsets[0], np.array(START_SHIFTS) * L
         found = onset_rows(
             windows.values,
             motion,
@@ -125,31 +157,22 @@ class Tractions:
             TURNS,
             sigma,
             JOINT_ODD_SD,
-            ENOUGH * self.scatter**2,
+            ENOUGH * scatter**2,
+            int(APART * L / step),
         ).T
-        best, middle, (a, b, c), (shorter, _, longer), (left, length, length_se, used) = (
-            found[0],
-            found[1],
-            found[2:5],
-            found[5:8],
-            found[8:],
-        )
-        a, b, c = (part / self.scatter**2 for part in (a, b, c))
+        best, middle, (a, b, c), (shorter, _, longer) = found[0], found[1], found[2:5], found[5:8]
+        left, length, length_se, used, rival = found[8:]
+        # what a row's residual is beyond the log's usual one widens its own error
+        scale = np.maximum(left / np.maximum(used - FITTED, 1.0), scatter**2)
         known = np.isfinite(best)
-        step, bend = onsets[1] - onsets[0], np.maximum(a - 2.0 * b + c, 1e-300)
+        bend = np.maximum(a - 2.0 * b + c, 1e-300)
         onset = onsets[np.where(known, middle, 0.0).astype(int)] + np.clip(0.5 * (a - c) / bend, -0.5, 0.5) * step
-        error = np.maximum(step * np.sqrt(2.0 / bend), LEAST_ERROR * L)
+        error = np.maximum(STEEPER * step * np.sqrt(2.0 * scale / bend), LEAST_ERROR * L)
         reason = np.full(best.size, "", object)
-        reason[(error > WORST_ERROR * L) | (left > WORST_LEFT * self.scatter**2 * used)] = TOO_WIDE
+        reason[rival - left < ALONE * scale] = NOT_ALONE
+        reason[(error > WORST_ERROR * L) | (scale > WORST_LEFT * scatter**2)] = TOO_WIDE
         reason[(best == 0) | (best == onsets.size - 1)] = AT_EDGE
         reason[~known] = NO_FORM
         nan = np.where(reason == "", 1.0, np.nan)
-        length_se = np.hypot(self.scatter * length_se, error * 0.5 * (longer - shorter) / step)
-        return SlipOnset(onset * nan, error * nan, 2.0 * (L + length), 2.0 * length_se, left / self.scatter**2, reason)
-
-
-def worth_a_look(fits: PassageFits, scatter: float) -> NDArray[np.bool_]:
-    """Rows whose misfit is larger than noise usually leaves: no other can hold an onset."""
-    free = np.maximum(fits.used - OWN, 1.0)
-    with np.errstate(invalid="ignore"):
-        return fits.chi2 * free / scatter**2 > free + LEAST_EXCESS
+        length_se = np.hypot(scatter * length_se, error * 0.5 * (longer - shorter) / step)
+        return SlipOnset(onset * nan, error * nan, 2.0 * (L + length), 2.0 * length_se, left / scatter**2, reason)
