@@ -24,6 +24,7 @@ from tirelog import __version__
 from tirelog.clock import ClockFit
 from tirelog.errors import ReadError, SetupError, UsageError
 from tirelog.files import failed_writes, whole_file
+from tirelog.plausibility import check
 from tirelog.readers import Group, LogReader
 from tirelog.recording import Recording
 from tirelog.remote import address, open_remote
@@ -237,21 +238,24 @@ def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None =
     """`log` (a run, a log, or '-') as a Recording, open as long as the context is; of a log only the first `blocks` where given.
 
     A run has its log's sha256 in its provenance, a log only where `hashed`.
-    ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit.
+    ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit (`plausibility`).
     """
     if log != "-" and address(log) is None and is_run(log):
         with open_run(log, log, setup) as recording:
-            yield recording
+            yield check(recording)
         return
     with tempfile.TemporaryDirectory(prefix="tirelog-") as folder:
         run = Path(folder) / "run.h5"
         with failed_writes(run):
             ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
         with open_run(run, log, setup, temporary=True) as recording:
-            yield recording
+            yield check(recording)
 
 
 def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
     """`ingest -o`: the run of `log`, compressed, whole under the name `output` or not at all."""
     with whole_file(output) as part:
-        return ingest(log, setup, part, compress=True, hashed=True)
+        summary = ingest(log, setup, part, compress=True, hashed=True)
+        with open_run(part, log, setup) as recording:
+            summary.remarks += [remark for remark in check(recording).remarks if remark not in recording.remarks]
+        return summary

@@ -43,8 +43,8 @@ def dissipation_of(
     for channel, passages in rotating(recording):
         found = dissipation_of_channel(recording, channel, passages, steady_step_m_s, averaged, block_samples)
         del channel  # before the next one takes its place in memory
-        yield replace(found, remarks=()) if said else found
-        said = True
+        yield replace(found, remarks=()) if said and not passages.doubt else found
+        said |= not passages.doubt
 
 
 def dissipation_of_channel(
@@ -75,7 +75,8 @@ def dissipation_of_channel(
     }
     columns |= _with_viscosity(recording, found, passages.speed_m_s)
     columns["quality"] = quality_column(found.quality)
-    return DissipationOfChannel(released(channel), passages, found, columns, _remarks(recording))
+    remarks = (passages.doubt,) if passages.doubt else _remarks(recording)
+    return DissipationOfChannel(released(channel), passages, found, columns, remarks)
 
 
 def _with_viscosity(recording: Recording, found: Dissipation, speed_m_s: FloatArray) -> dict[str, FloatArray]:
