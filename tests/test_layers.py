@@ -11,6 +11,7 @@ LAYERS = [
     {"errors", "columns", "units", "remote", "compiled", "process"},
     {"recording", "dsp", "files", "documents"},
     {
+        "plausibility",
         "setup",
         "convert",
         "readers",

@@ -24,6 +24,7 @@ from tirelog import __version__
 from tirelog.clock import ClockFit
 from tirelog.errors import ReadError, SetupError, UsageError
 from tirelog.files import failed_writes, temporary_folder, whole_file
+from tirelog.plausibility import check
 from tirelog.readers import Group, LogReader, RawBlock
 from tirelog.recording import Recording
 from tirelog.remote import address, open_remote, shown
@@ -284,20 +285,23 @@ def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None =
     """`log` (a run, a log, or '-') as a Recording, open as long as the context is; of a log only the first `blocks` where given.
 
     A run has its log's sha256 in its provenance, a log only where `hashed`.
-    ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit.
+    ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit (`plausibility`).
     """
     if is_file(log) and is_run(log):
         with open_run(log, shown(log), setup) as recording:
-            yield recording
+            yield check(recording)
         return
     with temporary_folder() as folder:
         run = folder / "run.h5"
         ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
         with open_run(run, shown(log), setup, temporary=True) as recording:
-            yield recording
+            yield check(recording)
 
 
 def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
     """`ingest -o`: the run of `log`, compressed, whole under the name `output` or not at all."""
     with whole_file(output) as part:
-        return ingest(log, setup, part, compress=True, hashed=True)
+        summary = ingest(log, setup, part, compress=True, hashed=True)
+        with open_run(part, log, setup) as recording:
+            summary.remarks += [remark for remark in check(recording).remarks if remark not in recording.remarks]
+        return summary

@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 from tirelog import units
 from tirelog.documents import toml_tables, toml_text
 from tirelog.errors import SetupError, nearest
+from tirelog.plausibility import doubt_of_key, doubt_of_radius
 
 #: kind -> (quantities that its unit may have, SI unit, unit where the setup names none)
 KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
@@ -191,6 +192,9 @@ def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
         if not inside or ("int" in wanted and value != int(value)):
             allowed = f"a number {'above' if above else 'from'} {low:g} to {high:g}" + (", whole" if "int" in wanted else "")
             raise source.error(f"{key} = {value!r}; allowed is {allowed}; mend the number", table, key)
+        strange = doubt_of_key(key, value)
+        if strange:
+            raise source.error(f"{key} = {value!r}; {strange}; mend the number", table, key)
         return int(value) if "int" in wanted else float(value)
     kind = bool if "bool" in wanted else str
     if not isinstance(value, kind):
@@ -245,6 +249,15 @@ def _channel(name: str, data: Any, source: _Source, names: list[str]) -> Channel
     return channel
 
 
+def _tire(data: Any, source: _Source) -> Tire:
+    """The tire, with radii that go together."""
+    tire = _table(Tire, data, source, "tire")
+    strange = "" if tire.rolling_radius_m is None else doubt_of_radius(tire.rolling_radius_m, tire.unloaded_radius_m)
+    if strange:
+        raise source.error(f"{strange}; mend one of the two", "tire", "rolling_radius_m")
+    return tire
+
+
 def _road(data: Any, source: _Source) -> RoadSetup:
     """The road, of a kind that there is; what the kind asks for is checked where the road is built."""
     road = _table(RoadSetup, data, source, "road")
@@ -280,7 +293,7 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
     names = list(tables)
     channels = {name: _channel(name, table, source, names) for name, table in tables.items()}
     return Setup(
-        _table(Tire, data.get("tire", {}), source, "tire"),
+        _tire(data.get("tire", {}), source),
         _table(LogConditions, data.get("conditions", {}), source, "conditions"),
         channels,
         _table(LogSetup, data.get("log", {}), source, "log"),

@@ -5,6 +5,8 @@ from itertools import chain
 import numpy as np
 import pytest
 
+from tirelog.errors import SetupError
+
 from .text_logs import read, setup_of
 
 REST = {"g0": 1540.0, "g1": 1544.0, "g2": 1548.0, "g3": 1552.0}
@@ -118,3 +120,14 @@ def test_a_wrong_window_says_where_the_peaks_are() -> None:
     assert not np.isnan(block.values["right"]).any()
     assert len(reader.report.losses) == 1
     assert "channel wrong: no peak between 1570 and 1572 in any row; peaks were seen at about 1540" in reader.report.losses[0]
+
+
+def test_windows_of_one_fibre_that_overlap_are_refused() -> None:
+    rows = [[[1549.0, 1551.0], [1560.0] * (i % 2)] for i in range(20)]
+    windows = {"a": [1548.0, 1551.5], "b": [1550.0, 1553.0]}
+    with pytest.raises(SetupError, match=r"window_nm of a and of b overlap between 1550 and 1551\.5"):
+        read(log(rows, counts=False), setup_of({name: {"source": "", "window_nm": window} for name, window in windows.items()}))
+    apart = {name: {"source": f"CH{1 + k}", "window_nm": window} for k, (name, window) in enumerate(windows.items())}
+    _, block = read(log([[[1549.0], [1551.0]] for _ in range(20)], counts=True), setup_of(apart))
+    assert (block.values["a"] == 1549.0).all()
+    assert (block.values["b"] == 1551.0).all()

@@ -341,8 +341,11 @@ def predict(
     """
     import numpy as np
 
+    from tirelog.errors import UsageError
     from tirelog.recording import Conditions
 
+    if speed < 0 or not np.isfinite(speed):
+        raise UsageError(f"--speed {speed:g}; allowed is a speed of 0 m/s or more, forwards; give that")
     read, given = _load(model, effects), _setup(setup)
     _drivable(speed, acceleration, time, temperature, slip)
     check_pressure(read.values.get("inflation_pressure_Pa"))

@@ -26,6 +26,7 @@ from tirelog.discrepancy.scalars import SCALARS, SOURCES, scalar_stack
 from tirelog.discrepancy.stacks import Stacks
 from tirelog.errors import UsageError
 from tirelog.estimators.held import held
+from tirelog.estimators.passage_surface import refuse_swapped_surface
 from tirelog.estimators.passages import Passages, find_passages
 from tirelog.recording import Channel, Conditions, Recording, Stack
 
@@ -107,6 +108,8 @@ def stretches_of(recording: Recording, channel: Channel, observable: str, *, ang
     n = sum(len(run) for run in runs)
     if n < 10:
         refuse_swapped_surface(recording, channel, radius)
+        if passages.doubt:
+            raise UsageError(passages.doubt, file=recording.log)
         raise UsageError(
             f"{n} whole revolutions in channel {channel.name}; at least ten are needed to see what repeats; give a longer log",
             file=recording.log,
@@ -158,19 +161,6 @@ def _cuts(manoeuvre: NDArray[np.int64], most: int) -> Iterator[slice]:
         yield slice(low, high)
         low = high
     yield slice(low, n)
-
-
-def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float) -> None:
-    """UsageError where the patch is found once the channel is taken for one of the other surface."""
-    other = {"outer": "inner", "inner": "outer"}[channel.surface]
-    if channel.kind == "radial_acceleration" or len(find_passages(replace(channel, surface=other), radius)) < 10:
-        return
-    extremum = "a minimum, as the outer surface (groove)" if other == "outer" else "a maximum, as the inner surface (liner)"
-    raise UsageError(
-        f"channel {channel.name} shows {extremum} does in the patch, and its setup says {channel.surface}; the two must agree; "
-        f'write surface = "{other}"',
-        file=recording.log,
-    )
 
 
 def _runs(passages: Passages, samples: Samples) -> Iterator[Turns]:

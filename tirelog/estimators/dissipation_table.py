@@ -76,7 +76,8 @@ def dissipation_of_channel(
     }
     columns |= _with_viscosity(recording, found, passages.speed_m_s)
     columns["quality"] = quality_column(found.quality)
-    return DissipationOfChannel(released(channel), passages, found, columns, _remarks(recording, channel.surface))
+    remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel.surface)
+    return DissipationOfChannel(released(channel), passages, found, columns, remarks)
 
 
 def _with_viscosity(recording: Recording, found: Dissipation, speed_m_s: FloatArray) -> dict[str, FloatArray]:

@@ -74,7 +74,8 @@ def footprint(
     cutoff = cutoff or Cutoff()
     n = len(passages)
     speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
-    learnt = learnt or learn_reference(channel, passages, block_samples)
+    if learnt is None and not passages.doubt:
+        learnt = learn_reference(channel, passages, block_samples)
     work = Measured.empty(n)
     nyquist = 0.5 * channel.axis.rate_Hz
     if learnt is None:

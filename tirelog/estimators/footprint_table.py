@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.dsp.lowpass import Cutoff
+from tirelog.errors import UsageError
 from tirelog.estimators.footprint import Footprint, footprint
 from tirelog.estimators.footprint_learn import Learnt, learn_reference
 from tirelog.estimators.held import released
@@ -34,7 +35,7 @@ def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOC
     """The footprint of each strain channel of `recording`."""
     like = None
     for channel, passages in rotating(recording):
-        learnt = learn_reference(channel, passages, block_samples, like)
+        learnt = None if passages.doubt else learn_reference(channel, passages, block_samples, like)
         like = like or learnt  # the first that could be learnt: no channel depends on the order of the others
         found = footprint_of_channel(recording, channel, passages, cutoff, learnt, block_samples)
         del channel  # before the next one takes its place in memory
@@ -50,6 +51,12 @@ def footprint_of_channel(
     block_samples: int = BLOCK_SAMPLES,
 ) -> FootprintOfChannel:
     """The footprint of one strain channel of `recording`; `learnt`: the form of its passages, None where there is none."""
+    if cutoff.unit == "Hz" and cutoff.value >= 0.5 * channel.axis.rate_Hz:
+        raise UsageError(
+            f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} Hz and holds nothing above "
+            f"{0.5 * channel.axis.rate_Hz:g} Hz; allowed is less than that; give a lower one, or auto",
+            file=recording.log,
+        )
     found = footprint(channel, passages, cutoff, block_samples, learnt)
     words = [own if own is more else own | more for own, more in zip(found.quality, speed_words(passages), strict=True)]
     columns = begin(recording.log, passages) | {
@@ -69,7 +76,8 @@ def footprint_of_channel(
         "quality": quality_column(words),
     }
     channel = released(channel)
-    return FootprintOfChannel(channel, passages, found, columns, _remarks(recording, channel, found, cutoff))
+    remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel, found, cutoff)
+    return FootprintOfChannel(channel, passages, found, columns, remarks)
 
 
 def _remarks(recording: Recording, channel: Channel, found: Footprint, cutoff: Cutoff) -> tuple[str, ...]:

@@ -8,9 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from tirelog.errors import UsageError
 from tirelog.estimators.inflation import Inflation, Series, inflation
+from tirelog.estimators.passages import find_passages
 from tirelog.estimators.strain_channels import strain_channels
 from tirelog.recording import Channel, Recording
+
+#: whole turns from which a log is a drive: two may be a kink of the filling and its leaks
+FEWEST_TURNS = 3
+#: radius [m] that tells turns if the setup has none: only whether there are any matters
+ANY_RADIUS_M = 0.3
+#: way of the strain over its range, and stretches that are needed to say so.  Filling with leaks at stops: 1.1, filling and emptying: 2;
+#: vibration: 10.  Twice as much would take some of that for a test
+MOST_TO_AND_FRO, FEWEST_STRETCHES = 4.0, 8
 
 
 @dataclass(frozen=True)
@@ -29,7 +39,9 @@ def inflation_of(recording: Recording, ends_Pa: tuple[float, float] | None = Non
     pressures = recording.of_kind("inflation_pressure")
     pressure = pressures[0] if pressures else None
     for channel in strain_channels(recording):
+        _refuse_drive(recording, channel)
         found, values = inflation(channel, pressure, ends_Pa)
+        _refuse_to_and_fro(recording, channel, found)
         n = found.stretch.size
         columns: dict[str, Any] = {
             "log": np.full(n, recording.log, object),
@@ -52,6 +64,30 @@ def inflation_of(recording: Recording, ends_Pa: tuple[float, float] | None = Non
             "quality": np.array(["leak" if lost != 0 and lost == lost else "ok" for lost in found.leak], object),
         }
         yield InflationOfChannel(channel, found, values, columns, _remarks(recording, channel, found, pressure, ends_Pa))
+
+
+def _refuse_drive(recording: Recording, channel: Channel) -> None:
+    """UsageError if the wheel turns: what a passage does to the strain is no ramp and no stop."""
+    radius = recording.setup.tire.rolling_radius_m or recording.setup.tire.unloaded_radius_m or ANY_RADIUS_M
+    passages = find_passages(channel, radius)
+    if passages.turn_after.sum() >= FEWEST_TURNS:
+        raise UsageError(
+            f"no inflation test: the wheel turns, {channel.name} passes the patch {len(passages)} times; "
+            "allowed is a log of a tire at rest while it is filled or emptied; use `tirelog speed` for this one",
+            file=recording.log,
+        )
+
+
+def _refuse_to_and_fro(recording: Recording, channel: Channel, found: Inflation) -> None:
+    """UsageError if the strain goes up and down: filling or emptying takes it one way, apart from leaks."""
+    change = found.strain_change
+    way, most = float(np.abs(change[1:]).sum()), float(np.ptp(np.concatenate([[0.0], np.cumsum(change[1:])])))
+    if change.size - 1 >= FEWEST_STRETCHES and way > MOST_TO_AND_FRO * most:
+        raise UsageError(
+            f"no inflation test: the strain of {channel.name} goes up and down, {way / most:.0f} times its range in all; "
+            "allowed is a log of a tire at rest while it is filled or emptied; give that",
+            file=recording.log,
+        )
 
 
 def _remarks(

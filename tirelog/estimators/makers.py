@@ -44,9 +44,10 @@ def _speed(recording: Recording, options: Options) -> Rows:
     from tirelog.estimators.speed import speed_tables
 
     tables, remarks = speed_tables(recording, bool(options.get("calibrate_radius", False)))
-    for columns in tables:
-        yield columns, remarks
-        remarks = []
+    said = 0
+    for columns in tables:  # a channel's remarks come with its columns
+        yield columns, remarks[said:]
+        said = len(remarks)
 
 
 def _phase_shift(recording: Recording, options: Options) -> Rows:
@@ -164,12 +165,12 @@ class _Made:
 def _make(recording: Recording, number: int, stored: Channel, wanted: Mapping[str, Options], forms: _Forms) -> _Made:
     """The tables of one channel, the `number`-th."""
     from tirelog.estimators.held import held
-    from tirelog.estimators.passages import find_passages
+    from tirelog.estimators.passage_surface import passages_of
 
     try:
         channel = held(stored)
-        passages = find_passages(channel, recording.setup.tire.radius_m)
-        learnt = forms.learn(number, channel, passages) if "footprint" in wanted else None
+        passages = passages_of(recording, channel)
+        learnt = forms.learn(number, channel, passages) if "footprint" in wanted and not passages.doubt else None
     finally:
         forms.tell(number, None)
     parts = [(name, *_OF_CHANNEL[name](recording, channel, passages, options, learnt)) for name, options in wanted.items()]
@@ -180,9 +181,9 @@ _Table = tuple[Mapping[str, Any], Sequence[str]]
 
 
 def _speed_of(recording: Recording, channel: Channel, passages: Passages, options: Options, learnt: Learnt | None) -> _Table:
-    from tirelog.estimators.speed import speed_columns
+    from tirelog.estimators.speed import speed_columns, speed_doubts
 
-    return speed_columns(recording.log, passages), ()
+    return speed_columns(recording.log, passages), speed_doubts(passages)
 
 
 def _footprint_of(recording: Recording, channel: Channel, passages: Passages, options: Options, learnt: Learnt | None) -> _Table:

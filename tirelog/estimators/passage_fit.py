@@ -135,6 +135,30 @@ def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
     return Windows(signal, samples, times, spans, outside)
 
 
+def residuals(windows: Windows, template: Template, found: Fit, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Angles [rad] of all rows' samples, and what the template leaves of them over its height, (N,) each.
+
+    Lost samples and those outside of the template are left out; offset, height and shift are of those inside.
+    """
+    axis, sign = windows.signal.channel.axis, windows.signal.sign
+    angles, left = [], []
+    for k, (first, stop, shift) in enumerate(windows.spans.tolist()):
+        stride = -(-(stop - first) // kernels.MOST_SAMPLES)
+        place = slice(first + shift, stop + shift, stride)
+        times = windows.times[place] if windows.times.size else axis.at(np.arange(first, stop, stride, dtype=np.float64))
+        tau = times - found.time_s[k]
+        phi = (found.omega[k] + 0.5 * alpha[k] * tau) * tau
+        values = sign * windows.samples[place]
+        inside = (np.abs(phi) <= template.window_rad) & np.isfinite(values)
+        phi, values = phi[inside], values[inside]
+        shape, slope = (np.interp(phi, template.phi_rad, curve) for curve in (template.values, template.slope))
+        design = np.column_stack([np.ones(phi.size), shape, slope])
+        solved = np.linalg.lstsq(design, values, rcond=None)[0]
+        angles.append(phi)
+        left.append((values - design @ solved) / found.height[k])
+    return np.concatenate(angles), np.concatenate(left)
+
+
 def _rows(start: Start, height: FloatArray) -> FloatArray:
     """What is known of the rows, as the kernels take it: shape (n, 5)."""
     return np.column_stack([start.time_s, start.omega, start.alpha, start.stretch, height])
@@ -170,7 +194,7 @@ class _Fits:
     def __init__(self, noise: float, template: Template, start: Start, height: FloatArray) -> None:
         n = height.size
         self._found, self._used, self._marks = np.empty((n, 7)), np.zeros(n, np.int64), np.zeros((n, 3), bool)
-        self._known = noise, np.column_stack([template.values, template.slope]), template.window_rad
+        self._known = noise, template.table, template.window_rad
         self._rows, self._scratch = _rows(start, height), _scratch()
 
     def fit(self, part: slice, source: Source, spans: IntArray) -> None:

@@ -20,6 +20,9 @@ MOST_SAMPLES = 400
 ITERATIONS = 2
 #: a sample is wild where it leaves its two neighbours' mean by this many sigmas and by this share of the height
 WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
+#: and by this many times the scatter between turns at its angle: the ringing of an edge is no spike.  Half as much would take a third of
+#: the passages of a real accelerometer for spiked; twice as much hides spikes at its edges
+WILD_SCATTERS = 5.0
 #: what is further off than this share of the height is not the tire
 FOREIGN_SHARE = 0.35
 #: stuck samples are clipped where they lie this many sigmas off
@@ -28,8 +31,8 @@ CLIPPED_SIGMAS = 3.0
 MOST_SHIFT = MOST_STRETCH = 0.3
 
 #: rows of the scratch: a window's samples, and what is known of each
-VALUE, TIME, WEIGHT, STUCK, PHI, SHAPE, SLOPE, RESIDUAL, BEND = range(9)
-SCRATCH_ROWS = 9
+VALUE, TIME, WEIGHT, STUCK, PHI, SHAPE, SLOPE, RESIDUAL, BEND, SCATTER = range(10)
+SCRATCH_ROWS = 10
 
 
 @compiled
@@ -50,7 +53,7 @@ def fit_rows(
     marks: NDArray[np.bool_],
     scratch: FloatArray,
 ) -> None:
-    """Each row's fit by the template `table` (g, 2) of values and slopes over +-`window_rad`: y = a + b T(phi (1 + e) - s).
+    """Each row's fit by the template `table` (g, 3) of values, slopes and scatter over +-`window_rad`: y = a + b T(phi (1 + e) - s).
 
     `found`: time, its standard error, omega, its standard error, height, offset, misfit; `marks`: lost, spike, clipped; `low`, `high`: the
     channel's extremes.  `scratch` (SCRATCH_ROWS, MOST_SAMPLES) is the caller's.
@@ -147,7 +150,7 @@ def _without_stuck(count: int, low: float, high: float, scratch: FloatArray) -> 
 
 @compiled
 def _shapes(count: int, time_s: float, omega: float, alpha: float, table: FloatArray, window_rad: float, scratch: FloatArray) -> None:
-    """Angle, template and its slope at each sample: linear between the table's points, constant outside."""
+    """Angle, template, its slope and scatter at each sample: linear between the table's points, constant outside."""
     times, phis, shapes, slopes = scratch[TIME], scratch[PHI], scratch[SHAPE], scratch[SLOPE]
     scale, most = (table.shape[0] - 1) / (2.0 * window_rad), table.shape[0] - 1.001
     for i in range(count):
@@ -161,6 +164,7 @@ def _shapes(count: int, time_s: float, omega: float, alpha: float, table: FloatA
         phis[i] = phi
         shapes[i] = table[lower, 0] + share * (table[lower + 1, 0] - table[lower, 0])
         slopes[i] = table[lower, 1] + share * (table[lower + 1, 1] - table[lower, 1])
+        scratch[SCATTER, i] = table[lower, 2]
 
 
 @compiled
@@ -254,7 +258,8 @@ def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
     found = False
     for i in range(count):
         largest = max(bends[max(i - 1, 0)], bends[min(i + 1, count - 1)])
-        if (bends[i] > limit and bends[i] >= largest) or abs(residuals[i]) > foreign:
+        usual = WILD_SCATTERS * height * scratch[SCATTER, i]
+        if (bends[i] > max(limit, usual) and bends[i] >= largest) or abs(residuals[i]) > max(foreign, usual):
             weights[i] = 0.0
             found = True
     return found

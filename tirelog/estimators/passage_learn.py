@@ -9,10 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.estimators.passage_fit import Signal, Start, Windows, curve_sums, fit, gather
+from tirelog.dsp.noise import NORMAL_MEDIAN
+from tirelog.estimators.passage_fit import Fit, Signal, Start, Windows, curve_sums, fit, gather, residuals
 from tirelog.estimators.passage_search import Pulses
 from tirelog.estimators.passage_template import WIDEST_RAD, Template, learn
-from tirelog.recording import IntArray
+from tirelog.recording import FloatArray, IntArray
 
 #: passages that the template is learnt from, in clusters of neighbours, and rounds
 LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
@@ -20,6 +21,8 @@ LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
 LEARNT_HALF_WIDTHS = 3.0
 #: a passage whose misfit is a larger share of its height is not learnt from
 ALIKE = 0.15
+#: stretches of angle over which the scatter between turns is told, and the passages that it takes: of fewer a spike is a large part
+SCATTER_PARTS, FEWEST = 24, 5
 
 
 def _clusters(good: IntArray) -> list[IntArray]:
@@ -54,4 +57,22 @@ def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses)
         like = (found.height > 0.5 * np.median(height)) & (found.misfit < np.maximum(ALIKE * found.height, 3 * signal.noise))
         at = replace(at, time_s=np.where(like, found.time_s, at.time_s))
         offset, height = np.where(like, found.offset, offset), np.where(like, found.height, height)
-    return template
+    if template is None or chosen.size < FEWEST:
+        return template
+    return replace(template, scatter=_scatter(windows, template, found, at.alpha))
+
+
+def _scatter(windows: Windows, template: Template, found: Fit, alpha: FloatArray) -> FloatArray:
+    """Standard deviation between turns beyond the noise at each angle of the template's table, over the height, (g,).
+
+    By medians over short stretches of angle, so that a few passages with a spike do not matter; the larger of neighbouring stretches.
+    """
+    phi, rest = residuals(windows, template, found, alpha)
+    part = np.minimum(((phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS).astype(np.int64), SCATTER_PARTS - 1)
+    size = np.abs(rest)
+    sigma = np.array([np.median(size[part == k]) / NORMAL_MEDIAN if (part == k).any() else 0.0 for k in range(SCATTER_PARTS)])
+    noise = windows.signal.noise / np.median(np.abs(found.height))
+    padded = np.pad(np.sqrt(np.maximum(sigma**2 - noise**2, 0.0)), 1)
+    widest = np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
+    middles = ((np.arange(SCATTER_PARTS) + 0.5) / SCATTER_PARTS * 2.0 - 1.0) * template.window_rad
+    return np.interp(template.phi_rad, middles, widest)

@@ -24,6 +24,8 @@ from tirelog.recording import Channel, FloatArray
 STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
 #: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in it), or not the tire at all
 STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
+#: and beyond so many times the log's own: edges that ring are no standstill.  Twice as much would miss short stops
+USUAL_MISFITS = 2.0
 #: a row is doubtful where its misfit is this many times the median's
 DOUBTFUL = 3.0
 #: heights, against the median around, outside of which a pulse of unknown speed is no passage of this wheel
@@ -82,7 +84,9 @@ def _learn(signal: Signal, start: Start, pulses: Pulses, usable: NDArray[np.bool
 
 def _matched(signal: Signal, template: Template | None, pulses: Pulses, start: Start, found: Fit, back: NDArray[np.bool_]) -> Matched:
     """The fits with what they say about themselves."""
-    bad = found.misfit > np.maximum(STANDING_MISFIT * np.abs(found.height), 3 * signal.noise)
+    height = np.abs(found.height)
+    usual = USUAL_MISFITS * float(np.median(found.misfit / height)) if len(pulses) else 0.0
+    bad = found.misfit > np.maximum(max(STANDING_MISFIT, usual) * height, 3 * signal.noise)
     standing = bad & (start.stretch == STRETCH_WIDTH) & ~found.spike
     quarter_s = 0.25 * pulses.width / signal.channel.axis.rate_Hz
     return Matched(

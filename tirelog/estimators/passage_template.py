@@ -31,6 +31,7 @@ class Template:
     """`values` and `slope` [1/rad], shape (g,), at `phi_rad` (g,), evenly spaced over +-`window_rad`; height 1, patch upward.
 
     `half_width_rad`: half of the distance between the half-level crossings, which lie at -half_width_rad and +half_width_rad.
+    `scatter` (g,): standard deviation between turns beyond the noise, over the height; None: not known, as if there were none.
     """
 
     phi_rad: FloatArray
@@ -38,10 +39,18 @@ class Template:
     slope: FloatArray
     window_rad: float
     half_width_rad: float
+    scatter: FloatArray | None = None
+
+    @property
+    def table(self) -> FloatArray:
+        """Values, slope and scatter as the kernels take them, (g, 3)."""
+        scatter = np.zeros(self.values.size) if self.scatter is None else self.scatter
+        return np.column_stack([self.values, self.slope, scatter])
 
     def mirrored(self) -> Template:
         """The waveform of a wheel that rolls backwards."""
-        return replace(self, values=self.values[::-1].copy(), slope=-self.slope[::-1])
+        scatter = None if self.scatter is None else self.scatter[::-1].copy()
+        return replace(self, values=self.values[::-1].copy(), slope=-self.slope[::-1], scatter=scatter)
 
 
 class CurveSums:

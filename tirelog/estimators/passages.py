@@ -21,6 +21,7 @@ from tirelog.estimators import passage_marks as marks
 from tirelog.estimators.held import held
 from tirelog.estimators.passage_decimate import AT_ONCE
 from tirelog.estimators.passage_fit import Signal
+from tirelog.estimators.passage_gate import doubt, sentence
 from tirelog.estimators.passage_kinematics import kinematics, turns_between
 from tirelog.estimators.passage_match import match
 from tirelog.estimators.passage_screen import one_turn
@@ -30,6 +31,9 @@ from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
 #: fewer samples in a window are too few for a waveform
 FEWEST = 6
+#: which way radial acceleration's patch points is told from so many pieces of this length [s]: a turn or more above 2 m/s, and the level
+#: outside changes little within.  This share of each side is taken for wild: a fifth of the patch's own share of a turn
+SIGN_PIECES, SIGN_S, SIGN_CUT = 64, 1.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,8 @@ class Passages:
     height, offset   of the template in this passage, patch upward (sign x recorded signal), channel's unit; NaN where lost
     misfit           rms residual of the fit, channel's unit
     measured         bool: False where the passage lies in lost samples
-    quality          words inside the passage's window (empty: ok)
+    quality          words inside the passage's window (empty: ok); not_a_passage in all rows where there is a doubt
+    doubt            '' or the sentence why these are no passages of a tire (`passage_gate`); no row then has a speed or a turn
 
     `noise`: sigma of one sample; `sign`: +1 where the patch is a maximum of the recorded signal, -1 where a minimum; `template`: None where
     the log has too few passages; `window_rad`: half window of the fit and of the quality words.
@@ -75,6 +80,7 @@ class Passages:
     misfit: FloatArray
     measured: NDArray[np.bool_]
     quality: tuple[frozenset[str], ...]
+    doubt: str = ""
 
     def __len__(self) -> int:
         return int(self.time_s.size)
@@ -108,14 +114,26 @@ class Passages:
 def patch_sign(channel: Channel) -> float:
     """+1 where the patch is a maximum of the recorded signal, -1 where it is a minimum.
 
-    Strain: minimum on the outer surface, maximum on the inner.  Radial acceleration is near zero in the patch and -omega^2 R (outward
-    positive) outside, so the patch points away from the median, whichever way the sensor counts.
+    Strain: minimum on the outer surface, maximum on the inner.  Radial acceleration: the side on which a short stretch's third moment
+    lies, since the patch takes some hundredths of a turn and stands far out of the rest, whichever way the sensor counts and whether
+    or not it tells the level outside (a piezo element does not).
     """
     if channel.kind == "radial_acceleration":
-        some = channel.read(0, min(channel.size, BLOCK_SAMPLES))
-        some = some[np.isfinite(some)]
-        return -1.0 if some.size and np.median(some) > 0 else 1.0
+        return 1.0 if _third_moment(channel) >= 0 else -1.0
     return 1.0 if channel.surface == "inner" else -1.0
+
+
+def _third_moment(channel: Channel) -> float:
+    """Sum of the third moments of pieces of SIGN_S from all over the channel, each about its own median, wild samples cut to size."""
+    size = min(max(int(SIGN_S * channel.axis.rate_Hz), 1), BLOCK_SAMPLES)
+    total = 0.0
+    for start in np.unique(np.linspace(0, max(channel.size - size, 0), SIGN_PIECES).astype(np.int64)).tolist():
+        some = channel.read(start, start + size)
+        some = some[np.isfinite(some)]
+        if some.size:
+            low, middle, high = np.quantile(some, [SIGN_CUT, 0.5, 1.0 - SIGN_CUT])
+            total += float(np.sum((np.clip(some, low, high) - middle) ** 3))
+    return total
 
 
 def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONCE) -> Passages:
@@ -167,7 +185,26 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
         measured=np.ones(time_s.size, bool),
         quality=words,
     )
+    why = doubt(channel, pulses, matched, noise, radius_m)
+    if why:
+        return _doubted(measured, sentence(channel.name, len(pulses), why))
     return _with_lost(measured, lost, channel) if lost.any() else measured
+
+
+def _doubted(found: Passages, said: str) -> Passages:
+    """`found`, which is no tire's: the rows, without a speed and without a turn from one to the next."""
+    nan, no = np.full(len(found), np.nan), np.zeros(len(found), bool)
+    return replace(
+        found,
+        turn_before=no,
+        turn_after=no,
+        omega_rad_s=nan,
+        omega_se_rad_s=nan,
+        alpha_rad_s2=nan,
+        sides=np.zeros(len(found), np.int64),
+        quality=tuple(words | {"not_a_passage"} for words in found.quality),
+        doubt=said,
+    )
 
 
 def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) -> Passages:
@@ -205,5 +242,5 @@ def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passa
     empty, no = np.zeros(0), np.zeros(0, bool)
     columns: dict[str, Any] = {f.name: empty for f in fields(Passages)[6:]}
     columns |= {"turn_before": no, "turn_after": no, "measured": no, "break_after": np.zeros(0, "U10"), "sides": np.zeros(0, np.int64)}
-    columns |= {"quality": ()}
+    columns |= {"quality": (), "doubt": ""}
     return Passages(channel.name, radius_m, sign, noise, 0.0, None, **columns)

@@ -9,7 +9,7 @@ constant acceleration, less what is left of a changing one (`passage_kinematics`
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +18,8 @@ import numpy as np
 from tirelog.errors import UsageError
 from tirelog.estimators.passage_kinematics import TURN_RAD
 from tirelog.estimators.passage_marks import with_words
-from tirelog.estimators.passages import Passages, find_passages
+from tirelog.estimators.passage_surface import passages_of
+from tirelog.estimators.passages import Passages
 from tirelog.estimators.speed_radius import calibrate_radius
 from tirelog.recording import FloatArray, Recording
 from tirelog.tables import quality_column
@@ -95,13 +96,33 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[Iterabl
             "name one in the setup",
             file=recording.log,
         )
-    passages_of = (find_passages(channel, recording.setup.tire.radius_m) for channel in channels)
+    found_later = (passages_of(recording, channel) for channel in channels)
     if not calibrate:
-        return (speed_columns(recording.log, passages) for passages in passages_of), radius_remarks(recording)
-    found = list(passages_of)
-    radius = calibrate_radius(references[0], found)
+        remarks = radius_remarks(recording)
+        return _columns(recording.log, found_later, remarks), remarks
+    found = list(found_later)
+    if all(passages.doubt for passages in found):
+        raise UsageError(f"--calibrate-radius: {found[0].doubt}", file=recording.log)
+    radius = calibrate_radius(references[0], found, recording.setup.tire.unloaded_radius_m)
     found = [replace(passages, radius_m=radius.radius_m) for passages in found]
-    return [speed_columns(recording.log, passages, radius.radius_se_m) for passages in found], [str(radius)]
+    remarks = [str(radius)]
+    return _columns(recording.log, found, remarks, radius.radius_se_m), remarks
+
+
+def _columns(log: str, found: Iterable[Passages], remarks: list[str], radius_se_m: float = 0.0) -> Iterator[dict[str, Any]]:
+    """The columns of each channel's passages; what is to be said of a channel comes to the `remarks` as it is made."""
+    for passages in found:
+        remarks += speed_doubts(passages)
+        yield speed_columns(log, passages, radius_se_m)
+
+
+def speed_doubts(passages: Passages) -> list[str]:
+    """What is to be said of a channel whose passages tell no speed."""
+    if passages.doubt:
+        return [passages.doubt]
+    if not len(passages):
+        return [f"{passages.channel}: no passage of the patch in this log: the wheel does not turn, or this is no patch signal; no rows"]
+    return []
 
 
 def _without_rolling_radius(recording: Recording) -> Recording:

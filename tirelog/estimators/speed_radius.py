@@ -15,6 +15,7 @@ import numpy as np
 from tirelog.errors import UsageError
 from tirelog.estimators.passage_kinematics import TURN_RAD
 from tirelog.estimators.passages import Passages
+from tirelog.plausibility import doubt_of_radius
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
 
 #: turns are used up to this acceleration [m/s^2], where there are enough of them: the tire slips under torque
@@ -68,10 +69,10 @@ def travelled(speed: Channel, time_s: FloatArray) -> tuple[FloatArray, FloatArra
     return distance, hole
 
 
-def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> Calibration:
+def calibrate_radius(speed: Channel, wheels: Sequence[Passages], unloaded_m: float | None = None) -> Calibration:
     """The rolling radius from the reference `speed` [m/s] and the passages of one wheel's channels.
 
-    UsageError where fewer than LEAST_TURNS whole turns lie within the reference.
+    UsageError where fewer than LEAST_TURNS whole turns lie within the reference, or the radius cannot go with the unloaded one.
     """
     radii, errors, turns = [], [], 0
     for passages in wheels:
@@ -92,4 +93,8 @@ def calibrate_radius(speed: Channel, wheels: Sequence[Passages]) -> Calibration:
             "give a longer one, or rolling_radius_m in the setup"
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean better
-    return Calibration(float(np.mean(radii)), float(np.mean(errors)), turns, speed.name)
+    found = Calibration(float(np.mean(radii)), float(np.mean(errors)), turns, speed.name)
+    strange = doubt_of_radius(found.radius_m, unloaded_m)
+    if strange:
+        raise UsageError(f"--calibrate-radius: against {speed.name} {strange}; check unit, source and delay of {speed.name} in the setup")
+    return found

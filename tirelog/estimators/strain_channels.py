@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from tirelog.errors import UsageError
 from tirelog.estimators.held import held
-from tirelog.estimators.passages import Passages, find_passages
+from tirelog.estimators.passage_surface import passages_of
+from tirelog.estimators.passages import Passages
 from tirelog.estimators.speed import STRAIN_KINDS
 from tirelog.recording import Channel, Recording
 
@@ -28,7 +29,7 @@ def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
     turned = False
     for stored in strain_channels(recording):
         channel = held(stored)
-        passages = find_passages(channel, recording.setup.tire.radius_m)
+        passages = passages_of(recording, channel)
         turned |= len(passages) > 0
         yield channel, passages
         del channel  # before the next one takes its place in memory

@@ -24,8 +24,9 @@ from tirelog.dsp.encoder_counter import counter_knots
 from tirelog.dsp.encoder_pitch import LEAST_TURNS, PitchLearner, PitchTable, steps_that_repeat
 from tirelog.dsp.encoder_signal import Probe, crossings, probe
 from tirelog.dsp.encoder_teeth import Teeth, count_teeth
-from tirelog.errors import DataLoss, SetupError
+from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.estimators.wheel_direction import untold_stretches, ways_of
+from tirelog.plausibility import doubt_of_radius
 from tirelog.recording import Channel, FloatArray, Recording
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
@@ -214,6 +215,12 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
             )
         return Radius(tire.rolling_radius_m, float("nan"), "")
     if measured:
+        strange = doubt_of_radius(measured[0], tire.unloaded_radius_m)
+        if strange:
+            raise UsageError(
+                f"against {speeds[0].name} {strange}; check unit and source of {speeds[0].name} in the setup, or give rolling_radius_m",
+                file=recording.log,
+            )
         return Radius(*measured, f"rolling radius {measured[0]:.5f} +- {measured[1]:.5f} m, calibrated against {speeds[0].name}")
     return Radius(tire.radius_m, float("nan"), f"no rolling radius and no vehicle speed: the unloaded radius {tire.radius_m:.4f} m is used")
 

@@ -12,12 +12,14 @@ moves it.  A peak in the window that is not taken, a duplicate for one, is refus
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.errors import SetupError
 from tirelog.readers.text_parse import Parsed
 from tirelog.recording import FloatArray, IntArray
 from tirelog.setup import ChannelSetup
@@ -59,6 +61,7 @@ class GratingTracker:
 
     def __init__(self, channels: Mapping[str, ChannelSetup]) -> None:
         self._gratings = [_grating(name, channels) for name in channels]
+        _refuse_overlap(self._gratings, channels)
         self._peaks: dict[float, int] = {}
 
     def follow(self, parsed: Parsed) -> tuple[dict[str, FloatArray], list[Flag]]:
@@ -151,6 +154,19 @@ def _grating(name: str, channels: Mapping[str, ChannelSetup]) -> _Grating:
     reach = min([REACH_NM] + [0.5 * distance for distance in others if distance > 0.0])
     low, high = channel.window_nm or (rest - reach, rest + reach)
     return _Grating(name, low * scale, high * scale, (rest if low <= rest <= high else 0.5 * (low + high)) * scale, fibre)
+
+
+def _refuse_overlap(gratings: Sequence[_Grating], channels: Mapping[str, ChannelSetup]) -> None:
+    """SetupError where two gratings of one fibre may be anywhere in the same part of the spectrum."""
+    told = [grating for grating in gratings if channels[grating.name].window_nm is not None]
+    for one, other in combinations(told, 2):
+        apart = one.fibre is not None and other.fibre is not None and one.fibre != other.fibre
+        low, high = max(one.low, other.low), min(one.high, other.high)
+        if low < high and not apart:
+            raise SetupError(
+                f"window_nm of {one.name} and of {other.name} overlap between {low:g} and {high:g}; a peak there may be of either; "
+                "allowed are windows apart on one fibre; make one of them end where the other begins"
+            )
 
 
 def _fibres(parsed: Parsed, row: IntArray) -> IntArray | None:
