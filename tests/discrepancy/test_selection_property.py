@@ -57,6 +57,15 @@ def test_several_columns_are_judged_together_whatever_their_basis():
     assert one[1][0] == other[1][0]
 
 
+def test_units_of_the_strengths_decide_nothing():
+    random = np.random.default_rng(6)
+    scores, units = random.standard_normal((9, 3)), np.array([1e-9, 1.0, 1e11])
+    gram = np.eye(3) + 0.3
+    one = flip_test([Scores(scores, gram)], 9)
+    other = flip_test([Scores(scores * units, gram * units[:, None] * units)], 9)
+    assert one[0][0] == pytest.approx(other[0][0], rel=1e-9)
+
+
 def test_flips_are_all_patterns_or_seeded_ones_with_the_measured_first():
     assert len({tuple(row) for row in flip_signs(5)}) == 32
     many = flip_signs(30, seed=1)

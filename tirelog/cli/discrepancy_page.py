@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from tirelog.discrepancy import Comparison, Diagnosis
+    from tirelog.discrepancy.results import Candidate
 
 _WIDTH = 110
-_DEGREE = 57.29577951308232
-_SHOWN = {
-    "strain": (1e6, "microstrain"),
-    "patch_length": (1e3, "mm"),
-    "phase_shift": (_DEGREE, "deg"),
-    "patch_width": (_DEGREE, "deg"),
-}
 
 
 def _console() -> Console:
@@ -27,7 +22,9 @@ def _console() -> Console:
 
 def shown(observable: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which a person reads the observable."""
-    return _SHOWN.get(observable, (1.0, unit))
+    from tirelog.discrepancy.wording import READ
+
+    return READ.get(observable, (1.0, unit))
 
 
 def _table(columns: list[str], rows: list[list[Any]]) -> Any:
@@ -74,6 +71,7 @@ def comparison_page(result: Comparison) -> None:
 def diagnosis_page(result: Diagnosis) -> None:
     """Verdict, ranking, sets, what is left, what to drive, what to type."""
     from tirelog.discrepancy.results import in_unit
+    from tirelog.discrepancy.wording import percent, probability
 
     out = _console()
     factor, unit = shown(result.before.observable, result.before.unit)
@@ -82,13 +80,10 @@ def diagnosis_page(result: Diagnosis) -> None:
     if result.rmse_heldout_before is None:
         error = f"error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out, "
     out.print(f"{error}noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres")
-    rows = []
-    for c in result.effects:
-        strength = ", ".join(
-            f"{n} {s['value']:.4g}" + (f" +- {s['se']:.2g}" if s["se"] is not None else "") + (f" {s['unit']}" if s["unit"] != "1" else "")
-            for n, s in list(c.strengths.items())[:2]
-        )
-        rows.append([("* " if c.selected else "  ") + c.effect, f"{100 * c.excess_removed:.1f} %", f"{c.p_adjusted:.2g}", strength])
+    rows = [
+        [("* " if c.selected else "  ") + c.effect, percent(c.excess_removed), probability(c.p_adjusted, result.manoeuvres), _strength(c)]
+        for c in result.effects
+    ]
     out.print(_table(["  effect", "excess removed", "p", "strength"], rows))
     for group in result.ambiguous_groups:
         out.print(f"cannot be told apart here: {', '.join(group)}")
@@ -101,3 +96,14 @@ def diagnosis_page(result: Diagnosis) -> None:
     for effect, reason in result.not_tested.items():
         out.print(f"not tested: {effect}: {reason}")
     out.print(f"next: {result.next_command}")
+
+
+def _strength(candidate: Candidate) -> str:
+    """The first two strengths with their errors; a dash where there was no refit, since a linear step may be no number of physics."""
+    parts = []
+    for name, s in list(candidate.strengths.items())[:2]:
+        if s["se"] is None:
+            return "-"
+        error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(not determined alone)"
+        parts.append(f"{name} {s['value']:.4g} {error}" + (f" {s['unit']}" if s["unit"] != "1" else ""))
+    return ", ".join(parts) or "-"

@@ -88,5 +88,6 @@ def _assessed(base: Base, signature: Signature, scores: Scores, statistic: float
     gain, error = gain_and_error(base.held_white, held_white)
     removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
     total = scores.scores.sum(axis=0)
-    strengths = np.linalg.lstsq(scores.gram, total, rcond=1e-8)[0]
+    root = scores.root()
+    strengths = root @ (root.T @ total)
     return Assessed(signature, statistic, p, strengths, gain, error, removed)

@@ -25,7 +25,8 @@ _LEAST_DISCREPANCY = 0.02
 
 @dataclass(frozen=True)
 class Base:
-    """A fitted model on its cells: metrics `white` (significance) and `plain` (size), the floor, and held-out losses by manoeuvre (M,)."""
+    """A fitted model on its cells: metrics `white` (significance) and `plain` (size), the floor, and held-out losses by manoeuvre (M,).
+    `given`: the model as it came, with the values that the search started from."""
 
     cells: Cells
     white: Whitener
@@ -36,6 +37,7 @@ class Base:
     held_plain: FloatArray
     discrepancy: float = 0.0
     raw: Cells | None = None
+    given: Model | None = None
 
     @property
     def reduced_chi2(self) -> float:
@@ -83,7 +85,7 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     model = model.resolved(cells.conditions)
     rough = (_FIRST_DISCREPANCY**2) * float(np.nanmean(cells.values**2))
     fit = fit_model(cells, whitener(cells, rough), model, several=several)
-    return _with_scatter(fit.cells, fit, rough)
+    return replace(_with_scatter(fit.cells, fit, rough), given=model)
 
 
 def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
@@ -114,7 +116,8 @@ def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
 def settled(base: Base) -> Base:
     """The same model with the scatter between manoeuvres measured anew: once an effect is in, less is taken for scatter."""
     raw = base.raw or base.cells
-    return _with_scatter(replace(raw, phi=base.cells.phi, moved=base.cells.moved), base.fit, base.discrepancy)
+    anew = _with_scatter(replace(raw, phi=base.cells.phi, moved=base.cells.moved), base.fit, base.discrepancy)
+    return replace(anew, given=base.given)
 
 
 def refit(base: Base, model: Model) -> Base:

@@ -1,7 +1,8 @@
 """`diagnose`: which effect is missing, in one value with a verdict.
 
 Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what is left -> verdict
-    nothing_missing  no candidate alarms and no generic shape is left
+    nothing_missing  no candidate alarms, no generic shape is left, and what is left is the floor by held-out error and chi-square
+    scatter          the same, but what is left is more than the floor
     missing          the selected effects remove at least 90 % of the excess, and nothing else of size is left
     partial          they remove 70 to 90 %, or something repeatable is left
     ambiguous        they would be 'missing', and another effect does the same to these data
@@ -12,7 +13,7 @@ Stacks, Model -> base -> first step -> further steps -> share of the excess that
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,10 +21,10 @@ import numpy as np
 
 from tirelog.discrepancy.assessment import Assessed
 from tirelog.discrepancy.base import Base, settled
-from tirelog.discrepancy.comparison import Measured, comparison_of, single_revolutions, start
+from tirelog.discrepancy.comparison import UNITS, Measured, comparison_of, single_revolutions, start
 from tirelog.discrepancy.constant import not_varied
-from tirelog.discrepancy.leftover import Leftover, describe
-from tirelog.discrepancy.naming import Step, contend, first_step, group_of, next_step, regrouped, without_needless
+from tirelog.discrepancy.leftover import Leftover, describe, scattered
+from tirelog.discrepancy.naming import Step, contend, first_step, group_of, next_step, quiet, regrouped, without_needless
 from tirelog.discrepancy.results import Candidate, Comparison, plain
 from tirelog.discrepancy.selection import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.discrepancy.separation import advise
@@ -158,22 +159,31 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         else 0.0
     )
     enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
-    verdict = _verdict(few, found.named, share if enough else 0.0, bool(groups), rest, left.significant)
+    silent = "nothing_missing" if quiet(before, floor.square) else "scatter"
+    verdict = _verdict(few, found.named, share if enough else 0.0, bool(groups), rest, "unknown" if left.significant else silent)
     selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
     if found.named and not selected:  # what was named is not claimed: the description is of what the model as it came leaves
         left, excess_after = describe(before), excess_before
         if not left.significant and excess_before <= LEAST_SHARE_OF_FLOOR * floor.square:
-            verdict = "nothing_missing"  # what alarmed is gone, once less is taken for scatter
-    ranking = _ranking(found, selected, excess_before, floor.square)
+            verdict = silent  # what alarmed is gone, once less is taken for scatter
+    ranking = _ranking(found, selected, excess_before, floor.square, share)
     unexplained = _unexplained(left, found, ranking, excess_after, excess_before, floor.square, bool(selected))
     advice, notes = _advice(found, verdict)
     notes += [said] if (said := not_varied(before.cells.conditions, candidate_effects(before.model))) else []
-    reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items()}
+    ranked = {c.effect for c in ranking}
+    reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items() if k not in ranked}
+    scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
+    shares = {c.effect: c.excess_removed for c in ranking}
     result = after if selected else before
     facts = {
         "verdict": verdict,
         "selected": selected,
         "share": share,
+        "shares": shares,
+        "scatter": scatter,
+        "observable": before.model.observable,
+        "unit": UNITS[before.model.observable],
+        "chi2": before.reduced_chi2,
         "groups": groups,
         "unexplained": unexplained,
         "manoeuvres": before.cells.manoeuvres,
@@ -187,7 +197,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         effects=ranking,
         ambiguous_groups=groups if selected else tuple(s.group for s in found.steps if few and s.group),
         separating_manoeuvres=tuple(advice),
-        unexplained=unexplained,
+        unexplained=unexplained | {"scatter": scatter},
         not_tested=reasons,
         rmse_heldout_before=before.rmse_held,
         rmse_heldout_after=result.rmse_held,
@@ -204,11 +214,12 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     )
 
 
-def _verdict(few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, structure: bool) -> str:
+def _verdict(few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, unnamed: str) -> str:
+    """`unnamed`: what is said where no effect is named."""
     if few:
         return "too_few"
     if not named:
-        return "unknown" if structure else "nothing_missing"
+        return unnamed
     if share < MOST:
         return "unknown"
     if share < EXPLAINED or rest:
@@ -216,20 +227,25 @@ def _verdict(few: bool, named: Sequence[str], share: float, grouped: bool, rest:
     return "ambiguous" if grouped else "missing"
 
 
-def _ranking(found: Found, selected: Sequence[str], excess: float, floor: float) -> tuple[Candidate, ...]:
-    """All candidates of the first step; those named later follow with what they did when they were named."""
+def _ranking(found: Found, selected: Sequence[str], excess: float, floor: float, share_of_all: float) -> tuple[Candidate, ...]:
+    """All candidates of the first step; those named later follow with what they did when they were named.
+
+    Where one effect was selected its share is `share_of_all`, so that the table and the sentence say one number.
+    """
     first = found.steps[0]
     refitted = {r.id: r for r in first.contenders}
     rows: list[tuple[Assessed, float, Mapping[str, Any]]] = []
-    for a in first.assessed:
+    tested = [a for a in first.assessed if a.id not in first.reasons or a.id in selected]  # a failed refit is no number
+    for a in tested:
         removed = refitted[a.id].base.square_held if a.id in refitted else first.before.square_held - a.removed
         unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and a.id not in refitted
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
         share = (first.before.square_held - removed) / excess if shared else 0.0
+        share = share_of_all if tuple(selected) == (a.id,) else share
         rows.append((a, float(np.clip(share, 0.0, 1.0)), _strengths(found, a, refitted)))
     later = [s.named for s in found.steps[1:] if s.named is not None]
     p = {r.id: r.assessed.p for r in later}
-    order = [r.id for r in first.contenders] + [a.id for a in first.assessed if a.id not in refitted]
+    order = [r.id for r in first.contenders] + [a.id for a in tested if a.id not in refitted]
     order = list(selected) + [name for name in order if name not in selected]
     groups = {s.named.id: s.group for s in found.steps if s.named is not None}
     by_id = {a.id: (a, share, strengths) for a, share, strengths in rows}
@@ -262,7 +278,8 @@ def _unexplained(
     left: Leftover, found: Found, ranking: Sequence[Candidate], after: float, before: float, floor: float, selected: bool
 ) -> dict[str, Any]:
     """What remains, in the contract's keys and a sentence."""
-    nearest = next((c for c in ranking if not c.selected), None) if left.significant else None
+    near = [c for c in ranking if not c.selected and c.excess_removed >= REST_SHARE]
+    nearest = max(near, key=lambda c: c.excess_removed) if near and left.significant else None
     share = float(np.clip(after / before, 0.0, 1.0)) if before > LEAST_SHARE_OF_FLOOR * floor else 0.0
     facts = {
         "significant": left.significant,
@@ -272,6 +289,7 @@ def _unexplained(
         "where": left.where,
         "parity": left.parity,
         "follows": left.follows,
+        "together": left.together,
         "speed_exponent": left.speed_exponent,
         "frequency_Hz": left.frequency_Hz,
         "in_pressure": left.in_pressure,

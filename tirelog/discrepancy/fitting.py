@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 
 MOST_STEPS = 25
 _SETTLED = 1e-4
+#: eigenvalues of the normal matrix (columns of length one) below this share of the largest are directions that change nothing
+NULL = 1e-10
 #: dampings tried for one step
 _TRIALS = 8
 #: starts: factors on the start values of some parameters
@@ -48,7 +50,7 @@ _FEW = 12
 class Fit:
     """A fitted model in the metric `white`: whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p)
     in the observable's unit, prediction (C, m) without offsets, offset per log, chi-square, errors by name; `cells` as they were
-    centred."""
+    centred.  `held`: parameters that stand at a bound and would leave it; they do not move, so their columns of the Jacobian are zero."""
 
     model: Model
     names: tuple[str, ...]
@@ -61,6 +63,7 @@ class Fit:
     errors: Mapping[str, float]
     settled: bool
     cells: Cells
+    held: tuple[str, ...] = ()
 
     @property
     def reduced_chi2(self) -> float:
@@ -131,6 +134,11 @@ def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]
     return np.array([p.min for p in parameters]), np.array([p.max for p in parameters])
 
 
+def _leaving(theta: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray) -> NDArray[np.bool_]:
+    """Which parameters stand at a bound and would leave it; `gradient` (p,) points to where chi-square falls."""
+    return ((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0))
+
+
 def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = MOST_STEPS) -> tuple[Model, float, bool]:
     """Levenberg-Marquardt from the model's values; the best model, its chi-square, whether it settled.
 
@@ -145,7 +153,7 @@ def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = M
         size = _sizes(model.with_values(dict(zip(names, np.clip(theta, low, high), strict=True))), names)
         slope = problem.offsets.without(problem.white(jacobian * size)).reshape(-1, len(names))
         gram, gradient = slope.T @ slope, slope.T @ residual.reshape(-1)
-        free = ~(((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0)))
+        free = ~_leaving(theta, low, high, gradient)
         for _ in range(_TRIALS):
             new = np.clip(theta + _damped(gram, gradient, free, damping) * size, low, high)
             reached = _chi2_at(problem, model, dict(zip(names, new, strict=True)))
@@ -223,7 +231,26 @@ def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = Tr
     if not results:
         raise refused or ModelError("the model could not be fitted; a model that predicts these speeds is allowed; change its start values")
     best, _, settled = min(results, key=lambda result: result[1])
-    return finish(problem, best, names, settled)
+    fit = finish(problem, best, names, settled)
+    if several and fit.held:
+        fit = _from_within(cells, white, model, fit)
+    return fit
+
+
+def _from_within(cells: Cells, white: Whitener, model: Model, fit: Fit) -> Fit:
+    """The best of this fit, which ended at a bound, and of fits that begin with what stands there brought back to its start values."""
+    values = {tuple(start.values[name] for name in fit.held) for start in starts(model, fit.names)}
+    inner = [fit.model.with_values(dict(zip(fit.held, inside, strict=True))) for inside in sorted(values)]
+    best = fit
+    for begin in _promising(cells, white, fit.names, inner):
+        problem = Problem(cells, white)
+        try:
+            found, reached, settled = descend(problem, begin, fit.names)
+        except ModelError:
+            continue
+        if reached < best.chi2:
+            best = finish(problem, found, fit.names, settled)
+    return best
 
 
 def _promising(cells: Cells, white: Whitener, names: Sequence[str], candidates: list[Model]) -> list[Model]:
@@ -256,7 +283,12 @@ def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) 
     residual = problem.measured_less(prediction)
     slope = problem.offsets.without(problem.white(jacobian)).reshape(-1, len(names))
     chi2 = float((residual**2).sum())
-    freedom = max(problem.white.values - problem.white.removed - problem.offsets.count - len(names), 1.0)
+    low, high = _bounds(model, names)
+    theta = np.array([model.values[n] for n in names])
+    leaving = _leaving(theta, low, high, slope.T @ residual.reshape(-1))
+    jacobian = np.where(leaving, 0.0, jacobian)  # what is left out cannot move them either
+    slope = np.where(leaving, 0.0, slope)
+    freedom = max(problem.white.values - problem.white.removed - problem.offsets.count - (len(names) - leaving.sum()), 1.0)
     errors = _errors(slope, max(1.0, chi2 / freedom))
     return Fit(
         model.with_values({n: model.values[n] for n in names}, se=dict(zip(names, errors, strict=True))),
@@ -270,6 +302,7 @@ def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) 
         dict(zip(names, errors, strict=True)),
         settled,
         problem.cells,
+        tuple(name for name, out in zip(names, leaving, strict=True) if out),
     )
 
 
@@ -281,7 +314,7 @@ def _errors(slope: FloatArray, scale: float) -> list[float]:
         return [float("inf")] * slope.shape[1]
     unit = slope[:, usable] / norm[usable]
     values, vectors = np.linalg.eigh(unit.T @ unit)
-    good = values > 1e-10 * values[-1]
+    good = values > NULL * values[-1]
     variance = np.where(
         np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1, np.inf, (vectors[:, good] ** 2 / values[good]).sum(axis=1)
     )

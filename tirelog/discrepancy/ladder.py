@@ -24,6 +24,7 @@ from tirelog.discrepancy.pieces import Pieces
 from tirelog.discrepancy.projection import Normal, solve_scaled
 from tirelog.discrepancy.results import Ladder, LadderStep, excess_of
 from tirelog.discrepancy.selection import FEWEST_MANOEUVRES
+from tirelog.discrepancy.wording import probability
 from tirelog.physics.effects import Effect
 from tirelog.physics.model import Model
 
@@ -133,12 +134,13 @@ def _steps(found: Found) -> Iterable[LadderStep]:
         reason = (
             "too few manoeuvres" if few else "within what a different form of the others would leave" if final.contenders else "no gain"
         )
+        noise = probability(best.p, bases[-1].cells.manoeuvres)
         yield replace(
             row,
             effect=best.id,
             p_adjusted=best.p,
             decision=f"not added: {reason}",
-            sentence=f"An improvement by {best.id} has probability {best.p:.2g} of being noise; it is not added ({reason}).",
+            sentence=f"An improvement by {best.id} has probability {noise} of being noise; it is not added ({reason}).",
         )
 
 
@@ -150,7 +152,9 @@ def _row(number: int, base: Base, last: Base | None, step: Step | None) -> Ladde
     if named and step:
         others = [name for name in step.group if name != named.id]
         decision = "added" if not others else f"added (or {', '.join(others)})"
-        sentence = f"{named.id} added: the improvement has probability {named.assessed.p:.2g} of being noise."
+        sentence = (
+            f"{named.id} added: the improvement has probability {probability(named.assessed.p, base.cells.manoeuvres)} of being noise."
+        )
     return LadderStep(
         step=number,
         effect=named.id if named else "base",

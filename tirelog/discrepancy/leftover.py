@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tirelog.discrepancy.assessment import nuisance
 from tirelog.discrepancy.base import Base, thinned
-from tirelog.discrepancy.floor import held_out_losses
+from tirelog.discrepancy.floor import held_out_losses, load_derivative
 from tirelog.discrepancy.naming import even_share, hats
 from tirelog.discrepancy.offsets import Nuisance
 from tirelog.discrepancy.pressure_shapes import pressure_columns
@@ -44,6 +44,14 @@ _SOME_CELLS = 24
 #: what one side must explain of both, and more than the other side
 _ONE_SIDED = 0.93
 _MORE = 1.03
+#: single logs that a remainder may follow; a quantity is named in place of a log from this share of its statistic on; and two quantities
+#: that move together beyond this correlation are not told apart
+MOST_LOGS = 4
+_NAMED_FIRST = 0.95
+_TOGETHER = 0.98
+#: share of what is left that one shape must make up to be said, and rank correlation of its size with what it is said to follow
+_ONE_SHAPE = 0.5
+_FOLLOWS = 0.5
 
 
 @dataclass(frozen=True)
@@ -63,6 +71,41 @@ class Leftover:
     shape: FloatArray
     phi_rad: FloatArray
     in_pressure: bool = False
+    together: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """What does not repeat: its root mean square `size` in the observable's unit, whether it looks like a load that changes, and the
+    quantity with which it is large ("" where none), growing with it or falling."""
+
+    size: float
+    like_load: bool
+    follows: str
+    grows: bool
+
+
+def scattered(base: Base, floor_square: float) -> Scattered:
+    """Size and course of what is left beside the floor.  Where only chi-square tells of it, the size is that of cell means."""
+    plain, cells = base.plain, base.cells
+    beyond = max(base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0)
+    left = plain(np.nan_to_num(cells.values - base.fit.prediction - base.offset_of_cell[:, None]))
+    square = (left**2).sum(axis=1)
+    load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
+    along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
+    like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
+    size = np.log(np.maximum(square / cells.revolutions, 1e-300))
+    best, name = 0.0, ""
+    for factor, values in _factors(base).items():
+        if np.ptp(values) > 0.0 and len(cells) > 4:
+            rank = float(np.corrcoef(_ranks(size), _ranks(np.abs(values) if factor == "acceleration" else values))[0, 1])
+            if abs(rank) > max(abs(best), _FOLLOWS):
+                best, name = rank, factor
+    return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0)
+
+
+def _ranks(x: FloatArray) -> FloatArray:
+    return np.unique(x, return_inverse=True)[1].astype(float)
 
 
 def _factors(base: Base) -> dict[str, FloatArray]:
@@ -73,12 +116,36 @@ def _factors(base: Base) -> dict[str, FloatArray]:
         ("acceleration", c.acceleration_m_s2),
         ("time", c.time_s),
         ("load", c.load_N),
+        ("pressure", c.inflation_pressure_Pa),
+        ("temperature", c.temperature_K),
         ("distance", c.distance_km),
         ("water", c.water_depth_mm),
     ):
         if np.isfinite(values).all() and np.ptp(values) > 1e-3 * np.abs(values).max():
             result[name] = (values - (values.mean() if name != "acceleration" else 0.0)) / np.abs(values).max()
+    logs = np.unique(base.cells.log)
+    for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
+        result[f"log {number}"] = (base.cells.log == number) - float(np.mean(base.cells.log == number))
     return result
+
+
+def _best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
+    """The factor that explains most; a quantity is preferred to the log itself where it explains nearly as much."""
+    best = int(np.argmax(statistic))
+    names = list(factors)
+    if names[best].startswith("log "):
+        near = [i for i, name in enumerate(names) if not name.startswith("log ") and statistic[i] >= _NAMED_FIRST * statistic[best]]
+        best = max(near, key=lambda i: statistic[i]) if near else best
+    return best
+
+
+def _alike(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
+    """Other quantities that went along with the factor `name` in these cells, so that it could be any of them."""
+    mine = factors[name]
+    if name.startswith("speed") or np.ptp(mine) == 0.0:
+        return ()
+    others = [n for n, x in factors.items() if n != name and not n.startswith(("speed", "log ")) and np.ptp(x) > 0.0]
+    return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
 
 
 def _shapes(base: Base) -> FloatArray:
@@ -102,8 +169,9 @@ def describe(base: Base) -> Leftover:
     factors, free = _factors(base), _shapes(base)
     scores = [_score(base, taken, residual, free, factor[:, None, None]) for factor in factors.values()]
     statistic, p = flip_test(scores, cells.manoeuvres)
-    best = int(np.argmax(statistic))
+    best = _best_factor(factors, statistic)
     name = list(factors)[best]
+    together = _alike(factors, name)
     free *= factors[name][:, None, None]  # in place: this is what takes most memory of a diagnosis
     held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
     gain, error = gain_and_error(base.held_white, held_white)
@@ -114,12 +182,12 @@ def describe(base: Base) -> Leftover:
     free = _shapes(base)
     exponent, in_pressure = _exponent(base, taken, residual, free) if name.startswith("speed") else (None, False)
     if cells.phi.shape[1] == 1:
-        return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi)
+        return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi, together=together)
     where, parity = place_and_parity(base, shape, phi)
     side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
     where, parity = (side, "mixed") if side else (where, parity)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
-    return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi, in_pressure)
+    return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi, in_pressure, together)
 
 
 def _exponent(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray) -> tuple[float, bool]:

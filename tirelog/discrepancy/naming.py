@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.discrepancy.assessment import Assessed, assess
-from tirelog.discrepancy.base import Base, refit, thinned
-from tirelog.discrepancy.fitting import Problem, descend, free_names
+from tirelog.discrepancy.base import Base, refit, settled, thinned
+from tirelog.discrepancy.fitting import NULL, Problem, descend, free_names
 from tirelog.discrepancy.floor import held_out_losses
+from tirelog.discrepancy.offsets import Offsets
 from tirelog.discrepancy.selection import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, gain_and_error
 from tirelog.discrepancy.signatures import all_signatures, candidate_effects, with_candidate
 from tirelog.errors import ModelError
@@ -40,29 +41,52 @@ _TRIAL_STEPS = 12
 TWINS = 0.95
 LIKE = 0.90
 _THIRD = 1.0 / 9.0
+#: share of such a direction that makes a strength undetermined
+_UNDETERMINED = 0.1
 #: squared floors that a second effect removes beside free shapes of the first
 SECOND_LEAST = 0.5
 #: share of a contribution's energy that makes it even, or odd
 _SYMMETRIC = 0.95
 #: a rest of the excess that no form of the first effect would leave
 NOT_FORM = 0.12
+#: standard errors (of all strengths together, per root of their number) from which an effect is there at all; doubled it would
+#: ask of a name more than the test asks of an alarm
+ESTABLISHED_SIGMAS = 2.0
+#: standard errors by which a rival is clearly worse than one that is right to the floor
+WORSE_SIGMAS = 3.0
+#: what is left is the floor: held-out error in floors, and reduced chi-square, at most; twice the
+#: margin would call a load that wanders by 3 % the floor
+QUIET_FLOORS = 1.05
+QUIET_CHI2 = 1.2
 
 
 @dataclass(frozen=True)
 class Refitted:
     """A candidate in the model, refitted: the base with it, and its likeness to the best of its step.
 
-    The likeness is given in whitened units and in size; it is 1 for the best itself.
+    The likeness is given in whitened units and in size; it is 1 for the best itself.  `sigmas`: by how
+    many standard errors its strengths differ from nothing.
     """
 
     assessed: Assessed
     base: Base
     likeness: float = 1.0
     likeness_of_size: float = 1.0
+    sigmas: float = float("inf")
 
     @property
     def id(self) -> str:
         return self.assessed.id
+
+    @property
+    def established(self) -> bool:
+        """Its strengths are distinguishable from nothing; what stands at its bounds, or what other parameters do as well, is not."""
+        return self.sigmas >= ESTABLISHED_SIGMAS
+
+    @property
+    def at_bounds(self) -> bool:
+        """A parameter of its own stands at a bound and would leave it."""
+        return any(name.startswith(f"{self.id}.") for name in self.base.fit.held)
 
 
 @dataclass(frozen=True)
@@ -89,9 +113,10 @@ class Step:
         *,
         named: bool = False,
     ) -> Step:
-        """A step in which the best of the contenders is `named`, or nothing."""
+        """A step in which the best of the contenders is `named`, or nothing; what is not established is never named."""
+        named = named and nameable(contenders)
         light = [replace(r, assessed=_without_columns(r.assessed)) for r in contenders]
-        best, group = (light[0], group_of(light)) if named else (None, ())
+        best, group = (light[0], group_of(contenders)) if named else (None, ())
         return cls(before, tuple(_without_columns(a) for a in assessed), reasons, tuple(light), best, group)
 
 
@@ -117,9 +142,13 @@ def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
     probes = {p.name: p.probe * (np.sign(linear.get(p.name, 1.0)) or 1.0) for p in effect.parameters if p.name in linear}
     shape = dict(candidate.signature.shape)
     problem, found = Problem(few.cells, few.white), []
-    for strengths in (linear, probes):
+    models = [base.model]
+    if base.fit.held and base.given is not None:  # what drove the base to a bound may be the very effect: begin within, too
+        within = {name: base.given.values[name] for name in base.fit.names if name in base.given.values}
+        models.append(base.model.with_values(within))
+    for model, strengths in ((m, s) for m in models for s in (linear, probes)):
         try:
-            start = with_candidate(base.model, effect, {**shape, **strengths}).resolved(base.cells.conditions)
+            start = with_candidate(model, effect, {**shape, **strengths}).resolved(base.cells.conditions)
             found.append(descend(problem, start, free_names(start, few.cells), steps=_TRIAL_STEPS))
         except ModelError:
             continue
@@ -144,9 +173,57 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
             reasons[candidate.id] = failed.message.split(";")[0]
     if not tried:
         return []
-    tried.sort(key=lambda r: float(r.base.held_white.sum()))
+    tried = [replace(r, sigmas=strength_sigmas(r.base, r.id)) for r in tried]
+    tried.sort(key=lambda r: (not r.established, float(r.base.held_white.sum())))
     best = tried[0].base
-    return [Refitted(r.assessed, r.base, *likenesses(base, best, r.base)) for r in tried]
+    return [Refitted(r.assessed, r.base, *likenesses(base, best, r.base), r.sigmas) for r in tried]
+
+
+def strength_sigmas(base: Base, effect_id: str) -> float:
+    """By how many standard errors an effect's strengths together differ from nothing, per root of their number.
+
+    The errors are marginal: what the base, other effects and the effect's own shape can do as well is no evidence.  In a waveform a
+    direction that changes nothing at all is the scale that EJ, k, mu, y and T share, and says nothing against an effect; in a number per
+    revolution it does, since there almost any effect can stand in for another.
+    """
+    fit = base.fit
+    own = next(e.effect for e in base.model.effects if e.id == effect_id)
+    strengths = [f"{effect_id}.{name}" for name in own.strength]
+    columns = Offsets.of(base.cells, base.white).without(base.white(fit.jacobian)).reshape(-1, len(fit.names))
+    norm = np.linalg.norm(columns, axis=0)
+    seen = [i for i in range(len(fit.names)) if norm[i] > 0.0]
+    mine = np.array([i for i, at in enumerate(seen) if fit.names[at] in strengths], int)
+    if not mine.size:
+        return 0.0
+    values = np.array([base.model.values[fit.names[seen[i]]] * norm[seen[i]] for i in mine])
+    size, direction = np.linalg.eigh(columns[:, seen].T @ columns[:, seen] / norm[seen][:, None] / norm[seen])
+    good = size > NULL * size[-1]
+    if base.cells.phi.shape[1] == 1 and np.abs(direction[mine][:, ~good]).max(initial=0.0) > _UNDETERMINED:
+        return 0.0
+    root = direction[mine][:, good] / np.sqrt(size[good])
+    spread, axes = np.linalg.eigh(root @ root.T)
+    known = spread > NULL * spread[-1]
+    evidence = (axes[:, known].T @ values) ** 2 / spread[known]
+    return float(np.sqrt(evidence.sum() / (max(1.0, fit.reduced_chi2) * mine.size)))
+
+
+def nameable(contenders: Sequence[Refitted]) -> bool:
+    """Is the best established, and none that is not clearly better?"""
+    if not contenders or not contenders[0].established:
+        return False
+    best = contenders[0].base
+    return not any(clearly_worse(best, r.base) for r in contenders[1:] if not r.established)
+
+
+def clearly_worse(one: Base, other: Base, sigmas: float = WORSE_SIGMAS) -> bool:
+    """Is the held-out error of `one` above that of `other`, by the scatter of manoeuvres and by more than a twentieth of the floor?"""
+    gain, error = gain_and_error(one.held_plain, other.held_plain)
+    return gain > sigmas * error and one.square_held - other.square_held > LEAST_SHARE_OF_FLOOR * other.floor.square
+
+
+def quiet(base: Base, floor_square: float) -> bool:
+    """Is what the model leaves the noise floor?  By the held-out error and by chi-square."""
+    return base.square_held <= QUIET_FLOORS**2 * floor_square and base.reduced_chi2 <= QUIET_CHI2
 
 
 def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
@@ -157,16 +234,33 @@ def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
 
 
 def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
-    """The best and those that these data cannot tell from it; empty where it stands alone."""
+    """The best and those that these data cannot tell from it; empty where it stands alone.
+
+    Likeness of shape decides, since no tire follows our forms.  But where the best leaves the noise floor alone its form is right, and a
+    rival that leaves clearly more, or needs a parameter at its bound to come near, is none.
+    """
     best = contenders[0]
     floor = best.base.floor.square
     like = [
-        r.id
+        r
         for r in contenders[1:]
-        if min(r.likeness, r.likeness_of_size) >= TWINS
-        or (r.likeness_of_size >= LIKE and r.base.square_held - best.base.square_held < _THIRD * floor)
+        if r.established
+        and (
+            min(r.likeness, r.likeness_of_size) >= TWINS
+            or (r.likeness_of_size >= LIKE and r.base.square_held - best.base.square_held < _THIRD * floor)
+        )
     ]
-    return (best.id, *like) if like else ()
+    if like and right_to_the_floor(best):
+        like = [r for r in like if not clearly_worse(r.base, best.base, GAIN_SIGMAS if r.at_bounds else WORSE_SIGMAS)]
+    return (best.id, *(r.id for r in like)) if like else ()
+
+
+def right_to_the_floor(best: Refitted) -> bool:
+    """Does the model with it leave the noise floor alone, once what it explains is no longer taken for scatter?"""
+    if best.at_bounds:
+        return False
+    after = settled(best.base)
+    return quiet(after, after.floor.square)
 
 
 def worth_it(before: Base, after: Base) -> bool:

@@ -27,6 +27,13 @@ BAND_M_S = 1.6
 FEWEST = 3
 MOST_BANDS = 6
 _ROUNDS = 2
+#: neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a gap is a slope, and 0.3 makes it three times
+#: what a whole bin does; doubling it begins to blur edges where angles are spread evenly
+CLOSEST = 0.3
+#: a bin with less than this share of the samples of the middle one joins a neighbour within so many bins; doubling changes nothing seen
+LEAST_COUNT = 0.1
+_NEIGHBOUR = 1.5
+_FEWEST_KNOTS = 8
 #: fields of Pieces that are not a row a piece
 _APART = ("observable", "channel", "surface", "radius_m", "coefficients", "conditions", "cell", "logs", "notes")
 #: successive logs take their share of pieces at other speeds: the golden ratio's fraction spreads them evenly
@@ -193,11 +200,40 @@ class _Part:
     speed_square: FloatArray
 
 
-def _curve(phi: FloatArray, values: FloatArray) -> CubicSpline:
-    """Periodic spline through a cell's non-empty bins."""
-    full = np.isfinite(values)
-    x, y = phi[full], values[full]
+def _curve(phi: FloatArray, values: FloatArray, count: FloatArray) -> CubicSpline:
+    """Periodic spline through a cell's bins, those that lie too close taken together.
+
+    Samples that lock to fixed angles give neighbouring bins mean angles far closer than a bin; a spline that goes through
+    both turns their noise into a slope.
+    """
+    full = np.isfinite(values) & (count > 0)
+    x, y, n = phi[full], values[full], count[full]
+    few = LEAST_COUNT * np.median(n)
+    width = 2.0 * np.pi / phi.size
+    while x.size > _FEWEST_KNOTS:
+        gap = np.diff(np.append(x, x[0] + 2.0 * np.pi))  # to the next one
+        lone = np.minimum(n, np.roll(n, -1)) < few
+        close = gap / width < np.where(lone, _NEIGHBOUR, CLOSEST)
+        if not close.any():
+            break
+        first = int(np.argmin(np.where(close, gap, np.inf)))
+        x, y, n = _joined(x, y, n, first)
     return CubicSpline(np.append(x, x[0] + 2.0 * np.pi), np.append(y, y[0]), bc_type="periodic")
+
+
+def _joined(x: FloatArray, y: FloatArray, n: FloatArray, first: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The knots with `first` and the one after it (round the turn) as one, at the mean of their samples."""
+    last = (first + 1) % x.size
+    total = n[first] + n[last]
+    share = n[last] / total
+    x, y, n = x.copy(), y.copy(), n.copy()
+    x[first] += share * ((x[last] - x[first]) % (2.0 * np.pi))
+    y[first] += share * (y[last] - y[first])
+    n[first] = total
+    left = np.arange(x.size) != last
+    x, y, n = x[left], y[left], n[left]
+    order = np.argsort(x)
+    return x[order], y[order], n[order]
 
 
 def _bin_means(values: FloatArray, phi: FloatArray, variance: FloatArray, count: FloatArray) -> tuple[FloatArray, ...]:
@@ -230,7 +266,7 @@ def one_waveform(
     corrected = values
     for _ in range(_ROUNDS):
         mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
-        curve = _curve(angle, mean)
+        curve = _curve(angle, mean, total)
         columns = _columns(curve, np.where(count > 0, phi, 0.0))
         expected = columns[..., 0] + 0.5 * variance * curve(np.where(count > 0, phi, 0.0), 2)
         excess = np.where(count > 0, values - expected, 0.0)

@@ -24,6 +24,7 @@ GAIN_SIGMAS = 1.0
 LEAST_SHARE_OF_FLOOR = 0.05
 #: manoeuvres that a two-sided p of ALARM_P needs
 FEWEST_MANOEUVRES = 8
+#: up to so many manoeuvres all patterns of signs are tried
 _EXACT = 13
 _RANDOM = 16383
 _BLOCK = 1024
@@ -38,10 +39,18 @@ class Scores:
     one_sided: bool = False
 
     def root(self) -> FloatArray:
-        """(k, r) W with T = | scores W |: inverse root of the Gram matrix on its support."""
-        values, vectors = np.linalg.eigh(self.gram)
+        """(k, r) W with T = | scores W |: inverse root of the Gram matrix on its support, whatever units the strengths have."""
+        length = np.sqrt(np.diag(self.gram))
+        length = np.where(length > 0.0, length, np.inf)
+        values, vectors = np.linalg.eigh(self.gram / length[:, None] / length)
         keep = values > 1e-8 * max(float(values[-1]), 1e-300)
-        return vectors[:, keep] / np.sqrt(values[keep])
+        root: FloatArray = vectors[:, keep] / np.sqrt(values[keep]) / length[:, None]
+        return root
+
+
+def least_p(manoeuvres: int) -> float:
+    """The smallest p that the test can give for a one-sided question; what is within twice of it is "at most" that."""
+    return 0.5**manoeuvres if manoeuvres <= _EXACT else 1.0 / (_RANDOM + 1)
 
 
 def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tirelog.discrepancy.base import Base
 from tirelog.discrepancy.fitting import Problem, free_names
+from tirelog.discrepancy.manoeuvres import CRUISE_M_S2
 from tirelog.discrepancy.naming import LIKE
 from tirelog.discrepancy.projection import orthonormal
 from tirelog.errors import ModelError
@@ -30,6 +31,12 @@ WANTED_SIGMA = 3.0
 _REVOLUTIONS = 40
 _ANGLES = 128
 _SPEEDS = 6
+#: a planned stretch has been driven where speed, load, age or water come within this share of the plan; where most of the range of speeds
+#: was passed, at an acceleration no further off than by this factor; or where the log is as long.  Cells average over a band of speed
+SAME = 0.1
+_MOST_OF = 0.7
+_SLOWER = 0.4
+_LONG_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -79,6 +86,32 @@ def planned(base: Base, manoeuvre: Manoeuvre) -> Conditions:
     )
 
 
+def driven(base: Base, manoeuvre: Manoeuvre) -> bool:
+    """Do the logs hold such a manoeuvre already, under the same conditions?"""
+    c, number = base.cells.conditions, base.cells.manoeuvre
+    if manoeuvre.time_s > _LONG_S and not np.any(c.time_s >= manoeuvre.time_s):
+        return False
+    wanted = {"load_N": manoeuvre.load * float(np.median(c.load_N)) if manoeuvre.load != 1.0 else None}
+    wanted |= {name: getattr(manoeuvre, name) for name in ("distance_km", "water_depth_mm")}
+    alike = np.ones(len(base.cells), bool)
+    for name, value in wanted.items():
+        if value is not None:
+            alike &= np.abs(getattr(c, name) - value) <= SAME * max(abs(value), 1e-9)
+    low, high = sorted(manoeuvre.speed_m_s)
+    for one in np.unique(number[alike]):
+        cells = alike & (number == one)
+        speed, acceleration = c.speed_m_s[cells], float(np.mean(c.acceleration_m_s2[cells]))
+        if low == high:
+            if np.abs(speed - low).min() <= SAME * low and abs(acceleration) < CRUISE_M_S2:
+                return True
+        elif acceleration * manoeuvre.acceleration_m_s2 > 0.0:
+            passed = min(speed.max(), high) - max(speed.min(), low)
+            ratio = acceleration / manoeuvre.acceleration_m_s2
+            if passed >= _MOST_OF * (high - low) and _SLOWER <= ratio <= 1.0 / _SLOWER:
+                return True
+    return False
+
+
 def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]:
     """For every allowed manoeuvre how far it would part `first` (taken as true) from any refit of `second`, best first."""
     names = free_names(second, base.cells)
@@ -125,6 +158,7 @@ def advise(base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3) -> tu
     rows, notes = [], []
     name, model = rivals[0]
     floor = np.sqrt(base.floor.square)
+    held = {manoeuvre.name for manoeuvre in ALLOWED if driven(base, manoeuvre)}
     for other, rival in rivals[1:]:
         found = separations(base, model, rival)
         useful = [row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0]
@@ -132,7 +166,13 @@ def advise(base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3) -> tu
             notes.append(
                 f"no manoeuvre on the list tells {name} from {other}: they stay alike in shape (cosine above {LIKE:g}) on each of them."
             )
-        for row in useful[:most]:
+        new = [row for row in useful if row["manoeuvre"] not in held]
+        if useful and not new:
+            notes.append(
+                f"these logs hold every manoeuvre on the list that would tell {name} from {other}: "
+                "what is new would have to be another load, pressure, water depth or tread."
+            )
+        for row in new[:most]:
             repeats = max(1, int(np.ceil((WANTED_SIGMA / row["separation_sigma"]) ** 2)))
             rows.append(
                 {"manoeuvre": row["manoeuvre"], "separates": [name, other], "separation_sigma": row["separation_sigma"], "repeats": repeats}

@@ -164,6 +164,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     """Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and command."""
     from tirelog.discrepancy.ranking_errors import removed_errors
     from tirelog.discrepancy.results import in_unit
+    from tirelog.discrepancy.wording import probability
 
     factor, unit = shown(result.before.observable, result.before.unit)
     error = (
@@ -189,7 +190,8 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
             ["effect", "excess removed alone [%]", "standard error [%]", "p, adjusted", "selected", "strength"],
             [
                 [c.effect, f"{100 * c.excess_removed:.1f}", number(100 * errors[c.effect]) if c.effect in errors else "",
-                 f"{c.p_adjusted:.2g}", "yes" if c.selected else "", _strengths(c.strengths)]
+                 probability(c.p_adjusted, result.manoeuvres), "yes" if c.selected else "",
+                 "–" if any(s["se"] is None for s in c.strengths.values()) else _strengths(c.strengths)]
                 for c in ranked
             ],
         )
