@@ -199,3 +199,10 @@ def test_python_files_that_give_no_effect(text, tmp_path):
         effects_of_file(path)
     with pytest.raises(ModelError, match="cannot be read"):
         effects_of_file(tmp_path / "none.py")
+
+
+@pytest.mark.parametrize("text", ["where(xi)", "where(xi < 0, 1)", "minimum(xi, L, xi)", "sinc(xi, 1)", "exp()", "abs(xi, L)", "clip(xi)"])
+def test_a_function_with_another_number_of_arguments(text: str) -> None:
+    """numpy's where() of one argument gives places, and a third one of minimum() would be written into."""
+    with pytest.raises(ModelError, match=r"arguments; allowed are \d"):
+        parse_expression(text, {"xi", "L"})
