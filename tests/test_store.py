@@ -172,3 +172,14 @@ def test_a_run_that_was_cut_off(tmp_path: Path, keep: int) -> None:
     assert not is_run(path)
     with pytest.raises(ReadError, match="ingest it again"), open_run(path, "r.h5"):
         pass
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("decimals", [None, 4])
+def test_a_number_at_the_end_of_floats_warns_nobody(tmp_path: Path, decimals: int | None) -> None:
+    values = source()
+    values["s"][7], values["v"][8] = 1e308, -1e308
+    write(tmp_path / "r.h5", values, block=CHUNK, decimals=decimals)
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        assert np.isfinite(run.channels["s"].read()[9:100]).any()
+        assert not np.isnan(run.channels["v"].read(8, 9)).any()

@@ -106,8 +106,9 @@ class Scaled:
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)
         values = raw.astype(np.float64)
-        values *= self.scale
-        values += self.offset
+        with np.errstate(over="ignore", invalid="ignore"):  # a cell of 1e308 leaves the range of floats, as its channel's unit may
+            values *= self.scale
+            values += self.offset
         if self.lost is not None:
             values[raw == self.lost] = np.nan
         return values

@@ -265,6 +265,11 @@ def _unpaired(jumps: list[Jump], passing: list[tuple[int, int]], threshold: floa
 
 def _merged(sums: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
     """Sums about means of the points so far and of these ones."""
+    with np.errstate(over="ignore", invalid="ignore"):  # stamps beyond 1e150 make a clock that is not finite, and is not used
+        return _sum_of_both(sums, k, r)
+
+
+def _sum_of_both(sums: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
     n, mean_k, mean_r = float(k.size), k.mean(), r.mean()
     k, r = k - mean_k, r - mean_r
     new = np.array([n, mean_k, mean_r, k @ k, k @ r, r @ r])

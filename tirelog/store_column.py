@@ -75,7 +75,8 @@ class Column:
         if self.decimals is not None and kind in (None, "i4"):
             lost = np.isnan(values)
             known = np.where(lost, 0.0, values) if lost.any() else values
-            counts = np.rint(known * self._power)
+            with np.errstate(over="ignore"):  # 1e308 is no count, which the next line finds out
+                counts = np.rint(known * self._power)
             if max(counts.max(initial=0.0), -counts.min(initial=0.0)) < -LOST_COUNT - 1.0 and np.array_equal(counts / self._power, known):
                 counts[lost] = LOST_COUNT
                 return counts.astype(np.int32)

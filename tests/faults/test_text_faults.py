@@ -3,6 +3,7 @@
 import gzip
 import lzma
 import tracemalloc
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import zstandard
 from tests.readers.text_logs import Pipe, joined, read, setup_of
 from tirelog.clock import ClockFit
 from tirelog.errors import ReadError
+from tirelog.readers import text_source
 from tirelog.readers.text import open_text
 
 SETUP = setup_of({"a": {"source": "A"}, "b": {"source": "B"}})
@@ -214,3 +216,22 @@ def test_a_small_file_that_unpacks_to_much_stays_small() -> None:
     tracemalloc.stop()
     assert size == 1000
     assert peak < 100 << 20
+
+
+def test_zeros_that_a_few_bytes_unpack_to_are_not_all_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    packer = zstandard.ZstdCompressor().compressobj()
+    zeros = bytes(1 << 22)
+    data = packer.compress(log().encode()) + b"".join(packer.compress(zeros) for _ in range(48)) + packer.flush()
+    assert len(data) < 20_000
+    held = []
+
+    def unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
+        for piece in unpacked(kind, pieces):
+            held.append(len(piece))
+            yield piece
+
+    unpacked = text_source._unpack
+    monkeypatch.setattr(text_source, "_unpack", unpack)
+    for _ in text_source.ByteSource(Pipe(data), "log.csv").blocks(0):
+        pass
+    assert max(held) < 100 << 20  # of 192 MB

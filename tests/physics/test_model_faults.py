@@ -217,3 +217,10 @@ def test_a_model_with_a_users_effect_asks_for_its_file(tmp_path):
     (tmp_path / "m.toml").write_text(CONTRACT.replace('"viscous_damping"', '"mine"', 1))
     with pytest.raises(ModelError, match="for one of your own in Python give --effects FILE"):
         Model.load(tmp_path / "m.toml")
+
+
+@pytest.mark.parametrize("text", ["where(xi)", "where(xi < 0, 1)", "minimum(xi, L, xi)", "sinc(xi, 1)", "exp()", "abs(xi, L)", "clip(xi)"])
+def test_a_function_with_another_number_of_arguments(text: str) -> None:
+    """numpy's where() of one argument gives places, and a third one of minimum() would be written into."""
+    with pytest.raises(ModelError, match=r"arguments; allowed are \d"):
+        parse_expression(text, {"xi", "L"})

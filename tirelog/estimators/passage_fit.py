@@ -121,6 +121,8 @@ def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, N
 def _read(signal: Signal, spans: IntArray) -> tuple[FloatArray, FloatArray]:
     """Samples and times from the first to the last window; the third column of `spans` becomes what leads there."""
     channel = signal.channel
+    if not spans.size:  # no row has a first guess
+        return np.zeros(0), np.zeros(0)
     begin, end = int(spans[:, 0].min()), int(spans[:, 1].max())
     spans[:, 2] = -begin
     samples = np.ascontiguousarray(channel.read(begin, end), dtype=np.float64)

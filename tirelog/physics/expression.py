@@ -23,6 +23,8 @@ _ELEMENTARY: tuple[Callable[..., Any], ...] = (
     np.heaviside, np.sinc,
 )  # fmt: skip
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {function.__name__: function for function in _ELEMENTARY} | {"abs": np.abs}
+#: how many arguments each takes; a third one of a function of two numbers would be numpy's array to write into
+ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTIONS.items()} | {"where": (3,), "clip": (2, 3)}
 CONSTANTS = {"pi": np.pi, "e": np.e}
 _BINARY: Mapping[type, Callable[..., Any]] = {
     ast.Add: np.add,
@@ -117,8 +119,11 @@ def _parts(node: ast.AST, text: str) -> list[ast.expr]:
         return [node.left, *node.comparators]
     if isinstance(node, ast.IfExp):
         return [node.test, node.body, node.orelse]
-    called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else None
-    if isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords and 1 <= len(node.args) <= 3:
+    called = node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
+    if isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords:
+        if len(node.args) not in ARGUMENTS[called]:
+            many = " or ".join(map(str, ARGUMENTS[called]))
+            raise ModelError(f"expression {text!r} gives {called}() {len(node.args)} arguments; allowed are {many}; correct it")
         return node.args  # a starred argument is refused as a node of its own
     what = called or type(node).__name__
     raise ModelError(

@@ -54,15 +54,20 @@ class Scale:
     def apply(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         values = stored.astype(np.float64)
         gone = np.isin(stored, self.lost) if self.lost else None
+        with np.errstate(over="ignore", invalid="ignore"):  # a damaged number may leave the range of floats, and is lost then
+            self._scale(values)
+        if gone is not None:
+            values[gone] = np.nan
+        return values
+
+    def _scale(self, values: NDArray[np.float64]) -> None:
+        """Makes stored numbers into values, in place."""
         if self.decimals is not None:
             values /= 10.0**self.decimals  # correctly rounded, which a product with 0.001 is not
         elif self.factor != 1.0:
             values *= self.factor
         if self.offset:
             values += self.offset
-        if gone is not None:
-            values[gone] = np.nan
-        return values
 
 
 class Attributes:

@@ -24,8 +24,8 @@ HEAD_BYTES = 1 << 18
 BLOCK_BYTES = 2 << 20
 #: a line longer than this is no text row
 LONGEST_LINE_BYTES = 8 << 20
-#: compressed bytes unpacked at once
-_PIECE_BYTES = 1 << 14
+#: compressed bytes read at once, and those unpacked at once: zstd turns 4 bytes into 128 KB, so 2 KB become 64 MB at most
+_PIECE_BYTES, _UNPACKED_BYTES = 1 << 14, 1 << 11
 
 _MAGIC = {"gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00"}
 
@@ -85,9 +85,10 @@ class ByteSource:
         """Unpacked pieces.  A plain file gives its start alone: what follows is read where it is wanted."""
 
         def raw() -> Iterator[bytes]:
-            yield start
-            while piece := self._file.read(_PIECE_BYTES):
-                yield piece
+            piece = start
+            while piece:
+                yield from (piece[at : at + _UNPACKED_BYTES] for at in range(0, len(piece), _UNPACKED_BYTES))
+                piece = self._file.read(_PIECE_BYTES)
 
         if self.kind == "plain":
             yield start
