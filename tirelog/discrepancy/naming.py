@@ -50,10 +50,9 @@ NOT_FORM = 0.12
 
 @dataclass(frozen=True)
 class Refitted:
-    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step.
-
-    The likeness is given in whitened units and in size; it is 1 for the best itself.
-    """
+    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step (1 for the best itself), in
+    whitened units
+    and in size."""
 
     assessed: Assessed
     base: Base
