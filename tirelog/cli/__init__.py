@@ -26,7 +26,8 @@ def _status_of(problem: BaseException) -> int:
     if isinstance(problem, TirelogError):
         text, status = str(problem), int(problem.exit_status)
     elif isinstance(problem, KeyboardInterrupt) or type(problem).__name__ == "Abort":
-        text = "interrupted; nothing was left under the result's name; start it again"
+        how = f"stopped ({problem})" if str(problem).startswith("SIG") else "interrupted"
+        text = f"{how}; nothing was left under the result's name; start it again"
         status = getattr(problem, "status", _INTERRUPTED)
     elif type(problem).__name__ == "NoArgsIsHelpError":
         sys.stderr.write(f"{problem}\n")
