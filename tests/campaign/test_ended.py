@@ -40,7 +40,8 @@ def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals
         assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
         assert len(dataset(results)) == 4
     else:
-        assert said == "tirelog: error: interrupted; nothing was left under the result's name; start it again\n"
+        assert said.count("\n") == 1
+        assert said.endswith("; nothing was left under the result's name; start it again\n")
     assert not list(temporary.iterdir())
 
 

@@ -11,6 +11,8 @@ status 3 where input was lost (4 where nothing at all could be read).
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
@@ -28,12 +30,27 @@ if TYPE_CHECKING:
     from tirelog.setup import Setup
     from tirelog.tables import TableWriter
 
+
+def in_a_folder(path: Path | None) -> Path | None:
+    """The path of an output, whose folder is there: this is asked before the work, not after it."""
+    from tirelog.files import output_error
+    from tirelog.remote import address
+
+    if path is not None and address(path) is None and not path.parent.is_dir():
+        number = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
+        raise output_error(path, OSError(number, os.strerror(number)))
+    return path
+
+
 Logs = Annotated[list[str], typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)]
 SetupFile = Annotated[Path | None, typer.Option("--setup", help="Setup file; without it FILE.toml beside the log.", show_default=False)]
-Output = Annotated[Path | None, typer.Option("-o", "--output", help="File to write; its suffix decides the format.", show_default=False)]
+Output = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="File to write; its suffix decides the format.", show_default=False, callback=in_a_folder),
+]
 Format = Annotated[str | None, typer.Option("--format", help="csv, ndjson, parquet or json.", show_default=False)]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Picture to write, .png or .svg.", show_default=False)]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Picture to write, .png or .svg.", show_default=False, callback=in_a_folder)]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]
 
 

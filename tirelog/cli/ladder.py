@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, keeps_hashes, say
+from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, in_a_folder, keeps_hashes, say
 from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
 
 if TYPE_CHECKING:
@@ -29,7 +29,10 @@ def ladder(
     channel: ChannelName = None,
     effects: Effects = None,
     plot: Plot = None,
-    save: Annotated[Path | None, typer.Option("--save", help="Write the model at the top of the ladder.", show_default=False)] = None,
+    save: Annotated[
+        Path | None,
+        typer.Option("--save", help="Write the model at the top of the ladder.", show_default=False, callback=in_a_folder),
+    ] = None,
     by_log: Annotated[bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")] = False,
 ) -> None:
     """Add effects one by one until nothing more is worth adding; one row a step."""

@@ -2,10 +2,9 @@
 
     stream --mcap_records--> chunks --mcap_walk--> messages by channel --mcap_decode--> numbers --mcap_topic, mcap_order--> RawBlock
 
-Groups have to be known before the first block: chunks are read ahead until every topic of the setup
-has shown its first message, or READ_AHEAD_BYTES have been read.  Channels of one topic with batches
-of one length form a group.  Topics that the setup does not name are never decoded, so nothing foreign
-can stop the reading.
+Groups have to be known before the first block: chunks are read ahead until every topic of the setup has shown its first message, or
+READ_AHEAD_BYTES = 1 << 23
+never decoded, so nothing foreign can stop the reading.
 """
 
 from __future__ import annotations
