@@ -137,14 +137,15 @@ def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
     return Windows(signal, samples, times, spans, outside)
 
 
-def residuals(windows: Windows, template: Template, found: Fit, alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angles [rad] of all rows' samples, and what the template leaves of them over its height, (N,) each.
+def residuals(windows: Windows, template: Template, found: Fit, alpha: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Angles [rad] of the rows' samples, and what the template leaves of them over its height, (N,) each.
 
     Lost samples and those outside of the template are left out; offset, height and shift are of those inside.
     """
     axis, sign = windows.signal.channel.axis, windows.signal.sign
     angles, left = [], []
-    for k, (first, stop, shift) in enumerate(windows.spans.tolist()):
+    for k in rows.tolist():
+        first, stop, shift = windows.spans[k].tolist()
         stride = -(-(stop - first) // kernels.MOST_SAMPLES)
         place = slice(first + shift, stop + shift, stride)
         times = windows.times[place] if windows.times.size else axis.at(np.arange(first, stop, stride, dtype=np.float64))

@@ -21,8 +21,9 @@ LEARNT_FROM, CLUSTERS, ROUNDS = 320, 16, 3
 LEARNT_HALF_WIDTHS = 3.0
 #: a passage whose misfit is a larger share of its height is not learnt from
 ALIKE = 0.15
-#: stretches of angle over which the scatter between turns is told, and the passages that it takes: of fewer a spike is a large part
-SCATTER_PARTS, FEWEST = 24, 5
+#: stretches of angle over which the scatter between turns is told, from so many passages at most, and
+#: the passages that it takes: of fewer a spike is a large part
+SCATTER_PARTS, SCATTER_FROM, FEWEST = 24, 60, 5
 
 
 def _clusters(good: IntArray) -> list[IntArray]:
@@ -67,7 +68,8 @@ def _scatter(windows: Windows, template: Template, found: Fit, alpha: FloatArray
 
     By medians over short stretches of angle, so that a few passages with a spike do not matter; the larger of neighbouring stretches.
     """
-    phi, rest = residuals(windows, template, found, alpha)
+    rows = np.unique(np.linspace(0, alpha.size - 1, SCATTER_FROM).astype(np.int64))
+    phi, rest = residuals(windows, template, found, alpha, rows)
     part = np.minimum(((phi / template.window_rad + 1.0) * 0.5 * SCATTER_PARTS).astype(np.int64), SCATTER_PARTS - 1)
     size = np.abs(rest)
     sigma = np.array([np.median(size[part == k]) / NORMAL_MEDIAN if (part == k).any() else 0.0 for k in range(SCATTER_PARTS)])
