@@ -116,6 +116,8 @@ class Hdf5Log:
                     self.stated[name] = unit
             except ReadError as problem:
                 problems.append(f"channel {name}: {problem.message}")
+            except TypeError as problem:  # H5T_TIME, quadruple precision: whole, and of no type that numpy has
+                problems.append(f"channel {name}: {channel.source} cannot be read here ({problem}); allowed are numbers; store it as such")
             except LIBRARY_ERRORS as problem:
                 problems.append(f"channel {name}: {channel.source} cannot be read ({problem}); the file is damaged; record it again")
         if not channels:

@@ -167,6 +167,8 @@ def column(path: str, dataset: h5py.Dataset, field: str | None, index: tuple[int
             index = ()
     elif field is not None:
         raise ReadError(f"{path} is no table, so it has no column {field!r}; allowed is a path or an index; mend source")
+    elif dtype.shape:
+        raise refuse(path, f"holds arrays of shape {dtype.shape} as its elements", "plain numbers", "store it with one more axis")
     check_type(path, dtype.base if dtype.shape else dtype)
     axis, where = time_axis(path, dataset.shape, index)
     found = Column(path, dataset, axis, where, field, element)
