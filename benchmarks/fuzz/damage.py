@@ -249,8 +249,8 @@ def damage_hdf5(path: Path, rng: Rng) -> None:
         file.visit(names.append)
         for _ in range(int(rng.integers(1, 3))):
             name = str(rng.choice(names))
-            if name not in file:
-                continue
+            if file.get(name, getlink=True) is None or not isinstance(file.get(name, getlink=True), h5py.HardLink):
+                continue  # a link that this damage has made
             _damage_object(file, name, rng)
 
 
