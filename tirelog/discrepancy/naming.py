@@ -54,8 +54,8 @@ NOT_FORM = 0.12
 ESTABLISHED_SIGMAS = 2.0
 #: standard errors by which a rival is clearly worse than one that is right to the floor
 WORSE_SIGMAS = 3.0
-#: what is left is the floor: held-out error in floors, and reduced chi-square, at most; twice the
-#: margin would call a load that wanders by 3 % the floor
+#: what is left is the floor: held-out error in floors, and reduced chi-square, at most (the
+#: contract's); twice the margins would let a quarter of the floor's square pass unsaid
 QUIET_FLOORS = 1.05
 QUIET_CHI2 = 1.2
 
