@@ -16,6 +16,7 @@ import numpy as np
 
 from tirelog.errors import SetupError
 from tirelog.recording import Channel, FloatArray, Recording
+from tirelog.units import STANDARD_GRAVITY_M_S2
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 PRESSURE = Bounds(2e4, 2e6, {"bar": 1e5, "psi": 6894.757, "kPa": 1e3, "MPa": 1e6, "hPa": 1e2})
 #: wheel load [N]: a child's bicycle 100 N, trucks 50 kN, aircraft 300 kN, the largest earth movers 1 MN.  Twice as low would not find
 #: more mistakes of a unit: kN and tonnes lie a factor of 100 away
-LOAD = Bounds(10.0, 1e6, {"kN": 1e3, "kg": 9.80665, "t": 9806.65})
+LOAD = Bounds(10.0, 1e6, {"kN": 1e3, "kg": STANDARD_GRAVITY_M_S2, "t": 1e3 * STANDARD_GRAVITY_M_S2})
 #: key of the setup -> what a tire can have.  Radii [m]: push-chair 0.06, earth mover 2.1; widths: racing bicycle 0.02, earth mover 1.5
 OF_KEY: Mapping[str, Bounds] = {
     "load_N": LOAD,

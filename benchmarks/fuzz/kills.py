@@ -67,10 +67,17 @@ def results(folder: Path) -> dict[str, object]:
     }
 
 
+def _default_signals() -> None:
+    """In the new process: what the starter of this one has set to be ignored (`nohup`) ends it again."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def started(arguments: list[str], folder: Path) -> subprocess.Popen[bytes]:
     environment = os.environ | {"TMPDIR": str(folder / "tmp"), "OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(__file__).parents[2])}
     return subprocess.Popen(
         [sys.executable, "-m", "tirelog", *arguments],
+        preexec_fn=_default_signals,
         cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
     )  # fmt: skip
 

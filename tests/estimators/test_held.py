@@ -1,6 +1,7 @@
 """Property: what is read from a channel in memory is what was stored, to the bit, in as few bytes as its numbers need."""
 
 from dataclasses import is_dataclass, replace
+from io import FileIO
 
 import h5py
 import numpy as np
@@ -75,8 +76,8 @@ def test_a_temporary_run_is_not_held_but_read(tmp_path):
     with h5py.File(tmp_path / "run.h5", "w", libver=("v110", "v110")) as file:
         file.create_dataset("a", data=raw, chunks=(CHUNK,), maxshape=(None,))
     stored = channel(raw)
-    with h5py.File(tmp_path / "run.h5") as file, (tmp_path / "run.h5").open("rb") as plain:
-        read = held(replace(stored, samples=replace(stored.samples, raw=unfiltered(file["a"], plain.fileno()))))
+    with h5py.File(tmp_path / "run.h5") as file, FileIO(tmp_path / "run.h5") as plain:
+        read = held(replace(stored, samples=replace(stored.samples, raw=unfiltered(file["a"], plain))))
         assert held(read) is read
         assert not any(isinstance(value, np.ndarray) for value in vars(read.samples).values())
         for start, stop in ((0, raw.size), (70, 90), (CHUNK - 3, CHUNK + 5), (raw.size - 2, raw.size), (5, 5)):

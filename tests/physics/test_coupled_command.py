@@ -101,7 +101,7 @@ def test_what_cannot_be_driven(folder, capsys, arguments, said):
 
 
 def test_a_speed_beyond_the_critical_one_and_a_mass_that_is_none(folder, capsys):
-    assert run(["model", "predict", "m.toml", "--speed", "500", "--road", "flat"]) == 2
+    assert run(["model", "predict", "m.toml", "--speed", "150", "--road", "flat"]) == 2
     assert "beyond the critical one, 136.4 m/s" in capsys.readouterr().err
     text = (folder / "m.toml").read_text()
     for mass in ("hub_mass_kg = 20.0", "line_mass_kg_m = 3.15"):
