@@ -104,7 +104,7 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
     amplitude, noise = float(np.quantile(amplitudes, 0.9)), float(np.quantile(noises, 0.2))
     if monotone and float(np.median(monotone)) > 0.998:
         return Probe("counter", amplitude, noise)
-    if amplitude <= STILL_SIGMA * noise or amplitude == 0:
+    if not np.isfinite(amplitude) or not amplitude > STILL_SIGMA * noise:  # also numbers too large to be squared
         return Probe("dead", amplitude, noise)
     # a piece with several swings shows a whole one, however slowly the wheel turns
     turning = (np.array(swings) >= LEAST_SWINGS) & (np.array(amplitudes) > STILL_SIGMA * noise)

@@ -19,6 +19,8 @@ from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
 
 #: length of a mean [s], half width of the window that tells the rate [means], shortest ramp or stop [means]
 MEAN_S, RATE_MEANS, SHORTEST = 0.1, 3, 5
+#: span of a log whose means are held in memory [s]: a week takes 150 MB; stamps that jump span centuries
+LONGEST_S = 7 * 86400.0
 #: a ramp runs at more than this share of the fast rate
 RAMP_SHARE = 0.25
 #: a leak is one that exceeds so many standard errors
@@ -64,6 +66,11 @@ class Inflation:
 def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Times, means and standard deviations of `channel` in cells of `step_s` from the start of the log; NaN where a cell holds nothing."""
     start = float(channel.axis.at(0.0)) if channel.size else 0.0
+    if channel.axis.duration_s > LONGEST_S:
+        raise UsageError(
+            f"{channel.name}: the log spans {channel.axis.duration_s / 86400.0:.3g} days; an inflation test of up to "
+            f"{LONGEST_S / 86400.0:g} days is allowed; give the log of the test alone, or mend its stamps"
+        )
     cells = max(int(np.ceil((channel.axis.duration_s + 1.0 / channel.axis.rate_Hz) / step_s)), 1)
     total, square, count = np.zeros(cells), np.zeros(cells), np.zeros(cells)
     origin = None

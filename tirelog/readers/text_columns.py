@@ -26,6 +26,8 @@ _TIME_NAMES = re.compile(r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|
 _NUMBER_NAMES = re.compile(
     r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)|sample|frame|scan|record|n", re.I
 )
+#: a double holds powers of ten up to this one exactly; no instrument writes as many decimals
+MOST_DECIMALS = 22
 _ERROR_NAMES = re.compile(r".*(error|fault).*", re.I)
 #: a bracket behind a name that holds letters, so that it may be meant for a unit
 _STRANGE_UNIT = re.compile(r"\S\s*[\[(]\s*([^\[\]()]*[^\W\d_%][^\[\]()]*|%)\s*[\])]$")
@@ -306,11 +308,12 @@ def most_decimals(cells: Sequence[str], decimal: str) -> int:
 
 
 def decimals(layout: Layout, column: int) -> int | None:
-    """Decimals of a channel's column in the sample rows, None where it is written with exponents."""
+    """Decimals of a channel's column in the sample rows; None if it is written with exponents or more than MOST_DECIMALS."""
     cells = [row[column] for row in layout.rows if len(row) > column]
     if any(re.search(r"\d[eE]", cell) for cell in cells):
         return None
-    return most_decimals(cells, layout.decimal)
+    most = most_decimals(cells, layout.decimal)
+    return most if most <= MOST_DECIMALS else None
 
 
 def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:

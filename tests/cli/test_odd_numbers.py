@@ -1,0 +1,46 @@
+"""Faults: numbers that no instrument writes end in a message, whatever they are multiplied by."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from tests.cli.conftest import Command
+
+ENCODER = """[tire]
+name = "t"
+rolling_radius_m = 0.305
+[channels.encoder]
+kind = "wheel_encoder"
+source = "/encoder"
+unit = "V"
+steps = 48
+"""
+
+
+def test_hundreds_of_decimals_are_no_counts(folder: Path, tirelog: Command) -> None:
+    rows = (folder / "log.csv").read_text().splitlines()
+    rows[20] = rows[20].replace("1542.0000", "1542." + "0" * 400)
+    (folder / "log.csv").write_text("\n".join(rows) + "\n")
+    outcome = tirelog("speed", "log.csv")
+    assert outcome.status == 0, outcome.err
+    assert len(outcome.out.splitlines()) > 10
+
+
+def test_an_encoder_of_numbers_too_large_to_square_shows_no_teeth(folder: Path, tirelog: Command) -> None:
+    teeth = np.sin(2 * np.pi * 300 * np.arange(20_000) / 5000.0)
+    with h5py.File(folder / "encoder.h5", "w") as file:
+        file.create_dataset("encoder", data=1.7e308 * teeth).attrs["sampling_rate_Hz"] = 5000.0
+    (folder / "encoder.toml").write_text(ENCODER)
+    outcome = tirelog("speed", "encoder.h5")
+    assert outcome.status in (3, 4), outcome.err
+    assert "encoder" in outcome.err
+
+
+def test_a_log_that_spans_centuries_is_no_inflation_test(folder: Path, tirelog: Command) -> None:
+    seconds = np.concatenate([np.arange(2000) / 100.0, 9e9 + np.arange(2000) / 100.0])
+    rows = [f"{at:.2f},{1550 + 1e-5 * number:.5f},1542.0000" for number, at in enumerate(seconds)]
+    (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(rows) + "\n")
+    outcome = tirelog("inflation", "log.csv")
+    assert outcome.status == 2, outcome.err
+    assert "days; an inflation test of up to 7 days is allowed" in outcome.err
