@@ -131,6 +131,8 @@ def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lamb
         named = [s.named.id for s in steps if s.named is not None]
         step = next_step(after, named, excess, extra)
         steps.append(step)
+    if step.named is not None:  # the last that is looked for
+        after = settled(step.named.base)
     named = [s.named.id for s in steps if s.named is not None]
     if len(named) < 2:
         return Found(base, tuple(steps), after)
@@ -180,6 +182,8 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         "selected": selected,
         "share": share,
         "shares": shares,
+        "enough": MOST,
+        "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
         "scatter": scatter,
         "observable": before.model.observable,
         "unit": UNITS[before.model.observable],

@@ -35,7 +35,7 @@ def fit_measured(measured: Measured, model: Model) -> tuple[FitResult, tuple[str
 
 def _result(base: Base) -> FitResult:
     fit = base.fit
-    slopes = Offsets.of(base.cells, base.white).without(base.white(fit.jacobian))
+    slopes = Offsets.of(base.cells, base.white).without(base.white(fit.moving))
     return result_of(
         fit.model,
         fit.names,

@@ -42,6 +42,9 @@ STARTS: tuple[Mapping[str, float], ...] = (
 #: a shift below this is left to the linear nuisance [rad]; most centrings in a row
 _CENTRED = 1e-3
 _CENTRINGS = 8
+#: a fit that ends within this share of a bound, and would leave it, stands at it: steps along a valley shrink before they arrive; doubling
+#: changes nothing seen
+AT_BOUND = 5e-3
 #: cells that a start is judged on
 _FEW = 12
 
@@ -50,7 +53,7 @@ _FEW = 12
 class Fit:
     """A fitted model in the metric `white`: whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p)
     in the observable's unit, prediction (C, m) without offsets, offset per log, chi-square, errors by name; `cells` as they were
-    centred.  `held`: parameters that stand at a bound and would leave it; they do not move, so their columns of the Jacobian are zero."""
+    centred.  `held`: parameters that stand at a bound and would leave it."""
 
     model: Model
     names: tuple[str, ...]
@@ -68,6 +71,13 @@ class Fit:
     @property
     def reduced_chi2(self) -> float:
         return self.chi2 / self.freedom
+
+    @property
+    def moving(self) -> FloatArray:
+        """The Jacobian (C, m, p) with zeros for what is held: whatever data are left out or added, that does not move."""
+        if not self.held:
+            return self.jacobian
+        return np.where(np.isin(self.names, self.held), 0.0, self.jacobian)
 
 
 def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
@@ -285,8 +295,7 @@ def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) 
     chi2 = float((residual**2).sum())
     low, high = _bounds(model, names)
     theta = np.array([model.values[n] for n in names])
-    leaving = _leaving(theta, low, high, slope.T @ residual.reshape(-1))
-    jacobian = np.where(leaving, 0.0, jacobian)  # what is left out cannot move them either
+    leaving = _leaving(theta, low + AT_BOUND * np.abs(low), high - AT_BOUND * np.abs(high), slope.T @ residual.reshape(-1))
     slope = np.where(leaving, 0.0, slope)
     freedom = max(problem.white.values - problem.white.removed - problem.offsets.count - (len(names) - leaving.sum()), 1.0)
     errors = _errors(slope, max(1.0, chi2 / freedom))

@@ -207,15 +207,18 @@ def held_out_losses(cells: Cells, white: Whitener, plain: Plain, fit: Fit, *more
     """Losses (M,) of each manoeuvre when all the others decide the parameters: in whitened units, and in the plain metric.
 
     One step from the fitted point, which is where leaving one manoeuvre out moves it.  `more` (C, m, k) each add columns to the model.
+    What the same step would gain on all data is no part of it: the fit could not take it (bounds, a bent way), so leaving data out cannot.
     """
     in_white, in_plain = (_levelled(cells, metric, fit, more) for metric in (white, plain))
-    solution = in_white.left_out()
-    return in_white.loss(*solution), in_plain.loss(*solution)
+    theta, offset = in_white.left_out()
+    of_all, level_of_all = in_white.step_of_all(fit.jacobian.shape[-1])
+    theta, offset = theta - of_all, offset - level_of_all
+    return in_white.loss(theta, offset), in_plain.loss(theta, offset)
 
 
 def _levelled(cells: Cells, metric: Whitener | Plain, fit: Fit, more: Sequence[FloatArray]) -> Levelled:
     """The normal equations of every manoeuvre; no metric couples two of them, so some are worked on at a time."""
-    parts, made = [fit.jacobian, *more], []
+    parts, made = [fit.moving, *more], []
     level = float(cells.phi.shape[1] > 1)  # a number per revolution has no offset of its own
     last = np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right") // _SOME_CELLS
     for numbers in np.split(np.arange(cells.manoeuvres), np.flatnonzero(np.diff(last)) + 1):

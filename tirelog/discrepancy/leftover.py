@@ -49,9 +49,11 @@ _MORE = 1.03
 MOST_LOGS = 4
 _NAMED_FIRST = 0.95
 _TOGETHER = 0.98
-#: share of what is left that one shape must make up to be said, and rank correlation of its size with what it is said to follow
+#: share of what is left that one shape must make up to be said, and rank correlation over manoeuvres of its size with what it is said
+#: to follow: so much, and so many standard errors of a correlation of none (a dozen factors are looked at); doubling either says nothing
 _ONE_SHAPE = 0.5
 _FOLLOWS = 0.5
+_FOLLOWS_SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
@@ -77,12 +79,13 @@ class Leftover:
 @dataclass(frozen=True)
 class Scattered:
     """What does not repeat: its root mean square `size` in the observable's unit, whether it looks like a load that changes, and the
-    quantity with which it is large ("" where none), growing with it or falling."""
+    quantity with which it is large ("" where none), growing with it or falling, and what went along with that."""
 
     size: float
     like_load: bool
     follows: str
     grows: bool
+    together: tuple[str, ...] = ()
 
 
 def scattered(base: Base, floor_square: float) -> Scattered:
@@ -94,14 +97,18 @@ def scattered(base: Base, floor_square: float) -> Scattered:
     load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
     along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
     like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
-    size = np.log(np.maximum(square / cells.revolutions, 1e-300))
-    best, name = 0.0, ""
-    for factor, values in _factors(base).items():
-        if np.ptp(values) > 0.0 and len(cells) > 4:
-            rank = float(np.corrcoef(_ranks(size), _ranks(np.abs(values) if factor == "acceleration" else values))[0, 1])
-            if abs(rank) > max(abs(best), _FOLLOWS):
+    factors, best, name = _factors(base), 0.0, ""
+    number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
+    size = np.bincount(cells.manoeuvre, np.log(np.maximum(square / cells.revolutions, 1e-300))) / number
+    least = max(_FOLLOWS, _FOLLOWS_SIGMAS / np.sqrt(max(cells.manoeuvres - 1, 1)))
+    for factor, values in factors.items():
+        mean = np.bincount(cells.manoeuvre, np.abs(values) if factor == "acceleration" else values) / number
+        if np.ptp(mean) > 0.0:
+            rank = float(np.corrcoef(_ranks(size), _ranks(mean))[0, 1])
+            if abs(rank) > max(abs(best), least):
                 best, name = rank, factor
-    return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0)
+    together = _alike(factors, name) if name else ()
+    return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0, together)
 
 
 def _ranks(x: FloatArray) -> FloatArray:

@@ -28,6 +28,7 @@ from tirelog.discrepancy.selection import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, gai
 from tirelog.discrepancy.signatures import all_signatures, candidate_effects, with_candidate
 from tirelog.errors import ModelError
 from tirelog.physics.effects import Effect
+from tirelog.physics.model import Model
 
 FloatArray = NDArray[np.float64]
 
@@ -37,6 +38,10 @@ MOST_CONTENDERS = 4
 #: starts of a candidate are tried on so many cells, so many steps
 _TRIAL_CELLS = 24
 _TRIAL_STEPS = 12
+#: starts that end so near the least chi-square, as a share of it, fit alike; of these the one counts that stays nearest to the values
+#: given: EJ, k, y and tension share a scale, and along it a fit may drift until something stands at a bound.  Ten times what settles
+#: a fit; doubling changes nothing seen
+SAME_CHI2 = 1e-3
 #: cosine above which two effects are one to these data; and above which they are if the wrong one leaves less than a third of the floor
 TWINS = 0.95
 LIKE = 0.90
@@ -154,10 +159,19 @@ def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
             continue
     if not found:
         raise ModelError(f"the fit with {effect.id} failed")
-    best = refit(base, min(found, key=lambda result: result[1])[0])
+    least = min(chi2 for _, chi2, _ in found)
+    reached = [model for model, chi2, _ in found if chi2 <= (1.0 + SAME_CHI2) * least]
+    best = refit(base, min(reached, key=lambda model: _moved(base, model)))
     if best.fit.chi2 > base.fit.chi2:
         raise ModelError(f"the fit with {effect.id} ended above the fit without it")
     return best
+
+
+def _moved(base: Base, model: Model) -> float:
+    """How far the base's free parameters are from what the model file gave, as shares of the larger, summed."""
+    given = (base.given or base.model).values
+    pairs = [(given[name], model.values[name]) for name in base.fit.names if name in given]
+    return float(sum(abs(a - b) / max(abs(a), abs(b), 1e-300) for a, b in pairs))
 
 
 def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
@@ -189,7 +203,7 @@ def strength_sigmas(base: Base, effect_id: str) -> float:
     fit = base.fit
     own = next(e.effect for e in base.model.effects if e.id == effect_id)
     strengths = [f"{effect_id}.{name}" for name in own.strength]
-    columns = Offsets.of(base.cells, base.white).without(base.white(fit.jacobian)).reshape(-1, len(fit.names))
+    columns = Offsets.of(base.cells, base.white).without(base.white(fit.moving)).reshape(-1, len(fit.names))
     norm = np.linalg.norm(columns, axis=0)
     seen = [i for i in range(len(fit.names)) if norm[i] > 0.0]
     mine = np.array([i for i, at in enumerate(seen) if fit.names[at] in strengths], int)

@@ -147,6 +147,16 @@ class Levelled:
             offset[rows] = np.divide(level, size, out=np.zeros_like(level), where=size > 0)
         return theta, offset
 
+    def step_of_all(self, first: int) -> tuple[FloatArray, FloatArray]:
+        """(theta (p,), offset (M,)): what the `first` columns and the offsets would still move by on all data; nothing at an optimum."""
+        crosses, sizes = _sums(self.cross, self.log)[:, :first], _sums(self.size, self.log)
+        grams, rights = _sums(self.normal.gram, self.log)[:, :first, :first], _sums(self.normal.right, self.log)[:, :first]
+        gram, right = _without_offset(grams, rights, crosses, sizes, _sums(self.right, self.log))
+        theta = np.zeros(self.cross.shape[1])
+        theta[:first] = solve_scaled(gram.sum(axis=0)[None], right.sum(axis=0)[None])[0]
+        level = -np.divide(crosses @ theta[:first], sizes, out=np.zeros_like(sizes), where=sizes > 0)
+        return theta, level[self.log]
+
     def loss(self, theta: FloatArray, offset: FloatArray) -> FloatArray:
         """Sum of squares of residual - columns theta - offset o in each manoeuvre, (M,)."""
         crossed = 2.0 * offset * ((self.cross * theta).sum(axis=1) - self.right) + offset**2 * self.size

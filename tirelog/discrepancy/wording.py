@@ -36,9 +36,7 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     if verdict == "too_few":
         return f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none is claimed."
     if verdict == "unknown":
-        nearest = facts["unexplained"].get("nearest_effect")
-        near = f"; the nearest, {nearest}, explains {percent(facts['unexplained']['nearest_share'])}" if nearest else ""
-        return f"Something repeatable is missing ({excess:.2g} squared floors) that no effect of the catalogue explains{near}. {CONDITIONS}"
+        return f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. {CONDITIONS}"
     if verdict == "ambiguous":
         sets = "; ".join(" or ".join(group) for group in facts["groups"])
         shares = facts["shares"]
@@ -57,6 +55,17 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         return f"{explains} repeats{where} and has no name yet. {CONDITIONS}"
     one = len(selected) == 1
     return f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} {percent(share)} of the excess."
+
+
+def _nearest(facts: Mapping[str, Any]) -> str:
+    """What no effect explains; or what one would explain, and why it is not named all the same."""
+    nearest, share = facts["unexplained"].get("nearest_effect"), facts["unexplained"].get("nearest_share")
+    if not nearest:
+        return " that no effect of the catalogue explains"
+    if share < facts["enough"]:
+        return f" that no effect of the catalogue explains; the nearest, {nearest}, explains {percent(share)}"
+    why = "its strength cannot be told from nothing here" if nearest in facts["unestablished"] else "that is not beyond doubt"
+    return f"; {nearest} would explain {percent(share)} of the excess, but {why}, so none is named"
 
 
 def percent(share: float) -> str:
@@ -79,7 +88,7 @@ def _scatter(facts: Mapping[str, Any]) -> str:
     if follows.startswith("log "):
         goes = f" It is {'larger' if scatter['grows'] else 'smaller'} in log {int(follows[4:]) + 1} than in the others."
     elif follows:
-        goes = f" It {'grows' if scatter['grows'] else 'falls'} with {follows}."
+        goes = f" It {'grows' if scatter['grows'] else 'falls'} with {follows}{_or_those(scatter['together'])}."
     else:
         goes = " It follows nothing that the logs hold."
     return (
@@ -110,7 +119,7 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
         parts.append("as a change of the contact pressure would be")
     near = ""
     if facts["nearest_effect"]:
-        near = f" The nearest effect is {facts['nearest_effect']}, which explains {percent(facts['nearest_share'])}."
+        near = f" The nearest effect is {facts['nearest_effect']}: {percent(facts['nearest_share'])} of the excess."
     return f"What remains repeats: {', '.join(parts)}.{near}"
 
 
@@ -119,8 +128,12 @@ def _following(facts: Mapping[str, Any]) -> str:
     follows = str(facts["follows"])
     if follows.startswith("log "):
         return f"other in log {int(follows[4:]) + 1} than in the others"
-    along = [*facts["together"]]
-    return f"following {follows}" + (f" (or {' or '.join(along)}, which went along with it)" if along else "")
+    return f"following {follows}{_or_those(facts['together'])}"
+
+
+def _or_those(along: Sequence[str]) -> str:
+    """What moved together with a quantity, so that it could be any of them."""
+    return f" (or {' or '.join(along)}, which went along with it)" if along else ""
 
 
 def next_command(verdict: str, selected: Sequence[str], *, model: Model, logs: Sequence[str]) -> str:
