@@ -251,7 +251,7 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
     """The best and those that these data cannot tell from it; empty where it stands alone.
 
     Likeness of shape decides, since no tire follows our forms.  But where the best leaves the noise floor alone its form is right, and a
-    rival that leaves clearly more, or needs a parameter at its bound to come near, is none.
+    rival that leaves clearly more, and more than the floor, is none.
     """
     best = contenders[0]
     floor = best.base.floor.square
@@ -265,7 +265,7 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
         )
     ]
     if like and right_to_the_floor(best):
-        like = [r for r in like if not clearly_worse(r.base, best.base, GAIN_SIGMAS if r.at_bounds else WORSE_SIGMAS)]
+        like = [r for r in like if quiet(r.base, floor) or not clearly_worse(r.base, best.base)]
     return (best.id, *(r.id for r in like)) if like else ()
 
 
