@@ -9,12 +9,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 
 from tests.readers.mcap_files import START_NS, write_json
+from tirelog.cli.ladder import _bars
 
 from .conftest import SETUP, Command, pulse_rows
 
@@ -290,3 +292,12 @@ def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder: Path, tire
     assert both.status == 0, both.err
     assert both.out == alone.out
     assert len(both.out.splitlines()) > 10
+
+
+def test_the_ladder_s_bars_obey_no_name(capsys: pytest.CaptureFixture[str]) -> None:
+    step = SimpleNamespace(step=1, effect="a\x1b[31m", rmse_fit=1e-6, rmse_heldout=None, noise_floor=1e-6, sentence="b\x1b]0;c\x07")
+    _bars(SimpleNamespace(observable="strain", unit="1", steps=[step], remarks=["d\re"], rmse_untouched=None))
+    shown = capsys.readouterr().err
+    assert "a\\x1b[31m" in shown
+    assert "   b\\x1b]0;c\\x07\n   d\\re\n" in shown
+    assert "\x1b" not in shown
