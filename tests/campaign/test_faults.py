@@ -27,6 +27,7 @@ def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
     return fixture.__wrapped__(capfdbinary)  # type: ignore[attr-defined,no-any-return]
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_failed_logs_are_kept_with_their_error(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
     logs = tmp_path / "logs"
     (logs / "empty.csv").write_bytes(b"")
@@ -46,6 +47,7 @@ def test_failed_logs_are_kept_with_their_error(manifest: Path, tmp_path: Path, t
     assert tirelog("campaign", "run", manifest, "--quiet", "--only", "*empty.csv").status == 0
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_log_that_fails_later_leaves_no_older_rows(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
     tirelog("campaign", "run", manifest, "--quiet")
     (tmp_path / "logs" / "run_0.csv").write_bytes(b"")
@@ -72,6 +74,7 @@ def test_a_manifest_that_cannot_be_used(manifest: Path, tirelog: Command, old: s
     assert "Traceback" not in outcome.err
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_setup_that_fits_only_some_logs(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
     (tmp_path / "logs" / "other.csv").write_text("time_s,X\n0.0,1\n0.1,2\n")
     outcome = tirelog("campaign", "run", manifest, "--quiet")
