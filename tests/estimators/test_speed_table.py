@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tirelog.columns import TABLES
+from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
+from tirelog.estimators.footprint_table import footprint_of
 from tirelog.estimators.passages import find_passages
 from tirelog.estimators.speed import speed_columns, speed_tables
 from tirelog.estimators.speed_radius import calibrate_radius, travelled
+from tirelog.estimators.strain_channels import rotating
 from tirelog.recording import Channel, Recording, TimeAxis
 from tirelog.setup import parse_setup
 
@@ -140,3 +145,12 @@ def test_nothing_to_calibrate_against(drive):
         speed_tables(recording(d.channel), calibrate=True)
     with pytest.raises(UsageError, match="fewer than 10 whole turns"):
         speed_tables(recording(d.channel, vehicle_speed([0, 1], [10, 10])), calibrate=True)
+
+
+def test_a_wrong_surface_of_the_second_channel_is_said_before_the_first_one_s_rows(drive):
+    d = drive([0, 8], [12, 12], seed=1310)
+    second = replace(d.with_values(-d.values), name="second")
+    log = recording(d.channel, second)
+    for rows in (lambda: iter(speed_tables(log)[0]), lambda: rotating(log), lambda: footprint_of(log, Cutoff())):
+        with pytest.raises(UsageError, match="channel second shows a maximum"):
+            next(rows())

@@ -96,11 +96,10 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[Iterabl
             "name one in the setup",
             file=recording.log,
         )
-    found_later = (passages_of(recording, channel) for channel in channels)
+    found = [passages_of(recording, channel) for channel in channels]  # all of them before the first row: one may be refused
     if not calibrate:
         remarks = radius_remarks(recording)
-        return _columns(recording.log, found_later, remarks), remarks
-    found = list(found_later)
+        return _columns(recording.log, found, remarks), remarks
     if all(passages.doubt for passages in found):
         raise UsageError(f"--calibrate-radius: {found[0].doubt}", file=recording.log)
     radius = calibrate_radius(references[0], found, recording.setup.tire.unloaded_radius_m)
