@@ -172,13 +172,24 @@ def test_output_that_cannot_be_written(folder: Path, tirelog: Command, target: s
 
 @pytest.mark.parametrize(
     ("command", "option"),
-    [("compare", "--plot"), ("diagnose", "-o"), ("ladder", "--save"), ("ladder", "--plot"), ("footprint", "--plot"), ("speed", "-o")],
+    [
+        ("compare", "--plot"),
+        ("diagnose", "-o"),
+        ("ladder", "--save"),
+        ("ladder", "--plot"),
+        ("footprint", "--plot"),
+        ("speed", "-o"),
+        ("model fit", "-o"),
+        ("report", "-o"),
+        ("simulate", "-o"),
+        ("ingest", "-o"),
+    ],
 )
 @pytest.mark.parametrize("place", ["nodir/x.png", "log.csv/x.png"])
 def test_a_folder_that_is_not_there_is_told_before_the_work(folder: Path, tirelog: Command, command: str, option: str, place: str) -> None:
     """Even before the logs and models are looked for, which are not there either."""
-    model = ["--model", "none.toml"] if command in ("compare", "diagnose", "ladder") else []
-    outcome = tirelog(command, "none.csv", *model, option, place)
+    model = ["--model", "none.toml"] if command in ("compare", "diagnose", "ladder", "model fit") else []
+    outcome = tirelog(*command.split(), "none.csv", *model, option, place)
     assert outcome.status == 2
     assert message(outcome.err).startswith(f"tirelog: error: {place}: cannot be written (No")
 
