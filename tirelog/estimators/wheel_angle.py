@@ -247,7 +247,10 @@ def _radius_against(speed: Channel, wheel: WheelAngle, most: int = 20_000) -> tu
         rate = wheel.speed_rad_s(time)
         good = np.isfinite(values[pick]) & np.isfinite(rate) & (rate > 3.0)
         if good.sum() > 20:
-            parts.append((float(values[pick][good] @ rate[good]), float(rate[good] @ rate[good])))
+            with np.errstate(over="ignore", invalid="ignore"):  # a reference of 1e308 is none
+                sums = float(values[pick][good] @ rate[good]), float(rate[good] @ rate[good])
+            if np.isfinite(sums).all():
+                parts.append(sums)
     if len(parts) < 2:
         return None
     above, below = np.array(parts).T
@@ -284,6 +287,8 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
     noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
     words = wheel.words(start, stop)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # half a turn between two equal stamps
+        acceleration = radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start)
     columns = {
         "log": recording.log,
         "channel": channel.name,
@@ -292,7 +297,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
         "speed_m_s": rate * radius.radius_m,
         "period_s": stop - start,
         "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
-        "acceleration_m_s2": radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start),
+        "acceleration_m_s2": np.where(np.isfinite(acceleration), acceleration, np.nan),
         "quality": [";".join(sorted(words.get(row, ()))) or "ok" for row in range(time.size)],
     }
     return columns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]
