@@ -70,7 +70,8 @@ class TimeAxis:
             high = int(np.clip(np.ceil(index.max(initial=0)) + 1, low + 1, self.size))
             return np.interp(index, np.arange(low, high), self.explicit(low, high))
         segment = np.clip(np.searchsorted(self.first, index, side="right") - 1, 0, None)
-        return self.start_s[segment] + (index - self.first[segment]) * self.period_s[segment]
+        with np.errstate(over="ignore", invalid="ignore"):  # a clock of 1e300 s leaves the range of floats
+            return self.start_s[segment] + (index - self.first[segment]) * self.period_s[segment]
 
     def index(self, time_s: FloatArray | float) -> FloatArray:
         """Fractional sample index at a time [s]; a time in a gap gives the sample before it."""
@@ -79,7 +80,8 @@ class TimeAxis:
             return np.interp(time_s, self.explicit(0, self.size), np.arange(self.size))
         segment = np.clip(np.searchsorted(self.start_s, time_s, side="right") - 1, 0, None)
         last = np.append(self.first[1:], self.size)[segment] - 1
-        return np.minimum(self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment], last)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return np.minimum(self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment], last)
 
     @property
     def duration_s(self) -> float:

@@ -133,8 +133,8 @@ def trial(arguments: list[str], top: Path, whole: dict[str, object], seconds: fl
     again = started(arguments, folder)
     if again.wait() != 0:
         faults.append(f"status {again.returncode} at the next start")
-    if results(folder / "out") != whole:
-        faults.append("next start gives other results")
+    now = results(folder / "out")
+    faults += [f"next start gives another {name}" for name in sorted(now.keys() | whole.keys()) if now.get(name) != whole.get(name)]
     if left_over := [str(p) for p in (folder / "tmp").iterdir()]:
         faults.append(f"left in the temporary folder ({len(left_over)})")
     if [p for p in (folder / "out").rglob("*") if p.name.endswith(".part")]:

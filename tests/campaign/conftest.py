@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import SETUP, pulse_rows
+from tirelog.campaign import runner
+from tirelog.campaign.work import make_tables
 
 MANIFEST = """[campaign]
 name = "test"
@@ -41,3 +43,9 @@ def dataset(output: Path) -> dict[str, bytes]:
 @pytest.fixture
 def manifest(tmp_path: Path) -> Path:
     return make_campaign(tmp_path)
+
+
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Campaigns whose logs are worked on here, for tests of what is done and not of where: a worker takes two seconds to begin."""
+    monkeypatch.setattr(runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks))

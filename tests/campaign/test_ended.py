@@ -18,6 +18,7 @@ LINUX = pytest.mark.skipif(sys.platform != "linux", reason="what a process has s
 
 
 @LINUX
+@pytest.mark.usefixtures("in_this_process")  # the second run
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
 def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals) -> None:
     manifest = make_campaign(tmp_path, logs=2, seconds=0.5)
@@ -53,6 +54,7 @@ def test_a_worker_that_comes_to_life_after_its_parent_has_gone_ends(tmp_path: Pa
     assert (found.returncode, found.stdout) == (1, b"")
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_files_of_other_programs_stay(tmp_path: Path) -> None:
     manifest = make_campaign(tmp_path, logs=1, seconds=1.0)
     manifest.write_text(manifest.read_text().replace('"results"', '"."'))
@@ -75,6 +77,7 @@ def test_in_a_store_only_own_names_are_swept() -> None:
     assert [_half_written(name) for name in own + others] == [True] * 4 + [False] * 5
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_planted_links_are_not_followed(tmp_path: Path) -> None:
     manifest = make_campaign(tmp_path, logs=1, seconds=1.0)
     treasure, hidden = tmp_path / "treasure" / "gold.txt", tmp_path / "results" / ".tirelog"
@@ -119,6 +122,7 @@ def test_what_fails_half_way_leaves_what_was_there(tmp_path: Path) -> None:
     assert not list((tmp_path / ".tirelog" / "tmp").iterdir())
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_second_run_with_nothing_to_do_changes_no_byte_of_the_summary(tmp_path: Path) -> None:
     manifest = make_campaign(tmp_path, logs=1, seconds=1.0)
     # cut off in the middle of a row: words of several kinds, in the order in which they were met

@@ -12,8 +12,10 @@ import pytest
 from tests.campaign.conftest import MANIFEST, dataset
 from tests.cli.conftest import Command
 from tirelog.campaign import cluster
+from tirelog.campaign.folder import json_of
 from tirelog.campaign.ledger import Entry, _entry
 from tirelog.campaign.remote_folder import _refuse_if_alive
+from tirelog.cli.campaign import _Progress
 
 pytest_plugins: list[str] = []
 
@@ -25,6 +27,7 @@ def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
     return fixture.__wrapped__(capfdbinary)  # type: ignore[attr-defined,no-any-return]
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_failed_logs_are_kept_with_their_error(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
     logs = tmp_path / "logs"
     (logs / "empty.csv").write_bytes(b"")
@@ -44,6 +47,7 @@ def test_failed_logs_are_kept_with_their_error(manifest: Path, tmp_path: Path, t
     assert tirelog("campaign", "run", manifest, "--quiet", "--only", "*empty.csv").status == 0
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_log_that_fails_later_leaves_no_older_rows(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
     tirelog("campaign", "run", manifest, "--quiet")
     (tmp_path / "logs" / "run_0.csv").write_bytes(b"")
@@ -70,6 +74,7 @@ def test_a_manifest_that_cannot_be_used(manifest: Path, tirelog: Command, old: s
     assert "Traceback" not in outcome.err
 
 
+@pytest.mark.usefixtures("in_this_process")
 def test_a_setup_that_fits_only_some_logs(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
     (tmp_path / "logs" / "other.csv").write_text("time_s,X\n0.0,1\n0.1,2\n")
     outcome = tirelog("campaign", "run", manifest, "--quiet")
@@ -121,9 +126,10 @@ ODD = [
     ("[tables.dissipation]\nsteady_step = nan", "steady_step = 'nan'; allowed is"),
     ("[tables.dissipation]\nsteady_step = true", "steady_step = 'True'; allowed is"),
     ("[tables.dissipation]\naverage = 2.5", "average = '2.5'; allowed is a whole number"),
-    (f"[tables.dissipation]\naverage = {'9' * 400}", "allowed is a whole number"),
+    (f"[tables.dissipation]\naverage = {'9' * 400}", "a whole number of 400 digits, where 19 are allowed"),
+    ("name = '" + "x" * (1 << 20) + "'", "is larger than 1 MB"),
     (f"[tables.dissipation]\naverage = {'9' * 5000}", "not TOML"),
-    (f"[tables.dissipation]\nsteady_step = {'9' * 400}", "allowed is a number of m/s"),
+    (f"[tables.dissipation]\nsteady_step = {'9' * 400}", "a whole number of 400 digits, where 19 are allowed"),
     ("[tables.speed]\ncalibrate_radius = 1", "allowed is true or false"),
     ("[tables.phase-shift]\ncalibration = 1", "allowed is the path"),
     ("[tables.phase-shift]\nzero = 1979-05-27", 'allowed is "auto"'),
@@ -133,7 +139,8 @@ ODD = [
     ('[[models]]\nfile = "m.toml"\ncommands = 5', "commands is not a list"),
     ('[[models]]\nfile = "m.toml"\ncommands = "compare"', "commands is not a list"),
     ('[[models]]\nfile = "m.toml"\ncommands = [1]', "command '1'"),
-    (f"deep = {'[' * 5000}{']' * 5000}", "too deep"),
+    (f"deep = {'[' * 5000}{']' * 5000}", "nested deeper than 32"),
+    (f"[tables.dissipation]\n{'a.' * 40}b = 1", "nested deeper than 32"),
 ]
 
 
@@ -179,3 +186,15 @@ def test_an_entry_of_the_ledger_that_was_damaged_is_made_again() -> None:
         ("seconds", "1"),
     ):
         assert _entry(json.dumps(whole | {key: value}).encode()) is None
+
+
+@pytest.mark.parametrize(
+    "data", [b"[" * 100_000, b'{"a":' * 40 + b"1" + b"}" * 40, b"9" * 5000, b'{"a": ' + b"9" * 400 + b"}", b"[]", b"\xff"]
+)
+def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
+    assert json_of(data) == {}
+
+
+def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    _Progress(quiet=False)(Entry("a\x1b[31m\n.csv", "a", "key", rows={"speed": 3}), 1, 2)
+    assert capsys.readouterr().err.startswith("tirelog: 1/2 a\\x1b[31m\\n.csv: 3 rows")

@@ -9,12 +9,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 
 from tests.readers.mcap_files import START_NS, write_json
+from tirelog.cli.ladder import _bars
 
 from .conftest import SETUP, Command, pulse_rows
 
@@ -170,13 +172,24 @@ def test_output_that_cannot_be_written(folder: Path, tirelog: Command, target: s
 
 @pytest.mark.parametrize(
     ("command", "option"),
-    [("compare", "--plot"), ("diagnose", "-o"), ("ladder", "--save"), ("ladder", "--plot"), ("footprint", "--plot"), ("speed", "-o")],
+    [
+        ("compare", "--plot"),
+        ("diagnose", "-o"),
+        ("ladder", "--save"),
+        ("ladder", "--plot"),
+        ("footprint", "--plot"),
+        ("speed", "-o"),
+        ("model fit", "-o"),
+        ("report", "-o"),
+        ("simulate", "-o"),
+        ("ingest", "-o"),
+    ],
 )
 @pytest.mark.parametrize("place", ["nodir/x.png", "log.csv/x.png"])
 def test_a_folder_that_is_not_there_is_told_before_the_work(folder: Path, tirelog: Command, command: str, option: str, place: str) -> None:
     """Even before the logs and models are looked for, which are not there either."""
-    model = ["--model", "none.toml"] if command in ("compare", "diagnose", "ladder") else []
-    outcome = tirelog(command, "none.csv", *model, option, place)
+    model = ["--model", "none.toml"] if command in ("compare", "diagnose", "ladder", "model fit") else []
+    outcome = tirelog(*command.split(), "none.csv", *model, option, place)
     assert outcome.status == 2
     assert message(outcome.err).startswith(f"tirelog: error: {place}: cannot be written (No")
 
@@ -290,3 +303,12 @@ def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder: Path, tire
     assert both.status == 0, both.err
     assert both.out == alone.out
     assert len(both.out.splitlines()) > 10
+
+
+def test_the_ladder_s_bars_obey_no_name(capsys: pytest.CaptureFixture[str]) -> None:
+    step = SimpleNamespace(step=1, effect="a\x1b[31m", rmse_fit=1e-6, rmse_heldout=None, noise_floor=1e-6, sentence="b\x1b]0;c\x07")
+    _bars(SimpleNamespace(observable="strain", unit="1", steps=[step], remarks=["d\re"], rmse_untouched=None))
+    shown = capsys.readouterr().err
+    assert "a\\x1b[31m" in shown
+    assert "   b\\x1b]0;c\\x07\n   d\\re\n" in shown
+    assert "\x1b" not in shown

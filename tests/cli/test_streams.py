@@ -24,7 +24,7 @@ def shell(line: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
 @pytest.mark.parametrize(
     ("line", "status", "words"),
     [
-        ("tirelog info log.csv >&-", 2, b"standard output: cannot be written (Bad file descriptor)"),
+        ("tirelog effects >&-", 2, b"standard output: cannot be written (Bad file descriptor)"),
         ("tirelog info - --setup log.toml <&-", 4, b"-: cannot be read (Bad file descriptor)"),
         ("tirelog info log.csv nope.csv -o t.csv <&- >&- 2>&-", 3, b""),
     ],
@@ -39,14 +39,14 @@ def test_closed_streams(folder: Path, line: str, status: int, words: bytes) -> N
 def test_standard_output_on_a_full_disk(folder: Path) -> None:
     if not Path("/dev/full").exists():
         pytest.skip("no such device here")
-    done = shell("tirelog info log.csv > /dev/full")
+    done = shell("tirelog effects > /dev/full")
     assert done.returncode == 2, done.stderr
     assert b"tirelog: error: standard output: cannot be written (No space left on device)" in done.stderr
     assert done.stderr.count(b"\n") == 1
 
 
 def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
-    done = shell("tirelog info log.csv | true; exit ${PIPESTATUS[0]}")
+    done = shell("tirelog effects | true; exit ${PIPESTATUS[0]}")
     assert done.returncode == 0
     assert done.stderr == b""
 

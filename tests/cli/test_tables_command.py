@@ -81,11 +81,12 @@ def test_a_file_where_the_folder_should_be(folder: Path, tirelog: Command) -> No
 
 
 def test_a_channel_that_fails_is_not_waited_for(several: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tirelog.estimators import passage_surface, passages
+    from tirelog.estimators import passage_surface
+    from tirelog.estimators.passages import Passages
 
-    found = passages.find_passages
+    found = passage_surface.find_passages
 
-    def fails(channel: Channel, radius_m: float) -> passages.Passages:
+    def fails(channel: Channel, radius_m: float) -> Passages:
         if channel.name == "G0":
             raise ReadError("is damaged; G0 cannot be read; copy the log again", file="more.csv")
         return found(channel, radius_m)

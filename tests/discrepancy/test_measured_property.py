@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tests.discrepancy.toy import stack
-from tirelog.campaign import models
+from tirelog.campaign import models, runner
 from tirelog.campaign.pieces_file import pieces_bytes
-from tirelog.campaign.work import pieces_name
+from tirelog.campaign.work import make_tables, pieces_name
 from tirelog.cli import run
 from tirelog.discrepancy import compare, gathering, ladder
 from tirelog.discrepancy.fitted import fit_measured
@@ -55,7 +55,8 @@ def compared(cleat, beam):
     return compare(measured([cleat]).stacks, beam)
 
 
-def test_every_command_gives_one_number_on_a_log_with_an_obstacle(cleat, beam, compared, tmp_path):
+def test_every_command_gives_one_number_on_a_log_with_an_obstacle(cleat, beam, compared, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks))
     stacks = measured([cleat]).stacks
     assert compared.revolutions == 7
     assert HIT in compared.remarks[0]

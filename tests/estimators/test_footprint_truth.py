@@ -130,3 +130,39 @@ def test_a_length_below_its_own_error_is_not_told():
     length, error = _told(np.array([0.11, 0.11, -0.02, 0.11, np.nan]), np.array([6e-5, 1e147, 1e-5, np.nan, np.nan]))
     np.testing.assert_array_equal(length, [0.11, np.nan, np.nan, np.nan, np.nan])
     np.testing.assert_array_equal(error, [6e-5, np.nan, np.nan, np.nan, np.nan])
+
+
+def lopsided(xi_m, speed_m_s):
+    """A pulse of no carcass: steep where the patch begins, slow where it ends, with shoulders unlike each other."""
+    flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.015) - np.tanh((xi_m - 0.055) / 0.032)) * (1 - 1.5 * xi_m)
+    return flat - 0.35 * np.exp(-(((xi_m + 0.10) / 0.03) ** 2)) - 0.15 * np.exp(-(((xi_m - 0.12) / 0.05) ** 2))
+
+
+def uneven(xi_m, speed_m_s):
+    """A pulse whose exit edge is three times as slow as its entry edge: the fit ends at its bound for the damping, 174 mm for 110."""
+    flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.023) - np.tanh((xi_m - 0.055) / 0.069))
+    return flat - 0.06 * np.exp(-(((xi_m + 0.105) / 0.035) ** 2)) - 0.66 * np.exp(-(((xi_m - 0.11) / 0.04) ** 2))
+
+
+def slanted(xi_m, speed_m_s):
+    """A pulse whose exit half is four times as high as its entry half: the fit has a road that pulls, 130 mm for 110."""
+    flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.023) - np.tanh((xi_m - 0.055) / 0.023))
+    shoulders = 0.30 * np.exp(-(((xi_m + 0.105) / 0.035) ** 2)) + 0.22 * np.exp(-(((xi_m - 0.11) / 0.04) ** 2))
+    return (flat - shoulders) * (1 + 0.6 * np.tanh(xi_m / 0.04))
+
+
+@pytest.mark.parametrize("pulse", [lopsided, uneven, slanted])
+def test_a_length_of_a_pulse_of_no_tire_is_not_ok(drive, radius_m, pulse):
+    for noise_pm in (0.8, 8.0):
+        made = drive([0, 20], [12, 12], seed=1480, pulse=pulse, noise_pm=noise_pm)
+        words = footprint(made.channel, find_passages(made.channel, radius_m)).quality
+        assert len(words) > 100
+        assert all({"form_unclear", "no_length"} & own for own in words)
+
+
+@pytest.mark.parametrize("truth", [Beam(tilt=0.5, damping_1_s=60.0), Beam(slip=0.15), Ring(), Ring(0.02, 8.0e6)])
+def test_a_tire_s_form_is_never_unclear(drive, radius_m, truth):
+    for noise_pm in (0.8, 8.0):
+        made = drive([0, 15], [8, 18], seed=1481, pulse=truth, noise_pm=noise_pm, **CALM)
+        words = footprint(made.channel, find_passages(made.channel, radius_m)).quality
+        assert sum(not own for own in words) > 0.95 * len(words)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tirelog.columns import TABLES
+from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
+from tirelog.estimators.dissipation import dissipation
+from tirelog.estimators.footprint_table import footprint_of
 from tirelog.estimators.passages import find_passages
 from tirelog.estimators.speed import speed_columns, speed_tables
 from tirelog.estimators.speed_radius import calibrate_radius, travelled
+from tirelog.estimators.strain_channels import rotating
 from tirelog.recording import Channel, Recording, TimeAxis
 from tirelog.setup import parse_setup
 
@@ -140,3 +146,29 @@ def test_nothing_to_calibrate_against(drive):
         speed_tables(recording(d.channel), calibrate=True)
     with pytest.raises(UsageError, match="fewer than 10 whole turns"):
         speed_tables(recording(d.channel, vehicle_speed([0, 1], [10, 10])), calibrate=True)
+
+
+def test_a_wrong_surface_of_the_second_channel_is_said_before_the_first_one_s_rows(drive):
+    d = drive([0, 8], [12, 12], seed=1310)
+    second = replace(d.with_values(-d.values), name="second")
+    log = recording(d.channel, second)
+    for rows in (lambda: iter(speed_tables(log)[0]), lambda: rotating(log), lambda: footprint_of(log, Cutoff())):
+        with pytest.raises(UsageError, match="channel second shows a maximum"):
+            next(rows())
+
+
+@pytest.mark.parametrize("error", [np.inf, 1e100, 40.0])
+def test_an_error_without_bounds_is_blank_and_said(drive, radius_m, error):
+    d = drive([0, 8], [12, 12], seed=1311)
+    found = find_passages(d.channel, radius_m)
+    omega_se = found.omega_se_rad_s.copy()
+    omega_se[5] = error / radius_m
+    wild = replace(found, omega_se_rad_s=omega_se)
+    columns = speed_columns("log", wild)
+    assert np.flatnonzero(np.isnan(columns["speed_se_m_s"])).tolist() == [5]
+    assert np.flatnonzero(columns["quality"] == "error_unknown").tolist() == [5]
+    energy = dissipation(d.channel, wild, None, wild.quality)
+    if error > 1e3:  # of the factor
+        assert np.isnan(energy.factor_se_1_m[5])
+        assert "error_unknown" in energy.quality[5]
+    assert not any("error_unknown" in words for row, words in enumerate(energy.quality) if row != 5)

@@ -181,3 +181,11 @@ def _without_steps(drive):
     found = recording(drive, Encoder().signal(drive))
     found.channels["encoder"].settings.clear()
     return found
+
+
+@pytest.mark.parametrize("step_deg", [0.09, 0.5, 2.0])
+def test_an_angle_in_steps_has_the_steps_error(step_deg):
+    drive = Drive((0, 8), (9, 13))
+    step = np.deg2rad(step_deg)
+    wheel = wheel_of(drive, np.mod(np.floor(drive.angle / step) * step, 2 * np.pi), unit="rad")
+    assert 0.7 < wheel.angle.noise_rad / (step / np.sqrt(12.0)) < 2.0

@@ -1,8 +1,10 @@
 """Faults: runs with a flipped bit, runs made by somebody else, and recordings read after their end."""
 
 import random
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import h5py
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 import typer
 
-from tirelog.chunks import CHUNK, FILTERS
+from tirelog.chunks import CHUNK, FILTERS, fletcher32
 from tirelog.cli import run
 from tirelog.cli.common import Session
 from tirelog.errors import ReadError, SetupError
@@ -43,6 +45,14 @@ def write(path: Path, times: np.ndarray | None = None) -> None:
         axis = TimeAxis.uniform(2000, 100.0) if times is None else TimeAxis.of_times(times)
         about = {"losses": ["3 rows are damaged"], "remarks": ["no twin"], "counts": {"bad_rows": 3}, "repairs": {}}
         writer.finish({"g": TimeAxis.uniform(SIZE, 2500.0), "h": axis}, {"h": [(7, 9, "gap")]}, about)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The bytes of the run that `write` makes."""
+    path = tmp_path_factory.mktemp("written") / "r.h5"
+    write(path)
+    return path.read_bytes()
 
 
 def told(path: Path) -> dict[str, object]:
@@ -133,15 +143,17 @@ def _virtual(file: h5py.File, folder: Path) -> None:
         file["channels/s"].attrs[name] = value
 
 
+@cache
+def _packed() -> bytes:
+    """A chunk of 300 kB that grows to 300 MB when it is unpacked."""
+    packer = zlib.compressobj(1)
+    packed = b"".join(packer.compress(bytes(1 << 20)) for _ in range(300)) + packer.flush()
+    return packed + fletcher32(packed).to_bytes(4, "little")
+
+
 def _inflating_chunk(file: h5py.File, folder: Path) -> None:
-    """A chunk that is small, packed, and grows to 300 MB when it is unpacked."""
-    import zlib
-
-    from tirelog.chunks import fletcher32
-
     _replaced(file, "channels/s", shape=(SIZE,), dtype="i4", chunks=(CHUNK,), **FILTERS)
-    packed = zlib.compress(bytes(300 << 20), 1)
-    file["channels/s"].id.write_direct_chunk((0,), packed + fletcher32(packed).to_bytes(4, "little"))
+    file["channels/s"].id.write_direct_chunk((0,), _packed())
 
 
 def _text(file: h5py.File, name: str, text: bytes) -> None:
@@ -189,10 +201,10 @@ HOSTILE: dict[str, Callable[[h5py.File, Path], None]] = {
 
 @pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path: Path, name: str, signed: bool) -> None:
+def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path: Path, written: bytes, name: str, signed: bool) -> None:
     """Also if its digest is one of its own contents: what is no good is refused for what it is."""
     path = tmp_path / "r.h5"
-    write(path)
+    path.write_bytes(written)
     with h5py.File(path, "r+") as file:
         HOSTILE[name](file, tmp_path)
         if signed:

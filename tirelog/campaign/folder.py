@@ -13,7 +13,6 @@ that one folder, and never looks at files of other programs that stand among its
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import re
 import shutil
@@ -23,6 +22,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
+from tirelog.documents import json_value
 from tirelog.errors import UsageError
 from tirelog.files import failed_writes, output_error
 from tirelog.remote import address
@@ -69,7 +69,7 @@ class Folder(Protocol):
 def json_of(data: bytes | None) -> dict[str, Any]:
     """A small file of ours as a table; empty where it is not there or was damaged."""
     try:
-        content = json.loads(data or b"{}")
+        content = json_value(data or b"{}")
     except ValueError:
         return {}
     return content if isinstance(content, dict) else {}

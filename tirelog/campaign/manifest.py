@@ -26,14 +26,14 @@ import csv
 import dataclasses
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from tirelog.documents import toml_tables, toml_text
 from tirelog.dsp.lowpass import Cutoff
-from tirelog.errors import SetupError, UsageError, nearest
+from tirelog.errors import SetupError, TirelogError, UsageError, nearest
 from tirelog.remote import address, match_remote, read_remote
 from tirelog.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
 
@@ -98,7 +98,7 @@ def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign
 
     UsageError: not TOML, an unknown key, no log matches, two logs with one name.  A log whose setup does not fit is no error here.
     """
-    data = _keys(_toml(path), _SECTIONS, "the manifest", path)
+    data = _keys(_toml(path, "a manifest", "give its path"), _SECTIONS, "the manifest", path)
     about = _keys(data.get("campaign", {}), ("name", "output"), "[campaign]", path)
     wanted = _keys(data.get("tables", {}), tuple(tables), "[tables]", path)
     for name, options in wanted.items():
@@ -117,16 +117,9 @@ def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign
     return Campaign(name, address(output) or str(base / output), logs, wanted, models, path)
 
 
-def _toml(path: Path) -> dict[str, Any]:
-    """The manifest's content.  UsageError: it cannot be read, or is no TOML."""
-    try:
-        return tomllib.loads(path.read_text("utf-8-sig"))
-    except OSError as problem:
-        raise _refuse(f"cannot be read ({problem.strerror}); a manifest is a TOML file; give its path", path) from None
-    except ValueError as problem:  # not TOML, not UTF-8, an integer of thousands of digits
-        raise _refuse(f"not TOML: {problem}; mend the line", path) from None
-    except RecursionError:
-        raise _refuse("is nested too deep; a manifest has tables of keys with plain values; mend it", path) from None
+def _toml(path: Path, what: str, advice: str) -> dict[str, Any]:
+    """The tables in a TOML file.  UsageError: it cannot be read, is no TOML, or goes too far."""
+    return toml_tables(toml_text(path, UsageError, what=what, advice=advice), UsageError, file=path)
 
 
 def _entries(data: Mapping[str, Any], name: str, file: Path) -> list[tuple[str, Any]]:
@@ -330,6 +323,6 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
 def _observable(path: Path) -> str:
     """What the model file says it predicts; what else is wrong with it is said when it is used."""
     try:
-        return str(tomllib.loads(path.read_text("utf-8")).get("model", {}).get("observable", "strain"))
-    except (OSError, ValueError, AttributeError, RecursionError):
+        return str(_toml(path, "a model", "mend the path").get("model", {}).get("observable", "strain"))
+    except (TirelogError, AttributeError):
         return "strain"

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.discrepancy.pieces import Pieces
+from tirelog.documents import json_value
 from tirelog.recording import Conditions
 
 _WORDS = ("observable", "channel", "surface", "radius_m", "logs", "notes")
@@ -31,7 +32,7 @@ def pieces_bytes(pieces: Pieces) -> bytes:
 def read_pieces(data: bytes) -> Pieces:
     """The pieces in a file.  ValueError, KeyError: it is none."""
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-        words = json.loads(str(arrays["words"]))
+        words = json_value(str(arrays["words"]))
         conditions = Conditions(**{f.name: arrays[f"conditions.{f.name}"] for f in fields(Conditions)})
         rows = {f.name: arrays[f.name] for f in fields(Pieces) if f.name not in (*_WORDS, "conditions")}
     return Pieces(**{**words, "logs": tuple(words["logs"]), "notes": tuple(words["notes"])}, conditions=conditions, **rows)

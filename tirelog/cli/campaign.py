@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tirelog.cli.common import Quiet, say
-from tirelog.errors import ExitStatus
+from tirelog.errors import ExitStatus, printable
 
 if TYPE_CHECKING:
     from tirelog.campaign.ledger import Entry, Ledger
@@ -49,7 +49,8 @@ def run(
     campaign, ledger = _load(manifest)
     if dry_run:
         for task in to_do(plan(campaign, ledger, only=only), ledger, retry_failed=retry_failed):
-            typer.echo(f"{task.log}: {', '.join([*task.tables, *(f'{name} for models' for name in task.observables)])}")
+            made = ", ".join([*task.tables, *(f"{name} for models" for name in task.observables)])
+            typer.echo(printable(f"{task.log}: {made}"))
         return
     with ledger.folder.held():
         tasks = plan(campaign, ledger, only=only)
@@ -93,9 +94,9 @@ def status(manifest: Manifest) -> None:
     )
     for task in tasks:
         if task.name in waiting:
-            typer.echo(f"open    {task.log}")
+            typer.echo(printable(f"open    {task.log}"))
         elif task.name in failed:
-            typer.echo(f"failed  {failed[task.name].error}")
+            typer.echo(printable(f"failed  {failed[task.name].error}"))
 
 
 class _Progress:
@@ -110,6 +111,6 @@ class _Progress:
         left = (time.monotonic() - self.begun) / finished * (of - finished)
         made = f"{sum(entry.rows.values())} rows" if entry.rows else "kept for models"
         outcome = "failed" if entry.error else f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
-        line = f"tirelog: {finished}/{of} {entry.log}: {outcome}; {left:.0f} s left"
+        line = printable(f"tirelog: {finished}/{of} {entry.log}: {outcome}; {left:.0f} s left")
         sys.stderr.write(f"\r\x1b[K{line}" + ("\n" if finished == of else "") if self.terminal else f"{line}\n")
         sys.stderr.flush()

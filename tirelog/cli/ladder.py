@@ -12,6 +12,7 @@ import typer
 
 from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, in_a_folder, keeps_hashes, say
 from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
+from tirelog.errors import printable
 
 if TYPE_CHECKING:
     from tirelog.discrepancy import Ladder
@@ -73,13 +74,18 @@ def _bars(result: Ladder) -> None:
         length = max(1, round(_BAR * error / largest))
         floor = min(_BAR - 1, round(_BAR * step.noise_floor / largest))
         bar = "".join("|" if i == floor else "#" if i < length else " " for i in range(_BAR))
-        sys.stderr.write(f"{step.step:2d} {step.effect:18s} {bar} {error * factor:.3g} {unit}\n")
-        sys.stderr.write(f"   {step.sentence}\n")
+        _line(f"{step.step:2d} {step.effect:18s} {bar} {error * factor:.3g} {unit}")
+        _line(f"   {step.sentence}")
     for remark in result.remarks:
-        sys.stderr.write(f"   {remark}\n")
+        _line(f"   {remark}")
     if result.rmse_untouched is not None:
         error, floor_there = result.rmse_untouched * factor, (result.floor_untouched or 0.0) * factor
-        sys.stderr.write(f"   on manoeuvres that nothing had touched: {error:.3g} {unit}, floor {floor_there:.3g}\n")
+        _line(f"   on manoeuvres that nothing had touched: {error:.3g} {unit}, floor {floor_there:.3g}")
+
+
+def _line(text: str) -> None:
+    """A line of the bars, as any terminal may show it."""
+    sys.stderr.write(f"{printable(text)}\n")
 
 
 def _remember(result: Ladder, model: Path) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Quiet, Session, SetupFile, say
+from tirelog.cli.common import Quiet, Session, SetupFile, in_a_folder, say
 from tirelog.cli.compare import ChannelName, Effects
 from tirelog.process import one_thread
 
@@ -21,7 +21,9 @@ _SUFFIXES = (".html", ".htm")
 
 def report(
     logs: Annotated[list[str] | None, typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="The page to write, .html.", show_default=False)] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The page to write, .html.", show_default=False, callback=in_a_folder)
+    ] = None,
     setup: SetupFile = None,
     table: Annotated[list[Path] | None, typer.Option("--table", help="A table already made; may be repeated.", show_default=False)] = None,
     campaign: Annotated[Path | None, typer.Option("--campaign", help="A campaign's output folder.", show_default=False)] = None,

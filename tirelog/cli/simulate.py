@@ -7,12 +7,14 @@ from typing import Annotated
 
 import typer
 
-from tirelog.cli.common import say
+from tirelog.cli.common import in_a_folder, say
 
 
 def simulate(
     scenario: Annotated[Path, typer.Argument(help="TOML file: manoeuvres, tire, road, sensors, effects, seed.", show_default=False)],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The log: .csv, .txt, .mcap or .h5.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The log: .csv, .txt, .mcap or .h5.", show_default=False, callback=in_a_folder)
+    ],
     seed: Annotated[int | None, typer.Option("--seed", help="Another seed than the scenario's.", show_default=False)] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No summary on standard error.")] = False,
 ) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from tirelog.discrepancy.accelerometer import outward
 from tirelog.discrepancy.stack import STRETCH, observe_channel, stacks_from_logs, stretches_of
 from tirelog.discrepancy.stacks import Stacks, joined
 from tirelog.discrepancy.transient_log import TransientLog, steady_revolutions, transient_log
@@ -52,7 +53,7 @@ def _watched(recordings: Iterable[Recording], observable: str, channel: str | No
     """The recordings as they come; of those that met an obstacle the observed channel is kept in memory, by log."""
     for recording in recordings:
         if recording.setup.road.kind != "flat":
-            source = observe_channel(recording, observable, channel)
+            source, _ = outward(observe_channel(recording, observable, channel))
             axis = replace(TimeAxis.of_times(source.axis.time()), rate_Hz=source.axis.rate_Hz)
             copy = Channel.of_array(source.name, source.kind, source.read(), axis, surface=source.surface)
             kept[recording.log] = replace(recording, channels={source.name: copy})
@@ -63,6 +64,8 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
     """The stacks without the revolutions that an obstacle disturbs, and the logs that met one."""
     obstacles: list[TransientLog] = []
     steady = Stacks()
+    for note in stacks.notes:
+        steady.note(note)
     for number, log in enumerate(stacks.logs):
         recording = kept.get(log)
         if recording is None:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.discrepancy.accelerometer import outward, with_level
 from tirelog.discrepancy.align import WheelAngle, refine, turned
 from tirelog.discrepancy.manoeuvres import accelerations, regimes, segment
 from tirelog.discrepancy.samples import Chunk, Samples
@@ -86,7 +87,7 @@ def stacks_from_logs(
 ) -> Stacks:
     """The stacks of the recordings, one each (several where there are more than `most` revolutions), manoeuvres numbered through all.
 
-    UsageError where a log holds fewer than ten whole revolutions.
+    UsageError where a log holds fewer than ten whole revolutions, or an acceleration without its mean level.
     """
     stacks = Stacks()
     for recording in recordings:
@@ -94,7 +95,11 @@ def stacks_from_logs(
         if observable in SCALARS:
             stacks.add(recording.log, [scalar_stack(recording, source, observable)])
         else:
-            stacks.add(recording.log, stretches_of(recording, source, observable, angles=angles, most=most))
+            source, said = outward(source)
+            stretches = stretches_of(recording, source, observable, angles=angles, most=most)
+            stacks.add(recording.log, with_level(stretches, recording.log))
+            if said:
+                stacks.note(f"{recording.log}: {said}")
     return stacks
 
 

@@ -40,8 +40,10 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     if verdict == "ambiguous":
         sets = "; ".join(" or ".join(group) for group in facts["groups"])
         shares = facts["shares"]
-        each = ", ".join(f"{percent(shares[name])} with {name}" for group in facts["groups"] for name in group if name in shares)
-        return f"Missing is {sets}: these data cannot tell which; of the excess goes {each}."
+        each = ", ".join(
+            f"{name} removes {percent(shares[name])} of the excess" for group in facts["groups"] for name in group if name in shares
+        )
+        return f"Missing is {sets}: these data cannot tell which; {each}."
     if verdict == "partial":
         rest = facts["unexplained"]
         explains = (

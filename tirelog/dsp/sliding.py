@@ -16,9 +16,10 @@ ROWS = 1 << 12
 
 def sliding_mean(x: FloatArray, width: int) -> FloatArray:
     """Mean over `width` values around each of x, shape (n,)."""
-    middle = float(np.mean(x))  # small sums keep their digits
-    total = np.cumsum(np.concatenate([[0.0], _reflected(x - middle, width)]))
-    return np.asarray((total[width:] - total[:-width]) / width + middle)
+    with np.errstate(over="ignore", invalid="ignore"):  # values of 1e308 have sums beyond the floats
+        middle = float(np.mean(x))  # small sums keep their digits
+        total = np.cumsum(np.concatenate([[0.0], _reflected(x - middle, width)]))
+        return np.asarray((total[width:] - total[:-width]) / width + middle)
 
 
 def sliding_median(x: FloatArray, width: int) -> FloatArray:

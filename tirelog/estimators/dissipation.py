@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from tirelog.dsp.differentiator import bridged, differentiator
 from tirelog.estimators.dissipation_kernels import FOUR, SCRATCH_ROWS, revolution_sums
+from tirelog.estimators.passage_marks import with_words
 from tirelog.estimators.passage_template import LENGTH_TO_WIDTH
 from tirelog.estimators.passages import Passages
 from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray, IntArray
@@ -38,6 +39,9 @@ WILD_SIGMAS, WILD_SHARE = 10.0, 0.06
 SHOULDERS = 1.6
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
+#: a standard error above so many factors, the row's or the log's usual one, tells nothing and is left blank; half of it would blank
+#: rows of very noisy logs, twice as much no row that this does not
+MOST_ERROR = 10.0
 #: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a moving average
 STEADY_STEP_M_S, AVERAGED = 0.08, 9
 
@@ -202,6 +206,10 @@ def dissipation(
         whole = (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
         factor = np.where(whole, (energy - means * per_mean) * step / speed, np.nan)
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
+        known = np.abs(factor[np.isfinite(factor)])
+        absurd = error > MOST_ERROR * np.maximum(np.abs(factor), np.median(known) if known.size else np.inf)
+    error = np.where(absurd, np.nan, error)
+    words = with_words(words, {k: {"error_unknown"} for k in np.flatnonzero(absurd).tolist()})
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
     clean = np.fromiter(map(len, words), np.int64, n) == 0

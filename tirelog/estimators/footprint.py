@@ -170,7 +170,7 @@ def _assembled(
         work.slip,
         asked_Hz,
         learnt,
-        _words(passages, work, length, edges["length_d2_m"], asked_Hz, nyquist),
+        _words(passages, work, learnt, length, edges["length_d2_m"], asked_Hz, nyquist),
     )
 
 
@@ -182,7 +182,13 @@ def _told(lengths_m: FloatArray, errors_m: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _words(
-    passages: Passages, work: Measured, length_m: FloatArray, length_d2_m: FloatArray, asked_Hz: FloatArray, nyquist: float
+    passages: Passages,
+    work: Measured,
+    learnt: Learnt | None,
+    length_m: FloatArray,
+    length_d2_m: FloatArray,
+    asked_Hz: FloatArray,
+    nyquist: float,
 ) -> tuple[frozenset[str], ...]:
     """Quality words of the rows: the passages' own, and what the footprint adds."""
     with np.errstate(invalid="ignore"):
@@ -190,8 +196,10 @@ def _words(
         short = work.inside < LEAST_SAMPLES
     unknown = ~np.isfinite(length_m)
     unclear = ~np.isfinite(length_d2_m) & ~cut & ~unknown
+    formless = np.zeros(len(passages), bool) if learnt is None else learnt.unclear(passages.speed_m_s) & ~unknown
     words = list(passages.quality)
-    for name, marked in (("cutoff", cut), ("patch_short", short), ("no_length", unknown), ("edge_unclear", unclear)):
+    marks = (("cutoff", cut), ("patch_short", short), ("no_length", unknown), ("edge_unclear", unclear), ("form_unclear", formless))
+    for name, marked in marks:
         for row in np.flatnonzero(marked):
             words[row] |= {name}
     return tuple(words)

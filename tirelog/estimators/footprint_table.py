@@ -93,6 +93,12 @@ def _remarks(recording: Recording, channel: Channel, found: Footprint, cutoff: C
     if static is not None:
         text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
     remarks = [text]
+    doubted = sum("form_unclear" in words for words in found.quality)
+    if doubted:
+        remarks.append(
+            f"{channel.name}: form_unclear: {doubted} passages are unlike any that a tire's carcass makes on a flat road; "
+            f"their lengths may be wrong by half"
+        )
     if not found.learnt.free_rolling:
         remarks.append(f"{channel.name}: no stretch of steady speed; the form was learnt from driven or braked passages")
     return tuple(remarks)

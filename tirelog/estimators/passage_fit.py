@@ -112,9 +112,11 @@ def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, N
     """First and last + 1 sample of each row's window and 0, (n, 3), and whether the window leaves the log, (n,)."""
     axis = signal.channel.axis
     reach = window_rad / start.omega * axis.rate_Hz
-    low, high = np.ceil(start.index - reach), np.floor(start.index + reach) + 1
-    first = np.clip(low, 0, axis.size - 1).astype(np.int64)
-    stop = np.clip(high, first + 1, axis.size).astype(np.int64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        low, high = np.ceil(start.index - reach), np.floor(start.index + reach) + 1
+    # a row without a finite guess gets a window of one sample, in which nothing is fitted
+    first = np.clip(np.nan_to_num(low), 0, axis.size - 1).astype(np.int64)
+    stop = np.clip(np.nan_to_num(high), first + 1, axis.size).astype(np.int64)
     return np.column_stack([first, stop, np.zeros_like(first)]), (low < 0) | (high > axis.size)
 
 

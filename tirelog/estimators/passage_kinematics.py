@@ -53,13 +53,13 @@ def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
     The deceleration of the two turns before and the acceleration of the two turns after, carried on, meet at rest in the time between.
     """
     period = np.diff(time_s)
-    speed = TURN_RAD / period
     stop = np.zeros(period.size, bool)
     if period.size < 5:
         return stop
     # at the passage two turns on: change of the speed over a turn, and how long it has to fall to nothing at that rate
-    rate = (speed[:-1] - speed[1:]) / (0.5 * (period[:-1] + period[1:]))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # stamps that repeat have no period
+        speed = TURN_RAD / period
+        rate = (speed[:-1] - speed[1:]) / (0.5 * (period[:-1] + period[1:]))
         down = (speed[1:] - 0.5 * rate * period[1:]) / rate
         up = (speed[:-1] + 0.5 * rate * period[:-1]) / -rate
     braked, driven = rate[:-3] > 0, rate[3:] < 0

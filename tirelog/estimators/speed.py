@@ -24,6 +24,9 @@ from tirelog.estimators.speed_radius import calibrate_radius
 from tirelog.recording import FloatArray, Recording
 from tirelog.tables import quality_column
 
+#: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank; half of it would blank those of a
+#: wheel that is about to stand, twice as much would keep what no reader can use
+LEAST_ERROR_M_S = 1.0
 STRAIN_KINDS = ("fbg_strain", "strain")
 
 
@@ -61,12 +64,15 @@ def begin(log: str, passages: Passages) -> dict[str, Any]:
 
 def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dict[str, Any]:
     """The speed table's columns for one channel's passages; `radius_se_m` is the radius' error where it was calibrated."""
-    radius_share = radius_se_m / passages.radius_m
+    with np.errstate(over="ignore", invalid="ignore"):  # an error without bounds is none
+        error = np.hypot(passages.speed_se_m_s, radius_se_m / passages.radius_m * passages.speed_m_s)
+        absurd = error > np.maximum(np.abs(passages.speed_m_s), LEAST_ERROR_M_S)
+    words = with_words(speed_words(passages), {k: {"error_unknown"} for k in np.flatnonzero(absurd).tolist()})
     return begin(log, passages) | {
         "period_s": period(passages),
-        "speed_se_m_s": np.hypot(passages.speed_se_m_s, radius_share * passages.speed_m_s),
+        "speed_se_m_s": np.where(absurd, np.nan, error),
         "acceleration_m_s2": passages.acceleration_m_s2,
-        "quality": quality_column(speed_words(passages)),
+        "quality": quality_column(words),
     }
 
 
@@ -96,11 +102,10 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[Iterabl
             "name one in the setup",
             file=recording.log,
         )
-    found_later = (passages_of(recording, channel) for channel in channels)
+    found = [passages_of(recording, channel) for channel in channels]  # all of them before the first row: one may be refused
     if not calibrate:
         remarks = radius_remarks(recording)
-        return _columns(recording.log, found_later, remarks), remarks
-    found = list(found_later)
+        return _columns(recording.log, found, remarks), remarks
     if all(passages.doubt for passages in found):
         raise UsageError(f"--calibrate-radius: {found[0].doubt}", file=recording.log)
     radius = calibrate_radius(references[0], found, recording.setup.tire.unloaded_radius_m)

@@ -25,16 +25,18 @@ def strain_channels(recording: Recording) -> list[Channel]:
 
 
 def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
-    """The strain channels with their passages.  UsageError where none of them passes the patch."""
-    turned = False
-    for stored in strain_channels(recording):
-        channel = held(stored)
-        passages = passages_of(recording, channel)
-        turned |= len(passages) > 0
-        yield channel, passages
-        del channel  # before the next one takes its place in memory
-    if not turned:
+    """The strain channels with their passages.
+
+    UsageError, before the first is given: none of them passes the patch, or a setup names the wrong surface.
+    """
+    channels = strain_channels(recording)
+    if len(channels) == 1:
+        channels = [held(channels[0])]  # gone through once more by whoever takes it
+    found = [passages_of(recording, channel) for channel in channels]
+    if not any(len(passages) for passages in found):
         raise not_turning(recording)
+    for stored, passages in zip(channels, found, strict=True):
+        yield held(stored), passages  # one after the other: each takes memory
 
 
 def not_turning(recording: Recording) -> UsageError:

@@ -33,6 +33,8 @@ from tirelog.recording import Channel, FloatArray, Recording
 SPEED_WINDOW_S = 0.443 / 20.0
 #: slower than this, in turns a second, the wheel counts as standing
 STANDSTILL_TURNS_S = 0.1
+#: third differences [turns] below this are the arithmetic's, not the sensor's
+ROUNDING = 1e-9
 #: a table that explains more than this share of the deviations repeats; another number of steps must explain so much more than the setup's
 REPEATS, BETTER = 0.8, 0.2
 
@@ -146,7 +148,10 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
         raise DataLoss(f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a turn; check the source")
     steps = steps or 360
     rate = np.gradient(2 * np.pi * turns, time)
-    noise = 0.0 if is_angle else float(np.median(np.abs(rate))) / channel.axis.rate_Hz / np.sqrt(12.0)
+    if is_angle:
+        noise = max(2.0 * np.pi * _scatter(turns), channel.resolution / np.sqrt(12.0))
+    else:
+        noise = float(np.median(np.abs(rate))) / channel.axis.rate_Hz / np.sqrt(12.0)
     count = np.rint(turns * size).astype(np.int64)
     stretch = np.zeros(time.size, np.int32)
     if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
@@ -158,6 +163,13 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     knots, one = builder.knots(), np.ones(1, np.int32)
     function = angle_function(knots, np.zeros(1), one, 0 * one, 2 * np.pi / size, builder.noise_rad(noise))
     return WheelAngle(channel.name, steps, "counter", function, PitchTable.zero(steps), ~knots.forward, np.zeros(1, bool), ())
+
+
+def _scatter(turns: FloatArray) -> float:
+    """Standard deviation of angles (n,), noise and steps of the sensor alike: from their third differences, as far as they move."""
+    third = np.abs(np.diff(turns, 3))
+    third = third[third > ROUNDING]
+    return float(np.median(third)) / (0.6745 * np.sqrt(20.0)) if third.size else 0.0
 
 
 def _remarks(
@@ -235,7 +247,10 @@ def _radius_against(speed: Channel, wheel: WheelAngle, most: int = 20_000) -> tu
         rate = wheel.speed_rad_s(time)
         good = np.isfinite(values[pick]) & np.isfinite(rate) & (rate > 3.0)
         if good.sum() > 20:
-            parts.append((float(values[pick][good] @ rate[good]), float(rate[good] @ rate[good])))
+            with np.errstate(over="ignore", invalid="ignore"):  # a reference of 1e308 is none
+                sums = float(values[pick][good] @ rate[good]), float(rate[good] @ rate[good])
+            if np.isfinite(sums).all():
+                parts.append(sums)
     if len(parts) < 2:
         return None
     above, below = np.array(parts).T
@@ -272,6 +287,8 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
     noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
     words = wheel.words(start, stop)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # half a turn between two equal stamps
+        acceleration = radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start)
     columns = {
         "log": recording.log,
         "channel": channel.name,
@@ -280,7 +297,7 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
         "speed_m_s": rate * radius.radius_m,
         "period_s": stop - start,
         "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
-        "acceleration_m_s2": radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start),
+        "acceleration_m_s2": np.where(np.isfinite(acceleration), acceleration, np.nan),
         "quality": [";".join(sorted(words.get(row, ()))) or "ok" for row in range(time.size)],
     }
     return columns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]

@@ -10,8 +10,9 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import redirect_stderr, suppress
 from dataclasses import dataclass, field
+from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -252,7 +253,8 @@ def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None,
 
         from tirelog.readers.mcap_cdr import MOST_PARTS, cdr_plan, is_bounded, parse_definitions
 
-        decode = Ros2Factory().decoder_for(encoding, schema)
+        with redirect_stderr(StringIO()):  # its parser writes there before it raises
+            decode = Ros2Factory().decoder_for(encoding, schema)
         if decode is None:
             return None, None
         root, definitions = parse_definitions(schema.name, schema.data.decode())

@@ -20,6 +20,7 @@ import pandas as pd
 from tirelog import __version__
 from tirelog.errors import TirelogError
 from tirelog.recording import Recording
+from tirelog.remote import shown
 from tirelog.report import model_sections, sections, table_sections
 from tirelog.report.page import Section
 from tirelog.report.passage import passage_figures
@@ -32,7 +33,7 @@ _COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
 
 @dataclass(frozen=True)
 class Asked:
-    """What the user gave: paths as typed, so that the commands on the page can be typed again."""
+    """What the user gave: paths as typed, so that the commands on the page can be typed again, but for what an address keeps secret."""
 
     logs: tuple[str, ...] = ()
     setup: Path | None = None
@@ -45,7 +46,7 @@ class Asked:
 
     def command(self, name: str, *more: str, model: bool = False) -> str:
         """A command line on the same logs."""
-        words = ["tirelog", name, *(self.logs or ("LOG",)), *more]
+        words = ["tirelog", name, *(self._logs() or ["LOG"]), *more]
         words += ["--setup", str(self.setup)] if self.setup else []
         if model:
             words += ["--model", str(self.model or "M")]
@@ -53,9 +54,12 @@ class Asked:
             words += ["--effects", str(self.effects)] if self.effects else []
         return shlex.join(words)
 
+    def _logs(self) -> list[str]:
+        return [shown(log) for log in self.logs]
+
     def report_command(self) -> str:
         """The page's own command line."""
-        words = ["tirelog", "report", *self.logs]
+        words = ["tirelog", "report", *self._logs()]
         single = {"--setup": self.setup, "--model": self.model, "--ladder": self.ladder, "--campaign": self.campaign,
                   "--channel": self.channel, "--effects": self.effects}  # fmt: skip
         words += [word for option, value in single.items() if value is not None for word in (option, str(value))]
