@@ -49,13 +49,14 @@ def _on_stderr(line: str) -> None:
 
 def run(arguments: list[str] | None = None) -> int:
     """Carry out a command line; its exit status."""
-    from tirelog.cli.app import command
     from tirelog.cli.streams import drop_output, endings_unwind
-    from tirelog.files import inputs_kept
 
     arguments = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in arguments or bool(os.environ.get("TIRELOG_DEBUG"))
     try:
+        from tirelog.cli.app import command  # in here, so that an interrupt meanwhile is one too
+        from tirelog.files import inputs_kept
+
         parsed: Any = command()
         if "_TIRELOG_COMPLETE" in os.environ:  # the shell asks for completions
             parsed.main(prog_name="tirelog")
