@@ -66,6 +66,7 @@ def test_numbers_per_revolution_go_the_same_way(folder, capfd):
     answer = json.loads(capfd.readouterr().out)
     assert answer["unit"] == "m"
     assert 0.0 < answer["rmse_heldout"] < 0.02
+    assert any("lengths are marked form_unclear" in said for said in answer["remarks"])  # its pulses have an effect of no tire's form
 
 
 def test_an_unknown_table_is_refused(folder, capfd):

@@ -26,14 +26,22 @@ SOURCES = {
 _GAP = 3.0
 
 
-def scalar_stack(recording: Recording, channel: Channel, observable: str) -> Stack:
-    """The stack (n, 1) of one number per revolution; UsageError where fewer than ten revolutions have it."""
+#: quality word of a length that may be off by the same share in every row: it is compared, and said
+_UNCLEAR = "form_unclear"
+
+
+def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tuple[Stack, str]:
+    """The stack (n, 1) of one number per revolution, and '' or what is to be known of it.
+
+    UsageError: fewer than ten revolutions have the number.
+    """
     from tirelog.discrepancy.stack import conditions_of
 
     if observable in ("patch_length", "dissipation_factor"):
-        time_s, speed, value, radius = _of_strain(recording, channel, observable)
+        time_s, speed, value, radius, unclear = _of_strain(recording, channel, observable)
     else:
         time_s, speed, value, radius = _of_fronts(recording, channel, observable)
+        unclear = np.zeros(value.size, bool)
     ordinal = np.flatnonzero(np.isfinite(value) & np.isfinite(speed) & np.isfinite(time_s))
     n = ordinal.size
     if n < 10:
@@ -45,7 +53,9 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> Sta
     period = np.diff(time_s, prepend=time_s[0])
     manoeuvre, regime = segment(regimes(acceleration), np.r_[True, (period > _GAP * np.median(period))[1:]])
     zero = np.zeros((n, 1))
-    return Stack(
+    doubted = int(unclear[ordinal].sum())
+    said = f"{doubted} of {n} lengths are marked {_UNCLEAR}: they may all be off by the same share" if doubted else ""
+    stack = Stack(
         observable=observable,
         channel=channel.name,
         surface=channel.surface,
@@ -63,10 +73,13 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> Sta
         regime=regime,
         logs=(recording.log,),
     )
+    return stack, said
 
 
-def _of_strain(recording: Recording, channel: Channel, observable: str) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Times, speeds and values of every passage, NaN where something is wrong with it; and the rolling radius."""
+def _of_strain(
+    recording: Recording, channel: Channel, observable: str
+) -> tuple[FloatArray, FloatArray, FloatArray, float, NDArray[np.bool_]]:
+    """Times, speeds and values of every passage, NaN if something is wrong with it; the rolling radius; lengths of unclear form."""
     from tirelog.estimators.dissipation import dissipation
     from tirelog.estimators.footprint import footprint
     from tirelog.estimators.passages import find_passages
@@ -79,8 +92,9 @@ def _of_strain(recording: Recording, channel: Channel, observable: str) -> tuple
     else:
         energy = dissipation(channel, passages, None, passages.quality)
         value, words = energy.factor_1_m, energy.quality
-    good = np.array([not w for w in words], bool)
-    return passages.time_s, passages.speed_m_s, np.where(good, value, np.nan), radius
+    good = np.array([not w - {_UNCLEAR} for w in words], bool)
+    unclear = np.array([_UNCLEAR in w for w in words], bool)
+    return passages.time_s, passages.speed_m_s, np.where(good, value, np.nan), radius, unclear
 
 
 def _of_fronts(recording: Recording, channel: Channel, observable: str) -> tuple[FloatArray, FloatArray, FloatArray, float]:

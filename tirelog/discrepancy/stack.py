@@ -93,13 +93,14 @@ def stacks_from_logs(
     for recording in recordings:
         source = observe_channel(recording, observable, channel)
         if observable in SCALARS:
-            stacks.add(recording.log, [scalar_stack(recording, source, observable)])
+            stack, said = scalar_stack(recording, source, observable)
+            stacks.add(recording.log, [stack])
         else:
             source, said = outward(source)
             stretches = stretches_of(recording, source, observable, angles=angles, most=most)
             stacks.add(recording.log, with_level(stretches, recording.log))
-            if said:
-                stacks.note(f"{recording.log}: {said}")
+        if said:
+            stacks.note(f"{recording.log}: {said}")
     return stacks
 
 
