@@ -84,12 +84,12 @@ def main() -> int:
     asked = parser.parse_args()
     seed = secrets.randbelow(2**31) if asked.seed is None else asked.seed
     print(f"seed {seed}", flush=True)
-    started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as top:
         base = Path(top) / "base"
         base.mkdir()
         bases.make(base)
         warmed(base)
+        started = time.monotonic()
         drawn = families(seed, max(asked.cases, (asked.only or 0) + 1), asked.family)
         jobs = 1 if asked.only is not None else asked.jobs
         workers = []
