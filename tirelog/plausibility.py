@@ -89,7 +89,9 @@ def doubt_of_radius(rolling_m: float, unloaded_m: float | None) -> str:
 
 def check(recording: Recording) -> Recording:
     """`recording` with a remark on what is strange in it.  SetupError: a channel cannot be what its setup says."""
-    remarks = [said for channel in recording.channels.values() if (said := _doubt(recording, channel))]
+    # twins first: what a wrong one reads is in the compensated strain of the others
+    channels = sorted(recording.channels.values(), key=lambda channel: channel.kind != "fbg_temperature")
+    remarks = [said for channel in channels if (said := _doubt(recording, channel))]
     return replace(recording, remarks=(*recording.remarks, *remarks)) if remarks else recording
 
 
