@@ -285,7 +285,14 @@ def _damage_object(file: h5py.File, name: str, rng: Rng) -> None:
         made = _other_dataset(file, name, old, rng)
         for key, value in attributes.items():
             if made is not None:
-                made.attrs[key] = value
+                made.attrs[key] = _writable(value)
+
+
+def _writable(value: object) -> object:
+    """An attribute's value as h5py takes it: text that a first damage made undecodable goes back as its bytes."""
+    if isinstance(value, str) and not value.isprintable():
+        return value.encode("utf-8", "surrogateescape")
+    return value
 
 
 def _other_dataset(file: h5py.File, name: str, old: object, rng: Rng) -> h5py.Dataset | None:
