@@ -2,10 +2,11 @@
 
 import time
 
-from tirelog.discrepancy import diagnose, stacks_from_logs
-from tirelog.physics.model import Model
+from benchmarks.cases import Case, case
+from tirelog.diagnosis.diagnose import diagnose
+from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenarios import Case, case
 
 HIDDEN: tuple[tuple[str, ...], ...] = ((), ("viscous_damping",), ("water_film", "load_transfer"))
 

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.signal import butter, hilbert, sosfiltfilt
 
 from benchmarks.measure import cost
-from tirelog.estimators.wheel_angle import wheel_angle
-from tirelog.recording import Channel, TimeAxis
+from tirelog.data.recording import Channel, TimeAxis
+from tirelog.wheel.angle import wheel_angle
 
 RATE_HZ, STEPS, RADIUS_M = 10_000.0, 48, 0.305
 SETUP = f"""[tire]

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from tirelog.estimators.phase_shift import Passages, measure
-from tirelog.estimators.wheel_angle import encoder_of
+from benchmarks.wheel_cases import Instruments, wheel_scenario
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenario import Manoeuvre, Scenario
-from tirelog.simulation.wheel_scenarios import Instruments, wheel_scenario
+from tirelog.simulation.scenario.schema import Manoeuvre, Scenario
+from tirelog.wheel.angle import encoder_of
+from tirelog.wheel.phase_shift import Passages, measure
 
 SPEED_M_S, SECONDS, SEEDS, GRAVITY = 10.0, 25.0, range(8000, 8004), 9.80665
 

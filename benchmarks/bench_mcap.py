@@ -19,8 +19,8 @@ from mcap_protobuf.decoder import DecoderFactory as ProtobufFactory
 from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 from mcap_ros2.writer import Writer as Ros2Writer
 
-from tirelog.readers.mcap_file import open_mcap
-from tirelog.setup import parse_setup
+from tirelog.data.setup import parse_setup
+from tirelog.readers.mcap.reader import open_mcap
 
 MULTI_ARRAY = """std_msgs/MultiArrayLayout layout
 float64[] data

@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from tirelog.data.recording import Conditions, Stack
+from tirelog.inference.fit.revolutions import fit
 from tirelog.physics import Model
-from tirelog.physics.fit import fit
-from tirelog.recording import Conditions, Stack
 
 FIVE = ("viscous_damping", "load_transfer", "traction", "water_film", "sensor_lag")
 FITTED = ("viscous_damping", "load_transfer", "water_film", "sensor_lag")
@@ -68,9 +68,9 @@ def stack_of(truth: Model, n: int, noise: float = 2e-6) -> Stack:
 
 def recovery(seeds: range) -> None:
     """Simulated logs without a hidden effect, 60 s on a road of 1 % roughness and 0.5 % scatter between manoeuvres."""
-    from tirelog.discrepancy.stack import stacks_from_logs
+    from benchmarks.cases import Case, case
+    from tirelog.inference.stacks.cut import stacks_from_logs
     from tirelog.simulation import simulate, to_recording
-    from tirelog.simulation.scenarios import Case, case
 
     truth = {"flexural_stiffness_N_m2": 4.0, "foundation_stiffness_N_m2": 2e6, "patch_half_length_m": 0.058, "lever_arm_m": 3e-4}
     pulls, chi2 = [], []

@@ -9,8 +9,8 @@ import time
 import numpy as np
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
-from tirelog.estimators.passages import find_passages
-from tirelog.recording import Channel, TimeAxis
+from tirelog.data.recording import Channel, TimeAxis
+from tirelog.strain.passages.find import find_passages
 
 RATE_HZ, RADIUS_M, PICOMETRE = 2500.0, 0.305, 1.27e-3 / 1550.0
 CONSTANT = [[v, v] for v in (6.0, 10.0, 15.0, 20.0, 25.0)]

@@ -8,13 +8,13 @@ import time
 
 import numpy as np
 
-from tests.estimators.conftest import make_drive
-from tests.estimators.strain_truth import Beam, Ring
-from tests.estimators.test_slip_onset import mixed
+from tests.strain.conftest import make_drive
+from tests.strain.strain_truth import Beam, Ring
+from tests.strain.test_slip_onset import mixed
 from tirelog.dsp.lowpass import Cutoff
-from tirelog.estimators.dissipation import dissipation
-from tirelog.estimators.footprint import footprint
-from tirelog.estimators.passages import find_passages
+from tirelog.strain.dissipation import dissipation
+from tirelog.strain.footprint.footprint import footprint
+from tirelog.strain.passages.find import find_passages
 
 RADIUS_M, SECONDS, SEEDS = 0.305, 30, range(10_000, 10_004)
 

@@ -13,9 +13,9 @@ from benchmarks.big_log import write
 from benchmarks.measure import cost, median
 
 OURS = """
-from tirelog.clock import ClockFit
-from tirelog.readers.text import open_text
-from tirelog.setup import load_setup
+from tirelog.runs.clock import ClockFit
+from tirelog.readers.text.reader import open_text
+from tirelog.data.setup import load_setup
 reader = open_text(r"{log}", load_setup(r"{setup}"), "log")
 clock = ClockFit(resolution_s=reader.groups[0].stamp_resolution_s)
 for block in reader.blocks():

@@ -17,17 +17,17 @@ from collections.abc import Callable
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from tirelog.discrepancy.assessment import assess, nuisance
-from tirelog.discrepancy.base import Base, prepare
-from tirelog.discrepancy.cells import make_cells
-from tirelog.discrepancy.fitting import Problem
-from tirelog.discrepancy.naming import first_step
-from tirelog.discrepancy.signatures import all_signatures, candidate_effects
-from tirelog.discrepancy.stack import stacks_from_logs
-from tirelog.discrepancy.stacks import joined
-from tirelog.physics.model import Model
+from benchmarks.cases import IN_CATALOGUE, Case, case
+from tirelog.diagnosis.assessment import assess, nuisance
+from tirelog.diagnosis.naming import first_step
+from tirelog.diagnosis.signatures import all_signatures, candidate_effects
+from tirelog.inference.base import Base, prepare
+from tirelog.inference.cells.cells import make_cells
+from tirelog.inference.fit.cells import Problem
+from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.inference.stacks.spooled import joined
+from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.scenarios import IN_CATALOGUE, Case, case
 
 F_LEVEL, BIC_MARGIN = 0.0027, 10.0
 THRESHOLDS = np.geomspace(1e-3, 1.0, 8)

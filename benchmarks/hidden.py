@@ -20,12 +20,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from tirelog.discrepancy import Diagnosis, diagnose, stacks_from_logs
-from tirelog.physics.model import Model
+from benchmarks.cases import IN_CATALOGUE, OUTSIDE, PAIRS, Case, case
+from tirelog.diagnosis.diagnose import Diagnosis, diagnose
+from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.physics.model.model import Model
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.planted import PLANTABLE
-from tirelog.simulation.scenario import Manoeuvre, Scenario
-from tirelog.simulation.scenarios import IN_CATALOGUE, OUTSIDE, PAIRS, Case, case
+from tirelog.simulation.scenario.planted import PLANTABLE
+from tirelog.simulation.scenario.schema import Manoeuvre, Scenario
 
 KINDS = ("null", "null2", "scatter", "single", "strong", "weak", "other", "faint", "pair", "outside", "ring", "twin", "parted")
 #: strengths against the ordinary ones
@@ -240,7 +241,7 @@ def _both(row: dict[str, str]) -> bool:
 
 
 def _follows(row: dict[str, str]) -> bool:
-    from tirelog.simulation.scenarios import ORDINARY
+    from benchmarks.cases import ORDINARY
 
     truth = {**PLANTABLE[row["planted"]].parameters, **ORDINARY[row["planted"]]}
     if PLANTABLE[row["planted"]].fixed:

@@ -8,7 +8,7 @@ import pytest
 
 PROGRAM = """
 import numpy as np
-from tirelog.estimators.passage_kernels import turning_points
+from tirelog.strain.passages.search_kernels import turning_points
 points = np.empty(5, np.int64)
 count = turning_points(np.array([0, 3, 1, 4], np.float32), 1.0, points)
 print(count, points[:count].tolist(), hasattr(turning_points, "py_func"))
@@ -33,7 +33,7 @@ def test_compiled_is_as_plain_python(tmp_path, switch):
 def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
     """numba itself looks at the caller's file alone."""
     inner, outer = tmp_path / "inner_kernel.py", tmp_path / "outer_kernel.py"
-    head = "from tirelog.compiled import compiled\n"
+    head = "from tirelog.runtime import compiled\n"
     outer.write_text(
         head
         + "from inner_kernel import scale\n@compiled\ndef middle(x):\n    return scale(x)\n@compiled\ndef whole(x):\n    return middle(x)\n"
@@ -59,7 +59,7 @@ def test_scipy_waits_until_it_is_asked_for() -> None:
     asked = """
 import sys
 import numpy as np
-from tirelog.estimators.held import unpacked
+from tirelog.runs.in_memory import unpacked
 out = np.empty(3)
 unpacked(np.arange(3, dtype=np.uint16), 4, 2.0, 1.0, out)
 assert out.tolist()[1:] == [11.0, 13.0]

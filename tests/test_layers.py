@@ -3,64 +3,82 @@
 import ast
 import subprocess
 import sys
+from collections.abc import Iterable
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import pytest
+
 PACKAGE = Path(__file__).parents[1] / "tirelog"
-#: lower layers first; a module imports its own layer and those below
-LAYERS = [
-    {"errors", "columns", "units", "remote", "compiled", "process"},
-    {"recording", "dsp", "files", "documents"},
-    {
-        "plausibility",
-        "setup",
-        "convert",
-        "readers",
-        "spool",
-        "stamps",
-        "clock",
-        "chunks",
-        "store_column",
-        "store_checks",
-        "store",
-        "ingest",
-        "arrow_columns",
-        "csv_rows",
-        "tables",
-        "regression",
-        "overview",
-    },
-    {"physics"},
-    {"estimators"},
-    {"discrepancy"},
-    {"campaign", "report", "plots"},
-    {"cli", "__main__"},
-]
-LAYER = {name: level for level, names in enumerate(LAYERS) for name in names}
+#: a folder or file imports only itself and what stands before it
+ORDER = (
+    "errors",
+    "runtime",
+    "vocabulary",
+    "storage",
+    "data",
+    "dsp",
+    "readers",
+    "runs",
+    "tables",
+    "physics",
+    "simulation",
+    "wheel",
+    "strain",
+    "products",
+    "inference",
+    "diagnosis",
+    "plots",
+    "report",
+    "campaign",
+    "cli",
+    "__main__",
+)
 
 
-def imported(path: Path) -> set[str]:
-    """Names of the parts of tirelog that a module imports."""
+def modules() -> dict[str, Path]:
+    """Every module of the package with its file, by dotted name without the package's own."""
+    names = {".".join(p.relative_to(PACKAGE).with_suffix("").parts): p for p in PACKAGE.rglob("*.py")}
+    return {name.removesuffix(".__init__"): path for name, path in names.items() if name != "__init__"}
+
+
+def imported(path: Path, known: Iterable[str]) -> set[str]:
+    """The modules of tirelog that a module imports, anywhere in it."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
-        modules = (
-            [node.module or ""]
-            if isinstance(node, ast.ImportFrom)
-            else [a.name for a in node.names]
-            if isinstance(node, ast.Import)
-            else []
-        )
-        found |= {m.split(".")[1] for m in modules if m.startswith("tirelog.")}
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tirelog."):
+            module = str(node.module).removeprefix("tirelog.")
+            found |= {f"{module}.{a.name}" if f"{module}.{a.name}" in known else module for a in node.names}
+        elif isinstance(node, ast.Import):
+            found |= {a.name.removeprefix("tirelog.") for a in node.names if a.name.startswith("tirelog.")}
     return found
 
 
 def test_imports_point_down() -> None:
+    known = modules()
     wrong = []
-    for path in PACKAGE.rglob("*.py"):
-        part = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-        if part in ("__init__", "simulation"):
-            continue
-        wrong += [f"{path.name} imports {other}" for other in imported(path) if other != "simulation" and LAYER[other] > LAYER[part]]
+    for name, path in known.items():
+        own = ORDER.index(name.split(".")[0])
+        wrong += [f"{name} imports {m}" for m in imported(path, known) if ORDER.index(m.split(".")[0]) > own]
     assert wrong == []
+
+
+def test_the_models_and_the_truth_do_not_know_each_other() -> None:
+    known = modules()
+    apart = {"physics", "wheel", "strain", "products", "inference", "diagnosis"}
+    for name, path in known.items():
+        rooms = {m.split(".")[0] for m in imported(path, known)}
+        assert not (name.startswith("simulation") and rooms & apart), name
+        assert not (name.split(".")[0] in apart and "simulation" in rooms), name
+
+
+def test_no_two_modules_need_each_other() -> None:
+    """A topological order of all modules exists; else the circle is named."""
+    known = modules()
+    try:
+        list(TopologicalSorter({name: imported(path, known) - {name} for name, path in known.items()}).static_order())
+    except CycleError as circle:
+        pytest.fail(" -> ".join(circle.args[1]))
 
 
 def test_help_imports_no_science() -> None:

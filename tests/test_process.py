@@ -8,7 +8,7 @@ import pytest
 
 PROGRAM = """
 import ctypes, sys, threading
-from tirelog.process import one_heap
+from tirelog.runtime import one_heap
 if sys.argv[1] == "told":
     one_heap()
 held = []

@@ -12,10 +12,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tirelog import remote
 from tirelog.campaign.folder import moved_into
 from tirelog.campaign.ledger import Entry
 from tirelog.campaign.work import Task, make_tables
+from tirelog.storage import remote
 
 #: a busy machine may take so long [s] for what takes one second
 PATIENCE_S = 240.0

@@ -14,12 +14,12 @@ import pytest
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import killed_in_the_midst
 from tests.cli.conftest import SETUP
-from tests.discrepancy.toy import stack
+from tests.diagnosis.toy import stack
 from tirelog.campaign.folder import folder_at
 from tirelog.campaign.pieces_file import pieces_bytes, read_pieces
 from tirelog.cli import run
-from tirelog.discrepancy.pieces import joined_pieces, pieces_of
-from tirelog.setup import parse_setup
+from tirelog.data.setup import parse_setup
+from tirelog.inference.cells.pieces import joined_pieces, pieces_of
 
 
 def call(*arguments: object) -> int:
@@ -109,7 +109,7 @@ def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
 
 def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
     from tirelog.campaign.manifest import load_manifest
-    from tirelog.estimators.makers import MAKERS
+    from tirelog.products import MAKERS
 
     campaign = load_manifest(manifest, {name: maker.options for name, maker in MAKERS.items()})
     assert [log.setup.conditions.load_N for log in campaign.logs if log.setup] == [3000.0, 3100.0, 3200.0, 3300.0]

@@ -49,7 +49,7 @@ def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals
 @LINUX
 def test_a_worker_that_comes_to_life_after_its_parent_has_gone_ends(tmp_path: Path) -> None:
     """The parent's number is not the one that the kernel names: as if it had ended before the worker began."""
-    program = "from tirelog.process import end_with_parent; end_with_parent(1 << 30); print('alive')"
+    program = "from tirelog.runtime import end_with_parent; end_with_parent(1 << 30); print('alive')"
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
     assert (found.returncode, found.stdout) == (1, b"")
 

@@ -12,8 +12,8 @@ import pytest
 from tests.campaign.conftest import MANIFEST, dataset
 from tests.cli.conftest import Command
 from tirelog.campaign import cluster
-from tirelog.campaign.folder import json_of
 from tirelog.campaign.ledger import Entry, _entry
+from tirelog.campaign.names import json_of
 from tirelog.campaign.remote_folder import _refuse_if_alive
 from tirelog.cli.campaign import _Progress
 

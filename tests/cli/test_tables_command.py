@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import RATE_HZ, SETUP, Command, pulse_rows
+from tirelog.data.recording import Channel
 from tirelog.errors import ReadError
-from tirelog.recording import Channel
 
 THREE = ("speed", "footprint", "dissipation")
 GRATINGS = 4
@@ -81,8 +81,8 @@ def test_a_file_where_the_folder_should_be(folder: Path, tirelog: Command) -> No
 
 
 def test_a_channel_that_fails_is_not_waited_for(several: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tirelog.estimators import passage_surface
-    from tirelog.estimators.passages import Passages
+    from tirelog.strain.passages import surface as passage_surface
+    from tirelog.strain.passages.find import Passages
 
     found = passage_surface.find_passages
 

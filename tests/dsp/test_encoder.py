@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from tirelog.dsp.encoder_angle import KnotBuilder, angle_function
-from tirelog.dsp.encoder_pitch import PitchLearner
-from tirelog.dsp.encoder_signal import Crossings, crossings, probe
-from tirelog.dsp.encoder_teeth import Teeth, count_teeth
+from tirelog.dsp.encoder.knots import KnotBuilder, angle_function
+from tirelog.dsp.encoder.pitch import PitchLearner
+from tirelog.dsp.encoder.signal import Crossings, crossings, probe
+from tirelog.dsp.encoder.teeth import Teeth, count_teeth
 
 RATE, STEPS = 10_000.0, 48
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.estimators.phase_truth import DYNAMIC, Drive, Encoder, recording
-from tirelog.dsp.frequency_trackers import notch, quinn_fernandes, track
-from tirelog.estimators.wheel_angle import encoder_of
+from tests.dsp.frequency_trackers import notch, quinn_fernandes, track
+from tests.wheel.phase_truth import DYNAMIC, Drive, Encoder, recording
+from tirelog.wheel.angle import encoder_of
 
 
 @pytest.mark.parametrize("tracker", [quinn_fernandes, notch])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from tirelog.discrepancy import measured
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import UsageError
-from tirelog.ingest import open_recording
-from tirelog.recording import Channel, TimeAxis
+from tirelog.inference import measured
+from tirelog.runs.ingest import open_recording
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 RATE_HZ = 10_000.0

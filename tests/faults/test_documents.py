@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from tirelog.cli.history import read_history
-from tirelog.documents import DEEPEST, json_value, toml_tables
+from tirelog.data.setup import load_setup
 from tirelog.errors import ModelError, SetupError, TirelogError, UsageError, printable
-from tirelog.estimators.calibration_file import read_calibration
-from tirelog.physics.model_file import read
-from tirelog.setup import load_setup
-from tirelog.simulation.scenario_file import load_scenario
+from tirelog.physics.model.file import load_model as read
+from tirelog.simulation.scenario.file import load_scenario
+from tirelog.storage.documents import DEEPEST, json_value, toml_tables
+from tirelog.wheel.calibration_file import read_calibration
 
 FILES: dict[str, Callable[[Path], object]] = {
     "setup": load_setup,

@@ -6,9 +6,9 @@ import h5py
 import numpy as np
 import pytest
 
+from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError
-from tirelog.readers.hdf5 import open_hdf5
-from tirelog.setup import parse_setup
+from tirelog.readers.hdf5.reader import open_hdf5
 
 GOOD = np.arange(20_000.0)
 

@@ -77,7 +77,7 @@ def test_a_flipped_bit_loses_its_chunk_by_name_and_no_other(path, compression, w
 
 @pytest.mark.parametrize(("ahead", "as_stream"), [(1 << 25, True), (1000, False)])
 def test_definitions_lost_with_the_first_chunk_come_from_the_end_of_the_file(path, monkeypatch, ahead, as_stream):
-    monkeypatch.setattr("tirelog.readers.mcap_file.READ_AHEAD_BYTES", ahead)
+    monkeypatch.setattr("tirelog.readers.mcap.reader.READ_AHEAD_BYTES", ahead)
     write_json(path, messages())
     flip(path, chunks(path)[0].chunk_start_offset + 200)
     values, _, reader = read(io.BytesIO(path.read_bytes()) if as_stream else path, SOURCES)
@@ -87,7 +87,7 @@ def test_definitions_lost_with_the_first_chunk_come_from_the_end_of_the_file(pat
 
 
 def test_a_stream_too_long_to_hold_says_that_its_definitions_are_lost(path, monkeypatch):
-    monkeypatch.setattr("tirelog.readers.mcap_file.READ_AHEAD_BYTES", 1000)
+    monkeypatch.setattr("tirelog.readers.mcap.reader.READ_AHEAD_BYTES", 1000)
     write_json(path, messages())
     flip(path, chunks(path)[0].chunk_start_offset + 200)
     with pytest.raises(ReadError, match=r"messages belong to channels whose definition is lost"):
@@ -325,10 +325,10 @@ SWOLLEN = {
 @pytest.mark.parametrize("alone", [False, True])
 @pytest.mark.parametrize("what", SWOLLEN)
 def test_a_small_file_that_unpacks_to_much_costs_that_chunk_and_no_memory(path, monkeypatch, what, alone):
-    for module in ("mcap_walk", "mcap_records"):
-        monkeypatch.setattr(f"tirelog.readers.{module}.LARGEST_DEFINITION_BYTES", 2000)
-    monkeypatch.setattr("tirelog.readers.mcap_records.MOST_DEFINITION_BYTES", 4000)
-    monkeypatch.setattr("tirelog.readers.mcap_decode.LARGEST_MESSAGE_BYTES", 50_000)
+    for module in ("walk", "records"):
+        monkeypatch.setattr(f"tirelog.readers.mcap.{module}.LARGEST_DEFINITION_BYTES", 2000)
+    monkeypatch.setattr("tirelog.readers.mcap.records.MOST_DEFINITION_BYTES", 4000)
+    monkeypatch.setattr("tirelog.readers.mcap.decode.LARGEST_MESSAGE_BYTES", 50_000)
     records, said = SWOLLEN[what]
     head = b"\x89MCAP0\r\n" + record(Opcode.HEADER, prefixed(b"") + prefixed(b""))
     end = record(Opcode.DATA_END, b"\0" * 4) + record(Opcode.FOOTER, b"\0" * 20) + b"\x89MCAP0\r\n"

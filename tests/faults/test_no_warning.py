@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tirelog.data.recording import TimeAxis
 from tirelog.dsp.sliding import sliding_mean
-from tirelog.estimators.passage_kinematics import may_have_stopped
-from tirelog.recording import TimeAxis
+from tirelog.strain.passages.kinematics import may_have_stopped
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 

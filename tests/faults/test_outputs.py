@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tirelog.errors import OutputError, UsageError
-from tirelog.files import (
+from tirelog.storage.whole import (
     all_or_none,
     inputs_kept,
     part_name,
@@ -24,7 +24,7 @@ from tirelog.files import (
 #: writes half of t.csv and of a temporary run, and is killed
 KILLED = """
 import os, signal, sys
-from tirelog.files import temporary_folder, whole_file
+from tirelog.storage.whole import temporary_folder, whole_file
 with whole_file(sys.argv[1]) as part, temporary_folder() as folder:
     part.write_text("half")
     (folder / "run.h5").write_text("half")

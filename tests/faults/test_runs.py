@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 import typer
 
-from tirelog.chunks import CHUNK, FILTERS, fletcher32
 from tirelog.cli import run
 from tirelog.cli.common import Session
+from tirelog.data.recording import TimeAxis
+from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
-from tirelog.ingest import open_recording, write_run
-from tirelog.readers import Group, RawBlock
-from tirelog.recording import TimeAxis
-from tirelog.setup import parse_setup
-from tirelog.store import RunWriter, is_run, open_run
-from tirelog.store_checks import DIGEST, check_columns, contents_digest
+from tirelog.readers.base import Group, RawBlock
+from tirelog.runs.chunks import CHUNK, FILTERS, fletcher32
+from tirelog.runs.ingest import open_recording, write_run
+from tirelog.runs.store import RunWriter, is_run, open_run
+from tirelog.runs.store_checks import DIGEST, check_columns, contents_digest
 
 SETUP = """[tire]
 rolling_radius_m = 0.305

@@ -10,10 +10,10 @@ import pytest
 import zstandard
 
 from tests.readers.text_logs import Pipe, joined, read, setup_of
-from tirelog.clock import ClockFit
 from tirelog.errors import ReadError
-from tirelog.readers import text_source
-from tirelog.readers.text import open_text
+from tirelog.readers.text import source as text_source
+from tirelog.readers.text.reader import open_text
+from tirelog.runs.clock import ClockFit
 
 SETUP = setup_of({"a": {"source": "A"}, "b": {"source": "B"}})
 HEADER = "time_s,A,B\n"
@@ -75,7 +75,7 @@ LOST = {
 
 @pytest.mark.parametrize("name", LOST)
 def test_what_is_lost_is_told_and_the_rest_is_kept(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tirelog.readers.text_source.HEAD_BYTES", 2000)
+    monkeypatch.setattr("tirelog.readers.text.source.HEAD_BYTES", 2000)
     text, kept, message = LOST[name]
     reader, block = read(text, SETUP)
     assert block.values["a"].size == kept

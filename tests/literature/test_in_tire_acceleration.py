@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.estimators.passages import find_passages
-from tirelog.recording import Channel, TimeAxis
+from tirelog.data.recording import Channel, TimeAxis
+from tirelog.strain.passages.find import find_passages
 
 #: angle from the patch centre [degrees]: mean [g] with the patch shifted to 0, standard deviation between turns [g]
 TURN = """-120 -156.8 2.7  -90 -155.6 2.5  -60 -162.6 5.3  -45 -177.3 5.2  -40 -181.0 10  -35 -186.6 12  -30 -207.6 12  -25 -176.6 13

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.estimators.strain_truth import Beam
+from tests.strain.strain_truth import Beam
 
 EJ, K, MU = 5e7 * 1.66e-8, 7.79e6, 0.676
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from tests.estimators.strain_truth import Beam
-from tirelog.estimators.edges import find_edges
+from tests.strain.strain_truth import Beam
+from tirelog.strain.footprint.plain_edges import find_edges
 
 TABLE_1 = {"stiffness": 5e7 * 1.66e-8, "foundation": 7.79e6, "line_mass": 0.676, "load_N": 400 * 9.81}
 RATE_HZ = 2500.0

@@ -7,9 +7,9 @@ F_z, both carry one trend with speed for front and rear, and the load leaks a li
 import numpy as np
 import pytest
 
-from tests.estimators.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, recording
-from tirelog.estimators.calibration import calibrate, clean
-from tirelog.estimators.phase_shift import measure
+from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, recording
+from tirelog.wheel.calibration import calibrate, clean
+from tirelog.wheel.phase_shift import measure
 
 MASS_KG, HEIGHT_OVER_BASE = 1500.0, 0.2
 STATIC_N = {"front": 3700.0, "rear": 3650.0}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.physics.beam import critical_speed, exact_displacement
 from tirelog.physics.brush import slip_stiffness, traction, transition
-from tirelog.recording import Conditions
+from tirelog.physics.carcass.beam import critical_speed, exact_displacement
 
 # Table 1 with mu = rho x cross-section (errata)
 EJ, K, MU, L, M, H, R, C = 5e7 * 1.66e-8, 7.790e6, 0.676, 0.05, 400 * 9.81, 0.018, 0.3126, 11.11

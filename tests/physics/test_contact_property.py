@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.contact import solve_contact
-from tirelog.physics.ring import RingCarcass
-from tirelog.recording import Conditions
+from tirelog.physics.carcass.contact import solve_contact
+from tirelog.physics.carcass.ring import RingCarcass
 
 R, STEP = 0.3, 2 * np.pi / 3072
 CARCASS = RingCarcass(EI=2.0, k_w=6.3e5, k_v=6.3e5, c_w=0.0, c_v=0.0, pb=1.2e5 * 0.14, R=R, k_t=8.75e7)

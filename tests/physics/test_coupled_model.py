@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.model_file import parse
-from tirelog.recording import Conditions
+from tirelog.physics.model.file import load_model, parse, save_model
 
 RING = {"radial_damping_N_s_m2": 60.0, "tangential_damping_N_s_m2": 60.0}
 
@@ -25,8 +25,8 @@ def test_steady_rolling_is_the_ring(observable):
 
 def test_the_file_keeps_it(tmp_path):
     model = Model.new("coupled_ring", hub_mass_kg=31.0, friction=0.6)
-    model.save(tmp_path / "m.toml")
-    again = Model.load(tmp_path / "m.toml")
+    save_model(model, tmp_path / "m.toml")
+    again = load_model(tmp_path / "m.toml")
     assert again.carcass == "coupled_ring"
     assert again.values == model.values
     assert again.free == model.free

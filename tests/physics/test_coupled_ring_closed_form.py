@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve
 
-from tirelog.physics import Model, contact
-from tirelog.physics.coupled_ring import CoupledRing
-from tirelog.physics.coupled_ring_motion import Drive, State, Stepper, simulate
-from tirelog.physics.modes import matrices
-from tirelog.physics.ring import modal_impedance
-from tirelog.recording import Conditions
+from tirelog.data.recording import Conditions
+from tirelog.physics import Model
+from tirelog.physics.carcass import contact
+from tirelog.physics.carcass.ring import modal_impedance
+from tirelog.physics.moving.modes import matrices
+from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.ring import CoupledRing
 
 TIRE = CoupledRing(
     EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=600.0, c_v=600.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, m_h=1.0, J_h=0.1, c_x=0.0, modes=40

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tirelog.errors import ModelError
-from tirelog.physics.coupled_ring import CoupledRing
-from tirelog.physics.coupled_ring_motion import Drive, State, Stepper, simulate
-from tirelog.physics.modes import natural_modes
-from tirelog.physics.road import MeasuredRoad, SineRoad, cleat, load_road, step
+from tirelog.physics.moving.modes import natural_modes
+from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.ring import CoupledRing
+from tirelog.physics.moving.road import MeasuredRoad, SineRoad, cleat, load_road, step
 
 TIRE = CoupledRing(EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, modes=30)
 

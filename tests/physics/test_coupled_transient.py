@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Conditions
+from tirelog.data.setup import RoadSetup, parse_road
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.coupled_ring_steady import steady_rolling
-from tirelog.physics.coupled_ring_transient import Course, Schedule, drive
-from tirelog.physics.road import FlatRoad, Placed, road_of
-from tirelog.recording import Conditions
-from tirelog.setup import RoadSetup, parse_road
+from tirelog.physics.moving.road import FlatRoad, Placed, road_of
+from tirelog.physics.moving.steady import steady_rolling
+from tirelog.physics.moving.transient import Course, Schedule, drive
 
 SPEED, LOAD = 20.0, 3434.0
 MODEL = Model.new("coupled_ring", load_N=LOAD, radius_m=0.305, inflation_pressure_Pa=2.2e5, width_m=0.215)

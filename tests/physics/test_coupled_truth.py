@@ -13,11 +13,11 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from tests.simulation.rolls import EI, K_V, K_W, LEVEL, LINE_MASS, PB, RADIUS, belt, moved, orders, rolling, strain_rider
-from tirelog.physics.coupled_ring import CoupledRing
-from tirelog.physics.coupled_ring_motion import Drive, State, Stepper, simulate
-from tirelog.physics.modes import natural_modes
-from tirelog.physics.road import FlatRoad, cleat
-from tirelog.simulation.profile import Profile
+from tirelog.physics.moving.modes import natural_modes
+from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.ring import CoupledRing
+from tirelog.physics.moving.road import FlatRoad, cleat
+from tirelog.simulation.rolling.profile import Profile
 
 SPEED, LOAD, LEVER, THETA, DAMPING = 20.0, 3000.0, 3e-4, -1.2, 100.0
 BEGIN, HEIGHT, LENGTH = 0.5, 0.005, 0.04

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import CATALOGUE, Model
 from tirelog.physics.effects.base import ACTS_ON
-from tirelog.physics.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
-from tirelog.recording import Conditions
+from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
 
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
 N = 7

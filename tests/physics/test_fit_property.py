@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tests.physics.collocation import solve_closed_line
+from tirelog.data.recording import Conditions, Stack
 from tirelog.errors import ModelError
+from tirelog.inference.fit.design import design
+from tirelog.inference.fit.revolutions import fit
+from tirelog.inference.metric.revolutions import NUISANCES
 from tirelog.physics import Model
-from tirelog.physics.design import design
-from tirelog.physics.fit import fit
-from tirelog.physics.metric import NUISANCES
-from tirelog.recording import Conditions, Stack
 
 R, F = 0.3126, 3600.0
 TRUTH = {

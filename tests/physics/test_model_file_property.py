@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Conditions
 from tirelog.errors import OutputError
 from tirelog.physics import CATALOGUE, Model
-from tirelog.physics.model_file import as_toml, parse
-from tirelog.recording import Conditions
+from tirelog.physics.model.file import as_toml, load_model, parse, save_model
 
 CONTRACT = """
 # the tire on the drum
@@ -90,11 +90,11 @@ def test_values_errors_and_the_users_own_effect_come_back():
 
 def test_saving_is_whole_or_not_at_all(tmp_path):
     target = tmp_path / "m.toml"
-    parse(CONTRACT).save(target)
-    assert Model.load(target).path == target
+    save_model(parse(CONTRACT), target)
+    assert load_model(target).path == target
     before = target.read_text()
     with pytest.raises(OutputError):
-        parse(CONTRACT).save(tmp_path / "nowhere" / "m.toml")
+        save_model(parse(CONTRACT), tmp_path / "nowhere" / "m.toml")
     assert target.read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.physics import contact
-from tirelog.physics.coupled_ring import CoupledRing
-from tirelog.physics.modes import natural_modes
+from tirelog.physics.carcass import contact
+from tirelog.physics.moving.modes import natural_modes
+from tirelog.physics.moving.ring import CoupledRing
 
 TIRE = CoupledRing(EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=0.0, c_v=0.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, m_h=20.0, J_h=0.8)
 TWO_PI = 2.0 * np.pi

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Conditions
 from tirelog.physics import Model
-from tirelog.recording import Conditions
 
 R = 0.3
 PHI = np.linspace(-np.pi, np.pi, 4097)[:-1]

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tirelog.data.recording import Conditions
 from tirelog.physics import Model, brush
-from tirelog.recording import Conditions
 
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
 ONE = Conditions.of(1, speed_m_s=12.0, load_N=3400.0, acceleration_m_s2=0.0)

@@ -6,8 +6,8 @@ import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.writer import CompressionType, Writer
 
-from tirelog.readers.mcap_file import open_mcap
-from tirelog.setup import parse_setup
+from tirelog.data.setup import parse_setup
+from tirelog.readers.mcap.reader import open_mcap
 
 START_NS = 1_700_000_000_000_000_000
 MULTI_ARRAY = """std_msgs/MultiArrayLayout layout

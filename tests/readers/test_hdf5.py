@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
-from tirelog.readers import hdf5
-from tirelog.setup import parse_setup
+from tirelog.data.setup import parse_setup
+from tirelog.readers.hdf5 import reader as hdf5
 
 PANDAS = Path(__file__).parent / "data" / "pandas_layouts.h5"
 

@@ -18,8 +18,9 @@ from tests.readers.mcap_files import (
     write_protobuf,
     write_ros2,
 )  # fmt: skip
-from tirelog.readers import mcap_decode, mcap_order
-from tirelog.readers.mcap_source import parse_path, split_source
+from tirelog.readers.mcap import decode as mcap_decode
+from tirelog.readers.mcap import order as mcap_order
+from tirelog.readers.mcap.source import parse_path, split_source
 
 STEP_NS = 400_000
 N = 1500
@@ -34,7 +35,7 @@ def path(tmp_path):
 def slow(monkeypatch):
     """The library alone decodes."""
     monkeypatch.setattr(mcap_decode, "MOST_FAILURES", 0)
-    monkeypatch.setattr("tirelog.readers.mcap_json.JsonReader.read", lambda self, messages, wants: None)
+    monkeypatch.setattr("tirelog.readers.mcap.json_messages.JsonReader.read", lambda self, messages, wants: None)
 
 
 def times(n=N, step=STEP_NS):
@@ -244,7 +245,7 @@ def test_blocks_of_any_size_give_the_same_samples(path, monkeypatch, held, chunk
 
 
 def test_a_topic_that_begins_late_is_not_lost(path, monkeypatch):
-    monkeypatch.setattr("tirelog.readers.mcap_file.READ_AHEAD_BYTES", 5000)
+    monkeypatch.setattr("tirelog.readers.mcap.reader.READ_AHEAD_BYTES", 5000)
     messages = [("/t", t, {"x": i}) for i, t in enumerate(times())] + [("/late", times()[-1], {"y": [i, i + 1]}) for i in range(10)]
     write_json(path, messages, chunk_size=2000)
     values, _, reader = read(path, {"x": "/t:x", "y": "/late:y", "z": "/late:y[0]"})

@@ -7,10 +7,10 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tirelog.readers.mcap_json import JsonReader
-from tirelog.readers.mcap_json_table import read_table, shape_of
-from tirelog.readers.mcap_source import Want
-from tirelog.readers.mcap_walk import Table
+from tirelog.readers.mcap.json_messages import JsonReader
+from tirelog.readers.mcap.json_table import read_table, shape_of
+from tirelog.readers.mcap.source import Want
+from tirelog.readers.mcap.walk import Table
 
 NUMBER = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tests.readers.text_logs import read, setup_of
+from tirelog.data.setup import KINDS, Setup
 from tirelog.errors import ReadError
-from tirelog.ingest import open_recording, write_run
-from tirelog.setup import KINDS, Setup
+from tirelog.runs.ingest import open_recording, write_run
 
 COLUMNS = {"time": 0.0, "strain": 100.0, "temp": 200.0, "load": 300.0}
 

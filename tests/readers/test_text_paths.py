@@ -10,10 +10,11 @@ import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tirelog.readers import counted_floats, text_source
-from tirelog.readers.text import TextReader, open_text
-from tirelog.readers.text_flat import flat
-from tirelog.readers.text_source import ByteSource
+from tirelog.readers.base import counted_floats
+from tirelog.readers.text import source as text_source
+from tirelog.readers.text.flat import flat
+from tirelog.readers.text.reader import TextReader, open_text
+from tirelog.readers.text.source import ByteSource
 
 from .text_logs import Pipe, all_plain, joined, read, setup_of
 

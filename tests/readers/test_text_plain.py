@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tirelog.readers import LOST_COUNT, counted_floats
-from tirelog.readers.digits import WIDE, as_count, as_float, number
-from tirelog.readers.text import open_text
-from tirelog.readers.text_flat import flat
-from tirelog.readers.text_kernels import collapsed
-from tirelog.readers.text_parse import parse
-from tirelog.readers.text_rows import Parsed, Plan
+from tirelog.readers.base import LOST_COUNT, counted_floats
+from tirelog.readers.text.digits import WIDE, as_count, as_float, number
+from tirelog.readers.text.flat import flat
+from tirelog.readers.text.kernels import collapsed
+from tirelog.readers.text.parse import parse
+from tirelog.readers.text.reader import open_text
+from tirelog.readers.text.rows import Parsed, Plan
 
 from .text_logs import all_plain, read, setup_of
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tirelog.readers.text_time import MISSING, column_ns, one_ns
+from tirelog.readers.text.times import MISSING, column_ns, one_ns
 
 LAYOUTS = {
     "iso": [

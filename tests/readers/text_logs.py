@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.readers import RawBlock, counted_floats
-from tirelog.readers.text import TextReader, open_text
-from tirelog.readers.text_plain import plain
-from tirelog.readers.text_rows import Parsed, Plan, concatenated
-from tirelog.setup import Setup, parse_setup
+from tirelog.data.setup import Setup, parse_setup
+from tirelog.readers.base import RawBlock, counted_floats
+from tirelog.readers.text.plain import plain
+from tirelog.readers.text.reader import TextReader, open_text
+from tirelog.readers.text.rows import Parsed, Plan, concatenated
 
 
 def setup_of(channels: Mapping[str, Mapping[str, Any]], log: str = "") -> Setup:

@@ -9,8 +9,8 @@ from mcap.reader import make_reader
 
 from tests.readers.mcap_files import read
 from tirelog.errors import ReadError
-from tirelog.readers import mcap_walk
-from tirelog.readers.mcap_file import McapLog
+from tirelog.readers.mcap import walk as mcap_walk
+from tirelog.readers.mcap.reader import McapLog
 
 REAL = Path(__file__).parents[3] / "shared" / "real" / "rosbag2_mcap"
 FILES = sorted(REAL.glob("*.mcap"))

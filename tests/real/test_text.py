@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.readers.text_logs import joined, read, setup_of
-from tirelog.clock import ClockFit
-from tirelog.readers.text import TextReader, open_text
-from tirelog.recording import TimeAxis
+from tirelog.data.recording import TimeAxis
+from tirelog.readers.text.reader import TextReader, open_text
+from tirelog.runs.clock import ClockFit
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 FBGS, COMMA = REAL / "fbgs_illumisense", REAL / "comma2k19"

@@ -8,7 +8,7 @@ import pytest
 
 from tests.cli.conftest import Command, folder, tirelog
 from tests.report.test_page import data, numbers
-from tirelog.report.build import Asked
+from tirelog.report.asked import Asked
 
 __all__ = ["folder", "tirelog"]
 

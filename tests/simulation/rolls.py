@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.belt import Belt
-from tirelog.simulation.profile import Profile
-from tirelog.simulation.rolling import Motion, Rider, RollingTire, Standing, standing
-from tirelog.simulation.scenario import TrueTire
-from tirelog.simulation.splines import Splines
+from tirelog.simulation.rolling.belt import Belt
+from tirelog.simulation.rolling.profile import Profile
+from tirelog.simulation.rolling.splines import Splines
+from tirelog.simulation.rolling.tire import Motion, Rider, RollingTire, Standing, standing
+from tirelog.simulation.scenario.schema import TrueTire
 
 RADIUS, LINE_MASS, EI, K_W, K_V, PB = 0.3, 3.15, 2.0, 6.3e5, 5.1e5, 1.2e5 * 0.14
 LEVEL = Profile(np.array([0.0, 1.0]), np.zeros(2))

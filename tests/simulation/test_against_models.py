@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.physics.model import Model
-from tirelog.recording import Conditions
-from tirelog.simulation.loads import Instants
-from tirelog.simulation.planted import PLANTABLE
-from tirelog.simulation.scenario import Sensor
-from tirelog.simulation.waveforms import World
+from tirelog.data.recording import Conditions
+from tirelog.physics.model.model import Model
+from tirelog.simulation.scenario.planted import PLANTABLE
+from tirelog.simulation.scenario.schema import Sensor
+from tirelog.simulation.steady.loads import Instants
+from tirelog.simulation.steady.waveforms import World
 
 from .worlds import world
 

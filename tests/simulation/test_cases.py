@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.cases import IN_CATALOGUE, ORDINARY, OUTSIDE, PAIRS, PLANS, Case, case, planted
 from tirelog.errors import UsageError
 from tirelog.simulation import simulate, to_recording
-from tirelog.simulation.planted import PLANTABLE
-from tirelog.simulation.scenarios import IN_CATALOGUE, ORDINARY, OUTSIDE, PAIRS, PLANS, Case, case, planted
+from tirelog.simulation.scenario.planted import PLANTABLE
 
 QUICK = Case(plan="short", logs=2)
 

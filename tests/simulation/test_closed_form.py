@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.simulation.carcass import carcass, curvature_operator
-from tirelog.simulation.contact import FlatRoad
-from tirelog.simulation.loads import friction, parabola
-from tirelog.simulation.operators import Ring, central_weights
-from tirelog.simulation.planted import Planted
-from tirelog.simulation.scenario import Sensor
+from tirelog.simulation.scenario.planted import Planted
+from tirelog.simulation.scenario.schema import Sensor
+from tirelog.simulation.steady.carcass import carcass, curvature_operator
+from tirelog.simulation.steady.contact import FlatRoad
+from tirelog.simulation.steady.loads import friction, parabola
+from tirelog.simulation.steady.operators import Ring, central_weights
 
 from .worlds import instants, scenario, world
 

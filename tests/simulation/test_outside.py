@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tirelog.simulation import scenario_of, simulate
-from tirelog.simulation.planted import PLANTABLE
-from tirelog.simulation.scenario import Sensor
-from tirelog.simulation.wheel import passages, tread_angle
+from tirelog.simulation.scenario.planted import PLANTABLE
+from tirelog.simulation.scenario.schema import Sensor
+from tirelog.simulation.sensors.wheel import passages, tread_angle
 
 from .worlds import instants, tables, world
 
@@ -85,8 +85,8 @@ def test_nothing_pulls_except_suction() -> None:
 
 def test_stiffening_satisfies_its_own_equation() -> None:
     """The solved w under k (1 + k3 w^2) (or its other form) leaves no residual against the linear operator."""
-    from tirelog.simulation.carcass import carcass
-    from tirelog.simulation.loads import parabola
+    from tirelog.simulation.steady.carcass import carcass
+    from tirelog.simulation.steady.loads import parabola
 
     for form, power, scale in (("exact", 2, 1.0), ("other", 1, 0.008)):
         w = world(effects=[{"name": "stiffening", "cubic_1_m2": 3000.0, "form": form}])

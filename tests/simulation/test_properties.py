@@ -9,9 +9,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
-from tirelog.simulation.planted import PLANTABLE
-from tirelog.simulation.scenario import Sensor
-from tirelog.simulation.wheel import passages, tread_angle
+from tirelog.simulation.scenario.planted import PLANTABLE
+from tirelog.simulation.scenario.schema import Sensor
+from tirelog.simulation.sensors.wheel import passages, tread_angle
 
 from .worlds import instants, tables, world
 
@@ -144,7 +144,7 @@ def test_grid_converges(truth: str) -> None:
 
 def test_roughness_has_its_size_and_reach() -> None:
     made = scenario_of(tables(manoeuvres=[{"duration_s": 400.0, "speed_m_s": 20.0}], road={"roughness": 0.02}, seed=3))
-    from tirelog.simulation.drive import roughness_of
+    from tirelog.simulation.scenario.drive import roughness_of
 
     rough = roughness_of(made, 8000.0, np.random.default_rng(3))
     assert rough.values.std() == pytest.approx(0.02, rel=0.06)

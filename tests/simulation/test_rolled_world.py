@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from tirelog.simulation import Scenario, scenario_of, simulate, to_recording, write_log
-from tirelog.simulation.rolled import RolledWorld
-from tirelog.simulation.scenario import Sensor
+from tirelog.simulation.rolling.world import RolledWorld
+from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.simulate import Simulated
 
 from .worlds import instants

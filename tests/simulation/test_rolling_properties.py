@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tirelog.simulation import rolling_kernel as kernel
-from tirelog.simulation.profile import Profile
-from tirelog.simulation.rolling import Motion, standing
-from tirelog.simulation.scenario import Sensor
+from tirelog.simulation.rolling import step_kernel as kernel
+from tirelog.simulation.rolling.profile import Profile
+from tirelog.simulation.rolling.tire import Motion, standing
+from tirelog.simulation.scenario.schema import Sensor
 
 from .rolls import EI, K_V, K_W, LEVEL, LINE_MASS, RADIUS, STEP, belt, moved, orders, rolling, strain_rider
 from .worlds import instants, world

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tirelog.ingest import open_recording
+from tirelog.runs.ingest import open_recording
 from tirelog.simulation import load_scenario, simulate, to_recording
 
 FOLDER = Path(__file__).parents[2] / "sample_data"

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.wheel_cases import WHEEL_PLANS, Instruments, wheel_scenario
 from tirelog.errors import UsageError
 from tirelog.simulation import scenario_of, simulate
-from tirelog.simulation.wheel import longitudinal_force, phase_shift, tread_angle
-from tirelog.simulation.wheel_scenarios import WHEEL_PLANS, Instruments, wheel_scenario
+from tirelog.simulation.sensors.wheel import longitudinal_force, phase_shift, tread_angle
 
 from .worlds import tables, world
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tirelog.ingest import open_recording
+from tirelog.runs.ingest import open_recording
 from tirelog.simulation import Simulated, scenario_of, setup_text, simulate, to_recording, write_log
 
 from .worlds import tables

@@ -14,28 +14,16 @@ from __future__ import annotations
 
 import fcntl
 import os
-import re
-import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from tirelog.documents import json_value
+from tirelog.campaign.names import HIDDEN, swept
 from tirelog.errors import UsageError
-from tirelog.files import failed_writes, output_error
-from tirelog.remote import address
-
-#: what stands in a campaign's folder beside its results
-HIDDEN = ".tirelog"
-#: what a campaign writes besides, by its name in the folder
-_RESULTS = re.compile(r"summary\.csv|table=[^/]+/log=[^/]+/part\.parquet|models/[^/]+/(page|compare|diagnose|ladder)\.json")
-
-
-def is_own(name: str) -> bool:
-    """Whether a file of the output folder is the campaign's: a result, or anything in its hidden folder."""
-    return name.startswith(f"{HIDDEN}/") or _RESULTS.fullmatch(name) is not None
+from tirelog.storage.remote import address
+from tirelog.storage.whole import failed_writes, output_error
 
 
 class Folder(Protocol):
@@ -64,15 +52,6 @@ class Folder(Protocol):
 
     def names(self) -> set[str]:
         """Every file in the folder."""
-
-
-def json_of(data: bytes | None) -> dict[str, Any]:
-    """A small file of ours as a table; empty where it is not there or was damaged."""
-    try:
-        content = json_value(data or b"{}")
-    except ValueError:
-        return {}
-    return content if isinstance(content, dict) else {}
 
 
 def folder_at(place: str | Path) -> Folder:
@@ -175,22 +154,3 @@ def moved_into(output: Path, name: str) -> Iterator[Path]:
             with unmoved.open("rb+") as stream:
                 os.fsync(stream.fileno())
             os.replace(unmoved, path)
-
-
-def swept(temporary: Path) -> None:
-    """An empty folder at `temporary`.  A link in its place is removed, and not followed."""
-    try:
-        if temporary.is_symlink():
-            temporary.unlink()
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir(parents=True)
-    except OSError as problem:
-        raise output_error(temporary, problem) from problem
-
-
-def temporary_for(url: str) -> Path:
-    """The folder of this machine for the temporary runs of a campaign whose results are elsewhere: always the same one, so that the next
-    run sweeps what a kill left."""
-    import hashlib
-
-    return Path(tempfile.gettempdir()) / f"tirelog-campaign-{os.getuid()}-{hashlib.sha256(url.encode()).hexdigest()[:16]}"

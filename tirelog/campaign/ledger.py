@@ -14,8 +14,9 @@ import os
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from tirelog.campaign.folder import HIDDEN, Folder, json_of
-from tirelog.remote import address, open_remote, state_of
+from tirelog.campaign.folder import Folder
+from tirelog.campaign.names import HIDDEN, json_of
+from tirelog.storage.remote import address, open_remote, state_of
 
 _DONE = f"{HIDDEN}/done/"
 _HASHES = f"{HIDDEN}/hashes.json"

@@ -31,11 +31,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tirelog.documents import toml_tables, toml_text
+from tirelog.data.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import SetupError, TirelogError, UsageError, nearest
-from tirelog.remote import address, match_remote, read_remote
-from tirelog.setup import LogConditions, Setup, load_setup, parse_setup, setup_beside
+from tirelog.storage.documents import toml_tables, toml_text
+from tirelog.storage.remote import address, match_remote, read_remote
 
 _SECTIONS = ("campaign", "logs", "tables", "models")
 _CONDITIONS = tuple(f.name for f in dataclasses.fields(LogConditions))

@@ -6,7 +6,7 @@
 What differs between logs (load, pressure, water, age) is what lets `diagnose` see effects that no single log shows.  A result carries the
 key of everything it was made of, so it is made again only when a log, a setup, the model or tirelog changes.
 
-Memory: the means of like revolutions that `discrepancy.gathering` has room for, whatever the campaign's size, and nothing of the
+Memory: the means of like revolutions that `inference.cells.gathering` has room for, whatever the campaign's size, and nothing of the
 revolutions; logs share that room as those of one `diagnose` do, so that both give the same numbers.  A result says how many there were.
 """
 
@@ -20,14 +20,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tirelog import __version__
-from tirelog.campaign.folder import json_of
 from tirelog.campaign.ledger import Ledger
 from tirelog.campaign.manifest import Campaign, CampaignModel
+from tirelog.campaign.names import json_of
 from tirelog.campaign.work import Task, pieces_name
 from tirelog.errors import ReadError, TirelogError, UsageError
+from tirelog.physics.model.file import load_model
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy.pieces import Pieces
+    from tirelog.inference.cells.pieces import Pieces
 
 #: changes with what a result is made of beside logs, setups and models, so that older results are made again
 _FORM = "steady revolutions, shared room"
@@ -58,10 +59,11 @@ def _run(model: CampaignModel, manifest: str, ledger: Ledger, tasks: list[Task],
     waiting = [name for name in model.commands if json_of(ledger.folder.read(f"{folder}/{name}.json")).get("key") != key]
     if not waiting:
         return
-    from tirelog.discrepancy import compare, diagnose, ladder
-    from tirelog.physics.model import Model
+    from tirelog.diagnosis.compare import compare
+    from tirelog.diagnosis.diagnose import diagnose
+    from tirelog.diagnosis.ladder import ladder
 
-    read = Model.load(model.file)
+    read = load_model(model.file)
     commands: dict[str, Callable[..., Any]] = {"compare": compare, "diagnose": diagnose, "ladder": ladder}
     pieces, about = _pieces(measured, model.observable, ledger)
     results = {}
@@ -99,9 +101,9 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
 
 def _pieces(tasks: list[Task], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:
     """Each log's share of pieces, and what to say of it."""
-    from tirelog.discrepancy.gathering import chosen_logs, left_out, room, share_out
-    from tirelog.discrepancy.pieces import joined_pieces
-    from tirelog.physics.carcass import SCALARS
+    from tirelog.inference.cells.gathering import chosen_logs, left_out, room, share_out
+    from tirelog.inference.cells.pieces import joined_pieces
+    from tirelog.physics.carcass.numbers import SCALARS
 
     most = room(1 if observable in SCALARS else 2)
     chosen = [tasks[i] for i in chosen_logs(len(tasks), most)]

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.discrepancy.pieces import Pieces
-from tirelog.documents import json_value
-from tirelog.recording import Conditions
+from tirelog.data.recording import Conditions
+from tirelog.inference.cells.pieces import Pieces
+from tirelog.storage.documents import json_value
 
 _WORDS = ("observable", "channel", "surface", "radius_m", "logs", "notes")
 

@@ -22,9 +22,17 @@ import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from tirelog.campaign.folder import HIDDEN, is_own, json_of, swept, temporary_for
+from tirelog.campaign.names import HIDDEN, is_own, json_of, swept, temporary_for
 from tirelog.errors import TirelogError, UsageError
-from tirelog.remote import PART, create_remote, list_remote, read_remote, read_several, remove_remote, write_remote
+from tirelog.storage.remote import (
+    PART,
+    create_remote,
+    list_remote,
+    read_remote,
+    read_several,
+    remove_remote,
+    write_remote,
+)
 
 BEAT_S = 15.0
 EXPIRES_S = 60.0

@@ -23,7 +23,7 @@ from tirelog.campaign.ledger import Entry, Ledger, key_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.campaign.work import Task, make_tables, part_name, pieces_name
 from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
-from tirelog.process import end_with_parent, one_heap
+from tirelog.runtime import end_with_parent, one_heap
 
 #: a log whose worker died this often is failed
 _ATTEMPTS = 3

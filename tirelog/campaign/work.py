@@ -1,7 +1,7 @@
 """One log's task, carried out in a worker: open the log once, write all its tables and what models need of it, say how it went.
 
 The worker's memory is that of one command on one log, which streams: blocks of a fixed size, whatever the log's length.  What models need
-are the means of like revolutions (`discrepancy.pieces`, 25 kB each); the revolutions that they are made of (8 kB each, one channel) are in
+are the means of like revolutions (`inference.cells.pieces`, 25 kB each); the revolutions that they are made of (8 kB each, one channel) are in
 memory only here, and only while they are averaged.
 """
 
@@ -19,16 +19,17 @@ from typing import Any
 import numpy as np
 
 from tirelog import __version__
-from tirelog.campaign.folder import HIDDEN, moved_into
+from tirelog.campaign.folder import moved_into
 from tirelog.campaign.ledger import Entry
+from tirelog.campaign.names import HIDDEN
+from tirelog.data.recording import Recording
+from tirelog.data.setup import parse_setup
 from tirelog.errors import ExitStatus, OutputError, TirelogError, UsageError
-from tirelog.estimators.makers import MAKERS, tables_of
-from tirelog.files import whole_file
-from tirelog.ingest import open_recording
-from tirelog.recording import Recording
-from tirelog.remote import address
-from tirelog.setup import parse_setup
-from tirelog.tables import TableWriter
+from tirelog.products import MAKERS, tables_of
+from tirelog.runs.ingest import open_recording
+from tirelog.storage.remote import address
+from tirelog.storage.whole import whole_file
+from tirelog.tables.writer import TableWriter
 
 
 @dataclass(frozen=True)
@@ -131,9 +132,9 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
     if not task.observables:
         return
     from tirelog.campaign.pieces_file import pieces_bytes
-    from tirelog.discrepancy.gathering import pieces_of_all
-    from tirelog.discrepancy.measured import measured
-    from tirelog.discrepancy.stack import KINDS
+    from tirelog.inference.cells.gathering import pieces_of_all
+    from tirelog.inference.measured import measured
+    from tirelog.inference.stacks.cut import KINDS
 
     for observable in task.observables:
         if not recording.of_kind(*KINDS.get(observable, ())):

@@ -55,7 +55,7 @@ def run(arguments: list[str] | None = None) -> int:
     debug = "--debug" in arguments or bool(os.environ.get("TIRELOG_DEBUG"))
     try:
         from tirelog.cli.app import command  # in here, so that an interrupt meanwhile is one too
-        from tirelog.files import inputs_kept
+        from tirelog.storage.whole import inputs_kept
 
         parsed: Any = command()
         if "_TIRELOG_COMPLETE" in os.environ:  # the shell asks for completions
@@ -86,7 +86,7 @@ def run(arguments: list[str] | None = None) -> int:
 def main() -> None:
     """Entry point of the console script."""
     from tirelog.cli.streams import drop_output, open_streams
-    from tirelog.process import one_heap
+    from tirelog.runtime import one_heap
 
     open_streams()
     one_heap()

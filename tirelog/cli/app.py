@@ -53,7 +53,7 @@ OUTPUTS = ("output", "plot", "save", "calibrate", "figures")
 
 def _keep_inputs(given: dict[str, Any]) -> None:
     """Tell which files a command reads, before it does.  UsageError: it would write on one of them."""
-    from tirelog.files import refuse_inputs, taken_as_input
+    from tirelog.storage.whole import refuse_inputs, taken_as_input
 
     outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
     for place in _inputs(given, outputs):
@@ -74,7 +74,7 @@ def _inputs(given: dict[str, Any], outputs: tuple[str, ...]) -> Iterator[Path | 
             if name not in outputs and (isinstance(path, Path) or (logs and isinstance(path, str))):
                 yield path
         if logs and given.get("setup") is None:
-            from tirelog.setup import setup_beside
+            from tirelog.data.setup import setup_beside
 
             yield from filter(None, map(setup_beside, filter(None, several)))
 

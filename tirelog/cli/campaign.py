@@ -26,7 +26,7 @@ def _load(manifest: Path) -> tuple[Campaign, Ledger]:
     from tirelog.campaign.folder import folder_at
     from tirelog.campaign.ledger import Ledger
     from tirelog.campaign.manifest import load_manifest
-    from tirelog.estimators.makers import MAKERS
+    from tirelog.products import MAKERS
 
     campaign = load_manifest(manifest, {name: maker.options for name, maker in MAKERS.items()})
     return campaign, Ledger(folder_at(campaign.output))

@@ -24,9 +24,9 @@ def check(
     Rows are matched by the log's path as it was typed; if not one path is in both tables, by the
     log's file name, which is said.
     """
-    from tirelog.files import whole_file
-    from tirelog.regression import as_table, differences, of_like_logs, summary
-    from tirelog.tables import TableWriter, read_table
+    from tirelog.storage.whole import whole_file
+    from tirelog.tables.check import as_table, differences, of_like_logs, summary
+    from tirelog.tables.writer import TableWriter, read_table
 
     if bless:
         if str(table) == "-":

@@ -26,15 +26,15 @@ from tirelog.errors import DataLoss, ExitStatus, ReadError, UsageError, printabl
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tirelog.recording import Recording
-    from tirelog.setup import Setup
-    from tirelog.tables import TableWriter
+    from tirelog.data.recording import Recording
+    from tirelog.data.setup import Setup
+    from tirelog.tables.writer import TableWriter
 
 
 def in_a_folder(path: Path | None) -> Path | None:
     """The path of an output, whose folder is there: this is asked before the work, not after it."""
-    from tirelog.files import output_error
-    from tirelog.remote import address
+    from tirelog.storage.remote import address
+    from tirelog.storage.whole import output_error
 
     if path is not None and address(path) is None and not path.parent.is_dir():
         number = errno.ENOTDIR if path.parent.exists() else errno.ENOENT
@@ -74,7 +74,7 @@ def page(width: int) -> Console:
 
 def keeps_hashes(output: Path | None, format: str | None) -> bool:
     """True where the table asked for carries the sha256 of its inputs: parquet has room for them."""
-    from tirelog.tables import table_format
+    from tirelog.tables.writer import table_format
 
     return table_format(output, format) == "parquet"
 
@@ -104,7 +104,7 @@ class Session:
     def setup(self) -> Setup | None:
         """The setup given with --setup, read once."""
         if self._shared is None and self._setup_file is not None:
-            from tirelog.setup import load_setup
+            from tirelog.data.setup import load_setup
 
             self._shared = load_setup(self._setup_file)
         return self._shared
@@ -134,7 +134,7 @@ class Session:
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
         """One log, or None where it cannot be read (which has been said)."""
-        from tirelog.ingest import open_recording
+        from tirelog.runs.ingest import open_recording
 
         try:
             recording = resources.enter_context(open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed))
@@ -163,7 +163,7 @@ class Session:
 
     def table(self, name: str, output: Path | None, format: str | None, **metadata: Any) -> TableWriter:
         """A writer for the command's table."""
-        from tirelog.tables import TableWriter
+        from tirelog.tables.writer import TableWriter
 
         return TableWriter(name, output, format, metadata={"inputs": self.hashes, **metadata})
 

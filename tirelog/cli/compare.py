@@ -9,15 +9,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.common import (
+    Format,
+    Logs,
+    ModelFile,
+    Output,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    keeps_hashes,
+)
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy import Comparison
-    from tirelog.discrepancy.measured import MeasuredLogs
-    from tirelog.discrepancy.stacks import Stacks
-    from tirelog.discrepancy.transient import TransientComparison
-    from tirelog.discrepancy.transient_log import TransientLog
-    from tirelog.physics.model import Model
+    from tirelog.diagnosis.obstacles.compare import TransientComparison
+    from tirelog.diagnosis.results import Comparison
+    from tirelog.inference.measured import MeasuredLogs
+    from tirelog.inference.obstacle_log import TransientLog
+    from tirelog.inference.stacks.spooled import Stacks
+    from tirelog.physics.model.model import Model
 
 Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own; it is run.", show_default=False)]
 ChannelName = Annotated[
@@ -43,25 +53,25 @@ def measured_and_model(
     session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
 ) -> tuple[MeasuredLogs, Model]:
     """What compare starts from: steady revolutions and obstacles of the logs, and the model."""
-    from tirelog.discrepancy.measured import measured
-    from tirelog.physics.model import Model
-    from tirelog.physics.user_effects import catalogue_with
+    from tirelog.inference.measured import measured
+    from tirelog.physics.model.file import load_model
+    from tirelog.physics.model.user_effects import catalogue_with
 
-    read = Model.load(model, catalogue=catalogue_with(effects))
+    read = load_model(model, catalogue=catalogue_with(effects))
     return measured(session.recordings(logs), read.observable, channel), read
 
 
 def own_effects(effects: Path | None) -> list[Any]:
     """Candidates beside the catalogue: installed packages' and those of --effects."""
     from tirelog.physics.effects import BY_ID
-    from tirelog.physics.user_effects import catalogue_with
+    from tirelog.physics.model.user_effects import catalogue_with
 
     return [effect for name, effect in catalogue_with(effects).items() if name not in BY_ID]
 
 
 def write_json(value: dict[str, Any], output: Path | None) -> None:
     """A JSON document on standard output or as a whole file."""
-    from tirelog.files import whole_file
+    from tirelog.storage.whole import whole_file
 
     text = json.dumps(value, indent=1) + "\n"
     if output is None:
@@ -103,7 +113,7 @@ def compare(
     refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
-        from tirelog.discrepancy import compare as compare_stacks
+        from tirelog.diagnosis.compare import compare as compare_stacks
 
         result = compare_stacks(found.stacks, read)
         answers = _obstacles(session, found.obstacles, result)
@@ -143,7 +153,7 @@ def _obstacles(session: Session, obstacles: Sequence[TransientLog], result: Comp
     if result.model.carcass != "coupled_ring":
         session.note(f'a {result.model.carcass} says nothing of the obstacles; carcass = "coupled_ring" does')
         return None
-    from tirelog.discrepancy.transient import compare_transients
+    from tirelog.diagnosis.obstacles.compare import compare_transients
 
     return compare_transients(obstacles, result.model, unit=result.unit)
 

@@ -4,11 +4,29 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, keeps_hashes, say
-from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
+from tirelog.cli.common import (
+    Format,
+    Logs,
+    ModelFile,
+    Output,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    keeps_hashes,
+    say,
+)
+from tirelog.cli.compare import (
+    ChannelName,
+    Effects,
+    columns_of,
+    own_effects,
+    stacks_and_model,
+    write_json,
+)
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy import Diagnosis
+    from tirelog.diagnosis.diagnose import Diagnosis
 
 
 def diagnose(
@@ -29,7 +47,7 @@ def diagnose(
     refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         stacks, read = stacks_and_model(session, logs, model, effects, channel)
-        from tirelog.discrepancy import diagnose as diagnose_stacks
+        from tirelog.diagnosis.diagnose import diagnose as diagnose_stacks
 
         result = diagnose_stacks(stacks, read, effects=own_effects(effects), progress=(lambda text: None) if quiet else say)
         for remark in result.before.remarks:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from tirelog.discrepancy import Comparison, Diagnosis
-    from tirelog.discrepancy.results import Candidate
+    from tirelog.diagnosis.diagnose import Diagnosis
+    from tirelog.diagnosis.results import Candidate, Comparison
 
 _WIDTH = 110
 
@@ -22,7 +22,7 @@ def _console() -> Console:
 
 def shown(observable: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which a person reads the observable."""
-    from tirelog.discrepancy.wording import READ
+    from tirelog.diagnosis.wording import READ
 
     return READ.get(observable, (1.0, unit))
 
@@ -70,8 +70,8 @@ def comparison_page(result: Comparison) -> None:
 
 def diagnosis_page(result: Diagnosis) -> None:
     """Verdict, ranking, sets, what is left, what to drive, what to type."""
-    from tirelog.discrepancy.results import in_unit
-    from tirelog.discrepancy.wording import percent, probability
+    from tirelog.diagnosis.results import in_unit
+    from tirelog.diagnosis.wording import percent, probability
 
     out = _console()
     factor, unit = shown(result.before.observable, result.before.unit)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
-from tirelog.process import one_thread
+from tirelog.runtime import one_thread
 
 
 def dissipation(
@@ -25,8 +25,8 @@ def dissipation(
     """Tell the strain's dissipation factor and power in each revolution."""
     one_thread()
     from tirelog.errors import UsageError
-    from tirelog.estimators import dissipation_table as tables
-    from tirelog.estimators.speed import radius_remarks
+    from tirelog.strain import dissipation_table as tables
+    from tirelog.strain.speed import radius_remarks
 
     if not steady_step > 0 or average < 1:
         raise UsageError("--steady-step is above 0 m/s and --average at least 1 revolution; mend the number")

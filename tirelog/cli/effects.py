@@ -25,7 +25,7 @@ def effects(
     """The catalogue of effects: id, physics, acts on, parameters, source; with --plot what each does to the strain."""
     from tirelog.cli.model_page import catalogue_page, catalogue_rows, effect_page
     from tirelog.errors import UsageError, nearest
-    from tirelog.physics.user_effects import catalogue_with
+    from tirelog.physics.model.user_effects import catalogue_with
 
     catalogue = catalogue_with(own)
     if name is not None and name not in catalogue:
@@ -45,7 +45,7 @@ def effects(
 def _plot(chosen: list[Effect], path: Path) -> None:
     """Each effect's signature: strain with it (at its probe) less strain without, at two speeds, coasting and braking."""
     from tirelog.errors import UsageError
-    from tirelog.files import whole_file
+    from tirelog.storage.whole import whole_file
 
     try:
         from matplotlib.figure import Figure
@@ -70,8 +70,8 @@ def _plot(chosen: list[Effect], path: Path) -> None:
 def _draw(axes: Any, effect: Effect) -> None:
     import numpy as np
 
-    from tirelog.physics.model import Model
-    from tirelog.recording import Conditions
+    from tirelog.data.recording import Conditions
+    from tirelog.physics.model.model import Model
 
     drives = ((10.0, 0.0, "10 m/s"), (20.0, 0.0, "20 m/s"), (20.0, -3.0, "20 m/s, braking 3 m/s^2"))
     phi = np.linspace(-0.8, 0.8, 801)

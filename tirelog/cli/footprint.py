@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
-from tirelog.process import one_thread
+from tirelog.runtime import one_thread
 
 
 def footprint(
@@ -24,8 +24,8 @@ def footprint(
     """Tell contact length, edges and slip onset at each passage of the patch."""
     one_thread()
     from tirelog.dsp.lowpass import Cutoff
-    from tirelog.estimators.footprint_table import footprint_of
-    from tirelog.estimators.speed import radius_remarks
+    from tirelog.strain.footprint.table import footprint_of
+    from tirelog.strain.speed import radius_remarks
 
     setting = Cutoff.parse(cutoff)
     kept = []

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tirelog.documents import json_value
 from tirelog.errors import ModelError
+from tirelog.storage.documents import json_value
 
 _STEP = ("step", "effect", "rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout", "p_adjusted", "decision")
 

@@ -21,7 +21,7 @@ def inflation(
 ) -> None:
     """Tell strain against inflation pressure in a static test: slope, linearity, leaks at stops."""
     from tirelog.errors import UsageError
-    from tirelog.estimators.inflation_table import inflation_of
+    from tirelog.strain.inflation_table import inflation_of
 
     if (begin is None) != (end is None) or (begin is not None and begin == end):
         raise UsageError("--from and --to go together and differ; allowed are two pressures in Pa; e.g. --from 1.7e5 --to 2.3e5")

@@ -22,7 +22,7 @@ def info(
 ) -> None:
     """Show what is in logs or runs: channels, rates, durations, gaps, lost samples, repairs, setup."""
     from tirelog.cli.summary import print_summary
-    from tirelog.overview import channel_rows
+    from tirelog.runs.overview import channel_rows
 
     with Session(setup, quiet, hashed=True) as session:
         if format is None and output is None:
@@ -38,8 +38,8 @@ def info(
 
 def _verify(session: Session, logs: list[str]) -> None:
     """Say which columns of the runs among `logs` are not what was written."""
-    from tirelog.ingest import is_file
-    from tirelog.store import changed_columns, is_run
+    from tirelog.runs.ingest import is_file
+    from tirelog.runs.store import changed_columns, is_run
 
     for log in logs:
         for name in changed_columns(log) if is_file(log) and is_run(log) else ():

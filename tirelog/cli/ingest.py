@@ -18,8 +18,8 @@ def ingest(
 ) -> None:
     """Write a log as a run: channels in SI on exact time axes, with its setup, provenance and quality flags."""
     from tirelog.cli.summary import print_summary
-    from tirelog.ingest import write_run
-    from tirelog.store import open_run
+    from tirelog.runs.ingest import write_run
+    from tirelog.runs.store import open_run
 
     with Session(setup, quiet) as session:
         summary = write_run(log, session.setup(), output)

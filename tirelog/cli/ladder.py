@@ -10,12 +10,31 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Format, Logs, ModelFile, Output, Plot, Quiet, Session, SetupFile, in_a_folder, keeps_hashes, say
-from tirelog.cli.compare import ChannelName, Effects, columns_of, own_effects, stacks_and_model, write_json
+from tirelog.cli.common import (
+    Format,
+    Logs,
+    ModelFile,
+    Output,
+    Plot,
+    Quiet,
+    Session,
+    SetupFile,
+    in_a_folder,
+    keeps_hashes,
+    say,
+)
+from tirelog.cli.compare import (
+    ChannelName,
+    Effects,
+    columns_of,
+    own_effects,
+    stacks_and_model,
+    write_json,
+)
 from tirelog.errors import printable
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy import Ladder
+    from tirelog.diagnosis.results import Ladder
 
 _BAR = 40
 
@@ -43,7 +62,7 @@ def ladder(
     refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         stacks, read = stacks_and_model(session, logs, model, effects, channel)
-        from tirelog.discrepancy import ladder as climb
+        from tirelog.diagnosis.ladder import ladder as climb
 
         result = climb(stacks, read, effects=own_effects(effects), progress=(lambda text: None) if quiet else say)
         if not quiet:
@@ -54,7 +73,9 @@ def ladder(
 
             draw(result, plot)
         if save is not None:
-            result.model.save(save)
+            from tirelog.physics.model.file import save_model
+
+            save_model(result.model, save)
         if format == "json" or (output is not None and output.suffix == ".json"):
             write_json(result.to_json(), output)
             return
@@ -91,7 +112,7 @@ def _line(text: str) -> None:
 def _remember(result: Ladder, model: Path) -> None:
     """The ladder, appended to the history beside the model file (MODEL.ladder.json)."""
     from tirelog.cli.history import history_file, read_history
-    from tirelog.files import whole_file
+    from tirelog.storage.whole import whole_file
 
     past = read_history(model)
     entry = {"climbed": datetime.now(UTC).isoformat(timespec="seconds")} | result.to_json()

@@ -11,10 +11,10 @@ import typer
 from tirelog.cli.common import Format, Logs, ModelFile, Output, Quiet, Session, SetupFile, say
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy.transient_log import TransientLog
-    from tirelog.physics.fit_result import FitResult
-    from tirelog.physics.model import Model
-    from tirelog.setup import Setup
+    from tirelog.data.setup import Setup
+    from tirelog.inference.fit.result import FitResult
+    from tirelog.inference.obstacle_log import TransientLog
+    from tirelog.physics.model.model import Model
 
 app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
 
@@ -25,14 +25,14 @@ Sets = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="A 
 
 
 def _load(path: Path, effects: Path | None) -> Model:
-    from tirelog.physics.model import Model
-    from tirelog.physics.user_effects import catalogue_with
+    from tirelog.physics.model.file import load_model
+    from tirelog.physics.model.user_effects import catalogue_with
 
-    return Model.load(path, catalogue=catalogue_with(effects))
+    return load_model(path, catalogue=catalogue_with(effects))
 
 
 def _setup(path: Path | None) -> Setup | None:
-    from tirelog.setup import load_setup
+    from tirelog.data.setup import load_setup
 
     return None if path is None else load_setup(path)
 
@@ -68,14 +68,16 @@ def new(
     quiet: Quiet = False,
 ) -> None:
     """Make a model without effects; tire and conditions come from the setup where it has them."""
-    from tirelog.physics.model import Model
+    from tirelog.physics.model.model import Model
 
     known = _setup(setup)
     model = Model.new(carcass, observable or _measured(known), contact)
     given = {**_from_setup(model, known), **_assignments(sets)}
     check_pressure(given.get("inflation_pressure_Pa"))
     model = model.with_values(given)
-    model.save(output)
+    from tirelog.physics.model.file import save_model
+
+    save_model(model, output)
     if not quiet:
         for remark in _invented(model, given):
             say(f"note: {remark}")
@@ -172,8 +174,8 @@ def add(
 ) -> None:
     """Add an effect at its start values (or --set ones); a grating's length is fixed where the setup gives it."""
     from tirelog.errors import ModelError, nearest
-    from tirelog.physics.model import ModelEffect
-    from tirelog.physics.user_effects import catalogue_with
+    from tirelog.physics.model.entry import ModelEffect
+    from tirelog.physics.model.user_effects import catalogue_with
 
     catalogue = catalogue_with(effects)
     if effect not in catalogue:
@@ -184,7 +186,9 @@ def add(
     given = _setup(setup)
     if effect == "gauge_length" and given is not None:
         changed = _gauge_from_setup(changed, given)
-    changed.save(output)
+    from tirelog.physics.model.file import save_model
+
+    save_model(changed, output)
 
 
 def _gauge_from_setup(model: Model, setup: Setup) -> Model:
@@ -202,7 +206,9 @@ def remove(
     model: Model_, effect: Annotated[str, typer.Argument(help="Effect of the model.")], output: Target, effects: EffectsFile = None
 ) -> None:
     """Remove an effect."""
-    _load(model, effects).without_effect(effect).save(output)
+    from tirelog.physics.model.file import save_model
+
+    save_model(_load(model, effects).without_effect(effect), output)
 
 
 @app.command()
@@ -223,9 +229,9 @@ def fit(
     """
     from tirelog.cli.model_page import fit_page, learned_page
     from tirelog.cli.targets import refuse_unwritable
-    from tirelog.discrepancy.motion import motion_names
-    from tirelog.discrepancy.transient_learn import learn
-    from tirelog.physics.carcass import WAVEFORMS
+    from tirelog.diagnosis.obstacles.learn import learn
+    from tirelog.inference.motion import motion_names
+    from tirelog.physics.carcass.numbers import WAVEFORMS
 
     refuse_unwritable(output)
     start = _load(model, effects)
@@ -239,7 +245,9 @@ def fit(
             session.note(remark)
         fitted = result.model.with_parameters({name: start.parameters[name] for name in motion_names(start)})
         learned = learn(obstacles, fitted) if obstacles and motion_names(start) else None
-        (fitted if learned is None else learned.model).save(output)
+        from tirelog.physics.model.file import save_model
+
+        save_model(fitted if learned is None else learned.model, output)
         if not quiet:
             typer.echo(fit_page(result))
             if learned is not None:
@@ -250,8 +258,8 @@ def fit(
 
 def _as_compare(session: Session, logs: list[str], start: Model, channel: list[str]) -> tuple[FitResult, list[TransientLog], list[str]]:
     """The fit of `compare`, the obstacles, and remarks."""
-    from tirelog.discrepancy.fitted import fit_measured
-    from tirelog.discrepancy.measured import measured
+    from tirelog.diagnosis.fitted import fit_measured
+    from tirelog.inference.measured import measured
 
     found = measured(session.recordings(logs), start.observable, channel[0] if channel else None)
     result, remarks = fit_measured(found.stacks, start)
@@ -262,10 +270,10 @@ def _by_revolution(
     session: Session, logs: list[str], start: Model, channel: list[str], nuisances: list[str]
 ) -> tuple[FitResult, list[TransientLog], list[str]]:
     """The fit to single revolutions of several channels or with nuisances of one's own, the obstacles, and remarks."""
-    from tirelog.discrepancy.measured import measured
-    from tirelog.discrepancy.motion import held
-    from tirelog.discrepancy.stacks import joined
-    from tirelog.physics.fit import fit as fit_model
+    from tirelog.inference.fit.revolutions import fit as fit_model
+    from tirelog.inference.measured import measured
+    from tirelog.inference.motion import held
+    from tirelog.inference.stacks.spooled import joined
 
     recordings = session.all_recordings(logs)
     stacks: list[Any] = []
@@ -341,8 +349,8 @@ def predict(
     """
     import numpy as np
 
+    from tirelog.data.recording import Conditions
     from tirelog.errors import UsageError
-    from tirelog.recording import Conditions
 
     if speed < 0 or not np.isfinite(speed):
         raise UsageError(f"--speed {speed:g}; allowed is a speed of 0 m/s or more, forwards; give that")
@@ -365,7 +373,7 @@ def predict(
     conditions = Conditions.of(1, **{name: value for name, value in known.items() if value is not None})
     if road is not None or load_step or speed_ramp:
         from tirelog.cli.passage import course_of, road_words, rows
-        from tirelog.physics.coupled_ring_transient import drive
+        from tirelog.physics.moving.transient import drive
 
         weight = conditions.load_N[0] if conditions.known("load_N") else read.values["load_N"]
         words = road_words(road or "flat", given)
@@ -409,10 +417,10 @@ def modes(
     """
     from dataclasses import asdict
 
-    from tirelog.columns import TABLES
     from tirelog.errors import ModelError
-    from tirelog.physics.carcass import steady_carcass
-    from tirelog.physics.modes import natural_modes, of_model
+    from tirelog.physics.carcass.numbers import steady_carcass
+    from tirelog.physics.moving.modes import natural_modes, of_model
+    from tirelog.vocabulary.columns import TABLES
 
     read = _load(model, effects)
     if steady_carcass(read.carcass) != "ring":

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy.transient_learn import Learned
+    from tirelog.diagnosis.obstacles.learn import Learned
+    from tirelog.inference.fit.revolutions import FitResult
     from tirelog.physics.effects import Effect
-    from tirelog.physics.fit import FitResult
-    from tirelog.physics.model import Model
+    from tirelog.physics.model.model import Model
     from tirelog.physics.parameters import Parameter
 
 

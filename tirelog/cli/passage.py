@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tirelog.physics.coupled_ring_transient import Course, Schedule, Transient
-    from tirelog.setup import RoadSetup, Setup
+    from tirelog.data.setup import RoadSetup, Setup
+    from tirelog.physics.moving.transient import Course, Schedule, Transient
 
 #: Where an obstacle begins that names no place [m], and how long is driven after it [s].
 _AHEAD_M = 0.5
@@ -19,8 +19,8 @@ _AFTER_S = 0.5
 
 def road_words(words: str, setup: Setup | None) -> RoadSetup:
     """The road of --road: in words, or `setup` for the setup's [road]."""
+    from tirelog.data.setup import parse_road
     from tirelog.errors import UsageError
-    from tirelog.setup import parse_road
 
     if words != "setup":
         return parse_road(words)
@@ -34,8 +34,8 @@ def course_of(
 ) -> Course:
     """The course that the options describe; UsageError and ModelError for words that are none."""
     from tirelog.errors import UsageError
-    from tirelog.physics.coupled_ring_transient import Course
-    from tirelog.physics.road import road_of
+    from tirelog.physics.moving.road import road_of
+    from tirelog.physics.moving.transient import Course
 
     at = _AHEAD_M if road.position_m is None else road.position_m
     if road.time_s is not None:
@@ -51,7 +51,7 @@ def course_of(
 
 def _load(load_N: float, words: list[str]) -> Schedule:
     """--load-step TIME:LOAD, one after the other."""
-    from tirelog.physics.coupled_ring_transient import Schedule
+    from tirelog.physics.moving.transient import Schedule
 
     times, values = [0.0], [load_N]
     for text in words:
@@ -64,7 +64,7 @@ def _load(load_N: float, words: list[str]) -> Schedule:
 
 def _speed(speed_m_s: float, words: list[str]) -> Schedule:
     """--speed-ramp FROM:TO:SPEED, one after the other."""
-    from tirelog.physics.coupled_ring_transient import Schedule
+    from tirelog.physics.moving.transient import Schedule
 
     times, values = [0.0], [speed_m_s]
     for text in words:

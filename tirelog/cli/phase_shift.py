@@ -11,8 +11,8 @@ import typer
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
 
 if TYPE_CHECKING:
-    from tirelog.estimators.calibration import Calibration
-    from tirelog.estimators.phase_shift import Passages
+    from tirelog.wheel.calibration import Calibration
+    from tirelog.wheel.phase_shift import Passages
 
 
 def phase_shift(
@@ -31,8 +31,8 @@ def phase_shift(
 ) -> None:
     """Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4)."""
     from tirelog.errors import UsageError
-    from tirelog.estimators.calibration_file import read_calibration
-    from tirelog.estimators.calibration_table import table
+    from tirelog.wheel.calibration_file import read_calibration
+    from tirelog.wheel.table import table
 
     if calibration is not None and calibrate is not None:
         raise UsageError("--calibration and --calibrate; one reads a calibration, the other learns one; give one of them")
@@ -66,7 +66,7 @@ def phase_shift(
 def _measured(session: Session, logs: list[str], zero: str, forces: bool, calibration: Calibration | None) -> Iterator[Passages]:
     """The passages of every log; one without teeth or without a patch is lost, and the rest goes on."""
     from tirelog.errors import DataLoss
-    from tirelog.estimators.calibration_table import measure_with
+    from tirelog.wheel.table import measure_with
 
     for recording in session.recordings(logs):
         try:
@@ -98,8 +98,8 @@ def _learn(session: Session, kept: list[Passages], path: Path, forces: bool) -> 
     """Learn, write and describe a calibration."""
     import math
 
-    from tirelog.estimators.calibration import calibrate
-    from tirelog.estimators.calibration_file import write_calibration
+    from tirelog.wheel.calibration import calibrate
+    from tirelog.wheel.calibration_file import write_calibration
 
     learnt = calibrate(kept, forces)
     write_calibration(path, learnt)

@@ -10,7 +10,7 @@ import typer
 
 from tirelog.cli.common import Quiet, Session, SetupFile, in_a_folder, say
 from tirelog.cli.compare import ChannelName, Effects
-from tirelog.process import one_thread
+from tirelog.runtime import one_thread
 
 if TYPE_CHECKING:
     from tirelog.report.build import Report
@@ -38,7 +38,8 @@ def report(
     """Write one offline page: what was recorded, what came of it, where the model fails."""
     one_thread()
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # the default one keeps what is freed: 50 MB for an hour's tables
-    from tirelog.report.build import Asked, build
+    from tirelog.report.asked import Asked
+    from tirelog.report.build import build
 
     _possible(logs, output, campaign, format, figures)
     paths = tuple(logs or ())
@@ -80,8 +81,8 @@ def _possible(logs: list[str] | None, output: Path | None, campaign: Path | None
 
 
 def _write_page(made: Report, output: Path, session: Session) -> None:
-    from tirelog.files import whole_file
     from tirelog.report.page import render
+    from tirelog.storage.whole import whole_file
 
     parts = render(made.title, made.sections, made.missing, made.provenance, made.commands)
     with whole_file(output) as part, part.open("w", encoding="utf-8") as stream:

@@ -26,10 +26,10 @@ def simulate(
     from dataclasses import replace
 
     from tirelog.errors import UsageError
-    from tirelog.files import refuse_inputs
     from tirelog.simulation import load_scenario, write_log
     from tirelog.simulation import simulate as make
-    from tirelog.simulation.writers import setup_of, suffix_of, truth_of
+    from tirelog.simulation.sensors.writers import setup_of, suffix_of, truth_of
+    from tirelog.storage.whole import refuse_inputs
 
     suffix_of(output)
     if setup_of(output).resolve() == scenario.resolve():

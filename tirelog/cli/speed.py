@@ -20,7 +20,7 @@ def speed(
     ] = False,
 ) -> None:
     """Tell the speed at each passage of the patch, with standard error and acceleration."""
-    from tirelog.estimators.speed import speed_tables
+    from tirelog.strain.speed import speed_tables
 
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table("speed", output, format) as table:
         for recording in session.recordings(logs):

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
 
-from tirelog.files import output_error
+from tirelog.storage.whole import output_error
 
 #: signals that end a process from outside; a shell shows 128 more than their number as the status
 _ENDINGS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from tirelog.cli.common import page
+from tirelog.data.recording import Recording
 from tirelog.errors import printable
-from tirelog.overview import channel_rows
-from tirelog.recording import Recording
+from tirelog.runs.overview import channel_rows
 
 #: columns of a page that no terminal shows
 _WIDTH = 160

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Logs, Quiet, Session, SetupFile, keeps_hashes
-from tirelog.process import one_thread
+from tirelog.runtime import one_thread
 
 
 def tables(
@@ -29,9 +29,9 @@ def tables(
     """Make several tables in one go, each log read once."""
     one_thread()
     from tirelog.errors import UsageError, nearest
-    from tirelog.estimators.makers import MAKERS, tables_of
-    from tirelog.files import all_or_none, make_folder
-    from tirelog.tables import TableWriter, table_format
+    from tirelog.products import MAKERS, tables_of
+    from tirelog.storage.whole import all_or_none, make_folder
+    from tirelog.tables.writer import TableWriter, table_format
 
     for name in table or ():
         if name not in MAKERS:

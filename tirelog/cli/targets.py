@@ -9,8 +9,8 @@ def refuse_unwritable(*paths: Path | None) -> None:
     """OutputError: the folder of one of the files to write is not there, or the path is a folder itself."""
     import errno
 
-    from tirelog.files import output_error
-    from tirelog.remote import address
+    from tirelog.storage.remote import address
+    from tirelog.storage.whole import output_error
 
     for path in paths:
         if path is None or address(str(path)) is not None:

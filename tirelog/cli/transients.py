@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy.transient import TransientComparison
+    from tirelog.diagnosis.obstacles.compare import TransientComparison
 
 TABLES = ("hit", "time", "frequency")
 

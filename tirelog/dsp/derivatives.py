@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.compiled import compiled
-from tirelog.recording import FloatArray
+from tirelog.runtime import compiled
+from tirelog.vocabulary.arrays import FloatArray
 
 ComplexArray = NDArray[np.complex128]
 

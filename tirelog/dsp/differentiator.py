@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.compiled import compiled
-from tirelog.recording import FloatArray
+from tirelog.runtime import compiled
+from tirelog.vocabulary.arrays import FloatArray
 
 #: half length of the filter in half periods of its pass edge, at least and at most [samples]
 HALF_PERIODS, SHORTEST, LONGEST = 10.0, 10, 400

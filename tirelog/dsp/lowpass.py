@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.errors import UsageError
-from tirelog.recording import FloatArray
+from tirelog.vocabulary.arrays import FloatArray
 
 
 @dataclass(frozen=True)

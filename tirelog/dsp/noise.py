@@ -12,8 +12,8 @@ from math import comb
 
 import numpy as np
 
-from tirelog.compiled import compiled
-from tirelog.recording import FloatArray
+from tirelog.runtime import compiled
+from tirelog.vocabulary.arrays import FloatArray
 
 #: order of the difference; that of white noise has sqrt(binomial(2 order, order)) standard deviations
 ORDER = 6

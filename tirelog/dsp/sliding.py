@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from tirelog.recording import FloatArray
+from tirelog.vocabulary.arrays import FloatArray
 
 #: windows sorted at once
 ROWS = 1 << 12

@@ -2,7 +2,7 @@
 
 What flows through it (n revolutions, K Fourier modes of the tread's circumference C = 2 pi R, m angles):
 
-    Conditions (n,)           speed, acceleration, time, temperature, load, ...           `tirelog.recording`
+    Conditions (n,)           speed, acceleration, time, temperature, load, ...           `tirelog.data.recording`
       -> load      F (n, 1), half length L (n, 1) = L_ref (F / F_ref)^exponent            effects: load_transfer, aero_load
       -> pressure  P (n, K) [N/m], Fourier coefficients of p(xi); sum carries F exactly   effects on contact_pressure
       -> structure H (n, K), response of the carcass per unit of load                     effects on structure
@@ -20,11 +20,11 @@ pressures that effects add (they depend on F, L and the conditions, not on p) an
 With one effect this is the rescaling after that effect; with several it is the only reading in which their order means nothing.
 An effect whose strength is zero is skipped: off is the base model to the last bit.
 
-Modules: `parameters` a number with unit and bounds; `spectral` Fourier tools and the evaluation at angles; `pressure`, `brush`,
-`contact` the load on the carcass; `beam` (P1, P2), `ring` (P3) its response; `effects` one mechanism per file; `expression` a user's own;
-`pipeline` the stages above; `scalars` the numbers per revolution; `model` the list a person reads; `model_file` its TOML; `fit`.
-A tire that moves in time: `coupled_ring` its equations, `coupled_ring_steady` where a motion begins, `coupled_ring_contact` and
-`coupled_ring_motion` the steps, `road` under it, `coupled_ring_transient` what a model's sensor reads meanwhile, `modes` how it rings.
+Modules: `parameters` a number with unit and bounds; `spectral` Fourier tools and the evaluation at angles; `pressure`, `brush` the
+load on the carcass; `carcass` its response (`beam` P1 and P2, `ring` P3) and its stand on the road (`contact`); `effects` one mechanism
+per file; `model` the list a person reads, its TOML (`file`), its stages, a user's own expressions; `moving` a tire that moves in time
+(`ring` its equations, `steady` where a motion begins, `contact` and `motion` the steps, `road` under it, `transient` what a model's
+sensor reads meanwhile, `modes` how it rings).
 
 Orientation: xi [m] and phi = xi / R [rad] grow in the direction in which tread material passes the patch, entry edge at -L, exit edge
 at +L.  Displacement w is positive inward, slip positive in braking, y positive toward the axle.
@@ -36,7 +36,8 @@ print, what is right, and how that was checked.
 from __future__ import annotations
 
 from tirelog.physics.effects import BY_ID, CATALOGUE, Effect
-from tirelog.physics.model import Model, ModelEffect
+from tirelog.physics.model.entry import ModelEffect
+from tirelog.physics.model.model import Model
 from tirelog.physics.parameters import Parameter
 
 __all__ = ["BY_ID", "CATALOGUE", "Effect", "Model", "ModelEffect", "Parameter"]

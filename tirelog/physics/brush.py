@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.physics.spectral import MODES, ComplexArray, FloatArray, powers
+from tirelog.physics.spectral import MODES, ComplexArray, powers
+from tirelog.vocabulary.arrays import FloatArray
 
 STATIC_FRICTION = 0.8
 SLIDING_FRICTION = 0.6

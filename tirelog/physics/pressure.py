@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.physics.spectral import MODES, ComplexArray, FloatArray, powers
+from tirelog.physics.spectral import MODES, ComplexArray, powers
+from tirelog.vocabulary.arrays import FloatArray
 
 _N = np.arange(1, MODES, dtype=np.float64)
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 
-FloatArray = NDArray[np.float64]
+from tirelog.vocabulary.arrays import FloatArray
+
 ComplexArray = NDArray[np.complex128]
 
 #: Fourier modes of a waveform, and points of the uniform grid on which it is laid out.

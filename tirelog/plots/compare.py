@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy.results import Comparison, Map
+    from tirelog.diagnosis.results import Comparison, Map
 
 _SHOWN = {"strain": (1e6, "microstrain")}
 #: the map's colours end at this quantile of the residual, and whitened ones at so many standard errors
@@ -20,7 +20,7 @@ def figure(result: Comparison) -> Any:
     """A matplotlib figure of a comparison."""
     from matplotlib.figure import Figure
 
-    from tirelog.discrepancy.results import in_unit
+    from tirelog.diagnosis.results import in_unit
 
     factor, unit = _SHOWN.get(result.observable, (1.0, result.unit))
     canvas = Figure(figsize=(12.0, 9.5), layout="constrained")
@@ -39,7 +39,7 @@ def figure(result: Comparison) -> Any:
 
 def draw(result: Comparison, path: Path) -> None:
     """Write the figure; the suffix decides the format."""
-    from tirelog.files import whole_file
+    from tirelog.storage.whole import whole_file
 
     with whole_file(path) as part:
         figure(result).savefig(part, format=path.suffix.lstrip(".") or "png", dpi=110)

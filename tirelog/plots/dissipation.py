@@ -16,10 +16,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tirelog.estimators.dissipation_fit import Regression, regression
-from tirelog.estimators.dissipation_table import DissipationOfChannel, clean
-from tirelog.plots.style import COLOURS, EDGE, MICRO, RAW, draw_signal, label, least_and_most, page, robust_range, write
-from tirelog.recording import FloatArray, Recording
+from tirelog.data.recording import Recording
+from tirelog.plots.style import (
+    COLOURS,
+    EDGE,
+    MICRO,
+    RAW,
+    draw_signal,
+    label,
+    least_and_most,
+    page,
+    robust_range,
+    write,
+)
+from tirelog.strain.dissipation_fit import Regression, regression
+from tirelog.strain.dissipation_table import DissipationOfChannel, clean
+from tirelog.vocabulary.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

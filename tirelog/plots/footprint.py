@@ -16,11 +16,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tirelog.estimators.edges import along_tread, lowpassed
-from tirelog.estimators.footprint_table import FootprintOfChannel
-from tirelog.estimators.footprint_windows import PatchWindows, gather_windows
-from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, RAW, draw_signal, label, least_and_most, page, robust_range, write
-from tirelog.recording import FloatArray, Recording
+from tirelog.data.recording import Recording
+from tirelog.plots.style import (
+    COLOURS,
+    EDGE,
+    MARK,
+    MICRO,
+    RAW,
+    draw_signal,
+    label,
+    least_and_most,
+    page,
+    robust_range,
+    write,
+)
+from tirelog.strain.footprint.plain_edges import along_tread, lowpassed
+from tirelog.strain.footprint.table import FootprintOfChannel
+from tirelog.strain.footprint.windows import PatchWindows, gather_windows
+from tirelog.vocabulary.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tirelog.estimators.inflation_table import InflationOfChannel
+from tirelog.data.recording import Recording
 from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, label, page, write
-from tirelog.recording import Recording
+from tirelog.strain.inflation_table import InflationOfChannel
 
 
 def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy.results import Ladder
+    from tirelog.diagnosis.results import Ladder
 
 _SHOWN = {"strain": (1e6, "microstrain")}
 
@@ -38,7 +38,7 @@ def figure(result: Ladder) -> Any:
 
 def draw(result: Ladder, path: Path) -> None:
     """Write the figure; the suffix decides the format."""
-    from tirelog.files import whole_file
+    from tirelog.storage.whole import whole_file
 
     with whole_file(path) as part:
         figure(result).savefig(part, format=path.suffix.lstrip(".") or "png", dpi=110)

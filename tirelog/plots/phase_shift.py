@@ -15,9 +15,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tirelog.estimators.calibration import Calibration, Cleaned, clean
-from tirelog.estimators.phase_shift import Passages
-from tirelog.files import whole_file
+from tirelog.storage.whole import whole_file
+from tirelog.wheel.calibration import Calibration, Cleaned, clean
+from tirelog.wheel.phase_shift import Passages
 
 #: accelerometers that have a column of their own
 MOST = 4

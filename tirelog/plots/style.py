@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.errors import UsageError
-from tirelog.files import whole_file
-from tirelog.recording import BLOCK_SAMPLES, Channel, FloatArray
+from tirelog.storage.whole import whole_file
+from tirelog.vocabulary.arrays import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

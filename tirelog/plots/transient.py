@@ -10,7 +10,7 @@ import numpy as np
 from tirelog.plots.style import COLOURS, MICRO, label, page, write
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy.transient import HitResult, TransientComparison
+    from tirelog.diagnosis.obstacles.compare import HitResult, TransientComparison
 
 _MOST = 4
 _SHOWN_S = 0.25

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tirelog import units
-from tirelog.setup import KINDS, ChannelSetup, Setup
+from tirelog.data.setup import KINDS, ChannelSetup, Setup
+from tirelog.vocabulary import units
 
 
 def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:

@@ -18,10 +18,11 @@ from typing import Any
 import pandas as pd
 
 from tirelog import __version__
+from tirelog.data.recording import Recording
 from tirelog.errors import TirelogError
-from tirelog.recording import Recording
-from tirelog.remote import shown
+from tirelog.physics.model.file import load_model
 from tirelog.report import model_sections, sections, table_sections
+from tirelog.report.asked import Asked
 from tirelog.report.page import Section
 from tirelog.report.passage import passage_figures
 from tirelog.report.sources import Tables, given_tables, made_dissipation, made_table, read_ladder
@@ -29,42 +30,6 @@ from tirelog.report.stored import model_pages
 
 Progress = Callable[[str], None]
 _COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What the user gave: paths as typed, so that the commands on the page can be typed again, but for what an address keeps secret."""
-
-    logs: tuple[str, ...] = ()
-    setup: Path | None = None
-    model: Path | None = None
-    ladder: Path | None = None
-    campaign: Path | None = None
-    tables: tuple[Path, ...] = ()
-    channel: str | None = None
-    effects: Path | None = None
-
-    def command(self, name: str, *more: str, model: bool = False) -> str:
-        """A command line on the same logs."""
-        words = ["tirelog", name, *(self._logs() or ["LOG"]), *more]
-        words += ["--setup", str(self.setup)] if self.setup else []
-        if model:
-            words += ["--model", str(self.model or "M")]
-            words += ["--channel", self.channel] if self.channel else []
-            words += ["--effects", str(self.effects)] if self.effects else []
-        return shlex.join(words)
-
-    def _logs(self) -> list[str]:
-        return [shown(log) for log in self.logs]
-
-    def report_command(self) -> str:
-        """The page's own command line."""
-        words = ["tirelog", "report", *self._logs()]
-        single = {"--setup": self.setup, "--model": self.model, "--ladder": self.ladder, "--campaign": self.campaign,
-                  "--channel": self.channel, "--effects": self.effects}  # fmt: skip
-        words += [word for option, value in single.items() if value is not None for word in (option, str(value))]
-        words += [word for path in self.tables for word in ("--table", str(path))]
-        return shlex.join([*words, "-o", "report.html"])
 
 
 @dataclass
@@ -180,12 +145,11 @@ def _models(report: Report, recordings: Sequence[Recording], climbed: Any, asked
             ("the model against the measurement, the diagnosis, switches for effects (then --model M)", _make_model(asked))
         )
         return
-    from tirelog.physics.model import Model
-    from tirelog.physics.user_effects import catalogue_with
+    from tirelog.physics.model.user_effects import catalogue_with
     from tirelog.report.diagnosed import model_story
 
     catalogue = catalogue_with(asked.effects)
-    model = Model.load(asked.model, catalogue=catalogue)
+    model = load_model(asked.model, catalogue=catalogue)
     if not recordings:
         report.missing.append(("the model against the measurement: no log was given", asked.command("compare", model=True)))
         return

@@ -10,17 +10,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from tirelog.recording import Recording
+from tirelog.data.recording import Recording
 from tirelog.report import model_sections
 from tirelog.report.page import Section
 from tirelog.report.switches import MOST_EFFECTS, comparisons, switches, top_of_ladder
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy import Comparison, Diagnosis
-    from tirelog.discrepancy.comparison import Measured
+    from tirelog.diagnosis.compare import Measured
+    from tirelog.diagnosis.diagnose import Diagnosis
+    from tirelog.diagnosis.results import Comparison
     from tirelog.physics.effects import Effect
-    from tirelog.physics.model import Model
-    from tirelog.report.build import Asked
+    from tirelog.physics.model.model import Model
+    from tirelog.report.asked import Asked
 
 
 @dataclass
@@ -41,8 +42,8 @@ def model_story(
     progress: Callable[[str], None],
 ) -> Story:
     """The sections of a model.  TirelogError where model and logs do not fit together."""
-    from tirelog.discrepancy import diagnose
-    from tirelog.discrepancy.measured import measured
+    from tirelog.diagnosis.diagnose import diagnose
+    from tirelog.inference.measured import measured
     from tirelog.physics.effects import BY_ID
 
     stacks = measured(recordings, model.observable, asked.channel).stacks

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.recording import Channel, FloatArray
+from tirelog.data.recording import Channel
+from tirelog.vocabulary.arrays import FloatArray
 
 #: Okabe-Ito: told apart by all forms of colour blindness
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#999999")

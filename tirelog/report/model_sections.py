@@ -17,8 +17,8 @@ from tirelog.report.figures import Figure, axis, band, bars, dots, heat, layout,
 from tirelog.report.page import Section, Table
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy import Comparison, Diagnosis
-    from tirelog.discrepancy.results import Map, Waveforms
+    from tirelog.diagnosis.diagnose import Diagnosis
+    from tirelog.diagnosis.results import Comparison, Map, Waveforms
 
 #: observable -> factor and unit on the page
 _SHOWN = {"strain": (1e6, "µm/m"), "radial_acceleration": (1.0, "m/s²")}
@@ -43,7 +43,7 @@ def number(value: Any) -> str:
 
 def comparison(result: Comparison, command: str) -> Section:
     """Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and angle and time."""
-    from tirelog.discrepancy.results import in_unit
+    from tirelog.diagnosis.results import in_unit
 
     factor, unit = shown(result.observable, result.unit)
     words = [
@@ -162,9 +162,9 @@ def _parameters(result: Comparison) -> Table:
 
 def diagnosis(result: Diagnosis, command: str) -> Section:
     """Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and command."""
-    from tirelog.discrepancy.ranking_errors import removed_errors
-    from tirelog.discrepancy.results import in_unit
-    from tirelog.discrepancy.wording import probability
+    from tirelog.diagnosis.ranking_errors import removed_errors
+    from tirelog.diagnosis.results import in_unit
+    from tirelog.diagnosis.wording import probability
 
     factor, unit = shown(result.before.observable, result.before.unit)
     error = (

@@ -1,10 +1,10 @@
 """One passage of the patch: strain and its derivatives along the tread, with the edges (P2 Figs. 18, 19, 21).
 
     rows of the footprint table (and accelerations of the speed table) --a clean, nearly free-rolling row--> its window of samples
-        --`estimators.edges.along_tread`, raw and low-passed--> three figures over xi, entry to exit
+        --`strain.footprint.plain_edges.along_tread`, raw and low-passed--> three figures over xi, entry to exit
 
 The edges of the best estimate are the table's times; those by the second derivative are the extrema that
-`estimators.edges.find_edges` sees in what is drawn.
+`strain.footprint.plain_edges.find_edges` sees in what is drawn.
 """
 
 from __future__ import annotations
@@ -16,11 +16,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.lowpass import Cutoff
-from tirelog.estimators.edges import AlongTread, Edges, along_tread, find_edges, travelled
-from tirelog.estimators.footprint_windows import gather_windows
-from tirelog.recording import Channel, FloatArray, Recording
 from tirelog.report.figures import Figure, layout, line
+from tirelog.strain.footprint.plain_edges import (
+    AlongTread,
+    Edges,
+    along_tread,
+    find_edges,
+    travelled,
+)
+from tirelog.strain.footprint.windows import gather_windows
+from tirelog.vocabulary.arrays import FloatArray
 
 #: low-pass of the picture: P2's multiple of the wheel frequency
 CUTOFF = "40x"

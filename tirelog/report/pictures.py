@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.errors import UsageError
-from tirelog.files import output_error, whole_file
 from tirelog.plots.style import page
 from tirelog.report.figures import DIVERGING, Figure, unpacked
+from tirelog.storage.whole import output_error, whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tirelog.overview import channel_rows
-from tirelog.recording import Recording
+from tirelog.data.recording import Recording
 from tirelog.report.figures import SCATTER_POINTS, Figure, decimated, dots, layout, line
 from tirelog.report.page import Section, Table
+from tirelog.runs.overview import channel_rows
 
 #: gratings drawn over time; a page cannot carry many more, and a person cannot read them
 DRAWN_CHANNELS = 6

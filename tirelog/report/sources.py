@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from tirelog.columns import OPTIONAL, TABLES
-from tirelog.documents import json_value
+from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
-from tirelog.estimators.makers import MAKERS, tables_of
-from tirelog.recording import Recording
-from tirelog.tables import read_table
+from tirelog.products import MAKERS, tables_of
+from tirelog.storage.documents import json_value
+from tirelog.tables.writer import read_table
+from tirelog.vocabulary.columns import OPTIONAL, TABLES
 
 KINDS = ("speed", "footprint", "dissipation", "phase-shift", "dissipation-fit")
 _WORDS = ("log", "channel", "quality", "slip_onset_reason")
@@ -131,7 +131,7 @@ def made_table(name: str, recordings: Sequence[Recording]) -> tuple[pd.DataFrame
 
 def made_dissipation(recordings: Sequence[Recording]) -> tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]:
     """The dissipation table, its regressions on speed, and the command's remarks, from one pass over the logs."""
-    from tirelog.estimators.dissipation_table import dissipation_of, regression_columns
+    from tirelog.strain.dissipation_table import dissipation_of, regression_columns
 
     parts, lines, said = [], [], []
     for recording in recordings:

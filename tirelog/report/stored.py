@@ -11,10 +11,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from tirelog.documents import json_value
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure
 from tirelog.report.page import Section, Table
+from tirelog.storage.documents import json_value
 
 #: ids stand in the page as they are
 _ID = re.compile(r"[a-z][a-z0-9_-]*")

@@ -20,10 +20,10 @@ from tirelog.report.model_sections import ANGLE, edges, residual_map, short, sho
 from tirelog.report.page import Section
 
 if TYPE_CHECKING:
-    from tirelog.discrepancy import Comparison
-    from tirelog.discrepancy.comparison import Measured
+    from tirelog.diagnosis.compare import Measured
+    from tirelog.diagnosis.results import Comparison
     from tirelog.physics.effects import Effect
-    from tirelog.physics.model import Model
+    from tirelog.physics.model.model import Model
 
 #: effects that have a switch: 2^5 combinations are fitted
 MOST_EFFECTS = 5
@@ -54,10 +54,10 @@ def comparisons(measured: Measured, top: Model, names: Sequence[str], bare: Mode
 
     `bare` gives the carcass's start values of combinations that lack an effect.
     """
-    from tirelog.discrepancy.base import prepare
-    from tirelog.discrepancy.cells import cells_of
-    from tirelog.discrepancy.comparison import comparison_of, measured_pieces
-    from tirelog.discrepancy.motion import held
+    from tirelog.diagnosis.compare import comparison_of, measured_pieces
+    from tirelog.inference.base import prepare
+    from tirelog.inference.cells.cells import cells_of
+    from tirelog.inference.motion import held
 
     cells = cells_of(measured_pieces(measured))
     full = (1 << len(names)) - 1
@@ -144,7 +144,7 @@ def _state(result: Comparison | str, full: Comparison, figures: Sequence[Figure]
             for f in figures
         }
         return {"text": f"{combination}: cannot be computed ({result}).", "figures": empty}
-    from tirelog.discrepancy.results import in_unit
+    from tirelog.diagnosis.results import in_unit
 
     factor, unit = shown(result.observable, result.unit)
     text = (

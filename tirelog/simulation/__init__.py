@@ -6,16 +6,16 @@
 Nothing here is shared with `tirelog.physics`, and neither imports the other.  Two kinds of truth:
 
     beam, ring      steady at every instant (`World`): a fine closed grid with difference operators (order eight), contact by an active set
-    coupled_ring    a tire that moves (`RolledWorld`): finite elements that turn with the belt (`belt`), on a hub, over a road (`profile`),
-                    stepped in time (`rolling_kernel`) through the whole log
+    coupled_ring    a tire that moves (`RolledWorld`): finite elements that turn with the belt (`rolling.belt`), on a hub, over a road (`rolling.profile`),
+                    stepped in time (`rolling.step_kernel`) through the whole log
 
 Sensors and drive are sampled from that.  P1 to P4 are the papers of the README.
 """
 
-from tirelog.simulation.recording import setup_text, to_recording
-from tirelog.simulation.scenario import Scenario
-from tirelog.simulation.scenario_file import load_scenario, scenario_of
+from tirelog.simulation.scenario.file import load_scenario, scenario_of
+from tirelog.simulation.scenario.schema import Scenario
+from tirelog.simulation.sensors.recording import setup_text, to_recording
+from tirelog.simulation.sensors.writers import write_log
 from tirelog.simulation.simulate import Simulated, simulate
-from tirelog.simulation.writers import write_log
 
 __all__ = ["Scenario", "Simulated", "load_scenario", "scenario_of", "setup_text", "simulate", "to_recording", "write_log"]

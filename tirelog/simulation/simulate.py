@@ -11,10 +11,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tirelog.simulation.drive import Drive, Roughness, drive_of, roughness_of
-from tirelog.simulation.sampling import (
+from tirelog.simulation.scenario.drive import Drive, Roughness, drive_of, roughness_of
+from tirelog.simulation.scenario.schema import Scenario
+from tirelog.simulation.sensors.sampling import (
     Trace,
     in_source_units,
     pitch_tables,
@@ -23,11 +23,9 @@ from tirelog.simulation.sampling import (
     traces,
     vehicle_values,
 )
-from tirelog.simulation.scenario import Scenario
-from tirelog.simulation.truth import truth_of
-from tirelog.simulation.waveforms import World
-
-FloatArray = NDArray[np.float64]
+from tirelog.simulation.steady.truth import truth_of
+from tirelog.simulation.steady.waveforms import World
+from tirelog.vocabulary.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -45,8 +43,8 @@ class Simulated:
     def truth(self) -> dict[str, Any]:
         """What is known of the log, ready for JSON."""
         if self.scenario.truth == "coupled_ring":
-            from tirelog.simulation.rolled import RolledWorld  # brings the compiler
-            from tirelog.simulation.rolled_truth import truth_of_rolled
+            from tirelog.simulation.rolling.truth import truth_of_rolled
+            from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler
 
             if isinstance(self.world, RolledWorld):
                 return truth_of_rolled(self.world, self.pitch_rad)
@@ -72,7 +70,7 @@ def simulate(scenario: Scenario) -> Simulated:
 def _solved(scenario: Scenario, drive: Drive, roughness: Roughness, moments: dict[str, Trace]) -> tuple[World, dict[str, FloatArray]]:
     """The world of the scenario's truth, and the clean values of what it moves: steady at every instant, or rolled from begin to end."""
     if scenario.truth == "coupled_ring":
-        from tirelog.simulation.rolled import RolledWorld  # brings the compiler
+        from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler
 
         rolled = RolledWorld(scenario, drive, roughness)
         return rolled, rolled.values(moments)

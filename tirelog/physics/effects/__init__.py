@@ -21,7 +21,13 @@ from tirelog.physics.effects import (
     wear,
 )
 from tirelog.physics.effects.base import Drive, Effect, Site, Structure
-from tirelog.physics.effects.regressors import INFLATION, LOAD_CROSSTALK, SPEED_TREND, TELEMETRY_DELAY, TOOTH_PITCH
+from tirelog.physics.effects.regressors import (
+    INFLATION,
+    LOAD_CROSSTALK,
+    SPEED_TREND,
+    TELEMETRY_DELAY,
+    TOOTH_PITCH,
+)
 
 #: Every effect of the catalogue, in the contract's order.
 CATALOGUE: tuple[Effect, ...] = (

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
+from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics.parameters import Parameter
-from tirelog.physics.spectral import ComplexArray, FloatArray, grid_angles, wave_numbers
-from tirelog.recording import Conditions
+from tirelog.physics.spectral import ComplexArray, grid_angles, wave_numbers
+from tirelog.vocabulary.arrays import FloatArray
 
 Values = Mapping[str, float]
 #: The 9.81 in the forms "a acceleration/9.81" of the catalogue: a scale by convention, not gravity

@@ -6,7 +6,7 @@ import numpy as np
 
 from tirelog.physics.effects.base import Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
-from tirelog.physics.spectral import FloatArray
+from tirelog.vocabulary.arrays import FloatArray
 
 
 def _transfer(v: Values, drive: Drive, site: Site) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Values
 from tirelog.physics.parameters import Parameter
-from tirelog.physics.spectral import FloatArray
+from tirelog.vocabulary.arrays import FloatArray
 
 
 def _load(v: Values, drive: Drive) -> FloatArray:

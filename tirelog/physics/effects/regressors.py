@@ -9,7 +9,7 @@ import numpy as np
 
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
-from tirelog.physics.spectral import FloatArray
+from tirelog.vocabulary.arrays import FloatArray
 
 _BOTH = ("phase_shift", "patch_width")
 _PHASE = ("phase_shift",)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tirelog.physics.effects.base import Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.pressure import smear
-from tirelog.physics.spectral import FloatArray
+from tirelog.vocabulary.arrays import FloatArray
 
 
 def _kernel(v: Values, drive: Drive, site: Site) -> FloatArray:

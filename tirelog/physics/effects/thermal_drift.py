@@ -6,7 +6,7 @@ import numpy as np
 
 from tirelog.physics.effects.base import Drive, Effect, Structure, Values
 from tirelog.physics.parameters import Parameter
-from tirelog.physics.spectral import FloatArray
+from tirelog.vocabulary.arrays import FloatArray
 
 
 def warmth(v: Values, drive: Drive) -> FloatArray:

@@ -7,7 +7,8 @@ import numpy as np
 from tirelog.physics.brush import traction_modes
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
-from tirelog.physics.spectral import ComplexArray, FloatArray
+from tirelog.physics.spectral import ComplexArray
+from tirelog.vocabulary.arrays import FloatArray
 
 
 def slip(v: Values, drive: Drive) -> FloatArray:

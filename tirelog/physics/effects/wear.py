@@ -5,7 +5,8 @@ from __future__ import annotations
 from tirelog.physics.effects.base import Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.pressure import bell
-from tirelog.physics.spectral import ComplexArray, FloatArray
+from tirelog.physics.spectral import ComplexArray
+from tirelog.vocabulary.arrays import FloatArray
 
 #: Distance [km] after which the tread counts as worn: A = distance / 40000.
 LIFE_KM = 40000.0

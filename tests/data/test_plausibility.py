@@ -1,0 +1,203 @@
+"""Faults: a setup or log that cannot be a tire's is refused, with what it probably is, before any command says anything."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tirelog.cli import run
+from tirelog.data.setup import parse_setup
+from tirelog.errors import SetupError
+
+SETUP = """[tire]
+unloaded_radius_m = 0.3126
+rolling_radius_m = 0.305
+width_m = 0.2
+[conditions]
+load_N = 3434.0
+inflation_pressure_Pa = 2.2e5
+[channels.strain_1]
+kind = "fbg_strain"
+source = "wavelength"
+unit = "nm"
+reference_wavelength_nm = 1550.0
+surface = "outer"
+[channels.pressure]
+kind = "inflation_pressure"
+source = "pressure"
+unit = "Pa"
+[channels.car]
+kind = "vehicle_speed"
+source = "car"
+unit = "m/s"
+[channels.load]
+kind = "vertical_load"
+source = "load"
+unit = "N"
+[log]
+time = "time_s"
+"""
+RADIUS_M, SPEED_M_S, RATE_HZ = 0.305, 12.0, 1000.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of a grating that passes the patch once a turn at 12 m/s for 6 s."""
+    time = np.arange(int(6 * RATE_HZ)) / RATE_HZ
+    around = 2 * np.pi * RADIUS_M
+    xi = (time * SPEED_M_S + 0.3) % around - 0.5 * around
+    patch = 0.5 * (np.tanh((xi + 0.055) / 0.02) - np.tanh((xi - 0.055) / 0.02))
+    wavelength = 1550.0 - patch + np.random.default_rng(1000).normal(0.0, 0.001, time.size)
+    table = np.column_stack([time, wavelength, np.full(time.size, 2.2e5), np.full(time.size, SPEED_M_S), np.full(time.size, 3434.0)])
+    path = tmp_path_factory.mktemp("plausible")
+    np.savetxt(path / "log.csv", table, "%.6f", ",", header="time_s,wavelength,pressure,car,load", comments="")
+    return path
+
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def command(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Command:
+    """(status, standard output, standard error) of a command on the log under a changed setup."""
+
+    def call(name: str, *arguments: str, old: str = "", new: str = "") -> tuple[int, str, str]:
+        monkeypatch.chdir(folder)
+        assert old in SETUP
+        (folder / "log.toml").write_text(SETUP.replace(old, new, 1) if old else SETUP)
+        status = run([name, "log.csv", *arguments])
+        out, err = capfd.readouterr()
+        return status, out, err
+
+    return call
+
+
+def test_a_plausible_log_is_only_read(command: Command) -> None:
+    status, out, err = command("speed")
+    assert status == 0
+    assert out.count(",ok\n") > 30
+    assert "median" not in err
+
+
+WRONG = [
+    ('unit = "nm"', 'unit = "pm"', "wavelengths of 1.55 nm (median) against reference_wavelength_nm = 1550", 'write unit = "nm"'),
+    ('unit = "nm"', 'unit = "um"', "wavelengths of 1.55e+06 nm", 'is the unit nm? write unit = "nm"'),
+    ("= 1550.0", "= 1510.0", "against reference_wavelength_nm = 1510", "allowed is 2 % off; name the grating's own column"),
+    ('unit = "Pa"', 'unit = "bar"', "channel pressure: a median of 2.2e+10 Pa", "allowed for a tire is 20000 to 2e+06"),
+    ('unit = "Pa"', 'unit = "mbar"', "a median of 2.2e+07 Pa", "mend unit or source"),
+    ('source = "car"', 'source = "load"', "channel car: a median speed of 3434 m/s", 'write unit = "km/h"'),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "what", "do"), WRONG)
+@pytest.mark.parametrize("name", ["speed", "info"])
+def test_a_channel_that_cannot_be_what_its_setup_says(command: Command, name: str, old: str, new: str, what: str, do: str) -> None:
+    status, out, err = command(name, old=old, new=new)
+    assert status == 2
+    assert ",ok" not in out
+    assert what in err
+    assert do in err
+
+
+def test_a_run_of_it_is_not_written(command: Command, folder: Path) -> None:
+    status, _, err = command("ingest", "-o", "run.h5", old='unit = "nm"', new='unit = "pm"')
+    assert status == 2
+    assert 'write unit = "nm"' in err
+    assert not (folder / "run.h5").exists()
+
+
+def test_a_strange_strain_is_said(command: Command) -> None:
+    status, out, err = command("speed", old="= 1550.0", new="= 1530.0")
+    assert status == 0
+    assert out.count(",ok\n") > 30
+    assert "note: log.csv: strain_1: a median strain of 16" in err
+
+
+@pytest.mark.parametrize("name", ["speed", "footprint", "tables"])
+def test_a_swapped_surface_is_refused_by_all_tables(command: Command, folder: Path, name: str) -> None:
+    more = ["-o", "out"] if name == "tables" else []
+    status, out, err = command(name, *more, old='"outer"', new='"inner"')
+    assert status == 2
+    assert "ok" not in out
+    assert "channel strain_1 shows a minimum, as the outer surface (groove) does in the patch" in err
+    assert 'write surface = "outer"' in err
+
+
+def test_a_cutoff_beyond_what_is_sampled(command: Command) -> None:
+    status, _, err = command("footprint", "--cutoff", "4000Hz")
+    assert status == 2
+    assert "--cutoff 4000Hz: channel strain_1 is sampled at 1000 Hz and holds nothing above 500 Hz" in err
+    assert command("footprint", "--cutoff", "400Hz")[0] == 0
+
+
+def test_a_calibrated_radius_goes_with_the_unloaded_one(command: Command) -> None:
+    without = ("rolling_radius_m = 0.305\n", "")
+    assert command("speed", "--calibrate-radius", old=without[0], new=without[1])[0] == 0
+    status, out, err = command(
+        "speed", "--calibrate-radius", old="unloaded_radius_m = 0.3126\nrolling_radius_m = 0.305", new="unloaded_radius_m = 0.45"
+    )
+    assert status == 2
+    assert ",ok" not in out
+    assert "against car a rolling radius of 0.305 m is 32 % smaller than the unloaded 0.45 m" in err
+
+
+def test_a_drive_is_no_inflation_test(command: Command) -> None:
+    status, out, err = command("inflation")
+    assert status == 2
+    assert ",ok" not in out
+    assert "no inflation test: the wheel turns, strain_1 passes the patch" in err
+
+
+def test_a_log_without_a_passage_says_so(command: Command, folder: Path) -> None:
+    table = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
+    table[:, 1] = 1550.0 + 1e-4 * np.random.default_rng(1001).normal(size=len(table))
+    np.savetxt(folder / "still.csv", table, "%.6f", ",", header="time_s,wavelength,pressure,car,load", comments="")
+    status, _, err = command("speed", "still.csv", "--setup", "log.toml")
+    assert status == 0
+    assert "still.csv: strain_1: no passage of the patch in this log" in err
+
+
+def test_a_speed_below_zero_is_no_speed_of_a_model(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(folder)
+    assert run(["model", "new", "--carcass", "beam", "--set", "load_N=3434", "--set", "radius_m=0.3", "-o", "beam.toml", "--quiet"]) == 0
+    assert run(["model", "predict", "beam.toml", "--speed", "-5"]) == 2
+    assert "--speed -5; allowed is a speed of 0 m/s or more" in capfd.readouterr().err
+
+
+NUMBERS = [
+    ("inflation_pressure_Pa = 2.2e5", "inflation_pressure_Pa = 2.2", 7, "2.2 bar would be 220000"),
+    ("inflation_pressure_Pa = 2.2e5", "inflation_pressure_Pa = 32", 7, "32 psi would be 220632"),
+    ("load_N = 3434.0", "load_N = 3.4", 6, "3.4 kN would be 3400"),
+    ("load_N = 3434.0", "load_N = -3434.0", 6, "a number above 0"),
+    ("unloaded_radius_m = 0.3126", "unloaded_radius_m = 3.126", 2, "allowed for a tire is 0.04 to 2.5"),
+    ("rolling_radius_m = 0.305", "rolling_radius_m = 0.2", 3, "36 % smaller than the unloaded 0.3126 m; allowed is 0.85 to 1.05 of it"),
+    ("rolling_radius_m = 0.305", "rolling_radius_m = 0.35", 3, "12 % larger than the unloaded"),
+    ("width_m = 0.2\n", "width_m = 0.002\n", 4, "allowed for a tire is 0.01 to 2"),
+    ("reference_wavelength_nm = 1550.0", "reference_wavelength_nm = 155.0", 12, "allowed for a tire is 400 to 2500"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "said"), NUMBERS)
+def test_a_number_that_is_no_tires(old: str, new: str, line: int, said: str) -> None:
+    assert old in SETUP
+    with pytest.raises(SetupError) as caught:
+        parse_setup(SETUP.replace(old, new, 1), "a.toml")
+    assert str(caught.value).startswith(f"a.toml:{line}: ")
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("load", "pressure", "unloaded", "rolling"),
+    [(300.0, 1.0e6, 0.34, 0.335), (50_000.0, 8.5e5, 0.52, 0.5), (300_000.0, 1.6e6, 0.66, 0.6), (8_000.0, 4e4, 0.6, 0.55)],
+    ids=["bicycle", "truck", "aircraft", "farm"],
+)
+def test_tires_of_all_kinds_are_allowed(load: float, pressure: float, unloaded: float, rolling: float) -> None:
+    text = (
+        SETUP.replace("3434.0", str(load)).replace("2.2e5", str(pressure)).replace("0.3126", str(unloaded)).replace("0.305", str(rolling))
+    )
+    assert parse_setup(text).conditions.load_N == load

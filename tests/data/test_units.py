@@ -1,0 +1,64 @@
+"""Closed form: the unit table against definitions written out here."""
+
+import ast
+import math
+from pathlib import Path
+
+import pytest
+
+from tirelog.errors import SetupError
+from tirelog.physics.effects.base import CATALOGUE_G_M_S2
+from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2, UNITS, canonical, to_si
+
+# one value in the unit, and the same in SI, by definition of the unit
+DEFINITIONS = {
+    "m": (2.0, 2.0), "mm": (2.0, 0.002), "um": (2.0, 2e-6), "nm": (1550.0, 1.55e-6), "pm": (1.0, 1e-12), "strain": (1.0, 1.0),
+    "microstrain": (850.0, 8.5e-4), "ustrain": (1.0, 1e-6), "m/m": (1.0, 1.0), "um/m": (1.0, 1e-6), "m/s^2": (3.0, 3.0), "m/s2": (3.0, 3.0),
+    "g": (2.0, 19.6133), "m/s": (4.0, 4.0), "km/h": (36.0, 10.0), "mph": (1.0, 1609.344 / 3600), "kn": (1.0, 1852 / 3600), "Pa": (5.0, 5.0),
+    "hPa": (1.0, 100.0), "kPa": (1.0, 1000.0), "MPa": (1.0, 1e6), "bar": (2.2, 220000.0), "mbar": (1.0, 100.0),
+    "psi": (1.0, 0.45359237 * 9.80665 / 0.0254**2), "K": (300.0, 300.0), "degC": (0.0, 273.15), "degF": (32.0, 273.15), "N": (7.0, 7.0),
+    "kN": (3.434, 3434.0), "daN": (1.0, 10.0), "kgf": (400.0, 3922.66), "lbf": (1.0, 0.45359237 * 9.80665),
+    "s": (1.0, 1.0), "ms": (1.0, 1e-3),
+    "us": (1.0, 1e-6), "ns": (1.0, 1e-9), "min": (1.0, 60.0), "h": (1.0, 3600.0), "V": (1.0, 1.0), "mV": (1.0, 1e-3), "1": (1.0, 1.0),
+    "count": (1.0, 1.0), "step": (1.0, 1.0), "rad": (1.0, 1.0), "deg": (180.0, math.pi),
+}  # fmt: skip
+
+
+def test_every_unit_has_a_definition_here() -> None:
+    assert set(DEFINITIONS) == set(UNITS)
+
+
+@pytest.mark.parametrize("unit", DEFINITIONS)
+def test_unit_becomes_si(unit: str) -> None:
+    value, si = DEFINITIONS[unit]
+    factor, offset = to_si(unit, UNITS[unit][0])
+    assert factor * value + offset == pytest.approx(si, rel=1e-12)
+
+
+@pytest.mark.parametrize(("written", "name"), [("µε", "microstrain"), ("°C", "degC"), ("KM/H", "km/h"), (" nm ", "nm"), ("m/s²", "m/s^2")])
+def test_spellings(written: str, name: str) -> None:
+    assert canonical(written) == name
+
+
+def test_case_decides_between_milli_and_mega() -> None:
+    assert canonical("MPa") == "MPa"
+    assert canonical("mpa") == "MPa"  # no unit of the table is a millipascal
+    assert canonical("furlong") is None
+
+
+def test_unit_of_another_quantity_is_refused_with_what_is_allowed() -> None:
+    with pytest.raises(SetupError, match=r"'bar' is not one of m, mm, um, nm, pm"):
+        to_si("bar", "length")
+
+
+def test_one_gravity() -> None:
+    """Models and estimators share one g; the catalogue's 9.81 is a scale with a name of its own; the simulator keeps its own."""
+    package = Path(__file__).parents[2] / "tirelog"
+    found = {
+        (path.relative_to(package).as_posix(), node.value)
+        for path in package.rglob("*.py")
+        if "simulation" not in path.parts
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, float) and 9.75 < node.value < 9.85
+    }
+    assert found == {("units.py", STANDARD_GRAVITY_M_S2), ("physics/effects/base.py", CATALOGUE_G_M_S2)}

@@ -1,0 +1,111 @@
+"""Input that cannot be diagnosed is said to be so, and so is a disk that has no room for it."""
+
+import resource
+import tempfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.cases import Case, case
+from tests.diagnosis.toy import stack
+from tirelog.diagnosis.compare import compare
+from tirelog.diagnosis.diagnose import diagnose
+from tirelog.errors import ModelError, OutputError, UsageError
+from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.inference.stacks.spooled import Stacks
+from tirelog.physics.model.model import Model
+from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenario.schema import Manoeuvre
+
+
+def recordings(manoeuvres, **more):
+    logs = case((), seed=201, how=Case(plan="short", logs=1))
+    return [to_recording(simulate(replace(log, manoeuvres=manoeuvres, **more)), "log") for log in logs]
+
+
+@pytest.fixture(scope="module")
+def one_cruise():
+    return recordings((Manoeuvre(5.0, 14.0),))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Model.new("beam", radius_m=0.305)
+
+
+def test_fewer_than_ten_revolutions():
+    with pytest.raises(UsageError, match="at least ten"):
+        stacks_from_logs(recordings((Manoeuvre(1.0, 10.0),)))
+
+
+def test_one_manoeuvre_is_too_few_and_ranks(one_cruise, model):
+    result = diagnose(stacks_from_logs(one_cruise), model)
+    assert result.verdict == "too_few"
+    assert result.selected == ()
+    assert "manoeuvres" in " ".join(result.notes)
+    assert result.effects
+
+
+def test_model_of_another_observable(one_cruise, model):
+    with pytest.raises(UsageError, match="predicts radial_acceleration"):
+        compare(stacks_from_logs(one_cruise), Model.new("beam", "radial_acceleration", radius_m=0.305))
+
+
+def test_no_channel_for_the_observable(one_cruise):
+    with pytest.raises(UsageError, match="no channel"):
+        stacks_from_logs(one_cruise, "radial_acceleration")
+
+
+def test_surface_swapped_is_found_and_said(one_cruise):
+    swapped = [replace(r, channels={name: replace(c, surface="inner") for name, c in r.channels.items()}) for r in one_cruise]
+    with pytest.raises(UsageError, match='write surface = "outer"'):
+        stacks_from_logs(swapped)
+
+
+def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, model):
+    (one,) = stacks_from_logs(one_cruise)
+    unknown = replace(one.conditions, distance_km=np.full(len(one), np.nan))
+    result = diagnose([replace(one, conditions=unknown)], model)
+    assert result.not_tested["wear"] == "needs distance_km"
+    assert "viscous_damping" in [c.effect for c in result.effects]
+
+
+def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(one_cruise, model, monkeypatch):
+    from tirelog.diagnosis import naming
+
+    def refuse(base, few, candidate):
+        if candidate.id == asked[0]:
+            raise ModelError("the fit with it failed")
+        return refit(base, few, candidate)
+
+    refit = naming.refit_candidate
+    monkeypatch.setattr(naming, "refit_candidate", refuse)
+    stacks = stacks_from_logs(one_cruise)
+    asked = ["nothing"]
+    first = diagnose(stacks, model).effects[0].effect
+    asked[0] = first
+    result = diagnose(stacks, model)
+    assert "failed" in result.not_tested[first]
+    assert len(result.effects) > 3
+
+
+def test_no_logs(model):
+    with pytest.raises(UsageError, match="at least one log"):
+        compare([], model)
+
+
+def test_no_folder_for_what_is_put_aside(monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "gone"))
+    with pytest.raises(OutputError, match=r"No such file or directory.*set TMPDIR"):
+        Stacks(in_memory=0).add("log", [stack(1)])
+
+
+def test_no_room_for_what_is_put_aside():
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(OutputError, match=r"cannot be put aside.*make room or set TMPDIR"):
+            Stacks(in_memory=0).add("log", [stack(1)])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

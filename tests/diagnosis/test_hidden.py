@@ -1,0 +1,83 @@
+"""A small part of the self-test: planted effects, from the scenario to the verdict.  The truth is solved apart from the models."""
+
+import json
+
+import pytest
+
+from benchmarks.cases import Case, case
+from tirelog.diagnosis.compare import compare
+from tirelog.diagnosis.diagnose import diagnose
+from tirelog.diagnosis.ladder import ladder
+from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.physics.model.model import Model
+from tirelog.simulation import simulate, to_recording
+
+
+def stacks(effects, seed, **how):
+    logs = case(effects, seed=seed, how=Case(**{"plan": "short", "logs": 2, **how}))
+    return stacks_from_logs([to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)])
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Model.new("beam", radius_m=0.305)
+
+
+def test_nothing_hidden_nothing_found(model):
+    result = diagnose(stacks((), 101), model)
+    assert result.verdict == "nothing_missing"
+    assert result.selected == ()
+    assert result.reduced_chi2_before < 1.1
+    assert result.rmse_heldout_before < 1.05 * result.noise_floor
+
+
+def test_scatter_of_the_load_is_not_an_effect(model):
+    result = diagnose(stacks((), 102, scatter=0.01), model)
+    assert result.selected == ()
+
+
+def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
+    result = diagnose(stacks(("edge_impact",), 103), model)
+    assert result.verdict == "missing"
+    assert result.selected == ("edge_impact",)
+    assert result.effects[0].effect == "edge_impact"
+    assert result.effects[0].excess_removed > 0.95
+    assert result.rmse_heldout_after < 1.05 * result.noise_floor
+    strength = result.effects[0].strengths["amplitude"]
+    assert strength["value"] == pytest.approx(0.7, rel=0.05)
+    answer = json.loads(json.dumps(result.to_json()))
+    keys = "verdict selected effects ambiguous_groups separating_manoeuvres unexplained rmse_heldout_before "
+    keys += "rmse_heldout_after noise_floor revolutions"
+    assert set(keys.split()) <= set(answer)
+
+
+def test_what_no_catalogue_has_stays_unknown_and_is_described(model):
+    result = diagnose(stacks(("splice",), 104), model)
+    assert result.verdict == "unknown"
+    assert result.selected == ()
+    assert result.unexplained["significant"]
+    assert result.unexplained["where"] == "away"
+    assert result.unexplained["speed_exponent"] == pytest.approx(0.0, abs=0.5)
+
+
+def test_faint_twins_come_as_a_set(model):
+    result = diagnose(stacks({"hysteresis": {"loss_factor": 0.012}}, 105), model)
+    assert {"hysteresis", "viscous_damping"} >= set(result.selected)
+    if result.verdict == "ambiguous":
+        assert set(result.ambiguous_groups[0]) == {"hysteresis", "viscous_damping"}
+        assert result.separating_manoeuvres or result.notes
+
+
+def test_ladder_and_comparison_tell_the_same(model):
+    given = stacks(("water_film",), 106)
+    climbed = ladder(given, model)
+    assert [step.effect for step in climbed.steps][:2] == ["base", "water_film"]
+    assert climbed.steps[1].rmse_heldout < climbed.steps[0].rmse_heldout
+    assert climbed.verdict == "at_the_floor"
+    assert climbed.manoeuvres_locked > 0  # so the first step is no comparison on all manoeuvres, and it says so
+    assert any(f"{climbed.manoeuvres_locked} of {climbed.manoeuvres + climbed.manoeuvres_locked}" in r for r in climbed.remarks)
+    after = compare(given, climbed.model)
+    assert after.rmse_heldout < 1.05 * after.noise_floor
+    assert {row["angle"] for row in after.tables["angle"]} == {"entry", "patch", "exit", "away"}
+    assert len(after.tables["revolution"]) == after.revolutions
+    assert after.by_speed.residual.shape == (after.by_speed.axis.size, after.by_speed.phi_rad.size)

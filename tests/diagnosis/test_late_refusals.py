@@ -1,0 +1,57 @@
+"""Faults: what cannot be written or drawn in the end is refused before the work, and a channel of another kind at once."""
+
+from importlib import util
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Command, folder, tirelog
+
+__all__ = ["folder", "tirelog"]
+
+
+@pytest.fixture
+def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Logs that must not be opened."""
+
+    def opened(*given: object, **more: object) -> None:
+        raise AssertionError("the work was begun")
+
+    monkeypatch.setattr("tirelog.runs.ingest.open_recording", opened)
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "path", "said"),
+    [
+        ("compare", "--plot", "nowhere/x.png", "the folder has to exist"),
+        ("compare", "--plot", "x.jpg", "allowed are .png"),
+        ("compare", "-o", "nowhere/x.json", "the folder has to exist"),
+        ("diagnose", "--plot", "nowhere/x.png", "the folder has to exist"),
+        ("diagnose", "-o", "nowhere/x.json", "the folder has to exist"),
+        ("ladder", "--save", "nowhere/x.toml", "the folder has to exist"),
+        ("ladder", "--plot", "nowhere/x.png", "the folder has to exist"),
+        ("report", "-o", "nowhere/x.html", "the folder has to exist"),
+        ("report", "-o", "x.pdf", "the page is HTML"),
+        ("fit", "-o", "nowhere/x.toml", "the folder has to exist"),
+    ],
+)
+@pytest.mark.usefixtures("no_work")
+def test_what_cannot_be_written_is_refused_first(folder: Path, tirelog: Command, command: str, option: str, path: str, said: str) -> None:
+    words = ["model", "fit"] if command == "fit" else [command]
+    result = tirelog(*words, str(folder / "log.csv"), "--model", str(folder / "m.toml"), option, str(folder / path))
+    assert result.status == 2
+    assert said in result.err
+    assert path in result.err
+    assert not (folder / path).exists()
+
+
+@pytest.mark.parametrize("command", ["compare", "diagnose", "ladder"])
+@pytest.mark.usefixtures("no_work")
+def test_a_picture_without_matplotlib_is_refused_first(
+    folder: Path, tirelog: Command, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = util.find_spec
+    monkeypatch.setattr(util, "find_spec", lambda name, *more: None if name == "matplotlib" else found(name, *more))
+    result = tirelog(command, str(folder / "log.csv"), "--model", str(folder / "m.toml"), "--plot", str(folder / "x.png"))
+    assert result.status == 2
+    assert "--plot needs matplotlib" in result.err

@@ -1,0 +1,213 @@
+"""Several stretches, stacks put aside, pieces gathered: the same measurement."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from benchmarks.cases import Case, case
+from tests.diagnosis.test_transient_truth import scenario
+from tests.diagnosis.toy import stack
+from tirelog.data.recording import Conditions, Stack
+from tirelog.diagnosis.compare import compare
+from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.gathering import pieces_of_all
+from tirelog.inference.cells.pieces import Pieces, joined_pieces, pieces_of
+from tirelog.inference.measured import measured
+from tirelog.inference.stacks.cut import _cuts, stacks_from_logs
+from tirelog.inference.stacks.spooled import Stacks, joined
+from tirelog.physics.model.model import Model
+from tirelog.simulation import simulate, to_recording
+
+
+def same(one, other):
+    """Equal to the bit, types too."""
+    for f in fields(one):
+        a, b = getattr(one, f.name), getattr(other, f.name)
+        if isinstance(a, Conditions):
+            same(a, b)
+        elif isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype, f.name
+            np.testing.assert_array_equal(a, b, f.name)
+        else:
+            assert a == b, f.name
+
+
+def two_logs(in_memory=None):
+    stacks = Stacks(in_memory)
+    for seed in (1, 2):
+        whole = stack(seed, manoeuvres=4, m=64)
+        stacks.add(f"log_{seed}", (replace(whole.take(rows), logs=(f"log_{seed}",)) for rows in (slice(0, 30), slice(30, 48))))
+    return stacks
+
+
+def test_stacks_in_a_file_are_those_in_memory_to_the_bit():
+    kept, aside = two_logs(), two_logs(in_memory=40_000)
+    assert aside.outlines()[0].values.size == aside.outlines()[-1].values.size == 0 < kept.outlines()[0].values.size
+    for _ in range(2):  # read again, in any order
+        for i in (3, 0, 2, 1):
+            same(kept[i], aside[i])
+    for a, b in zip(kept, aside, strict=True):
+        same(a, b)
+    for a, b in zip(kept[1:3], aside[1:3], strict=True):
+        same(a, b)
+    with pytest.raises(IndexError):
+        aside[4]
+
+
+def test_logs_and_manoeuvres_count_through_all_stacks():
+    stacks = two_logs()
+    assert stacks.logs == stacks[0].logs == ("log_1", "log_2")
+    assert [int(s.log[0]) for s in stacks] == [0, 0, 1, 1]
+    np.testing.assert_array_equal(joined(stacks).manoeuvre, np.repeat(np.arange(8), 12))
+    assert stacks[0].manoeuvre[-1] == stacks[1].manoeuvre[0] == 2  # cut, and still one
+    assert [len(s) for s in stacks.of_log(1)] == [30, 18]
+    gone = Stacks()
+    gone.add("log_1", [s.take(s.manoeuvre != 2) for s in stacks.of_log(0)])
+    gone.add("log_2", [s.take(s.manoeuvre < 0) for s in stacks.of_log(1)])  # nothing is left of it
+    gone.number_through()
+    np.testing.assert_array_equal(joined(gone).manoeuvre, np.repeat(np.arange(3), 12))
+    assert len(gone) == 2
+    assert gone.logs == ("log_1", "log_2")
+
+
+def test_stretches_are_cut_between_manoeuvres_and_leave_no_crumbs():
+    random = np.random.default_rng(3)
+    for _ in range(50):
+        length = random.integers(4, 400, 30)
+        manoeuvre = np.repeat(np.arange(30), length)
+        cuts = list(_cuts(manoeuvre, 100))
+        assert [c.start for c in cuts[1:]] == [c.stop for c in cuts[:-1]]
+        assert (cuts[0].start, cuts[-1].stop) == (0, manoeuvre.size)
+        assert max(c.stop - c.start for c in cuts) <= 100
+        for cut in cuts[:-1]:
+            part = manoeuvre[cut.stop - 1]
+            if manoeuvre[cut.stop] == part:
+                assert (manoeuvre[cut] == part).sum() >= 25
+                assert (manoeuvre[cut.stop :] == part).sum() >= 25
+
+
+def test_pieces_of_stacks_are_those_of_one_stack_where_none_is_cut():
+    stacks = Stacks()
+    for seed in (1, 2, 3):
+        whole = stack(seed, manoeuvres=4)
+        stacks.add("a", [whole.take(slice(0, 24)), whole.take(slice(24, 48))])
+    same(pieces_of_all(stacks), pieces_of(joined(stacks)))
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    logs = case(("edge_impact",), seed=203, how=Case(plan="short", logs=2))
+    return [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)]
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Model.new("beam", radius_m=0.305)
+
+
+@pytest.fixture(scope="module")
+def whole(recordings, model):
+    return compare(stacks_from_logs(recordings), model)
+
+
+def test_a_comparison_does_not_know_of_stretches_between_manoeuvres(recordings, model, whole):
+    stacks = stacks_from_logs(recordings)
+    manoeuvres = Stacks(in_memory=0)
+    for number, log in enumerate(stacks.logs):
+        one = joined(stacks.of_log(number))
+        first = int(one.manoeuvre.min())
+        parts = (one.take(one.manoeuvre == m) for m in np.unique(one.manoeuvre))
+        manoeuvres.add(log, (replace(part, manoeuvre=part.manoeuvre - first) for part in parts))
+    assert len(manoeuvres) > 6
+    parted = compare(manoeuvres, model)
+    assert parted.to_json() == whole.to_json()
+    assert parted.tables["revolution"] == whole.tables["revolution"]
+
+
+def test_a_comparison_hardly_knows_of_manoeuvres_that_were_cut(recordings, model, whole):
+    parted = compare(stacks_from_logs(recordings, most=40), model)
+    assert parted.manoeuvres == whole.manoeuvres
+    for name in ("rmse", "rmse_heldout", "noise_floor"):
+        assert getattr(parted, name) == pytest.approx(getattr(whole, name), rel=0.02)
+    rows, expected = parted.tables["revolution"], whole.tables["revolution"]
+    for name in ("log", "revolution", "time_s", "speed_m_s", "regime", "manoeuvre"):
+        assert [row[name] for row in rows] == [row[name] for row in expected]
+    np.testing.assert_allclose([row["rmse"] for row in rows], [row["rmse"] for row in expected], rtol=0.05)
+
+
+def driven(seed: int, **more) -> Stack:
+    """Forty cruises at two speeds in turn."""
+    made = stack(seed, manoeuvres=40, revolutions=10, **more)
+    speed = np.where(made.manoeuvre % 2, 12.0, 17.0)
+    return replace(made, conditions=replace(made.conditions, speed_m_s=speed + 0.01 * np.arange(len(made)) % 0.3))
+
+
+def check_all_there(pieces: Pieces, stacks) -> None:
+    """Every revolution is in one piece, of its own log, regime and speed."""
+    one = joined(stacks)
+    assert pieces.number.sum() == len(pieces.coefficients) == len(pieces.cell) == len(one)
+    np.testing.assert_array_equal(np.bincount(pieces.cell, minlength=len(pieces)), pieces.number)
+    np.testing.assert_array_equal(pieces.log[pieces.cell], one.log)
+    np.testing.assert_array_equal(pieces.regime[pieces.cell], one.regime)
+    assert np.abs(pieces.conditions.speed_m_s[pieces.cell] - one.conditions.speed_m_s).max() < 1.6
+    assert pieces.count.sum() == one.count.sum()
+    np.testing.assert_array_equal(np.unique(pieces.manoeuvre), np.arange(pieces.manoeuvre.max() + 1))
+
+
+def test_gathered_pieces_hold_every_revolution():
+    stacks = Stacks()
+    for seed in (1, 2):
+        made = driven(seed)
+        stacks.add(f"log_{seed}", (made.take(rows) for rows in np.split(np.arange(len(made)), 5)))
+    for most in (200, 40, 12, 1):
+        pieces = pieces_of_all(stacks, most)
+        check_all_there(pieces, stacks)
+        assert len(pieces) <= max(most, 4)
+    same(pieces_of_all(stacks, 80), pieces_of(joined(stacks)))
+    # however often they were gathered on the way, and from however many stretches
+    at_once = pieces_of_all([joined(stacks)], 12)
+    np.testing.assert_array_equal(at_once.number, pieces_of_all(stacks, 12).number)
+    np.testing.assert_allclose(at_once.mean, pieces_of_all(stacks, 12).mean, atol=2e-3)
+
+
+def test_gathered_pieces_show_the_waveform_and_the_scatter_that_were_put_in():
+    whole = driven(5, amplitude=0.02, baseline=0.0, noise=0.01)
+    cells = cells_of(pieces_of_all([whole], 8))
+    assert len(cells) <= 8
+    single = cells.random_cov[0, 0, 0] * cells.revolutions[0]
+    assert np.sqrt(single) == pytest.approx(0.02, rel=0.25)
+    assert np.nanmedian(cells.sd * np.sqrt(cells.revolutions)[:, None]) == pytest.approx(0.01, rel=0.05)
+    fine = cells_of(pieces_of(whole))
+    assert np.sqrt(np.nanmean(cells.within)) == pytest.approx(np.sqrt(np.nanmean(fine.within)), rel=0.03)
+
+
+def test_a_comparison_of_gathered_pieces_finds_the_same_excess(recordings, model, whole):
+    stacks = stacks_from_logs(recordings)
+    pieces = pieces_of_all(stacks)
+    few = pieces_of_all(stacks, len(pieces) * 2 // 3)  # here that takes all manoeuvres of a regime together
+    assert len(few) < len(pieces)
+    gathered = compare(few, model)
+    assert gathered.revolutions == whole.revolutions
+    assert gathered.excess_heldout == pytest.approx(whole.excess_heldout, rel=0.02)
+    assert gathered.noise_floor == pytest.approx(whole.noise_floor, rel=0.15)  # what tells two manoeuvres of a kind apart is scatter now
+
+
+def test_pieces_of_several_campaign_logs_are_numbered_through():
+    parts = [pieces_of(stack(seed, manoeuvres=3)) for seed in (1, 2)]
+    both = joined_pieces(parts)
+    assert both.cell.size == 0
+    np.testing.assert_array_equal(np.unique(both.manoeuvre), np.arange(6))
+
+
+def test_an_obstacle_is_found_in_a_log_of_several_stretches():
+    met = to_recording(simulate(scenario()), "cleat.csv")
+    answers = []
+    for most in (1000, 12):
+        stacks = stacks_from_logs([met], most=most)
+        assert (len(stacks) > 2) == (most == 12)
+        answers.append(measured([met], most=most))
+    (steady, (hits,)), (steady_parts, (hits_parts,)) = ((found.stacks, found.obstacles) for found in answers)
+    same(joined(steady), joined(steady_parts))
+    np.testing.assert_array_equal(hits.hits_s, hits_parts.hits_s)
+    assert len(joined(steady)) < len(joined(stacks))

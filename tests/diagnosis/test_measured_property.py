@@ -1,0 +1,188 @@
+"""One door from logs to measured revolutions: every command gives the same number, and says what was set apart."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.toy import stack
+from tirelog.campaign import models, runner
+from tirelog.campaign.pieces_file import pieces_bytes
+from tirelog.campaign.work import make_tables, pieces_name
+from tirelog.cli import run
+from tirelog.diagnosis.compare import compare
+from tirelog.diagnosis.fitted import fit_measured
+from tirelog.diagnosis.ladder import ladder
+from tirelog.inference.cells import gathering
+from tirelog.inference.cells.gathering import pieces_of_all, pieces_of_logs
+from tirelog.inference.measured import measured
+from tirelog.inference.stacks.spooled import Stacks
+from tirelog.physics.model.file import load_model, save_model
+from tirelog.physics.model.model import Model
+from tirelog.report.asked import Asked
+from tirelog.report.diagnosed import model_story
+from tirelog.runs.ingest import open_recording
+
+SAMPLES = Path(__file__).parents[2] / "sample_data"
+HIT = "2 hits on an obstacle; 10 of 17 revolutions are disturbed by them and kept apart from the steady ones"
+MANIFEST = """[campaign]
+output = "results"
+[[logs]]
+glob = "logs/*.csv.gz"
+[tables.speed]
+[[models]]
+file = "beam.toml"
+commands = ["compare"]
+"""
+
+
+@pytest.fixture(scope="module")
+def cleat():
+    with open_recording(str(SAMPLES / "cleat.csv.gz"), None) as recording:
+        yield recording
+
+
+@pytest.fixture(scope="module")
+def beam(cleat):
+    held = Model.new("beam", radius_m=cleat.setup.tire.radius_m, load_N=3434.0)
+    few = ("patch_half_length_m", "lever_arm_m")
+    return held.with_parameters({name: p if name in few else p.fixed() for name, p in held.parameters.items()})
+
+
+@pytest.fixture(scope="module")
+def compared(cleat, beam):
+    return compare(measured([cleat]).stacks, beam)
+
+
+def test_every_command_gives_one_number_on_a_log_with_an_obstacle(cleat, beam, compared, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks))
+    stacks = measured([cleat]).stacks
+    assert compared.revolutions == 7
+    assert HIT in compared.remarks[0]
+    climbed = ladder(stacks, beam)
+    assert (climbed.steps[0].rmse_fit, climbed.steps[0].noise_floor) == (compared.rmse, compared.noise_floor)
+    assert climbed.revolutions == 7
+    story = model_story([cleat], beam, None, Asked((cleat.log,)), {}, lambda text: None)
+    assert "7 revolutions" in " ".join(story.before_ladder[1].text)  # the diagnosis
+    page = " ".join(story.before_ladder[0].text)
+    assert f"On the data of the fit: {compared.rmse * 1e6:.3g}." in page
+    assert "7 revolutions" in page
+    assert HIT in page
+    save_model(beam, tmp_path / "beam.toml")
+    (tmp_path / "logs").mkdir()
+    for name in ("cleat.csv.gz", "cleat.toml"):
+        shutil.copy(SAMPLES / name, tmp_path / "logs")
+    (tmp_path / "campaign.toml").write_text(MANIFEST)
+    assert run(["campaign", "run", str(tmp_path / "campaign.toml"), "--quiet"]) == 0
+    kept = json.loads((tmp_path / "results/models/beam/compare.json").read_text())
+    for name in ("rmse", "noise_floor", "revolutions", "reduced_chi2"):
+        assert kept[name] == pytest.approx(getattr(compared, name), rel=1e-9), name
+    assert HIT in kept["remarks"][0]
+
+
+def test_obstacles_are_set_apart_from_numbers_per_revolution_too(cleat):
+    found = measured([cleat], "dissipation_factor")
+    assert found.obstacles == ()
+    assert "2 hits on an obstacle" in found.notes[0]
+    hits = measured([cleat]).obstacles[0].hits_s
+    (steady,) = found.stacks
+    assert all(np.abs(steady.conditions.time_s - hit).min() > 0.1 for hit in hits)
+
+
+def test_fit_and_compare_are_one_fit(cleat, beam, compared):
+    result, remarks = fit_measured(measured([cleat]).stacks, beam)
+    for name, value, error in zip(result.names, result.values, result.se, strict=True):
+        assert value == pytest.approx(compared.parameters[name]["value"], rel=1e-12)
+        assert error == pytest.approx(compared.parameters[name]["se"], rel=1e-12)
+    assert result.reduced_chi2 == compared.reduced_chi2
+    assert remarks == compared.remarks
+
+
+def test_fit_and_compare_of_a_number_per_revolution_are_one_fit(tmp_path, capfd):
+    log, model, fitted = str(SAMPLES / "drive.csv.gz"), str(tmp_path / "m.toml"), tmp_path / "f.toml"
+    setup = str(SAMPLES / "drive.toml")
+    assert run(["model", "new", "--observable", "patch_length", "--setup", setup, "-o", model, "--quiet"]) == 0
+    assert run(["compare", log, "--model", model, "--format", "json", "--quiet"]) == 0
+    said = json.loads(capfd.readouterr().out)
+    assert run(["model", "fit", log, "--model", model, "-o", str(fitted)]) == 0
+    assert f"reduced chi-square {said['reduced_chi2']:.3f}" in capfd.readouterr().out
+    for name, p in load_model(fitted).parameters.items():
+        assert p.value == pytest.approx(said["parameters"][name]["value"], rel=1e-6)
+        if p.free and p.se is not None:
+            assert p.se == pytest.approx(said["parameters"][name]["se"], rel=1e-3)
+
+
+def test_one_manoeuvre_has_no_error_held_out(cleat, beam, compared):
+    assert compared.manoeuvres == 1
+    assert compared.rmse_heldout is None
+    assert compared.excess_heldout is None
+    assert json.loads(json.dumps(compared.to_json()))["rmse_heldout"] is None
+    assert any("none can be held out" in remark for remark in compared.remarks)
+
+
+def test_the_floor_within_manoeuvres_is_the_same_for_every_model(cleat, beam, compared):
+    worse = beam.with_values({"foundation_stiffness_N_m2": 3.0 * beam.values["foundation_stiffness_N_m2"]})
+    other = compare(measured([cleat]).stacks, worse)
+    assert abs(other.rmse / compared.rmse - 1.0) > 0.02
+    assert other.noise_floor_within == pytest.approx(compared.noise_floor_within, rel=1e-9)
+
+
+def several(sizes):
+    """Toy logs of so many manoeuvres each, every manoeuvre one piece."""
+    stacks = Stacks()
+    for seed, manoeuvres in enumerate(sizes):
+        made = stack(seed, manoeuvres=manoeuvres, revolutions=6, m=32)
+        speed = 9.0 + made.manoeuvre % 3 + 0.1 * seed
+        stacks.add(f"log_{seed}", [replace(made, conditions=replace(made.conditions, speed_m_s=speed), logs=(f"log_{seed}",))])
+    return stacks
+
+
+@pytest.mark.parametrize("most", [200, 12, 3])
+def test_a_campaign_s_pieces_are_those_of_its_logs_together(most, monkeypatch):
+    monkeypatch.setattr(gathering, "room", lambda angles, most_of_all=0: most)
+    stacks = several((3, 20, 9))
+    whole = pieces_of_logs(stacks)
+    files = {}
+    for number, log in enumerate(stacks.logs):
+        own = Stacks()
+        own.add(log, [replace(part, manoeuvre=part.manoeuvre - part.manoeuvre.min()) for part in stacks.of_log(number)])
+        files[pieces_name("strain", log)] = pieces_bytes(pieces_of_all(own, most))
+    tasks = [SimpleNamespace(name=log) for log in stacks.logs]
+    ledger = SimpleNamespace(folder=SimpleNamespace(read=files.get, root="results"))
+    joined, about = models._pieces(tasks, "strain", ledger)
+    assert len(joined) == len(whole) <= max(most, 3 * 2)
+    for name in ("mean", "phi", "count", "number", "coefficients", "regime"):
+        np.testing.assert_array_equal(getattr(joined, name), getattr(whole, name), name)
+    names = np.array(stacks.logs)
+    np.testing.assert_array_equal(np.array(joined.logs)[joined.log], names[whole.log])
+    assert (np.diff(joined.manoeuvre) == 0).tolist() == (np.diff(whole.manoeuvre) == 0).tolist()
+    assert about["cells_used"] == len(whole)
+    if most < 32:  # what was taken together or left out is said
+        assert any("taken together" in note or "are used" in note for note in whole.notes)
+    assert set(whole.notes) == set(joined.notes)
+
+
+def test_revolutions_whose_piece_was_left_out_are_judged_by_the_nearest():
+    stacks = several((10, 10))
+    pieces = pieces_of_logs(stacks, 12)
+    assert len(pieces) == 12
+    log = np.concatenate([part.log for part in stacks])
+    speed = np.concatenate([part.conditions.speed_m_s for part in stacks])
+    assert pieces.cell.size == log.size
+    np.testing.assert_array_equal(pieces.log[pieces.cell], log)
+    assert np.abs(pieces.conditions.speed_m_s[pieces.cell] - speed).max() <= 1.0
+
+
+def test_a_log_that_gives_no_piece_has_revolutions_without_one():
+    pieces = pieces_of_logs(several((4, 4, 4)), 2)
+    assert set(pieces.log) < {0, 1, 2}
+    assert (pieces.cell == -1).any()
+
+
+def test_a_channel_of_another_kind_is_refused(cleat):
+    with pytest.raises(Exception, match=r"channel strain_1 is of the kind fbg_strain, the model predicts radial_acceleration; .* allowed"):
+        measured([cleat], "radial_acceleration", "strain_1")

@@ -1,0 +1,79 @@
+"""The sign-flip test keeps its rate where revolutions are correlated inside manoeuvres, and sees what repeats."""
+
+import numpy as np
+import pytest
+
+from tirelog.diagnosis.sign_flips import Scores, flip_signs, flip_test, gain_and_error
+
+
+def scores_of(random, manoeuvres, candidates, level=0.0):
+    """Candidates whose scores share what a manoeuvre does to all of them; `level` is what repeats in the first."""
+    shared = random.standard_normal((manoeuvres, 1))
+    result = []
+    for i in range(candidates):
+        own = 0.7 * shared + 0.7 * random.standard_normal((manoeuvres, 1)) + (level if i == 0 else 0.0)
+        result.append(Scores(own, np.array([[1.0]])))
+    return result
+
+
+def test_rate_of_false_alarms_over_all_candidates_is_the_level():
+    random = np.random.default_rng(3)
+    alarms = sum(flip_test(scores_of(random, 10, 12), 10)[1].min() <= 0.05 for _ in range(400))
+    assert 0.02 * 400 < alarms < 0.085 * 400
+
+
+def test_what_repeats_in_every_manoeuvre_is_seen_and_named():
+    random = np.random.default_rng(4)
+    statistic, p = flip_test(scores_of(random, 14, 12, level=2.5), 14)
+    assert p[0] <= 0.001
+    assert np.argmax(statistic) == 0
+
+
+def test_more_revolutions_of_one_manoeuvre_prove_nothing():
+    scores = [Scores(np.array([[1e6], [0.0], [0.0], [0.0], [0.0], [0.0], [0.0], [0.0]]), np.array([[1.0]]))]
+    assert flip_test(scores, 8)[1][0] == 1.0
+
+
+@pytest.mark.parametrize(("one_sided", "smallest"), [(True, 2.0**-7), (False, 2.0**-6)])
+def test_smallest_p_of_seven_manoeuvres(one_sided, smallest):
+    scores = [Scores(np.ones((7, 1)), np.array([[2.0]]), one_sided)]
+    assert flip_test(scores, 7)[1][0] == pytest.approx(smallest)
+
+
+def test_a_strength_of_the_wrong_sign_is_no_evidence_where_only_one_is_physical():
+    scores = [Scores(-np.ones((9, 1)), np.array([[2.0]]), one_sided=True)]
+    statistic, p = flip_test(scores, 9)
+    assert statistic[0] == 0.0
+    assert p[0] == 1.0
+
+
+def test_several_columns_are_judged_together_whatever_their_basis():
+    random = np.random.default_rng(5)
+    scores, mix = random.standard_normal((9, 3)), random.standard_normal((3, 3))
+    gram = np.eye(3)
+    one = flip_test([Scores(scores, gram)], 9)
+    other = flip_test([Scores(scores @ mix, mix.T @ gram @ mix)], 9)
+    assert one[0][0] == pytest.approx(other[0][0], rel=1e-9)
+    assert one[1][0] == other[1][0]
+
+
+def test_units_of_the_strengths_decide_nothing():
+    random = np.random.default_rng(6)
+    scores, units = random.standard_normal((9, 3)), np.array([1e-9, 1.0, 1e11])
+    gram = np.eye(3) + 0.3
+    one = flip_test([Scores(scores, gram)], 9)
+    other = flip_test([Scores(scores * units, gram * units[:, None] * units)], 9)
+    assert one[0][0] == pytest.approx(other[0][0], rel=1e-9)
+
+
+def test_flips_are_all_patterns_or_seeded_ones_with_the_measured_first():
+    assert len({tuple(row) for row in flip_signs(5)}) == 32
+    many = flip_signs(30, seed=1)
+    assert (many[0] == 1.0).all()
+    assert (many == flip_signs(30, seed=1)).all()
+
+
+def test_gain_and_its_error():
+    gain, error = gain_and_error(np.array([3.0, 5.0, 4.0, 4.0]), np.array([2.0, 3.0, 3.0, 2.0]))
+    assert gain == pytest.approx(6.0)
+    assert error == pytest.approx(np.sqrt(4) * np.std([1, 2, 1, 2], ddof=1))

@@ -1,0 +1,64 @@
+"""A measurement with known truth that shares nothing with the models: revolutions of a made-up waveform with every kind of scatter."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tirelog.data.recording import Channel, Conditions, Stack, TimeAxis
+from tirelog.vocabulary.arrays import FloatArray
+
+
+def waveform(phi: FloatArray, width: FloatArray | float = 0.25) -> FloatArray:
+    """A dip with shoulders, of unit size."""
+    x = (np.mod(phi + np.pi, 2 * np.pi) - np.pi) / width
+    return (x**2 - 1.0) * np.exp(-(x**2) / 2)
+
+
+def channel(seed: int, seconds: float = 12.0, rate_Hz: float = 2500.0, noise: float = 0.01) -> tuple[Channel, FloatArray]:
+    """A channel with a wheel that speeds up, and the true passage times."""
+    random = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, 1.0 / rate_Hz)
+    angle = 2 * np.pi * (4.0 * time + 0.05 * time**2) + 1.0
+    values = waveform(angle) + noise * random.standard_normal(time.size)
+    turns = np.arange(1, int(angle[-1] / (2 * np.pi)))
+    passages = np.interp(2 * np.pi * turns, angle, time)
+    return Channel.of_array("toy", "strain", values, TimeAxis.uniform(time.size, rate_Hz)), passages
+
+
+def stack(
+    seed: int,
+    *,
+    manoeuvres: int = 6,
+    revolutions: int = 12,
+    noise: float = 0.01,
+    amplitude: float = 0.02,
+    baseline: float = 0.005,
+    m: int = 128,
+) -> Stack:
+    """Revolutions whose amplitude, baseline and shift scatter by known amounts."""
+    random = np.random.default_rng(seed)
+    n = manoeuvres * revolutions
+    grid = (np.arange(m) + 0.5) * 2 * np.pi / m - np.pi
+    phi = grid + random.uniform(-0.4, 0.4, (n, m)) * 2 * np.pi / m
+    size = 1.0 + amplitude * random.standard_normal(n)
+    values = size[:, None] * waveform(phi - 0.002 * random.standard_normal((n, 1)))
+    values += baseline * random.standard_normal((n, 1)) + noise * random.standard_normal((n, m))
+    number = np.repeat(np.arange(manoeuvres), revolutions)
+    return Stack(
+        observable="strain",
+        channel="toy",
+        surface="outer",
+        radius_m=0.3,
+        values=values,
+        phi_rad=grid,
+        phi_mean=phi,
+        phi_variance=np.zeros((n, m)),
+        count=np.ones((n, m), np.int64),
+        noise=np.full(n, noise),
+        conditions=Conditions.of(n, speed_m_s=10.0 + number, acceleration_m_s2=0.0, time_s=np.arange(n) * 0.2),
+        log=np.zeros(n, np.int64),
+        manoeuvre=number,
+        revolution=np.arange(n),
+        regime=np.full(n, "cruise"),
+        logs=("toy",),
+    )

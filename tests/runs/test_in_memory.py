@@ -1,0 +1,84 @@
+"""Property: what is read from a channel in memory is what was stored, to the bit, in as few bytes as its numbers need."""
+
+from dataclasses import is_dataclass, replace
+from io import FileIO
+
+import h5py
+import numpy as np
+import pytest
+
+from tirelog.data.recording import Channel, Scaled, TimeAxis
+from tirelog.runs import in_memory as module
+from tirelog.runs.chunks import CHUNK, unfiltered
+from tirelog.runs.in_memory import held, released
+
+LOST = int(np.iinfo(np.int32).min)
+SIZE = 1000
+
+
+def channel(raw: np.ndarray) -> Channel:
+    lost = LOST if raw.dtype.kind == "i" else None
+    return Channel("c", "strain", "", TimeAxis.uniform(raw.size, 100.0), Scaled(lambda a, b: raw[a:b], 1.27e-7, -0.5, lost))
+
+
+def walk(step: int, seed: int) -> np.ndarray:
+    return (15_500_000 + np.cumsum(np.random.default_rng(seed).integers(-step, step + 1, SIZE))).astype(np.int32)
+
+
+def cases() -> dict[str, np.ndarray]:
+    some_lost, ends = walk(30, 1), np.full(SIZE, -7, np.int32)
+    some_lost[[0, 5, 6, 7, 99, 640, SIZE - 1]] = LOST
+    ends[::2] = 65_534 - 7 - 1
+    too_far = ends.copy()
+    too_far[4] += 1
+    return {
+        "near": walk(30, 2), "some_lost": some_lost, "all_lost": np.full(SIZE, LOST, np.int32), "far": walk(3_000_000, 3),
+        "as far as fits": ends, "one too far": too_far, "floats": walk(30, 4) / 3.0,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", cases())
+@pytest.mark.parametrize("piece", [64, 1000, 4096])
+def test_slices_are_those_of_the_stored_channel(name, piece, monkeypatch):
+    monkeypatch.setattr(module, "PIECE", piece)
+    stored = channel(cases()[name])
+    kept = held(stored)
+    random = np.random.default_rng(5)
+    for start, length in [(0, SIZE), (0, 0), (SIZE, 0), (63, 2), (64, 64), *random.integers(0, SIZE, (20, 2)).tolist()]:
+        got, wanted = kept.read(start, start + length), stored.read(start, start + length)
+        np.testing.assert_array_equal(got, wanted)
+        assert got.dtype == wanted.dtype
+    assert released(kept).samples is stored.samples
+    assert held(kept) is kept
+
+
+def test_two_bytes_a_sample_where_they_fit(monkeypatch):
+    monkeypatch.setattr(module, "PIECE", 100)
+
+    def kept(name: str) -> int:
+        """Bytes of the arrays that the pieces hold."""
+        total, waiting = 0, [*held(channel(cases()[name])).samples.pieces]
+        while waiting:
+            piece = waiting.pop()
+            if isinstance(piece, Scaled):
+                piece = piece.raw
+            kept = vars(piece).values() if is_dataclass(piece) else [cell.cell_contents for cell in piece.__closure__]
+            total += sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+        return total
+
+    assert [kept(name) for name in ("some_lost", "far", "floats")] == [2 * SIZE, 4 * SIZE, 8 * SIZE]
+
+
+def test_a_temporary_run_is_not_held_but_read(tmp_path):
+    """The numbers of the stored channel, lost samples among them, from the file each time."""
+    raw = np.tile(walk(300, 8102), 80)
+    raw[[0, 77, -1]] = LOST
+    with h5py.File(tmp_path / "run.h5", "w", libver=("v110", "v110")) as file:
+        file.create_dataset("a", data=raw, chunks=(CHUNK,), maxshape=(None,))
+    stored = channel(raw)
+    with h5py.File(tmp_path / "run.h5") as file, FileIO(tmp_path / "run.h5") as plain:
+        read = held(replace(stored, samples=replace(stored.samples, raw=unfiltered(file["a"], plain))))
+        assert held(read) is read
+        assert not any(isinstance(value, np.ndarray) for value in vars(read.samples).values())
+        for start, stop in ((0, raw.size), (70, 90), (CHUNK - 3, CHUNK + 5), (raw.size - 2, raw.size), (5, 5)):
+            np.testing.assert_array_equal(read.read(start, stop), stored.read(start, stop))

@@ -1,0 +1,137 @@
+"""`tirelog footprint`, `dissipation` and `inflation` on the command line: options, refusals, pictures, statuses."""
+
+from __future__ import annotations
+
+import builtins
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.strain.strain_truth import Beam
+from tirelog.cli import run
+
+SETUP = """[tire]
+rolling_radius_m = 0.305
+section_height_m = 0.018
+width_m = 0.215
+viscosity_Pa_s = 2000.0
+static_footprint_length_m = 0.112
+[conditions]
+load_N = 3600.0
+[channels.grating]
+kind = "strain"
+source = "grating"
+unit = "strain"
+[channels.pressure]
+kind = "inflation_pressure"
+source = "pressure"
+unit = "bar"
+[log]
+time = "time_s"
+"""
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capfdbinary):
+    """(status, table or None, standard error) of a `tirelog` command on `log.csv` of these columns."""
+
+    def call(columns, name, *arguments):
+        monkeypatch.chdir(tmp_path)
+        pd.DataFrame(columns).to_csv("log.csv", index=False)
+        (tmp_path / "log.toml").write_text(SETUP)
+        status = run([name, "log.csv", *arguments])
+        out, err = capfdbinary.readouterr()
+        return status, pd.read_csv(io.BytesIO(out)) if out.strip() else None, err.decode()
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def rolling(drive):
+    made = drive([0, 6, 9, 15], [8, 8, 14, 14], seed=1900, pulse=Beam(), height=1.0, drift=0.0)
+    return {"time_s": made.channel.axis.time(), "grating": made.values, "pressure": np.full(made.values.size, 2.2)}
+
+
+@pytest.fixture(scope="module")
+def resting():
+    time = np.arange(0, 6, 1e-3)
+    pressure = np.interp(time, [0, 1, 4, 6], [1.7, 1.7, 2.3, 2.3])
+    strain = 2.4e-4 * (pressure - 1.7) + np.random.default_rng(1901).normal(0, 5e-7, time.size)
+    return {"time_s": time, "grating": strain, "pressure": pressure}
+
+
+def test_footprint(command, rolling):
+    status, table, err = command(rolling, "footprint", "--cutoff", "400Hz", "--plot", "page.svg")
+    assert status == 0
+    assert table.columns[0] == "log"
+    assert table.columns[-1] == "quality"
+    assert (table["quality"] == "ok").mean() > 0.9
+    assert table["length_m"].median() == pytest.approx(0.11, rel=0.005)
+    assert "low-pass 400Hz = 400 Hz" in err
+    assert "static footprint 112.0 mm" in err
+    with open("page.svg") as page:
+        assert "best estimate" in page.read()
+
+
+def test_dissipation_and_its_lines(command, rolling):
+    status, table, err = command(rolling, "dissipation", "--plot", "page.png")
+    assert status == 0
+    assert "section height x width" in err
+    assert {"strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient"} <= set(table.columns)
+    with open("page.png", "rb") as page:
+        assert page.read(4) == b"\x89PNG"
+    status, lines, _ = command(rolling, "dissipation", "--fit")
+    assert status == 0
+    assert lines["quantity"].tolist() == ["dissipation_factor_1_m", "specific_power_m3_s2"]
+    status, sorted_rows, _ = command(rolling, "dissipation", "--by-speed")
+    assert sorted_rows["speed_m_s"].is_monotonic_increasing
+    assert sorted_rows["steady"].all()
+
+
+def test_inflation(command, resting):
+    status, table, err = command(resting, "inflation", "--plot", "page.png")
+    assert status == 0
+    assert table.loc[0, "stretch"] == "whole"
+    assert table.loc[0, "strain_slope_1_Pa"] == pytest.approx(2.4e-9, rel=2e-3)
+    assert "microstrain/bar" in err
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "says"),
+    [
+        ("footprint", ["--cutoff", "fast"], "400Hz"),
+        ("footprint", ["--plot", "page.docx"], ".png"),
+        ("dissipation", ["--steady-step", "0"], "--steady-step"),
+        ("dissipation", ["--fit", "--by-speed"], "one of them"),
+        ("inflation", ["--from", "1e5"], "--to"),
+    ],
+)
+def test_what_cannot_be_done_is_refused(command, rolling, name, arguments, says):
+    status, _, err = command(rolling, name, *arguments)
+    assert status == 2
+    assert "tirelog: error:" in err
+    assert says in err
+
+
+@pytest.mark.parametrize("name", ["footprint", "dissipation"])
+def test_a_wheel_at_rest_is_refused_with_advice(command, resting, name):
+    status, _, err = command(resting, name)
+    assert status == 2
+    assert "does not turn" in err
+    assert "tirelog inflation" in err
+
+
+def test_a_picture_without_matplotlib(command, rolling, monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *more, **kwargs):
+        if name.startswith("matplotlib"):
+            raise ImportError(name)
+        return real(name, *more, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    status, _, err = command(rolling, "footprint", "--plot", "page.png")
+    assert status == 2
+    assert "tirelog[plot]" in err

@@ -1,0 +1,154 @@
+"""Footprint and dissipation under bad input, and for any block size: no row may be lost, each fault has its own word."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.strain.strain_truth import Beam
+from tirelog.data.recording import Channel, Recording, TimeAxis
+from tirelog.data.setup import Setup, Tire
+from tirelog.dsp.lowpass import Cutoff
+from tirelog.errors import UsageError
+from tirelog.strain.dissipation import dissipation
+from tirelog.strain.footprint.footprint import footprint
+from tirelog.strain.footprint.table import footprint_of
+from tirelog.strain.footprint.windows import window_class
+from tirelog.strain.passages.find import find_passages
+from tirelog.strain.speed import speed_words
+
+TRUTH = Beam(speeds=(6.0, 20.0))
+
+
+@pytest.fixture(scope="module")
+def made(drive):
+    return drive([0, 12, 16, 30], [8, 8, 18, 18], seed=1500, pulse=TRUTH, height=1.0, drift=0.0)
+
+
+def of(channel, radius_m, cutoff="auto", blocks=1 << 20):
+    passages = find_passages(channel, radius_m)
+    return passages, footprint(channel, passages, Cutoff.parse(cutoff), blocks)
+
+
+@pytest.mark.parametrize("blocks", [4096, 50_001])
+def test_the_same_rows_for_any_block_size(made, radius_m, blocks):
+    passages, whole = of(made.channel, radius_m)
+    pieces = footprint(made.channel, passages, Cutoff(), blocks)
+    for name in ("length_m", "length_se_m", "length_d2_m", "length_d1_m", "entry_time_s", "exit_time_s", "edge_asymmetry"):
+        np.testing.assert_allclose(getattr(pieces, name), getattr(whole, name), rtol=1e-7, atol=1e-12, err_msg=name)
+    assert pieces.quality == whole.quality
+    words = speed_words(passages)
+    one = dissipation(made.channel, passages, 1e-3, words)
+    many = dissipation(made.channel, passages, 1e-3, words, block_samples=blocks)
+    np.testing.assert_allclose(many.factor_1_m, one.factor_1_m, rtol=1e-9)
+
+
+def test_an_ordinary_log_is_ok(made, radius_m):
+    _, found = of(made.channel, radius_m)
+    assert np.mean([not words for words in found.quality]) > 0.95
+    assert np.isfinite(found.length_m).all()
+
+
+def test_edges_stand_half_a_length_from_the_middle(made, radius_m):
+    passages, found = of(made.channel, radius_m)
+    seconds = found.exit_time_s - found.entry_time_s
+    calm = np.abs(passages.acceleration_m_s2) < 0.5
+    np.testing.assert_allclose((seconds * passages.speed_m_s)[calm], found.length_m[calm], rtol=1e-3)
+
+
+def damaged(made, how):
+    """The drive's channel after `how(values, samples of the passages)` has spoilt its samples."""
+    values = made.values.copy()
+    centres = np.round(made.time_s * made.channel.axis.rate_Hz).astype(int)
+    how(values, centres)
+    return made.with_values(values)
+
+
+def rows_near(passages, time_s):
+    return [int(np.argmin(np.abs(passages.time_s - t))) for t in time_s]
+
+
+def test_a_lost_peak_inside_the_patch(made, radius_m):
+    hit = made.time_s[[20, 40]]
+    channel = damaged(made, lambda values, at: values.__setitem__(np.concatenate([at[[20, 40]], at[[20, 40]] + 3]), np.nan))
+    passages, found = of(channel, radius_m)
+    for row in rows_near(passages, hit):
+        assert "lost_peak" in found.quality[row]
+        assert abs(found.length_m[row] / 0.11 - 1) < 0.01
+    assert len(passages) == made.time_s.size
+
+
+def test_a_mode_hop_inside_the_patch(made, radius_m):
+    hit = made.time_s[[25]]
+    channel = damaged(made, lambda values, at: values.__setitem__(at[25] + 4, values[at[25] + 4] + 3e-3))
+    passages, found = of(channel, radius_m)
+    assert "spike" in found.quality[rows_near(passages, hit)[0]]
+    assert len(passages) == made.time_s.size
+    others = np.array(["spike" not in words for words in found.quality])
+    assert others.sum() >= len(passages) - 2
+
+
+def test_clipped_strain(made, radius_m):
+    floor = np.quantile(made.values, 0.02)
+    passages, found = of(damaged(made, lambda values, at: np.maximum(values, floor, out=values)), radius_m)
+    assert len(passages) == made.time_s.size
+    assert np.mean(["clipped" in words for words in found.quality]) > 0.9
+
+
+def test_a_cutoff_above_nyquist(made, radius_m):
+    passages, found = of(made.channel, radius_m, cutoff="2kHz")
+    assert all("cutoff" in words for words in found.quality)
+    assert np.isfinite(found.length_m).sum() == len(passages)
+
+
+def test_a_patch_shorter_than_four_samples(drive, radius_m):
+    fast = drive([0, 20], [18, 18], seed=1501, pulse=TRUTH, height=1.0, drift=0.0, rate_Hz=450.0)
+    passages, found = of(fast.channel, radius_m)
+    assert len(passages) == fast.time_s.size
+    assert all("patch_short" in words for words in found.quality)
+
+
+def test_creeping_back_and_standing_still_lose_no_row(drive, radius_m):
+    turned = drive([0, 8, 11, 20, 23, 33], [8, 8, 0, 0, -6, -6], seed=1502, pulse=Beam(speeds=(0.0, 9.0)), height=1.0, drift=0.0)
+    passages, found = of(turned.channel, radius_m)
+    assert len(found.quality) == len(passages) == found.length_m.size
+    words = set().union(*speed_words(passages))
+    assert words & {"reversing", "standstill"}
+
+
+def test_a_log_at_rest_is_refused_with_advice(radius_m):
+    still = np.random.default_rng(1503).normal(0, 1e-6, 20_000)
+    channel = Channel.of_array("strain_1", "strain", still, TimeAxis.uniform(20_000, 2500.0))
+    recording = Recording("rest.csv", {"strain_1": channel}, Setup(Tire(rolling_radius_m=radius_m)))
+    with pytest.raises(UsageError, match=r"does not turn.*inflation"):
+        list(footprint_of(recording, Cutoff()))
+
+
+def test_the_table_has_every_row_and_a_reason_for_each_missing_onset(made, radius_m):
+    setup = SimpleNamespace(tire=Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126), conditions=None)
+    (table,) = footprint_of(Recording("drive.csv", {"strain_1": made.channel}, setup), Cutoff())
+    rows = len(table.passages)
+    assert all(np.shape(column) == (rows,) for column in table.columns.values())
+    missing = ~np.isfinite(table.columns["slip_onset_m"])
+    assert all(reason for reason in table.columns["slip_onset_reason"][missing])
+    assert "static footprint 126.0 mm" in table.remarks[0]
+
+
+@pytest.mark.parametrize("text", ["", "400", "-3Hz", "0x", "fast", "40 turns", "nanHz"])
+def test_a_cutoff_that_is_none_is_refused(text):
+    with pytest.raises(UsageError, match=r"400Hz.*40x"):
+        Cutoff.parse(text)
+
+
+def test_cutoffs_as_the_papers_give_them(radius_m):
+    speed = np.array([5.0, 20.0])
+    np.testing.assert_allclose(Cutoff.parse("400 Hz").frequency(speed, radius_m, 1.0), 400.0)
+    np.testing.assert_allclose(Cutoff.parse("0.4kHz").frequency(speed, radius_m, 1.0), 400.0)
+    np.testing.assert_allclose(Cutoff.parse("40x").frequency(speed, radius_m, 1.0), 40 * speed / (2 * np.pi * radius_m))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_passage_without_a_speed_has_the_least_window_in_silence():
+    assert window_class(np.array([np.nan, 3.0, 9.0, 12.5, 17.0])).tolist() == [8, 8, 12, 16, 24]

@@ -1,0 +1,213 @@
+"""Speed maps, cross-talk, delay, forces and the calibration file, against planted values."""
+
+import numpy as np
+import pytest
+
+from tests.wheel.phase_truth import DYNAMIC, RADIUS_M, RAMP, Drive, Encoder, Tread, recording
+from tirelog.data.recording import Channel, TimeAxis
+from tirelog.errors import SetupError, UsageError
+from tirelog.wheel.calibration import calibrate, clean
+from tirelog.wheel.calibration_file import read_calibration, write_calibration
+from tirelog.wheel.phase_shift import measure
+from tirelog.wheel.table import table, with_zero
+
+TREND = (0.03, 0.0015)  # degrees per m/s and per (m/s)^2 about 10 m/s
+WIDTH = (-0.05, -0.002)
+
+
+pytestmark = pytest.mark.xdist_group("calibration")  # one worker makes what these tests share
+
+
+def trend(v, of=TREND):
+    return of[0] * (v - 10) + of[1] * (v - 10) ** 2
+
+
+def tread(crosstalk=0.0, seed=1000, transfer=0.25, stiffness=0.15, delay_s=0.0):
+    """A wheel: shift from force and trend, width from load transfer and trend; the load leaks into the shift by -crosstalk."""
+    return Tread(
+        shift=lambda v, a: stiffness * a + trend(v) - crosstalk * transfer * a,
+        width=lambda v, a: 25 + transfer * a + trend(v, WIDTH),
+        seed=seed,
+        delay_s=delay_s,
+    )
+
+
+def passages(drive, wheel, driven="true", forces=None, seed=0):
+    found = recording(drive, Encoder(seed=wheel.seed + 5 + seed).signal(drive), wheel.signal(drive), driven=driven)
+    for kind, values in (forces or {}).items():
+        found.channels[kind] = Channel.of_array(kind, kind, values, TimeAxis.uniform(drive.time.size, 10_000.0), unit="N")
+    return next(measure(found, "auto", bool(forces)))
+
+
+@pytest.fixture(scope="module")
+def ramp():
+    return passages(Drive(*RAMP), tread(seed=20_000))
+
+
+@pytest.fixture(scope="module")
+def undriven():
+    return passages(Drive(*DYNAMIC), tread(0.3, seed=21_000, stiffness=0.0, transfer=-0.25), driven="false")
+
+
+def test_speed_maps_are_found_within_their_errors(ramp):
+    """The 130 s ramp up and down has 0.25 m/s^2: the force in it must not bend the map."""
+    learnt = calibrate([ramp])
+    for found, true in ((learnt.shift, TREND), (learnt.width, WIDTH)):
+        speed = np.linspace(10, 25, 16)
+        design = np.stack([speed - 10, (speed - 10) ** 2], axis=1)
+        se = np.sqrt(np.einsum("ni,ij,nj->n", design, found.covariance, design))
+        assert 1e-4 < se[-1] < 0.01
+        # beyond the noise: a tooth's error bends the sine inside the window that places it, a little differently at each speed
+        assert (np.abs(found(speed, learnt.reference_speed_m_s) - trend(speed, true)) < 4 * se + 0.008).all()
+    assert learnt.shift.low_m_s == pytest.approx(10, abs=0.1)
+    assert learnt.shift.high_m_s == pytest.approx(25, abs=0.1)
+
+
+def test_crosstalk_is_found_on_the_undriven_wheel(ramp, undriven):
+    learnt = calibrate([ramp, undriven])
+    assert abs(learnt.crosstalk - 0.3) < 4 * learnt.crosstalk_se
+    assert learnt.crosstalk_se < 0.05
+    driving = (undriven.time_s > 8.3) & (undriven.time_s < 12.7)
+    assert abs(np.mean(clean(undriven, learnt).corrected_deg[driving])) < 0.02
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.4e-3, 1e-3])
+def test_a_delay_is_found_and_taken_off(delay_s):
+    wheel = Tread(shift=lambda v, a: 0.0015 * (v**2 - 100), delay_s=delay_s, seed=22_000)
+    found = passages(Drive(*RAMP), wheel)
+    learnt = calibrate([found])
+    assert abs(learnt.delay_s - delay_s) < 4 * learnt.delay_se_s + 1e-5
+    assert learnt.delay_se_s < 1e-4
+    steady = found.steady >= 0
+    assert np.nanmax(np.abs(clean(found, learnt).shift_deg[steady])) < 0.12
+
+
+def test_rows_from_which_a_delay_was_removed_say_so(ramp):
+    with_it = calibrate([passages(Drive(*RAMP), Tread(delay_s=0.4e-3, seed=22_100))])
+    drive = passages(Drive(*DYNAMIC), Tread(delay_s=0.4e-3, seed=22_200))
+    assert with_it.has_delay
+    columns = table(drive, with_it)
+    assert set(columns["quality"]) == {"delay_removed"}
+    assert np.nanstd(columns["phase_shift_detrended_deg"]) < 0.05 < np.nanstd(columns["phase_shift_deg"])
+    assert set(table(drive, None)["quality"]) == {"ok"}
+    without = calibrate([passages(Drive(*RAMP), Tread(seed=22_300))])
+    assert not without.has_delay
+    assert set(table(drive, without)["quality"]) == {"ok"}
+
+
+def test_a_log_without_a_zero_takes_the_calibrations(ramp):
+    """The same tread, driven fast only: against the zero at 10 m/s of the calibration, not against its own mean."""
+    fast = Drive((0, 10, 14, 24), (20, 20, 24, 24))
+    found = passages(fast, tread(seed=23_100))
+    assert all("no_zero" in words for words in found.words)
+    learnt = calibrate([ramp])
+    given = with_zero(found, learnt)
+    calm = (given.time_s < 9) | (given.time_s > 15)
+    true = trend(given.speed_m_s)
+    np.testing.assert_allclose(np.mean((given.shift_deg - true)[calm]), 0.0, atol=0.02)
+    assert not any(given.words)
+    assert "the calibration's" in given.said[-1]
+    assert np.abs(np.mean(clean(given, learnt).shift_deg[calm])) < 0.02
+
+
+def test_a_zero_that_cannot_be_had_is_said(ramp):
+    beyond = passages(Drive((0, 20), (33, 33)), tread(seed=23_200))
+    given = with_zero(beyond, calibrate([ramp]))
+    assert all("no_zero" in words for words in given.words)
+    assert "within the calibration's range of speed" in given.said[-1]
+
+
+def test_rows_outside_of_the_maps_are_extrapolated(ramp):
+    fast = passages(Drive((0, 8, 13, 20), (10, 10, 32, 32)), tread(seed=23_000))
+    quality = np.array(table(fast, calibrate([ramp]))["quality"])
+    assert (quality[fast.speed_m_s > 26] == "extrapolated").all()
+    assert (quality[fast.speed_m_s < 24] == "ok").all()
+
+
+def test_too_narrow_a_range_is_refused():
+    with pytest.raises(UsageError, match="slow drive-up or coast-down"):
+        calibrate([passages(Drive((0, 30), (10, 11)), tread())])
+
+
+def test_without_an_undriven_wheel_there_is_no_crosstalk(ramp):
+    assert np.isnan(calibrate([ramp]).crosstalk)
+    assert np.isnan(table(ramp, calibrate([ramp]))["phase_shift_corrected_deg"]).all()
+
+
+@pytest.fixture(scope="module")
+def forces(ramp):
+    drive = Drive(*DYNAMIC)
+    wheel = tread(seed=24_000)
+    loads = {
+        "vertical_load": 4000 + 320 * drive.acceleration + 15 * np.random.default_rng(5).standard_normal(drive.time.size),
+        "longitudinal_force": 400 * drive.acceleration,
+    }
+    with_them = passages(drive, wheel, forces=loads)
+    return with_them, calibrate([ramp, with_them], forces=True), loads, drive
+
+
+def test_force_maps(forces):
+    found, learnt, loads, drive = forces
+    assert learnt.vertical.rms_N < 200
+    assert learnt.longitudinal.rms_N < 300
+    columns = table(found, learnt)
+    for name in ("vertical_force", "longitudinal_force"):
+        true = np.interp(found.time_s, drive.time, loads["vertical_load" if name[0] == "v" else name])
+        calm = (found.steady >= 0) | ((found.time_s > 9) & (found.time_s < 12)) | ((found.time_s > 21.6) & (found.time_s < 23))
+        error = (columns[f"{name}_N"] - true)[calm]
+        se = columns[f"{name}_se_N"][calm]
+        assert np.mean(np.abs(error) < 2 * se) > 0.9
+        assert np.sqrt(np.mean(error**2)) > 0.2 * np.median(se)
+
+
+def test_forces_without_channels_are_refused(ramp):
+    with pytest.raises(UsageError, match="vertical_load"):
+        calibrate([ramp], forces=True)
+
+
+def test_the_file_gives_the_same_calibration(tmp_path, forces):
+    _, learnt, _, _ = forces
+    write_calibration(tmp_path / "c.toml", learnt)
+    again = read_calibration(tmp_path / "c.toml")
+    assert again.shift.linear == learnt.shift.linear
+    np.testing.assert_array_equal(again.width.covariance, learnt.width.covariance)
+    np.testing.assert_array_equal(again.vertical.coefficients, learnt.vertical.coefficients)
+    assert again.delay_s == learnt.delay_s
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("version = 1", "version = 2", "version"),
+        ("linear_deg_s_m = ", "linear_deg_s_m = nan # ", "linear_deg_s_m"),
+        ("linear_deg_s_m = ", 'linear_deg_s_m = "x" # ', "linear_deg_s_m"),
+        ("low_m_s = ", "low_m_s = 1e3 # ", "high_m_s"),
+        ("covariance = ", "covariance = [[-1.0, 0.0], [0.0, 1.0]] # ", "covariance"),
+        ("covariance = ", "covariance = [[1.0], [2.0, 3.0]] # ", "covariance"),
+        ("[patch_width]", "[patch_widht]", "nearest"),
+        ("rms_deg = ", "rms_deg = -1.0 # ", "rms_deg"),
+        ("passages = ", "passages = true # ", "passages"),
+        ("[phase_shift]", "phase_shift = 3\n[patch]", "patch"),
+    ],
+)
+def test_a_file_that_cannot_be_is_refused(tmp_path, ramp, old, new, told):
+    path = tmp_path / "c.toml"
+    write_calibration(path, calibrate([ramp]))
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(SetupError, match=told):
+        read_calibration(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"[" * 5000, b"x" * 400_000])
+def test_a_hostile_file_is_refused(tmp_path, content):
+    path = tmp_path / "c.toml"
+    path.write_bytes(content)
+    with pytest.raises(SetupError):
+        read_calibration(path)
+    with pytest.raises(SetupError, match="cannot be read"):
+        read_calibration(tmp_path / "none.toml")
+
+
+def test_a_delay_alone_is_the_radius_over_the_slope():
+    """delta-phi = Omega x delay: 1 ms at R = 0.305 m is 0.18786 degree per m/s."""
+    assert np.rad2deg(1e-3 / RADIUS_M) == pytest.approx(0.18786, abs=1e-5)

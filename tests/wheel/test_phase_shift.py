@@ -1,0 +1,288 @@
+"""Fronts, zero and words of `phase-shift` against an accelerometer of known patch."""
+
+import numpy as np
+import pytest
+
+from tests.wheel.phase_truth import DYNAMIC, RADIUS_M, STEADY, Drive, Encoder, Tread, front_errors, recording
+from tirelog.errors import DataLoss, SetupError, UsageError
+from tirelog.wheel.phase_shift import measure
+from tirelog.wheel.table import table
+
+
+def moving(**more):
+    """A patch that follows speed and acceleration."""
+    return Tread(shift=lambda v, a: 0.15 * a + 0.02 * (v - 10), width=lambda v, a: 25 + 0.1 * a - 0.05 * (v - 10), **more)
+
+
+def run(drive, tread, encoder=None, zero="auto", **more):
+    signal = (encoder or Encoder(seed=tread.seed + 7)).signal(drive)
+    return next(measure(recording(drive, signal, tread.signal(drive), **more), zero))
+
+
+@pytest.mark.parametrize(("noise_g", "shift_deg", "width_deg"), [(1.2, 0.02, 0.05), (3.0, 0.05, 0.11)])
+@pytest.mark.parametrize("seed", [1000, 2000])
+def test_errors_at_10_m_s(noise_g, shift_deg, width_deg, seed):
+    """Issue: within 0.02 and 0.05 degree rms at 1.2 g, 0.05 and 0.11 at 3 g, the constant removed, where the bounds are largest."""
+    drive, tread = Drive(*STEADY), Tread(noise_g=noise_g, seed=seed)
+    passages = run(drive, tread)
+    shift, width, _ = front_errors(passages, drive, tread)
+    assert shift.size >= 0.97 * drive.angle[-1] / (2 * np.pi) - 1
+    assert shift.std() < shift_deg
+    assert width.std() < width_deg
+
+
+def bound_deg(drive, tread):
+    """Cramer-Rao bound of (shift, width) for a flank of known form in white noise: information is the squared slope over angle of the
+    samples of a passage, up to the patch's middle for the entry and from it for the exit."""
+    clean = Tread(**{**tread.__dict__, "noise_g": 0.0}).signal(drive)
+    phi = np.rad2deg(np.mod(drive.angle - tread.place_rad + np.pi, 2 * np.pi) - np.pi)
+    slope = np.gradient(clean, np.rad2deg(drive.angle))
+    turns = (drive.angle[-1] - drive.angle[0]) / (2 * np.pi)
+    sides = [(phi > -20) & (phi < 0), (phi > 0) & (phi < 20)]
+    entry, leave = (tread.noise_g * 9.81 / np.sqrt(np.sum(slope[side] ** 2) / turns) for side in sides)
+    return np.hypot(entry, leave) / 2, np.hypot(entry, leave)
+
+
+@pytest.mark.parametrize(("sharp_deg", "spike"), [(0.8, 0.5), (2.0, 1.5), (3.0, 1.2)])
+def test_errors_are_near_the_bound(sharp_deg, spike):
+    """Within a tenth, and what 540 passages leave uncertain; a soft flank is where a fit about the crossing alone would lose a third."""
+    drive, tread = Drive((0, 105), (10, 10)), Tread(sharp_deg=sharp_deg, spike=spike, seed=8300)
+    shift, width, _ = front_errors(run(drive, tread), drive, tread)
+    for error, bound in zip((shift, width), bound_deg(drive, tread), strict=True):
+        assert 0.9 * bound < error.std() < 1.1 * np.hypot(bound, 0.006) + 2 * bound / np.sqrt(2 * error.size)
+
+
+@pytest.mark.parametrize("noise_g", [1.2, 3.0])
+def test_errors_and_their_standard_errors_on_a_dynamic_drive(noise_g):
+    drive, tread = Drive(*DYNAMIC), moving(noise_g=noise_g, seed=3000)
+    passages = run(drive, tread)
+    shift, width, _ = front_errors(passages, drive, tread)
+    rows = np.isfinite(passages.width_deg)
+    assert np.sqrt(np.mean(shift**2)) < (0.02 if noise_g < 2 else 0.05)
+    assert np.sqrt(np.mean(width**2)) < (0.05 if noise_g < 2 else 0.11)
+    for error, se in ((shift, passages.shift_se_deg), (width, passages.width_se_deg)):
+        inside = np.mean(np.abs(error) < 1.96 * se[rows])
+        assert 0.92 < inside <= 1.0
+        assert np.median(se[rows]) < 1.6 * error.std()
+
+
+def test_all_passages_are_found_and_no_false_one():
+    drive, tread = Drive(*DYNAMIC), moving(noise_g=3.0, seed=4000)
+    passages = run(drive, tread)
+    true = np.arange(np.ceil((drive.angle[0] - 1.0) / (2 * np.pi)), (drive.angle[-1] - 1.0) / (2 * np.pi)) * 2 * np.pi + 1.0
+    times = np.interp(true, drive.angle, drive.time)
+    assert all(np.min(np.abs(times - t)) < 0.01 for t in passages.time_s)
+    found = passages.time_s[passages.good]
+    assert np.mean([np.min(np.abs(found - t)) < 0.01 for t in times]) > 0.97
+
+
+@pytest.mark.parametrize("sharp_deg", [0.4, 1.6])
+@pytest.mark.parametrize("spike", [0.0, 0.8])
+def test_width_has_no_bias_with_speed(sharp_deg, spike):
+    # the sensor's bandwidth would move the crossing of a flank with a spike itself, so it is left out here
+    drive, tread = Drive((0, 8, 60), (10, 10, 25)), Tread(sharp_deg=sharp_deg, spike=spike, seed=5000, blur_s=0.0)
+    _, width, speed = front_errors(run(drive, tread), drive, tread)
+    slope = np.polyfit(speed, width, 1)[0]
+    assert abs(slope * 15) < 0.03
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("gravity", [True, False])
+def test_either_sign_and_gravity_or_not(sign, gravity):
+    drive, tread = Drive(*DYNAMIC), Tread(sign=sign, gravity=gravity, seed=6000)
+    passages = run(drive, tread)
+    shift, width, _ = front_errors(passages, drive, tread)
+    assert shift.std() < 0.02
+    assert width.std() < 0.05
+    assert any(("inward" if sign > 0 else "outward") in remark for remark in passages.remarks)
+    assert any(("without gravity" if not gravity else "with gravity") in remark for remark in passages.remarks)
+
+
+def test_gravity_left_in_the_signal_would_bias_the_width_at_low_speed():
+    """The same log with gravity, and its part taken off or left: what the subtraction is for."""
+    drive = Drive((0, 8, 60), (10, 10, 25))
+    with_it, without = (front_errors(run(drive, t), drive, t) for t in (Tread(seed=7000), Tread(seed=7000, gravity=False)))
+    assert abs(np.polyfit(with_it[2], with_it[1], 1)[0] - np.polyfit(without[2], without[1], 1)[0]) * 15 < 0.03
+
+
+def test_zero_is_the_first_low_steady_stretch():
+    drive, tread = Drive(*DYNAMIC), moving(seed=8000)
+    passages = run(drive, tread)
+    first = passages.time_s < 7.5
+    assert abs(np.mean(passages.shift_deg[first])) < 0.01
+    assert passages.zero_speed_m_s == pytest.approx(10.0, abs=0.05)
+    high = (passages.time_s > 14) & (passages.time_s < 20)
+    assert np.mean(passages.shift_deg[high]) == pytest.approx(0.02 * 12, abs=0.02)
+
+
+@pytest.mark.parametrize(("zero", "mean"), [("22", 0.0), ("14:20", 0.0), ("10", 0.24)])
+def test_zero_is_a_setting(zero, mean):
+    drive, tread = Drive(*DYNAMIC), moving(seed=9000)
+    passages = run(drive, tread, zero=zero)
+    high = (passages.time_s > 14) & (passages.time_s < 20)
+    assert np.mean(passages.shift_deg[high]) == pytest.approx(mean, abs=0.02)
+
+
+def test_a_zero_that_is_none_of_the_forms_is_refused():
+    with pytest.raises(UsageError, match="--zero"):
+        run(Drive(*STEADY), Tread(), zero="slow")
+
+
+def test_later_in_wheel_angle_is_positive():
+    drive = Drive(*DYNAMIC)
+    passages = run(drive, Tread(shift=lambda v, a: np.where(a < -1, -0.8, 0.0), seed=10_000))
+    braking = (passages.time_s > 21.3) & (passages.time_s < 23.2)
+    assert np.mean(passages.shift_deg[braking]) == pytest.approx(-0.8, abs=0.02)
+
+
+@pytest.mark.parametrize("delay_s", [0.3e-3, 1e-3])
+def test_a_delay_is_a_shift_in_proportion_to_speed(delay_s):
+    drive = Drive(*DYNAMIC)
+    passages = run(drive, Tread(delay_s=delay_s, seed=11_000))
+    high = (passages.time_s > 14) & (passages.time_s < 20)
+    expected = np.rad2deg(delay_s * (22 - 10) / RADIUS_M)
+    assert np.mean(passages.shift_deg[high]) == pytest.approx(expected, abs=0.02)
+
+
+def test_several_accelerometers_give_several_rows_a_turn():
+    drive = Drive(*STEADY)
+    treads = [Tread(seed=12_000), Tread(place_rad=3.1, seed=12_100)]
+    found = list(measure(recording(drive, Encoder().signal(drive), *(t.signal(drive) for t in treads))))
+    assert [p.channel for p in found] == ["acceleration", "acceleration1"]
+    between = np.mod(np.nanmean(found[1].entry_deg) - np.nanmean(found[0].entry_deg), 360)
+    assert between == pytest.approx(np.rad2deg(2.1), abs=0.05)
+
+
+def test_the_table_has_the_contracts_columns_in_order():
+    columns = table(run(Drive(*STEADY), Tread()), None)
+    assert list(columns)[:5] == ["log", "channel", "revolution", "time_s", "speed_m_s"]
+    assert list(columns)[-1] == "quality"
+    assert np.isnan(columns["phase_shift_corrected_deg"]).all()
+    assert set(columns["quality"]) == {"ok"}
+
+
+def test_rows_do_not_depend_on_the_blocks(monkeypatch):
+    drive, tread = Drive(*DYNAMIC), moving(seed=13_000)
+    whole = run(drive, tread)
+    monkeypatch.setattr("tirelog.dsp.encoder.signal.BLOCK", 40_000)
+    monkeypatch.setattr("tirelog.wheel.fronts.dips.PIECE", 30_000)
+    monkeypatch.setattr("tirelog.wheel.fronts.samples.PIECE", 20_000)
+    parts = run(drive, tread)
+    np.testing.assert_allclose(parts.shift_deg, whole.shift_deg, atol=1e-6)
+    np.testing.assert_allclose(parts.width_deg, whole.width_deg, atol=1e-6)
+
+
+# ---- bad input ---------------------------------------------------------------
+
+
+def test_encoder_without_teeth():
+    drive = Drive(*STEADY)
+    noise = 0.2 + 0.01 * np.random.default_rng(1).standard_normal(drive.time.size)
+    with pytest.raises(DataLoss, match="no teeth"):
+        next(measure(recording(drive, noise, Tread().signal(drive))))
+
+
+def test_swapped_channels():
+    drive = Drive(*STEADY)
+    with pytest.raises(SetupError, match="swapped"):
+        next(measure(recording(drive, Tread().signal(drive), Encoder().signal(drive))))
+
+
+def test_accelerometer_without_a_patch():
+    drive = Drive(*STEADY)
+    with pytest.raises(DataLoss, match="no patch"):
+        next(measure(recording(drive, Encoder().signal(drive), np.random.default_rng(2).standard_normal(drive.time.size))))
+
+
+@pytest.mark.parametrize("steps", [44, 47, 60, 96])
+def test_wrong_number_of_steps(steps):
+    drive = Drive(*STEADY)
+    with pytest.raises(SetupError, match="steps = 48") as told:
+        next(measure(recording(drive, Encoder().signal(drive), Tread().signal(drive), steps=steps)))
+    assert ("pitch table does not repeat" in str(told.value)) == (steps != 96)
+
+
+@pytest.mark.parametrize("factor", [0.1, 2.0])
+def test_sampling_rate_wrong_by_a_factor(factor):
+    drive = Drive(*DYNAMIC)
+    found = recording(drive, Encoder().signal(drive), Tread().signal(drive), rate=10_000 * factor)
+    remarks = " ".join(next(measure(found)).remarks)
+    assert f"the sampling rate is wrong by a factor {1 / factor:.3g}" in remarks or "sampling rate is wrong" in remarks
+
+
+def test_saturated_accelerometer():
+    drive, tread = Drive(*DYNAMIC), Tread()
+    values = np.clip(tread.signal(drive), -120 * 9.81, 120 * 9.81)
+    passages = next(measure(recording(drive, Encoder().signal(drive), values)))
+    clipped = np.array(["clipped" in w for w in passages.words])
+    assert clipped[(passages.speed_m_s > 20)].all()
+    assert not clipped[(passages.speed_m_s < 12)].any()
+    assert any("clipped" in remark for remark in passages.remarks)
+
+
+def test_a_level_at_the_limit_is_clipped_though_the_fronts_are_not():
+    """Without a spike beside the fronts only the noise on the level reaches the limit, 2 % above it at 22 m/s: the level is too low."""
+    drive, tread = Drive(*DYNAMIC), Tread(spike=0.0, gravity=False)
+    limit = 1.02 * 22**2 / RADIUS_M
+    passages = next(measure(recording(drive, Encoder().signal(drive), np.clip(tread.signal(drive), -limit, limit))))
+    clipped = np.array(["clipped" in w for w in passages.words])
+    fast = passages.speed_m_s > 21.9
+    assert fast.sum() > 50
+    assert clipped[fast].all()
+    assert not clipped[passages.speed_m_s < 20].any()
+
+
+@pytest.mark.parametrize("kind", ["blank", "held", "zero"])
+def test_radio_drop_outs(kind):
+    drive, tread = Drive(*STEADY), Tread(seed=14_000)
+    values = tread.signal(drive)
+    random = np.random.default_rng(3)
+    for start in random.integers(10_000, values.size - 1000, 15):
+        values[start : start + 300] = {"blank": np.nan, "held": values[start], "zero": 0.0}[kind]
+    passages = next(measure(recording(drive, Encoder().signal(drive), values)))
+    shift, width, _ = front_errors(passages, drive, tread)
+    good = passages.good[np.isfinite(passages.width_deg)]
+    assert np.abs(shift[good]).max() < 0.12
+    assert np.abs(width[good]).max() < 0.25
+    assert abs(len(passages.words) - round(drive.angle[-1] / (2 * np.pi))) <= 1
+    assert 0.6 < passages.good.mean() < 1.0
+
+
+def test_no_low_speed_stretch_for_the_zero():
+    drive = Drive((0, 20, 30), (20, 20, 25))
+    passages = run(drive, Tread())
+    assert all(w == {"no_zero"} for w in passages.words)
+    assert np.isnan(passages.shift_deg).all()
+    assert np.isfinite(passages.width_deg).all()
+
+
+def test_standing_still_in_between():
+    drive, tread = Drive((0, 6, 9, 14, 17, 30), (10, 10, 0, 0, 10, 10)), Tread(seed=15_000)
+    for grows in (True, False):
+        passages = run(drive, tread, Encoder(grows=grows))
+        shift, _, speed = front_errors(passages, drive, tread)
+        assert np.abs(shift[speed > 5]).max() < 0.15
+        assert any("standstill" in w for w in passages.words)
+
+
+def test_missing_and_glitching_teeth():
+    drive, tread = Drive(*DYNAMIC), Tread(seed=16_000)
+    signal = Encoder().signal(drive)
+    random = np.random.default_rng(4)
+    for start in random.integers(0, signal.size - 100, 30):
+        signal[start : start + 3] += random.choice([-3.0, 3.0])
+    shift, _, _ = front_errors(next(measure(recording(drive, signal, tread.signal(drive)))), drive, tread)
+    assert shift.std() < 0.02
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 0.4])
+def test_teeth_lost_in_a_hole_are_given_back(pitch_deg):
+    """By the tone wheel's own pattern, or, where it has none, by the patch."""
+    drive, tread = Drive(*DYNAMIC), Tread(seed=17_000)
+    signal = Encoder(pitch_deg=pitch_deg, wobble=0.0).signal(drive)
+    signal[104_000:109_100] = np.nan
+    passages = next(measure(recording(drive, signal, tread.signal(drive))))
+    shift, _, _ = front_errors(passages, drive, tread)
+    assert shift[passages.good[np.isfinite(passages.width_deg)]].std() < 0.02
+    assert any("gap" in w or "standstill" in w for w in passages.words)
+    assert any("whole teeth back" in remark for remark in passages.remarks) == (pitch_deg == 0)

@@ -1,0 +1,154 @@
+"""`tirelog phase-shift` from a file: rows, calibration there and back, statuses, pictures."""
+
+import csv
+import io
+
+import h5py
+import numpy as np
+import pytest
+
+from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread
+from tirelog.cli import run
+
+#: passages of the dynamic drive: its way over the circumference, from a patch at 1 rad
+TURNS = int((80 + 80 + 176 + 40 + 65) / (2 * np.pi * 0.305) - 1 / (2 * np.pi)) + 1
+
+SETUP = """[tire]
+rolling_radius_m = 0.305
+[conditions]
+driven = {driven}
+[channels.encoder]
+kind = "wheel_encoder"
+source = "/wheel/encoder"
+unit = "V"
+steps = 48
+[channels.acceleration]
+kind = "radial_acceleration"
+source = "/wheel/acceleration"
+unit = "g"
+"""
+
+
+def write(folder, name, corners, tread, driven="true"):
+    drive = Drive(*corners)
+    with h5py.File(folder / f"{name}.h5", "w") as file:
+        for channel, values, unit in (
+            ("encoder", Encoder(seed=tread.seed).signal(drive), "V"),
+            ("acceleration", tread.signal(drive) / 9.80665, "g"),
+        ):
+            data = file.create_dataset(f"wheel/{channel}", data=values.astype("f4"))
+            data.attrs["unit"], data.attrs["sampling_rate_Hz"] = unit, 10_000.0
+    (folder / f"{name}.toml").write_text(SETUP.format(driven=driven))
+    return folder / f"{name}.h5"
+
+
+def command(capfd, *arguments):
+    """(status, standard output, standard error) of `tirelog phase-shift`."""
+    capfd.readouterr()
+    try:
+        status = run(["phase-shift", *map(str, arguments)])
+    except SystemExit as end:
+        status = end.code
+    out, err = capfd.readouterr()
+    return int(status or 0), out, err
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("phase")
+    trend = {"shift": lambda v, a: 0.1 * a + 0.02 * (v - 10), "width": lambda v, a: 25 + 0.1 * a - 0.04 * (v - 10)}
+    undriven = {"shift": lambda v, a: 0.02 * (v - 10) + 0.03 * a, "width": lambda v, a: 25 - 0.2 * a - 0.04 * (v - 10)}
+    return (
+        write(folder, "ramp", RAMP, Tread(seed=40_000, **trend)),
+        write(folder, "dynamic", DYNAMIC, Tread(seed=41_000, **trend)),
+        write(folder, "front", DYNAMIC, Tread(seed=42_000, **undriven), driven="false"),
+    )
+
+
+def test_a_log_gives_its_table(logs, capfd):
+    status, out, err = command(capfd, logs[1])
+    table = rows(out)
+    assert status == 0
+    assert len(table) == TURNS
+    assert np.mean([row["quality"] == "ok" for row in table]) > 0.98
+    assert {row["phase_shift_corrected_deg"] for row in table} == {""}
+    assert "no calibration" in err
+    assert "no calibration" not in command(capfd, logs[1], "--quiet")[2]
+
+
+def test_a_calibration_is_written_and_applied(logs, tmp_path, capfd):
+    status, out, err = command(capfd, logs[0], logs[2], "--calibrate", tmp_path / "c.toml")
+    assert status == 0
+    assert "cross-talk" in err
+    status, again, _ = command(capfd, logs[0], logs[2], "--calibration", tmp_path / "c.toml")
+    assert status == 0
+    assert rows(out) == rows(again)
+    table = rows(command(capfd, logs[1], "--calibration", tmp_path / "c.toml")[1])
+    high = [float(row["phase_shift_corrected_deg"]) for row in table if 14 < float(row["time_s"]) < 20]
+    assert abs(np.mean(high)) < 0.02
+
+
+def test_a_picture_is_written(logs, tmp_path, capfd):
+    assert command(capfd, logs[1], "--plot", tmp_path / "p.png", "-o", tmp_path / "t.csv")[0] == 0
+    assert (tmp_path / "p.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--calibration", "a", "--calibrate", "b"), "give one of them"),
+        (("--fit-forces",), "--calibrate"),
+        (("--zero", "slow"), "--zero"),
+        (("--calibration", "none.toml"), "cannot be read"),
+    ],
+)
+def test_what_cannot_be_carried_out_is_status_2(logs, options, told, capfd):
+    status, _, err = command(capfd, logs[1], *options)
+    assert status == 2
+    assert told in err
+    assert "Traceback" not in err
+
+
+def test_a_log_without_teeth_is_lost_and_the_rest_goes_on(logs, tmp_path, capfd):
+    dead = write(tmp_path, "dead", ((0, 20), (10, 10)), Tread())
+    with h5py.File(dead, "r+") as file:
+        file["wheel/encoder"][:] = 0.3
+    status, out, err = command(capfd, dead, logs[1])
+    assert status == 3
+    assert len(rows(out)) == TURNS
+    assert "no teeth" in err
+
+
+def test_swapped_channels_are_named_with_the_file(logs, tmp_path, capfd):
+    setup = logs[1].with_suffix(".toml").read_text()
+    for old, new in (("/wheel/encoder", "/x"), ("/wheel/acceleration", "/wheel/encoder"), ("/x", "/wheel/acceleration")):
+        setup = setup.replace(old, new)
+    (tmp_path / "swapped.toml").write_text(setup)
+    status, out, err = command(capfd, logs[1], "--setup", tmp_path / "swapped.toml")
+    assert (status, len(rows(out))) == (2, 0)
+    assert "swapped" in err
+    assert f"tirelog: error: {logs[1]}" in err
+
+
+def test_a_wrong_number_of_steps_is_named_with_the_file(logs, tmp_path, capfd):
+    (tmp_path / "s.toml").write_text(logs[1].with_suffix(".toml").read_text().replace("steps = 48", "steps = 96"))
+    status, _, err = command(capfd, logs[1], "--setup", tmp_path / "s.toml")
+    assert status == 2
+    assert f"error: {logs[1]}: channel encoder: the patch comes every 48.00 steps, not every 96; " in err
+
+
+def test_a_log_driven_fast_only_takes_the_calibrations_zero(logs, tmp_path, capfd):
+    assert command(capfd, logs[0], "--calibrate", tmp_path / "c.toml")[0] == 0
+    fast = write(tmp_path, "fast", ((0, 20), (20, 20)), Tread(seed=8600, shift=lambda v, a: 0.02 * (v - 10)))
+    status, out, err = command(capfd, fast)
+    assert (status, {row["quality"] for row in rows(out)}) == (0, {"no_zero"})
+    assert "--calibration" in err
+    status, out, err = command(capfd, fast, "--calibration", tmp_path / "c.toml")
+    assert (status, {row["quality"] for row in rows(out)}) == (0, {"delay_removed"})
+    assert "zero of the phase shift: the calibration's" in err
+    shifts = [float(row["phase_shift_deg"]) for row in rows(out)]
+    assert abs(np.mean(shifts) - 0.2) < 0.02

@@ -1,0 +1,32 @@
+"""Fronts of a simulated carcass, whose soft flanks nobody drew for the estimator: the goals at 10 m/s, where the noise tells most."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.wheel_cases import Instruments, wheel_scenario
+from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenario.schema import Manoeuvre
+from tirelog.wheel.phase_shift import measure
+
+
+@pytest.mark.parametrize(("noise_g", "shift_deg", "width_deg"), [(1.2, 0.02, 0.05), (3.0, 0.05, 0.11)])
+def test_goals_at_10_m_s(noise_g, shift_deg, width_deg):
+    plan = wheel_scenario(seed=8001, with_=Instruments(acceleration_noise_g=noise_g), roughness=0.0)
+    simulated = simulate(replace(plan, manoeuvres=(Manoeuvre(60.0, 10.0, None),)))
+    found = next(measure(to_recording(simulated, "log")))
+    true = simulated.truth["channels"]["acceleration"]["passages"]
+    nearest = np.abs(np.array(true["time_s"])[:, None] - found.time_s).argmin(axis=1)
+    assert found.good.mean() > 0.97
+    assert abs(len(found.words) - len(true["time_s"])) <= 1
+    middle = (found.entry_deg + found.width_deg / 2)[nearest] - np.rad2deg(true["wheel_angle_rad"])
+    middle = np.mod(middle - middle[0] + 180, 360)
+    uncertain = 1 + 2 / np.sqrt(2 * middle.size)
+    assert middle.std() < shift_deg * uncertain
+    assert found.width_deg.std() < width_deg * uncertain
+    for error, se in (
+        (middle - middle.mean(), found.shift_se_deg[nearest]),
+        (found.width_deg - found.width_deg.mean(), found.width_se_deg),
+    ):
+        assert 0.92 < np.mean(np.abs(error) < 1.96 * se) <= 1.0

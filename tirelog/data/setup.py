@@ -1,0 +1,321 @@
+"""The setup file: what a log's channels are, and the tire, the conditions and the log around them.
+
+    TOML text --parse--> tables --fields of the dataclasses below--> Setup (frozen, validated)
+
+The dataclasses are the schema: a key is allowed if it is a field, a number must be finite and inside the field's range, and an
+unknown key is refused with its line, what is allowed and the nearest spelling.  Units are only checked here; `ingest` converts.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, field, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from tirelog.data.plausibility import doubt_of_key, doubt_of_radius
+from tirelog.errors import SetupError, nearest
+from tirelog.storage.documents import toml_tables, toml_text
+from tirelog.vocabulary import units
+
+#: kind -> (quantities that its unit may have, SI unit, unit where the setup names none)
+KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "fbg_strain": (("length",), "", "nm"),
+    "fbg_temperature": (("length",), "K", "nm"),
+    "strain": (("strain",), "", "strain"),
+    "radial_acceleration": (("acceleration",), "m/s^2", "m/s^2"),
+    "wheel_encoder": (("voltage", "number", "angle"), "", "1"),
+    "vehicle_speed": (("speed",), "m/s", "m/s"),
+    "longitudinal_acceleration": (("acceleration",), "m/s^2", "m/s^2"),
+    "temperature": (("temperature",), "K", "K"),
+    "inflation_pressure": (("pressure",), "Pa", "Pa"),
+    "vertical_load": (("force",), "N", "N"),
+    "longitudinal_force": (("force",), "N", "N"),
+}
+SURFACES = ("outer", "inner")
+ROADS = ("flat", "step", "cleat", "sine", "profile")
+
+
+def _number(low: float, high: float, *, above: bool = True, default: Any = None) -> Any:
+    """A number in (low, high] (`above`) or [low, high]; `default` where the key is absent, MISSING if it must stand there."""
+    return field(default=default, metadata={"range": (low, high, above)})
+
+
+@dataclass(frozen=True)
+class Tire:
+    """[tire].  Lengths in m; `rolling_radius_m` is the loaded rolling radius R_e (errata, Speed)."""
+
+    name: str = ""
+    unloaded_radius_m: float | None = _number(0.0, 5.0)
+    rolling_radius_m: float | None = _number(0.0, 5.0)
+    section_height_m: float | None = _number(0.0, 1.0)
+    width_m: float | None = _number(0.0, 2.0)
+    section_area_m2: float | None = _number(0.0, 1.0)
+    viscosity_Pa_s: float | None = _number(0.0, 1e9)
+    static_footprint_length_m: float | None = _number(0.0, 2.0)
+
+    @property
+    def radius_m(self) -> float:
+        """The rolling radius, or the unloaded radius where the setup has none.  SetupError where it has neither."""
+        radius = self.rolling_radius_m or self.unloaded_radius_m
+        if radius is None:
+            raise SetupError("the setup has no radius; [tire] takes rolling_radius_m or unloaded_radius_m; add one of them")
+        return radius
+
+    @property
+    def area_m2(self) -> float | None:
+        """The section's area: as given, or section height x width, or None."""
+        if self.section_area_m2 is not None:
+            return self.section_area_m2
+        if self.section_height_m is None or self.width_m is None:
+            return None
+        return self.section_height_m * self.width_m
+
+
+@dataclass(frozen=True)
+class LogConditions:
+    """[conditions]: constant over the log, None where not given."""
+
+    load_N: float | None = _number(0.0, 1e6)
+    inflation_pressure_Pa: float | None = _number(0.0, 1e8)
+    distance_km: float | None = _number(0.0, 1e7, above=False)
+    water_depth_mm: float | None = _number(0.0, 1e3, above=False)
+    driven: bool | None = None
+
+
+@dataclass(frozen=True)
+class ChannelSetup:
+    """[channels.NAME].  The unit is the source's; `gauge_length_m` the length a grating averages over."""
+
+    kind: str = ""
+    source: str = ""
+    unit: str | None = None
+    reference_wavelength_nm: float | None = _number(100.0, 1e5)
+    strain_gain: float = _number(0.0, 100.0, default=1.27)
+    thermal_expansion_1_K: float = _number(-1.0, 1.0, default=0.0)
+    temperature_channel: str | None = None
+    temperature_sensitivity_nm_K: float = _number(0.0, 10.0, default=0.010)
+    surface: str | None = None
+    window_nm: tuple[float, float] | None = None
+    gauge_length_m: float | None = _number(0.0, 1.0)
+    steps: int | None = None
+    sampling_rate_Hz: float | None = _number(0.0, 1e9)
+
+    @property
+    def source_unit(self) -> str:
+        return self.unit or KINDS[self.kind][2]
+
+
+@dataclass(frozen=True)
+class LogSetup:
+    """[log]: what the file itself does not say."""
+
+    sampling_rate_Hz: float | None = _number(0.0, 1e9)
+    time: str | None = None
+    time_unit: str | None = None
+
+
+@dataclass(frozen=True)
+class RoadSetup:
+    """[road]: what the wheel rolled over in this log; lengths in m along the direction of driving.
+
+    kind        flat; step (height_m, over a ramp of ramp_m); cleat (height_m, length_m at its foot, ramps of ramp_m within it); sine
+                (amplitude_m (1 - cos(2 pi x / wavelength_m))); profile (file: two columns, distance and height, beside the setup)
+    time_s      when the wheel's centre stands over the obstacle's beginning; searched for in the log where it is not given
+    position_m  the same as a distance driven since the log's start
+    spacing_m   after which the obstacle comes again (a drum's circumference)
+    """
+
+    kind: str = "flat"
+    height_m: float | None = _number(-1.0, 1.0)
+    length_m: float | None = _number(0.0, 100.0)
+    ramp_m: float | None = _number(0.0, 100.0)
+    amplitude_m: float | None = _number(-1.0, 1.0)
+    wavelength_m: float | None = _number(0.0, 1e4)
+    file: str | None = None
+    time_s: float | None = _number(0.0, 1e7, above=False)
+    position_m: float | None = _number(-1e6, 1e6)
+    spacing_m: float | None = _number(0.0, 1e6)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A whole setup file.  `text` is the file as it stood, for the run's provenance; `file` its path, for messages."""
+
+    tire: Tire = Tire()
+    conditions: LogConditions = LogConditions()
+    channels: Mapping[str, ChannelSetup] = field(default_factory=dict)
+    log: LogSetup = LogSetup()
+    road: RoadSetup = RoadSetup()
+    text: str = ""
+    file: str | None = None
+
+
+T = TypeVar("T")
+
+
+class _Source:
+    """The file's text, to say in which line a key stands."""
+
+    def __init__(self, text: str, file: str | None) -> None:
+        self.lines, self.file = text.splitlines(), file
+
+    def error(self, message: str, table: str = "", key: str = "") -> SetupError:
+        return SetupError(message, file=self.file or "setup", line=self.line(table, key))
+
+    def line(self, table: str, key: str) -> int | None:
+        header = rf"^\s*\[\s*{re.escape(table)}\s*\]" if table else None
+        inside = header is None
+        for number, text in enumerate(self.lines, 1):
+            if header and re.match(r"^\s*\[", text):
+                inside = bool(re.match(header, text))
+                if inside and not key:
+                    return number
+            elif inside and key and re.match(rf"^\s*[\"']?{re.escape(key)}[\"']?\s*=", text):
+                return number
+        return None
+
+
+def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
+    """`value` as the field `spec` wants it, or a SetupError that says what is allowed."""
+    key, wanted = spec.name, str(spec.type)
+    if "tuple" in wanted:
+        if not (isinstance(value, list) and len(value) == 2 and all(_is_number(v) for v in value) and value[0] < value[1]):
+            raise source.error(f"{key} = {value!r}; allowed is a pair [low, high] in nm; write e.g. [1549.0, 1551.5]", table, key)
+        return (float(value[0]), float(value[1]))
+    if "float" in wanted or "int" in wanted:
+        low, high, above = spec.metadata.get("range", (0, 100_000, True))
+        inside = _is_number(value) and (value > low if above else value >= low) and value <= high
+        if not inside or ("int" in wanted and value != int(value)):
+            allowed = f"a number {'above' if above else 'from'} {low:g} to {high:g}" + (", whole" if "int" in wanted else "")
+            raise source.error(f"{key} = {value!r}; allowed is {allowed}; mend the number", table, key)
+        strange = doubt_of_key(key, value)
+        if strange:
+            raise source.error(f"{key} = {value!r}; {strange}; mend the number", table, key)
+        return int(value) if "int" in wanted else float(value)
+    kind = bool if "bool" in wanted else str
+    if not isinstance(value, kind):
+        raise source.error(
+            f"{key} = {value!r}; allowed is {'true or false' if kind is bool else 'text in quotes'}; mend the value", table, key
+        )
+    return value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
+    """A TOML table as the dataclass `cls`."""
+    if not isinstance(data, dict):
+        raise source.error(f"{name} is not a table; allowed is [{name}] with keys under it; mend it", "", name)
+    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
+    for key in data:
+        if key not in specs:
+            raise source.error(
+                f"unknown key {key!r} in [{name}]{nearest(key, specs)}; allowed are {', '.join(specs)}; mend or remove it", name, key
+            )
+    return cls(**{key: _value(specs[key], value, source, name) for key, value in data.items()})
+
+
+def _channel(name: str, data: Any, source: _Source, names: list[str]) -> ChannelSetup:
+    """One channel, with what its kind asks for."""
+    table = f"channels.{name}"
+    if not re.fullmatch(r"[\w.+-]+", name):
+        raise source.error(f"channel name {name!r}; allowed are letters, digits and _ . + -; rename it", table)
+    channel = _table(ChannelSetup, data, source, table)
+    if channel.kind not in KINDS:
+        raise source.error(f"kind {channel.kind!r}{nearest(channel.kind, KINDS)}; allowed are {', '.join(KINDS)}; mend it", table, "kind")
+    if not channel.source and channel.window_nm is None:
+        raise source.error('no source; allowed is a column, topic or dataset path, or window_nm; add source = "..."', table)
+    try:
+        units.to_si(channel.source_unit, *KINDS[channel.kind][0])
+    except SetupError as problem:
+        raise source.error(problem.message, table, "unit") from None
+    if channel.kind.startswith("fbg_") and channel.reference_wavelength_nm is None:
+        raise source.error("no reference_wavelength_nm; a grating needs its wavelength at rest in nm; add it", table)
+    if channel.surface is not None and channel.surface not in SURFACES:
+        raise source.error(f"surface {channel.surface!r}; allowed are {', '.join(SURFACES)}; mend it", table, "surface")
+    twin = channel.temperature_channel
+    if twin is not None and (twin not in names or twin == name):
+        raise source.error(
+            f"temperature_channel {twin!r} is no other channel{nearest(twin, names)}; name one of {', '.join(names)}",
+            table,
+            "temperature_channel",
+        )
+    return channel
+
+
+def _tire(data: Any, source: _Source) -> Tire:
+    """The tire, with radii that go together."""
+    tire = _table(Tire, data, source, "tire")
+    strange = "" if tire.rolling_radius_m is None else doubt_of_radius(tire.rolling_radius_m, tire.unloaded_radius_m)
+    if strange:
+        raise source.error(f"{strange}; mend one of the two", "tire", "rolling_radius_m")
+    return tire
+
+
+def _road(data: Any, source: _Source) -> RoadSetup:
+    """The road, of a kind that there is; what the kind asks for is checked where the road is built."""
+    road = _table(RoadSetup, data, source, "road")
+    if road.kind not in ROADS:
+        raise source.error(f"kind {road.kind!r}{nearest(road.kind, ROADS)}; allowed are {', '.join(ROADS)}; mend it", "road", "kind")
+    return road
+
+
+def parse_road(words: str) -> RoadSetup:
+    """[road] in one line, as a command takes it: `cleat,height_m=0.01,length_m=0.04`.  SetupError as for a setup file."""
+    kind, *pairs = (word.strip() for word in words.split(","))
+    given: dict[str, Any] = {"kind": kind}
+    for pair in pairs:
+        key, _, value = (part.strip() for part in pair.partition("="))
+        try:
+            given[key] = value if key == "file" else float(value)
+        except ValueError:
+            raise SetupError(f"{pair!r} in the road {words!r}; KEY=NUMBER is allowed, such as height_m=0.01; correct it") from None
+    return _road(given, _Source("", "--road"))
+
+
+def parse_setup(text: str, file: str | None = None) -> Setup:
+    """The setup in `text`.  SetupError, with file and line, for anything that is not allowed."""
+    source = _Source(text, file)
+    data = toml_tables(text, SetupError, file=file or "setup")
+    sections = ("tire", "conditions", "channels", "log", "road")
+    for key in data:
+        if key not in sections:
+            raise source.error(f"unknown table [{key}]{nearest(key, sections)}; allowed are {', '.join(sections)}; mend or remove it", key)
+    tables = data.get("channels", {})
+    if not isinstance(tables, dict) or not tables:
+        raise source.error("no channels; a setup has at least one [channels.NAME]; add what the log holds")
+    names = list(tables)
+    channels = {name: _channel(name, table, source, names) for name, table in tables.items()}
+    return Setup(
+        _tire(data.get("tire", {}), source),
+        _table(LogConditions, data.get("conditions", {}), source, "conditions"),
+        channels,
+        _table(LogSetup, data.get("log", {}), source, "log"),
+        _road(data.get("road", {}), source),
+        text,
+        file,
+    )
+
+
+def load_setup(path: Path | str) -> Setup:
+    """The setup file at `path`."""
+    text = toml_text(path, SetupError, what="a setup", advice="give another with --setup")
+    return parse_setup(text, str(path))
+
+
+def setup_beside(log: Path | str) -> Path | None:
+    """The setup of the log's own name (`drive.csv.gz`: `drive.csv.toml`, `drive.toml`), or None."""
+    path = Path(log)
+    if not path.name:  # a folder, such as . or /
+        return None
+    candidates = [path.with_suffix(".toml")]
+    while path.suffix:
+        path = path.with_suffix("")
+        candidates.append(path.with_suffix(path.suffix + ".toml") if path.suffix else path.with_name(path.name + ".toml"))
+    return next((c for c in candidates if os.path.isfile(c)), None)  # also for a name too long for any file

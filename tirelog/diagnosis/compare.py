@@ -1,0 +1,289 @@
+"""`compare`: a fitted model against logs, error by error, and where and when it fails.
+
+Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps -> Comparison
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.data.recording import Stack
+from tirelog.diagnosis.leftover import half_angle
+from tirelog.diagnosis.results import Comparison, Map, Tables, Waveforms, excess_of
+from tirelog.errors import UsageError
+from tirelog.inference.base import Base, prepare
+from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.gathering import pieces_of_logs
+from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.floor import Plain, scatter_columns
+from tirelog.inference.motion import held
+from tirelog.physics.carcass.numbers import SCALARS
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.arrays import FloatArray
+
+UNITS = {
+    "strain": "1",
+    "radial_acceleration": "m/s^2",
+    "patch_length": "m",
+    "dissipation_factor": "1/m",
+    "phase_shift": "rad",
+    "patch_width": "rad",
+}
+_SHOWN = 4
+_MAP_ROWS = 24
+
+
+#: what every question is asked of: the stacks of all logs, or their pieces where the revolutions are too many to keep
+Measured = Sequence[Stack] | Pieces
+
+
+def measured_pieces(measured: Measured) -> Pieces:
+    """The pieces of all logs.  UsageError: there is none."""
+    if not len(measured):
+        raise UsageError("no stack to compare with; at least one log is needed; give one")
+    return measured if isinstance(measured, Pieces) else pieces_of_logs(measured)
+
+
+def single_revolutions(measured: Measured) -> Sequence[Stack]:
+    """The stacks; none where only the pieces are left."""
+    return () if isinstance(measured, Pieces) else measured
+
+
+def start(measured: Measured, model: Model) -> Base:
+    """The base of every question: cells of all logs, the model fitted.  UsageError where model and logs do not fit together."""
+    pieces = measured_pieces(measured)
+    if pieces.observable != model.observable:
+        raise UsageError(
+            f"the model predicts {model.observable}, the log gives {pieces.observable}; both must be the same; take a model for "
+            f"{pieces.observable} (model new) or another log",
+            file=pieces.logs[0],
+        )
+    return prepare(cells_of(pieces), held(model))
+
+
+def compare(measured: Measured, model: Model) -> Comparison:
+    """The model's free parameters fitted to all logs, and the error on manoeuvres left out."""
+    return comparison_of(start(measured, model), single_revolutions(measured))
+
+
+def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
+    """Everything to show of a fitted base; the table by revolution is empty without the `stacks` that it was made of."""
+    measured = base.cells.values - base.offset_of_cell[:, None]
+    spread = base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum()) + base.floor.within
+    waveform = base.model.observable not in SCALARS
+    return Comparison(
+        observable=base.model.observable,
+        unit=UNITS[base.model.observable],
+        model=base.model,
+        rmse=float(np.sqrt(max(base.square_fit, 0.0))),
+        rmse_heldout=base.rmse_held,
+        noise_floor=float(np.sqrt(base.floor.square)),
+        noise_floor_within=float(np.sqrt(base.floor.within)),
+        noise_floor_between=float(np.sqrt(base.floor.between)),
+        reduced_chi2=base.reduced_chi2,
+        fit_percent=100.0 * (1.0 - float(np.sqrt(max(base.square_held, 0.0) / spread))) if spread > 0 else 0.0,
+        revolutions=int(base.cells.revolutions.sum()),
+        manoeuvres=base.cells.manoeuvres,
+        parameters=parameters_of(base.model),
+        tables=tables_of(base, stacks),
+        waveforms=_waveforms(base),
+        by_speed=_map(base, base.cells.conditions.speed_m_s, "speed_m_s"),
+        by_time=_map(base, _running_time(base), "time_s"),
+        half_angle_rad=half_angle(base) if waveform else 0.0,
+        remarks=tuple(remarks_of(base)),
+    )
+
+
+def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
+    """Value, standard error, unit, free or fixed, of every parameter."""
+    return {name: {"value": p.value, "se": p.se, "unit": p.unit, "free": p.free} for name, p in model.parameters.items()}
+
+
+def remarks_of(base: Base) -> list[str]:
+    """What a person should know of the fit before believing it."""
+    said = list(base.cells.notes)
+    if base.cells.manoeuvres < 2:
+        said.append("one manoeuvre: none can be held out from the fit, so there is no held-out error; drive more of them")
+    measured = np.nanmean(base.cells.values, axis=0)
+    expected = np.nanmean(base.fit.prediction, axis=0)
+    good = np.isfinite(measured) & np.isfinite(expected)
+    if good.sum() > 8 and base.model.observable == "strain":
+        skew = float(np.mean((measured[good] - measured[good].mean()) ** 3))
+        wanted = "inner" if skew > 0 else "outer"
+        if wanted != base.cells.surface:
+            place, word = ("a maximum", "inner") if skew > 0 else ("a minimum", "outer")
+            said.append(
+                f"the strain has {place} in the patch, as on the {word} surface; the setup says {base.cells.surface}; "
+                f'write surface = "{word}" if that is where the grating is'
+            )
+    if not base.fit.settled:
+        said.append("the fit did not settle; its parameters may be off; start from other values")
+    for name in base.fit.names:
+        p = base.model.parameters[name]
+        if p.value in (p.min, p.max) and "." not in name:
+            said.append(f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it")
+    return said
+
+
+def _running_time(base: Base) -> FloatArray:
+    """Time over all logs, one after the other, (C,)."""
+    c = base.cells
+    ends = np.array([c.conditions.time_s[c.log == log].max(initial=0.0) for log in range(int(c.log.max()) + 1)])
+    return c.conditions.time_s + np.concatenate([[0.0], np.cumsum(ends)])[c.log]
+
+
+def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
+    """Residual of the cells in the observable's unit with the shift removed, and in standard errors; (C, m), NaN where empty."""
+    good = base.plain.weights > 0
+    left = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
+    residual = np.where(good, base.plain(left) / np.where(good, base.plain.weights, 1.0), np.nan)
+    return residual, residual / np.where(good, base.cells.sd, 1.0)
+
+
+def _waveforms(base: Base) -> Waveforms:
+    """Cells that span the speeds."""
+    c = base.cells
+    order = np.argsort(c.conditions.speed_m_s)
+    chosen = np.unique(order[np.linspace(0, order.size - 1, min(_SHOWN, order.size)).round().astype(int)], return_index=False)
+    chosen = chosen[np.argsort(c.conditions.speed_m_s[chosen])]
+    columns = scatter_columns(c, base.fit)
+    between = (base.floor.load_sd * columns[..., 0]) ** 2 + (base.floor.baseline_sd * columns[..., 1]) ** 2
+    labels = tuple(f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {PurePath(c.logs[c.log[i]]).name}" for i in chosen)
+    offset = base.offset_of_cell[:, None]
+    return Waveforms(c.phi[chosen], c.values[chosen], (base.fit.prediction + offset)[chosen], np.sqrt(c.within + between)[chosen], labels)
+
+
+def _map(base: Base, axis: FloatArray, name: str) -> Map:
+    """Residual averaged over like cells, ascending along the axis."""
+    residual, whitened = _residual(base)
+    edges = np.linspace(axis.min(), axis.max() + 1e-9, min(_MAP_ROWS, axis.size) + 1)
+    row = np.clip(np.searchsorted(edges, axis, side="right") - 1, 0, edges.size - 2)
+    used = np.unique(row)
+    phi = np.nanmean(base.cells.phi, axis=0)
+
+    def mean(x: FloatArray, power: float) -> FloatArray:
+        rows = [x[row == r] for r in used]
+        count = [np.maximum(np.isfinite(part).sum(axis=0), 1) for part in rows]
+        return np.stack([np.nansum(part, axis=0) / n**power for part, n in zip(rows, count, strict=True)])
+
+    centre = np.array([axis[row == r].mean() for r in used])
+    return Map(centre, name, phi, mean(residual, 1.0), mean(whitened, 0.5))
+
+
+# ---- tables ---------------------------------------------------------------------------------------------------------------------------
+
+
+def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
+    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one row each, made when it is asked for."""
+    c = base.cells
+    tables = {"angle": _by_angle(base)}
+    band = np.floor(c.conditions.speed_m_s / 2.0) * 2.0 + 1.0
+    groups: dict[str, tuple[list[str], Callable[[int], dict[str, Any]]]] = {
+        "speed": ([f"{v:g}" for v in band], lambda i: {"speed_m_s": float(band[i])}),
+        "regime": ([str(r) for r in c.regime], lambda i: {"regime": str(c.regime[i])}),
+        "conditions": ([str(int(n)) for n in c.log], lambda i: _log_conditions(base, i)),
+    }
+    for name, (labels, describe) in groups.items():
+        tables[name] = [_row(base, np.array(labels) == label, describe(labels.index(label))) for label in dict.fromkeys(labels)]
+    tables["speed"].sort(key=lambda row: row["speed_m_s"])
+    return Tables(tables, {"revolution": lambda: _by_revolution(base, stacks)})
+
+
+def _log_conditions(base: Base, cell: int) -> dict[str, Any]:
+    c = base.cells.conditions
+    fields = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
+    rows = base.cells.log == base.cells.log[cell]
+    return {"log": base.cells.logs[base.cells.log[cell]]} | {name: float(np.mean(getattr(c, name)[rows])) for name in fields}
+
+
+def _row(base: Base, rows: FloatArray, description: dict[str, Any]) -> dict[str, Any]:
+    """Errors over some cells."""
+    index = np.flatnonzero(rows)
+    plain = Plain.of(_some(base, index))
+    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])[index]
+    share = plain.weights**2
+    within = float((share * np.where(share > 0, base.cells.within[index], 0.0)).sum() / plain.weight)
+    rmse = float(np.sqrt(max(within + plain.mean_square((plain(residual) ** 2).sum()), 0.0)))
+    floor = float(np.sqrt(within + base.floor.between))
+    return description | {
+        "rmse": rmse, "noise_floor": floor, "excess": excess_of(rmse, floor), "revolutions": int(base.cells.revolutions[index].sum()),
+    }  # fmt: skip
+
+
+def _some(base: Base, index: NDArray[np.int64]) -> Any:
+    from tirelog.inference.fit.cells import take_cells
+
+    return take_cells(base.cells, index)
+
+
+def _by_angle(base: Base) -> list[dict[str, Any]]:
+    """Entry, patch, exit, away."""
+    if base.cells.phi.shape[1] == 1:
+        return [_row(base, np.ones(len(base.cells), bool), {"angle": "all"})]
+    edge, phi = half_angle(base), np.nanmean(base.cells.phi, axis=0)
+    zones = {
+        "entry": (phi >= -1.5 * edge) & (phi < -0.5 * edge),
+        "patch": np.abs(phi) <= 0.5 * edge,
+        "exit": (phi > 0.5 * edge) & (phi <= 1.5 * edge),
+        "away": np.abs(phi) > 1.5 * edge,
+    }
+    residual, _ = _residual(base)
+    share = base.plain.weights**2
+    bias = share * np.where(share > 0, base.cells.sd, 0.0) ** 2
+    bias = bias + share * np.einsum("cmi,cij,cmj->cm", base.cells.random, base.cells.random_cov, base.cells.random)
+    rows = []
+    for name, zone in zones.items():
+        total = share[:, zone].sum()
+        left = ((share * np.nan_to_num(residual) ** 2)[:, zone].sum() - bias[:, zone].sum()) / total
+        within = (share * np.where(share > 0, base.cells.within, 0.0))[:, zone].sum() / total
+        floor = float(np.sqrt(within + base.floor.between_by_angle[zone].mean()))
+        rmse = float(np.sqrt(max(within + left, 0.0)))
+        rows.append(
+            {
+                "angle": name,
+                "rmse": rmse,
+                "noise_floor": floor,
+                "excess": excess_of(rmse, floor),
+                "revolutions": int(base.cells.revolutions.sum()),
+            }
+        )
+    return rows
+
+
+def _by_revolution(base: Base, stacks: Sequence[Stack]) -> Iterator[list[dict[str, Any]]]:
+    """One row a revolution, stack by stack: rms of measured less predicted, the offset of its log and its own shift taken out."""
+    first = 0
+    for stack in stacks:
+        yield _revolutions(base, stack, base.cells.cell[first : first + len(stack)])
+        first += len(stack)
+
+
+def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict[str, Any]]:
+    """The rows of the revolutions of one stack, which are in these cells, (n,)."""
+    waves = stack.phi_rad.size > 1
+    angles: dict[str, Any] = (
+        {"phi_rad": stack.phi_mean - base.cells.moved[cell][:, None], "phi_variance": stack.phi_variance} if waves else {"phi_rad": None}
+    )
+    left_out = cell < 0  # of a log that many others left no room
+    cell = np.maximum(cell, 0)
+    predicted = base.model.predict(stack.conditions, surface=stack.surface, **angles) + base.offset_of_cell[cell][:, None]
+    left = np.where(np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan)
+    direction = base.plain.direction[cell]
+    left = left - direction * np.nansum(left * direction, axis=1, keepdims=True)
+    rmse = np.where(left_out, np.nan, np.sqrt(np.nanmean(left**2, axis=1)))
+    floor = np.where(left_out, np.nan, np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell])
+    c = stack.conditions
+    return [
+        {
+            "log": stack.logs[stack.log[i]], "channel": stack.channel, "revolution": int(stack.revolution[i]), "time_s": float(c.time_s[i]),
+            "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]), "manoeuvre": int(stack.manoeuvre[i]),
+            "rmse": float(rmse[i]), "noise_floor": float(floor[i]),
+            "quality": "left_out" if left_out[i] else "ok",
+        }
+        for i in range(len(stack))
+    ]  # fmt: skip

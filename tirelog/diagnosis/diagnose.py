@@ -1,0 +1,333 @@
+"""`diagnose`: which effect is missing, in one value with a verdict.
+
+Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what is left -> verdict
+    nothing_missing  no candidate alarms, no generic shape is left, and what is left is the floor by held-out error and chi-square
+    scatter          the same, but what is left is more than the floor
+    missing          the selected effects remove at least 90 % of the excess, and nothing else of size is left
+    partial          they remove 70 to 90 %, or something repeatable is left
+    ambiguous        they would be 'missing', and another effect does the same to these data
+    unknown          there is repeatable structure that no effect explains (under 50 %)
+    too_few          fewer manoeuvres than a test needs: a ranking, no alarm
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tirelog.data.recording import Stack
+from tirelog.diagnosis.assessment import Assessed
+from tirelog.diagnosis.compare import UNITS, Measured, comparison_of, single_revolutions, start
+from tirelog.diagnosis.leftover import Leftover, describe, scattered
+from tirelog.diagnosis.naming import (
+    Step,
+    contend,
+    first_step,
+    group_of,
+    next_step,
+    quiet,
+    regrouped,
+    without_needless,
+)
+from tirelog.diagnosis.results import Candidate, Comparison, plain
+from tirelog.diagnosis.separation import advise
+from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.signatures import candidate_effects
+from tirelog.diagnosis.unvaried import not_varied
+from tirelog.diagnosis.wording import next_command, sentence_of, unexplained_sentence
+from tirelog.inference.base import Base, settled
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.model import Model
+
+#: shares of the excess that the selected effects must remove
+EXPLAINED = 0.9
+MOST = 0.7
+#: and that several must remove together, where the first of them alone does not remove MOST: two wrong names imitate more than one
+TOGETHER = 0.85
+#: a rest is worth a word if it is this share of the excess, and of the squared floor
+REST_SHARE = 0.02
+MOST_EFFECTS = 4
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search came to: the base before, the steps, the base with all that was named, and what later names made needless."""
+
+    before: Base
+    steps: tuple[Step, ...]
+    after: Base
+    dropped: tuple[str, ...] = ()
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        return tuple(step.named.id for step in self.steps if step.named is not None and step.named.id not in self.dropped)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer to "which effect is missing" (contract, Diagnosis).  `before` and `after`: the model as it came and with what was
+    selected."""
+
+    verdict: str
+    sentence: str
+    selected: tuple[str, ...]
+    effects: tuple[Candidate, ...]
+    ambiguous_groups: tuple[tuple[str, ...], ...]
+    separating_manoeuvres: tuple[Mapping[str, Any], ...]
+    unexplained: Mapping[str, Any]
+    not_tested: Mapping[str, str]
+    rmse_heldout_before: float | None
+    rmse_heldout_after: float | None
+    noise_floor: float
+    noise_floor_within: float
+    reduced_chi2_before: float
+    reduced_chi2_after: float
+    revolutions: int
+    manoeuvres: int
+    notes: tuple[str, ...]
+    next_command: str
+    found: Found
+    stacks: Sequence[Stack]
+
+    @property
+    def model(self) -> Model:
+        """The model with what was selected, refitted."""
+        return self.found.after.model if self.selected else self.found.before.model
+
+    @cached_property
+    def before(self) -> Comparison:
+        return comparison_of(self.found.before, self.stacks)
+
+    @cached_property
+    def after(self) -> Comparison:
+        return comparison_of(self.found.after, self.stacks) if self.selected else self.before
+
+    def to_json(self) -> dict[str, Any]:
+        apart = ("effects", "notes", "found", "stacks")
+        names = [name for name in self.__dataclass_fields__ if name not in apart]
+        rows = [{name: getattr(c, name) for name in Candidate.__dataclass_fields__} for c in self.effects]
+        return plain({name: getattr(self, name) for name in names} | {"effects": rows, "note": " ".join(self.notes)})
+
+
+def diagnose(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Diagnosis:
+    """Which effect is missing.  `effects`: the user's own candidates beside the catalogue; `progress` hears what is being done."""
+    extra = tuple(effects)
+    progress("fitting the model")
+    base = start(measured, model)
+    progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
+    found = search(base, extra, progress)
+    progress("describing what is left")
+    return conclude(found, single_revolutions(measured))
+
+
+def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None) -> Found:
+    """Steps until nothing more is worth naming.  With too few manoeuvres: one step, contenders refitted, nothing named."""
+    step = first_step(base, extra)
+    if base.cells.manoeuvres < FEWEST_MANOEUVRES:
+        contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
+        group = group_of(contenders) if contenders else ()
+        return Found(base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base)
+    steps, after, excess = [step], base, base.excess
+    while step.named is not None and len(steps) < MOST_EFFECTS:
+        progress(f"named {step.named.id}; looking for another")
+        after = settled(step.named.base)
+        named = [s.named.id for s in steps if s.named is not None]
+        step = next_step(after, named, excess, extra)
+        steps.append(step)
+    if step.named is not None:  # the last that is looked for
+        after = settled(step.named.base)
+    named = [s.named.id for s in steps if s.named is not None]
+    if len(named) < 2:
+        return Found(base, tuple(steps), after)
+    progress("looking for what could stand in place of each")
+    after, dropped = without_needless(after, named)
+    after = settled(after) if dropped else after
+    groups = regrouped(after, [name for name in named if name not in dropped], extra)
+    steps = [replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps]
+    return Found(base, tuple(steps), after, dropped)
+
+
+def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
+    """The verdict and everything that is said with it."""
+    before, after = found.before, found.after
+    floor = after.floor if found.named else before.floor
+    excess_before = max(before.square_held - floor.square, 0.0)
+    excess_after = max(after.square_held - floor.square, 0.0) if found.named else excess_before
+    share = 1.0 - excess_after / excess_before if excess_before > 0 else 0.0
+    left = describe(after)
+    few = before.cells.manoeuvres < FEWEST_MANOEUVRES
+    groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
+    rest = left.significant and excess_after > LEAST_SHARE_OF_FLOOR * floor.square and excess_after > REST_SHARE * excess_before
+    alone = (
+        1.0 - max(found.steps[0].named.base.square_held - floor.square, 0.0) / excess_before
+        if found.steps[0].named and excess_before
+        else 0.0
+    )
+    enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
+    silent = "nothing_missing" if quiet(before, floor.square) else "scatter"
+    verdict = _verdict(few, found.named, share if enough else 0.0, bool(groups), rest, "unknown" if left.significant else silent)
+    selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
+    if found.named and not selected:  # what was named is not claimed: the description is of what the model as it came leaves
+        left, excess_after = describe(before), excess_before
+        if not left.significant and excess_before <= LEAST_SHARE_OF_FLOOR * floor.square:
+            verdict = silent  # what alarmed is gone, once less is taken for scatter
+    ranking = _ranking(found, selected, excess_before, floor.square, share)
+    unexplained = _unexplained(left, found, ranking, excess_after, excess_before, floor.square, bool(selected))
+    advice, notes = _advice(found, verdict)
+    notes += [said] if (said := not_varied(before.cells.conditions, candidate_effects(before.model))) else []
+    ranked = {c.effect for c in ranking}
+    reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items() if k not in ranked}
+    scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
+    shares = {c.effect: c.excess_removed for c in ranking}
+    result = after if selected else before
+    facts = {
+        "verdict": verdict,
+        "selected": selected,
+        "share": share,
+        "shares": shares,
+        "enough": MOST,
+        "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
+        "scatter": scatter,
+        "observable": before.model.observable,
+        "unit": UNITS[before.model.observable],
+        "chi2": before.reduced_chi2,
+        "groups": groups,
+        "unexplained": unexplained,
+        "manoeuvres": before.cells.manoeuvres,
+        "before": before.square_held,
+        "floor": floor.square,
+    }
+    return Diagnosis(
+        verdict=verdict,
+        sentence=sentence_of(facts),
+        selected=selected,
+        effects=ranking,
+        ambiguous_groups=groups if selected else tuple(s.group for s in found.steps if few and s.group),
+        separating_manoeuvres=tuple(advice),
+        unexplained=unexplained | {"scatter": scatter},
+        not_tested=reasons,
+        rmse_heldout_before=before.rmse_held,
+        rmse_heldout_after=result.rmse_held,
+        noise_floor=float(np.sqrt(floor.square)),
+        noise_floor_within=float(np.sqrt(floor.within)),
+        reduced_chi2_before=before.reduced_chi2,
+        reduced_chi2_after=result.reduced_chi2,
+        revolutions=int(before.cells.revolutions.sum()),
+        manoeuvres=before.cells.manoeuvres,
+        notes=tuple(notes),
+        next_command=next_command(verdict, selected, model=before.model, logs=before.cells.logs),
+        found=found,
+        stacks=stacks,
+    )
+
+
+def _verdict(few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, unnamed: str) -> str:
+    """`unnamed`: what is said where no effect is named."""
+    if few:
+        return "too_few"
+    if not named:
+        return unnamed
+    if share < MOST:
+        return "unknown"
+    if share < EXPLAINED or rest:
+        return "partial"
+    return "ambiguous" if grouped else "missing"
+
+
+def _ranking(found: Found, selected: Sequence[str], excess: float, floor: float, share_of_all: float) -> tuple[Candidate, ...]:
+    """All candidates of the first step; those named later follow with what they did when they were named.
+
+    Where one effect was selected its share is `share_of_all`, so that the table and the sentence say one number.
+    """
+    first = found.steps[0]
+    refitted = {r.id: r for r in first.contenders}
+    rows: list[tuple[Assessed, float, Mapping[str, Any]]] = []
+    tested = [a for a in first.assessed if a.id not in first.reasons or a.id in selected]  # a failed refit is no number
+    for a in tested:
+        removed = refitted[a.id].base.square_held if a.id in refitted else first.before.square_held - a.removed
+        unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and a.id not in refitted
+        shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
+        share = (first.before.square_held - removed) / excess if shared else 0.0
+        share = share_of_all if tuple(selected) == (a.id,) else share
+        rows.append((a, float(np.clip(share, 0.0, 1.0)), _strengths(found, a, refitted)))
+    later = [s.named for s in found.steps[1:] if s.named is not None]
+    p = {r.id: r.assessed.p for r in later}
+    order = [r.id for r in first.contenders] + [a.id for a in tested if a.id not in refitted]
+    order = list(selected) + [name for name in order if name not in selected]
+    groups = {s.named.id: s.group for s in found.steps if s.named is not None}
+    by_id = {a.id: (a, share, strengths) for a, share, strengths in rows}
+    return tuple(
+        Candidate(
+            effect=name,
+            rank=i + 1,
+            excess_removed=by_id[name][1],
+            p_adjusted=p.get(name, by_id[name][0].p),
+            selected=name in selected,
+            group=tuple(g for g in groups.get(name, ()) if g != name),
+            statistic=by_id[name][0].statistic,
+            strengths=by_id[name][2],
+        )
+        for i, name in enumerate(n for n in order if n in by_id)
+    )
+
+
+def _strengths(found: Found, a: Assessed, refitted: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The effect's parameters with errors and units: from the final model, its own refit, or the linear fit."""
+    for model in (found.after.model, *([refitted[a.id].base.model] if a.id in refitted else [])):
+        own = {n.split(".")[1]: q for n, q in model.parameters.items() if n.startswith(f"{a.id}.")}
+        if own:
+            return {name: {"value": q.value, "se": q.se, "unit": q.unit} for name, q in own.items() if q.free}
+    units = {q.name: q.unit for q in a.signature.effect.parameters}
+    return {n: {"value": float(v), "se": None, "unit": units[n]} for n, v in zip(a.signature.strengths, a.strengths, strict=True)}
+
+
+def _unexplained(
+    left: Leftover, found: Found, ranking: Sequence[Candidate], after: float, before: float, floor: float, selected: bool
+) -> dict[str, Any]:
+    """What remains, in the contract's keys and a sentence."""
+    near = [c for c in ranking if not c.selected and c.excess_removed >= REST_SHARE]
+    nearest = max(near, key=lambda c: c.excess_removed) if near and left.significant else None
+    share = float(np.clip(after / before, 0.0, 1.0)) if before > LEAST_SHARE_OF_FLOOR * floor else 0.0
+    facts = {
+        "significant": left.significant,
+        "share_of_excess": share,
+        "p": left.p,
+        "size": float(np.sqrt(max(left.size, 0.0))),
+        "where": left.where,
+        "parity": left.parity,
+        "follows": left.follows,
+        "together": left.together,
+        "speed_exponent": left.speed_exponent,
+        "frequency_Hz": left.frequency_Hz,
+        "in_pressure": left.in_pressure,
+        "nearest_effect": nearest.effect if nearest and not selected else None,
+        "nearest_share": nearest.excess_removed if nearest and not selected else None,
+    }
+    return facts | {"sentence": unexplained_sentence(facts, found.before.cells.manoeuvres < FEWEST_MANOEUVRES)}
+
+
+def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """What to drive next, for rivals and for too few manoeuvres."""
+    step = found.steps[0]
+    notes: list[str] = []
+    if verdict == "too_few":
+        notes.append(
+            f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two mixed logs of a minute have a dozen: "
+            "drive more of them."
+        )
+        rivals = [(r.id, r.base.model) for r in step.contenders[:3]]
+    elif verdict == "ambiguous":
+        step = next(s for s in found.steps if s.named is not None and s.group)
+        rivals = [(r.id, r.base.model) for r in step.contenders if r.id in step.group]
+    else:
+        return [], notes
+    if len(rivals) < 2:
+        return [], notes
+    rows, more = advise(step.before, rivals)
+    return rows, notes + more

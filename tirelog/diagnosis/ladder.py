@@ -1,0 +1,214 @@
+"""`ladder`: effects added one by one until nothing more is worth it, the error falling to the floor.
+
+Stacks, Model -> some manoeuvres are locked away (with twelve or more) -> search on the rest -> a row a step
+              -> the model at the top against the locked manoeuvres: the one number that nothing has touched
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tirelog.diagnosis.compare import UNITS, Measured, measured_pieces, remarks_of, start
+from tirelog.diagnosis.diagnose import EXPLAINED, Found, Progress, search
+from tirelog.diagnosis.naming import Step
+from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
+from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES
+from tirelog.diagnosis.wording import probability
+from tirelog.inference.base import Base
+from tirelog.inference.cells.cells import cells_of
+from tirelog.inference.cells.pieces import Pieces
+from tirelog.inference.fit.cells import Problem, centred
+from tirelog.inference.floor import Plain, at_mean_speed
+from tirelog.inference.metric.projection import Normal, solve_scaled
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.model import Model
+
+#: every so many manoeuvres one is locked away, if at least so many remain
+_LOCK_EVERY = 7
+_LOCK_LEAST = 12
+
+
+def ladder(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Ladder:
+    """The ladder from `model` upwards.  `effects`: the user's own candidates beside the catalogue."""
+    seen, locked = locked_away(measured_pieces(measured))
+    progress("fitting the model")
+    base = start(seen, model)
+    found = search(base, tuple(effects), progress)
+    after = found.after
+    untouched = _untouched(after, locked) if locked is not None else (None, None)
+    kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
+    return Ladder(
+        observable=model.observable,
+        unit=UNITS[model.observable],
+        steps=tuple(_steps(found)),
+        model=after.model,
+        verdict=_verdict(found),
+        rmse_untouched=untouched[0],
+        floor_untouched=untouched[1],
+        strengths_by_log=tuple(row for name in found.named for row in strengths_by_log(after, name)),
+        revolutions=int(after.cells.revolutions.sum()),
+        manoeuvres=after.cells.manoeuvres,
+        logs=after.cells.logs,
+        manoeuvres_locked=kept_back,
+        remarks=(*remarks_of(found.before), *([_said(base.cells.manoeuvres, kept_back)] if kept_back else [])),
+    )
+
+
+def _said(seen: int, locked: int) -> str:
+    return (
+        f"{locked} of {seen + locked} manoeuvres are locked away until the last step is made; the errors of the steps are those on the "
+        f"other {seen}, so the first differs somewhat from what `compare` says on all"
+    )
+
+
+def locked_away(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
+    """(what the search may see, what nothing touches): every seventh manoeuvre, from the fourth, where twelve remain."""
+    numbers = np.unique(pieces.manoeuvre)
+    chosen = numbers[3::_LOCK_EVERY]
+    if numbers.size - chosen.size < _LOCK_LEAST:
+        return pieces, None
+    mask = np.isin(pieces.manoeuvre, chosen)
+    return pieces.take(~mask), pieces.take(mask)
+
+
+def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
+    """rmse of the model on the locked manoeuvres, offsets as fitted on the others, and the floor there."""
+    cells = cells_of(locked)
+    for _ in range(3):
+        cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
+    cells = at_mean_speed(cells, _fit_on(after, cells))
+    fit = _fit_on(after, cells)
+    plain = Plain.of(cells)
+    offsets = np.zeros(len(cells))
+    if after.fit.offsets.size:
+        seen = np.unique(after.cells.log)
+        offsets = np.array([after.fit.offsets[np.searchsorted(seen, log)] if log in seen else 0.0 for log in cells.log])
+    left = plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None]))
+    share = plain.weights**2
+    within = float((share * np.where(share > 0, cells.within, 0.0)).sum() / plain.weight)
+    rmse = float(np.sqrt(max(within + plain.mean_square((left**2).sum()), 0.0)))
+    return rmse, float(np.sqrt(within + after.floor.between))
+
+
+def _fit_on(after: Base, cells: Any) -> Any:
+    """The fitted model's prediction on other cells."""
+    return replace(after.fit, prediction=after.model.predict(cells.conditions, surface=cells.surface, **cells.angles))
+
+
+def _verdict(found: Found) -> str:
+    if found.before.cells.manoeuvres < FEWEST_MANOEUVRES:
+        return "too_few"
+    if not found.named:
+        return "nothing_added"
+    before, after = (max(b.square_held - found.after.floor.square, 0.0) for b in (found.before, found.after))
+    return "at_the_floor" if after <= (1.0 - EXPLAINED) * before else "above_the_floor"
+
+
+def _steps(found: Found) -> Iterable[LadderStep]:
+    """The base's row, a row for each effect that came in, and one for the first that did not."""
+    bases = [found.before] + [s.before for s in found.steps[1:]]
+    if found.steps[-1].named is not None:
+        bases.append(found.after)
+    last: Base | None = None
+    for number, base in enumerate(bases):
+        step = found.steps[number - 1] if number else None
+        yield _row(number, base, last, step)
+        last = base
+    if found.dropped:
+        row = _row(len(bases), found.after, last, None)
+        names = ", ".join(found.dropped)
+        yield replace(row, effect=names, decision="removed", sentence=f"{names} removed: what came later has made it needless.")
+        bases.append(found.after)
+    final = found.steps[-1]
+    if final.named is None and final.assessed:
+        best = final.contenders[0].assessed if final.contenders else final.assessed[0]
+        row = _row(len(bases), bases[-1], bases[-1], None)
+        few = found.before.cells.manoeuvres < FEWEST_MANOEUVRES
+        reason = (
+            "too few manoeuvres" if few else "within what a different form of the others would leave" if final.contenders else "no gain"
+        )
+        noise = probability(best.p, bases[-1].cells.manoeuvres)
+        yield replace(
+            row,
+            effect=best.id,
+            p_adjusted=best.p,
+            decision=f"not added: {reason}",
+            sentence=f"An improvement by {best.id} has probability {noise} of being noise; it is not added ({reason}).",
+        )
+
+
+def _row(number: int, base: Base, last: Base | None, step: Step | None) -> LadderStep:
+    named = step.named if step else None
+    rmse_fit, rmse_held = float(np.sqrt(max(base.square_fit, 0.0))), base.rmse_held
+    floor = float(np.sqrt(base.floor.square))
+    decision, sentence = "start", "The model as it came."
+    if named and step:
+        others = [name for name in step.group if name != named.id]
+        decision = "added" if not others else f"added (or {', '.join(others)})"
+        sentence = (
+            f"{named.id} added: the improvement has probability {probability(named.assessed.p, base.cells.manoeuvres)} of being noise."
+        )
+    return LadderStep(
+        step=number,
+        effect=named.id if named else "base",
+        rmse_fit=rmse_fit,
+        rmse_heldout=rmse_held,
+        noise_floor=floor,
+        excess_heldout=None if rmse_held is None else excess_of(rmse_held, floor),
+        p_adjusted=named.assessed.p if named else None,
+        decision=decision,
+        sentence=sentence,
+        parameters=_parameters(base.model, last.model if last else None),
+    )
+
+
+def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]:
+    """Free parameters with errors, and how far each moved, in sigma of both."""
+    rows = {}
+    for name, p in model.parameters.items():
+        if not p.free:
+            continue
+        shift = None
+        if before is not None and name in before.parameters:
+            old = before.parameters[name]
+            sigma = np.hypot(p.se or 0.0, old.se or 0.0)
+            shift = (p.value - old.value) / sigma if sigma > 0 and np.isfinite(sigma) else None
+        rows[name] = {"value": p.value, "se": p.se, "unit": p.unit, "shift_sigma": shift}
+    return rows
+
+
+def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
+    """The effect's strengths fitted on each log alone, everything else held: one row a log and strength."""
+    own = next(e for e in base.model.effects if e.id == effect)
+    names = [f"{effect}.{name}" for name in own.effect.strength]
+    problem = Problem(base.cells, base.white)
+    _, slopes = problem.linearised(base.model, names, {})
+    columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
+    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
+    normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
+    step = solve_scaled(normal.gram, normal.right)
+    rows: list[Mapping[str, Any]] = []
+    for log, logname in enumerate(base.cells.logs):
+        if log >= normal.gram.shape[0] or not np.any(base.cells.log == log):
+            continue
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(normal.gram[log]), 1e-300))
+        covariance = np.linalg.pinv(normal.gram[log] * scale[:, None] * scale, rcond=1e-10) * scale[:, None] * scale
+        for i, name in enumerate(names):
+            visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
+            p = base.model.parameters[name]
+            rows.append(
+                {
+                    "log": logname,
+                    "parameter": name,
+                    "unit": p.unit,
+                    "value": p.value + float(step[log, i]) if visible else None,
+                    "se": float(np.sqrt(max(covariance[i, i], 0.0))) if visible else None,
+                    "distance_km": float(np.mean(base.cells.conditions.distance_km[base.cells.log == log])),
+                    "load_N": float(np.mean(base.cells.conditions.load_N[base.cells.log == log])),
+                }
+            )
+    return rows

@@ -1,0 +1,296 @@
+"""What is left after the last step, in physical words: where, even or odd, what it follows, at which exponent of speed or fixed frequency.
+
+    projected whitened residual against families of columns  (what a cell is driven under) x (free shapes over the angle)
+        1, (v/20)^e for a few e, acceleration, time, load, distance, water          -> the family with the largest T describes it
+        rings after the exit edge at a fixed frequency in time, or a fixed wavelength along the tread -> which of the two
+
+Significance by the same sign flips of manoeuvres, the largest over families; size by the held-out removal of the best family.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tirelog.diagnosis.assessment import nuisance
+from tirelog.diagnosis.naming import even_share, hats
+from tirelog.diagnosis.pressure_shapes import pressure_columns
+from tirelog.diagnosis.sign_flips import (
+    ALARM_P,
+    GAIN_SIGMAS,
+    LEAST_SHARE_OF_FLOOR,
+    Scores,
+    flip_test,
+    gain_and_error,
+)
+from tirelog.inference.base import Base, thinned
+from tirelog.inference.floor import held_out_losses, load_derivative
+from tirelog.inference.metric.offsets import Nuisance
+from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
+from tirelog.vocabulary.arrays import FloatArray
+
+#: exponents of speed that are tested, and those that describe what was found
+EXPONENTS = (0.0, 1.0, 2.0)
+FINE_EXPONENTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+_FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
+_WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
+_DECAYS_S = (0.008, 0.02)
+_DECAYS_M = (0.1, 0.3)
+#: a fixed frequency must explain so much more than a fixed wavelength, and so much of what free shapes explain
+_RINGS_MORE = 1.15
+_RINGS_SHARE = 0.35
+#: share of the energy that makes a parity
+_PARITY = 0.9
+#: half lengths of the patch within which a shape belongs to the patch (even or odd), or to the edge of its side (a wake is longer)
+_NEAR = 3.5
+_WAKE = 6.0
+_SOME_CELLS = 24
+#: what one side must explain of both, and more than the other side
+_ONE_SIDED = 0.93
+_MORE = 1.03
+#: single logs that a remainder may follow; a quantity is named in place of a log from this share of its statistic on; and two quantities
+#: that move together beyond this correlation are not told apart
+MOST_LOGS = 4
+_NAMED_FIRST = 0.95
+_TOGETHER = 0.98
+#: share of what is left that one shape must make up to be said, and rank correlation over manoeuvres of its size with what it is said
+#: to follow: so much, and so many standard errors of a correlation of none (a dozen factors are looked at); doubling either says nothing
+_ONE_SHAPE = 0.5
+_FOLLOWS = 0.5
+_FOLLOWS_SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """`size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` where a
+    change of the contact pressure explains it best; `shape` (m,) the residual's leading one over `phi_rad`
+    (m,)."""
+
+    significant: bool
+    p: float
+    size: float
+    where: str | None
+    parity: str | None
+    follows: str | None
+    speed_exponent: float | None
+    frequency_Hz: float | None
+    shape: FloatArray
+    phi_rad: FloatArray
+    in_pressure: bool = False
+    together: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """What does not repeat: its root mean square `size` in the observable's unit, whether it looks like a load that changes, and the
+    quantity with which it is large ("" where none), growing with it or falling, and what went along with that."""
+
+    size: float
+    like_load: bool
+    follows: str
+    grows: bool
+    together: tuple[str, ...] = ()
+
+
+def scattered(base: Base, floor_square: float) -> Scattered:
+    """Size and course of what is left beside the floor.  Where only chi-square tells of it, the size is that of cell means."""
+    plain, cells = base.plain, base.cells
+    beyond = max(base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0)
+    left = plain(np.nan_to_num(cells.values - base.fit.prediction - base.offset_of_cell[:, None]))
+    square = (left**2).sum(axis=1)
+    load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
+    along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
+    like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
+    factors, best, name = _factors(base), 0.0, ""
+    number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
+    size = np.bincount(cells.manoeuvre, np.log(np.maximum(square / cells.revolutions, 1e-300))) / number
+    least = max(_FOLLOWS, _FOLLOWS_SIGMAS / np.sqrt(max(cells.manoeuvres - 1, 1)))
+    for factor, values in factors.items():
+        mean = np.bincount(cells.manoeuvre, np.abs(values) if factor == "acceleration" else values) / number
+        if np.ptp(mean) > 0.0:
+            rank = float(np.corrcoef(_ranks(size), _ranks(mean))[0, 1])
+            if abs(rank) > max(abs(best), least):
+                best, name = rank, factor
+    together = _alike(factors, name) if name else ()
+    return Scattered(float(np.sqrt(beyond)), like_load, name.split("^")[0], best > 0.0, together)
+
+
+def _ranks(x: FloatArray) -> FloatArray:
+    return np.unique(x, return_inverse=True)[1].astype(float)
+
+
+def _factors(base: Base) -> dict[str, FloatArray]:
+    """What a cell is driven under, (C,) each, by name; what does not vary is left out."""
+    c = base.cells.conditions
+    result = {f"speed^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
+    for name, values in (
+        ("acceleration", c.acceleration_m_s2),
+        ("time", c.time_s),
+        ("load", c.load_N),
+        ("pressure", c.inflation_pressure_Pa),
+        ("temperature", c.temperature_K),
+        ("distance", c.distance_km),
+        ("water", c.water_depth_mm),
+    ):
+        if np.isfinite(values).all() and np.ptp(values) > 1e-3 * np.abs(values).max():
+            result[name] = (values - (values.mean() if name != "acceleration" else 0.0)) / np.abs(values).max()
+    logs = np.unique(base.cells.log)
+    for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
+        result[f"log {number}"] = (base.cells.log == number) - float(np.mean(base.cells.log == number))
+    return result
+
+
+def _best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
+    """The factor that explains most; a quantity is preferred to the log itself where it explains nearly as much."""
+    best = int(np.argmax(statistic))
+    names = list(factors)
+    if names[best].startswith("log "):
+        near = [i for i, name in enumerate(names) if not name.startswith("log ") and statistic[i] >= _NAMED_FIRST * statistic[best]]
+        best = max(near, key=lambda i: statistic[i]) if near else best
+    return best
+
+
+def _alike(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
+    """Other quantities that went along with the factor `name` in these cells, so that it could be any of them."""
+    mine = factors[name]
+    if name.startswith("speed") or np.ptp(mine) == 0.0:
+        return ()
+    others = [n for n, x in factors.items() if n != name and not n.startswith(("speed", "log ")) and np.ptp(x) > 0.0]
+    return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
+
+
+def _shapes(base: Base) -> FloatArray:
+    """Free shapes over the angle, (C, m, k)."""
+    phi = base.cells.phi
+    return hats(phi) if phi.shape[1] > 1 else np.ones((*phi.shape, 1))
+
+
+def _score(base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray, factor: FloatArray | float = 1.0) -> Scores:
+    """Evidence for factor x columns, (C, m, k); free shapes are many, so some columns are projected at a time."""
+    left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
+    flat = left.reshape(-1, left.shape[-1])
+    return Scores(per_manoeuvre((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre), flat.T @ flat)
+
+
+def describe(base: Base) -> Leftover:
+    """The rest that this fit leaves."""
+    cells = base.cells
+    taken = nuisance(base)
+    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    factors, free = _factors(base), _shapes(base)
+    scores = [_score(base, taken, residual, free, factor[:, None, None]) for factor in factors.values()]
+    statistic, p = flip_test(scores, cells.manoeuvres)
+    best = _best_factor(factors, statistic)
+    name = list(factors)[best]
+    together = _alike(factors, name)
+    free *= factors[name][:, None, None]  # in place: this is what takes most memory of a diagnosis
+    held_white, held_plain = held_out_losses(cells, base.white, base.plain, base.fit, free)
+    gain, error = gain_and_error(base.held_white, held_white)
+    size = float((base.held_plain - held_plain).sum()) / base.plain.weight
+    shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
+    if p[best] > ALARM_P or gain < GAIN_SIGMAS * error or size < LEAST_SHARE_OF_FLOOR * base.floor.square:
+        return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
+    free = _shapes(base)
+    exponent, in_pressure = _exponent(base, taken, residual, free) if name.startswith("speed") else (None, False)
+    if cells.phi.shape[1] == 1:
+        return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi, together=together)
+    where, parity = place_and_parity(base, shape, phi)
+    side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
+    where, parity = (side, "mixed") if side else (where, parity)
+    follows = "nothing" if exponent == 0.0 else name.split("^")[0]
+    return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi, in_pressure, together)
+
+
+def _exponent(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray) -> tuple[float, bool]:
+    """The exponent of speed with which free shapes explain most, and whether these are shapes of the pressure rather than of the
+    observable."""
+    speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
+    kinds = [lambda: free] if free.shape[-1] == 1 else [lambda: pressure_columns(base), lambda: free]  # one after the other in memory
+    explained = [_explained_by_exponent(base, taken, residual, kind(), speed) for kind in kinds]
+    best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
+    return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
+
+
+def _explained_by_exponent(base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray, speed: FloatArray) -> list[float]:
+    return [_explained(_score(base, taken, residual, columns, speed**e)) for e in FINE_EXPONENTS]
+
+
+def _one_side(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray, exponent: float) -> str | None:
+    """'entry' or 'exit' where shapes on that side alone, with the base parameters free, explain what shapes on both sides do.
+
+    Patch length, shift and stiffness make a one-sided cause look two-sided once they are fitted; the question takes that back.
+    """
+    reach, phi = _WAKE * half_angle(base), np.nan_to_num(base.cells.phi)
+    factor = (base.cells.conditions.speed_m_s / 20.0)[:, None, None] ** exponent
+
+    def explains(low: float, high: float) -> float:
+        return _explained(_score(base, taken, residual, free, factor * ((phi >= low) & (phi <= high))[..., None]))
+
+    both, sides = explains(-reach, reach), {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)}
+    best, other = sorted(sides, key=lambda name: -sides[name])
+    return best if sides[best] > _ONE_SIDED * both and sides[best] > _MORE * sides[other] else None
+
+
+def _explained(score: Scores) -> float:
+    """T squared: whitened sum of squares that the columns explain."""
+    return float(((score.scores.sum(axis=0) @ score.root()) ** 2).sum())
+
+
+def leading_shape(base: Base) -> FloatArray:
+    """The residual's leading shape over the angle, (m,), in the observable's unit at the cell where it is largest."""
+    residual = base.plain(np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None]))
+    size, strength, shape = np.linalg.svd(residual, full_matrices=False)
+    scale = strength[0] * np.abs(size[:, 0] / np.maximum(base.plain.weights.max(axis=1), 1e-300)).max()
+    sign = np.sign(size[np.argmax(np.abs(size[:, 0])), 0])
+    return sign * scale * shape[0]
+
+
+def half_angle(base: Base) -> float:
+    """L / R [rad] of the model's patch, mean over cells."""
+    model, conditions = base.model, base.cells.conditions
+    return float(np.mean(model.half_length_m(conditions))) / model.values["radius_m"]
+
+
+def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[str, str]:
+    """(entry, patch, exit or away; even, odd or mixed) of a shape (m,) at angles (m,).
+
+    What is far from the patch is away; what is as strong on one side as on the other belongs to the patch, else to the edge of its side.
+    """
+    edge = half_angle(base)
+    energy = shape**2
+    total = energy.sum() + 1e-300
+    even = even_share(shape, phi)
+    parity = "even" if even > _PARITY else "odd" if even < 1.0 - _PARITY else "mixed"
+    if energy[np.abs(phi) > (_WAKE if parity == "mixed" else _NEAR) * edge].sum() > 0.5 * total:
+        return "away", parity
+    if parity != "mixed" or energy[np.abs(phi) < 0.6 * edge].sum() > 0.5 * total:
+        return "patch", parity
+    return ("exit" if energy[phi > 0.6 * edge].sum() > energy[phi < -0.6 * edge].sum() else "entry"), parity
+
+
+def _frequency(base: Base) -> float | None:
+    """The frequency [Hz] of a ring-down after the exit edge, where a fixed one in time explains more than a fixed wavelength."""
+    base = thinned(base, _SOME_CELLS)
+    cells, radius = base.cells, base.model.values["radius_m"]
+    taken = nuisance(base)
+    residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
+    after = (np.nan_to_num(cells.phi, nan=-1.0) - half_angle(base)) * radius
+    behind = np.where(after > 0, after, after + 2.0 * np.pi * radius)
+    since = behind / cells.conditions.speed_m_s[:, None]
+    factor = (cells.conditions.speed_m_s / 20.0)[:, None, None]
+
+    def best(numbers: FloatArray, phase: FloatArray, decays: tuple[float, ...]) -> tuple[float, float]:
+        found = []
+        for number in numbers:
+            for decay in decays:
+                turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
+                wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
+                found.append((_explained(_score(base, taken, residual, np.concatenate([wave, factor * wave], axis=-1))), float(number)))
+        return max(found)
+
+    in_time, frequency = best(_FREQUENCIES_HZ, since, _DECAYS_S)
+    in_space, _ = best(1.0 / _WAVELENGTHS_M, behind, _DECAYS_M)
+    if in_time < _RINGS_MORE * in_space or in_time < _RINGS_SHARE * float((residual**2).sum()):
+        return None
+    return best(np.linspace(0.92, 1.08, 17) * frequency, since, _DECAYS_S)[1]

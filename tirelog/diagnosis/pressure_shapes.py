@@ -1,0 +1,60 @@
+"""Free shapes of the contact pressure as columns of the observable: what a cause in the patch looks like through the carcass.
+
+    bells on the patch, one after the other -> the model's own response to each -> columns (C, m, k)
+
+A carcass answers a pressure the more the faster it rolls (the beam near its critical speed doubles it),
+so an exponent of speed that is read off the strain is not that of a cause in the patch.  If these few
+columns explain as much as free shapes of the strain do, they tell the exponent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tirelog.diagnosis.signatures import with_candidate
+from tirelog.inference.base import Base
+from tirelog.inference.fit.cells import Problem
+from tirelog.physics.effects import Drive, Effect, Site
+from tirelog.physics.effects.base import Values
+from tirelog.physics.parameters import Parameter
+from tirelog.physics.pressure import bell
+from tirelog.physics.spectral import ComplexArray
+from tirelog.vocabulary.arrays import FloatArray
+
+#: centres over L, width over L, height over the mean pressure
+_CENTRES = np.linspace(-1.8, 1.8, 19)
+_WIDTH = 0.15
+_HEIGHT = 0.02
+
+
+def _probe(centre: float) -> Effect:
+    """A bell of pressure at `centre` (over L)."""
+
+    def pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
+        height = v["height"] * site.mean_pressure
+        return bell(height, centre * site.half_length_m, _WIDTH * site.half_length_m, site.radius_m)
+
+    return Effect(
+        id="probe",
+        mechanism="a bell of pressure",
+        follows="nothing",
+        acts_on=("contact_pressure",),
+        parameters=(Parameter("height", "1", "height over the mean pressure", 0.0, -1.0, 1.0, probe=_HEIGHT),),
+        strength=("height",),
+        source="",
+        valid="",
+        signature="",
+        pressure=pressure,
+    )
+
+
+def pressure_columns(base: Base) -> FloatArray:
+    """Changes of the prediction by a bell of pressure at each place of the patch, (C, m, 19)."""
+    problem = Problem(base.cells, base.white)
+    return np.stack(
+        [
+            (problem.predict(with_candidate(base.model, _probe(float(c)), {"height": _HEIGHT}), {}) - base.fit.prediction) / _HEIGHT
+            for c in _CENTRES
+        ],
+        axis=-1,
+    )

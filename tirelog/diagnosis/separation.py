@@ -1,0 +1,178 @@
+"""Which manoeuvre to drive next, so that rivals part.
+
+    rivals, each refitted -> predictions on a list of allowed manoeuvres -> what no refit of the second can imitate of the first, old
+    and new data together -> separation in standard errors, repeats until it reaches 3
+
+Two effects that stay alike in shape on every manoeuvre of the list (cosine above `LIKE`) cannot be parted by driving, and that is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tirelog.data.recording import Conditions
+from tirelog.diagnosis.naming import LIKE
+from tirelog.errors import ModelError
+from tirelog.inference.base import Base
+from tirelog.inference.fit.cells import Problem, free_names
+from tirelog.inference.metric.projection import orthonormal
+from tirelog.inference.stacks.manoeuvres import CRUISE_M_S2
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.arrays import FloatArray
+
+#: separation that is aimed at, revolutions of a planned stretch, angles of the plan
+WANTED_SIGMA = 3.0
+_REVOLUTIONS = 40
+_ANGLES = 128
+_SPEEDS = 6
+#: a planned stretch has been driven where speed, load, age or water come within this share of the plan; where most of the range of speeds
+#: was passed, at an acceleration no further off than by this factor; or where the log is as long.  Cells average over a band of speed
+SAME = 0.1
+_MOST_OF = 0.7
+_SLOWER = 0.4
+_LONG_S = 60.0
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """Something a driver can be asked for: speeds [m/s] passed through, acceleration [m/s^2], factors on the load and so on."""
+
+    name: str
+    speed_m_s: tuple[float, float]
+    acceleration_m_s2: float = 0.0
+    load: float = 1.0
+    distance_km: float | None = None
+    water_depth_mm: float | None = None
+    time_s: float = 30.0
+
+
+ALLOWED = (
+    Manoeuvre("cruise at 8 m/s", (8.0, 8.0)),
+    Manoeuvre("cruise at 15 m/s", (15.0, 15.0)),
+    Manoeuvre("cruise at 25 m/s", (25.0, 25.0)),
+    Manoeuvre("coast down 25 to 9 m/s", (25.0, 9.0), -0.5),
+    Manoeuvre("drive 9 to 25 m/s at 2 m/s^2", (9.0, 25.0), 2.0),
+    Manoeuvre("brake 25 to 9 m/s at 4 m/s^2", (25.0, 9.0), -4.0),
+    Manoeuvre("cruise at 15 m/s with 40 % more load", (15.0, 15.0), load=1.4),
+    Manoeuvre("cruise at 15 m/s after ten minutes", (15.0, 15.0), time_s=600.0),
+    Manoeuvre("cruise at 20 m/s in 2 mm of water", (20.0, 20.0), water_depth_mm=2.0),
+    Manoeuvre("cruise at 15 m/s on a tread of 40000 km", (15.0, 15.0), distance_km=40000.0),
+)
+
+
+def planned(base: Base, manoeuvre: Manoeuvre) -> Conditions:
+    """The conditions of a planned stretch, about those of the logs so far."""
+    c = base.cells.conditions
+    speed = np.linspace(*manoeuvre.speed_m_s, _SPEEDS)
+    load = float(np.mean(c.load_N)) * manoeuvre.load
+    if not np.isfinite(load):
+        load = base.model.values.get("load_N", np.nan) * manoeuvre.load
+    return Conditions.of(
+        _SPEEDS,
+        speed_m_s=speed,
+        acceleration_m_s2=manoeuvre.acceleration_m_s2,
+        time_s=manoeuvre.time_s,
+        temperature_K=float(np.mean(c.temperature_K)),
+        load_N=load,
+        inflation_pressure_Pa=float(np.mean(c.inflation_pressure_Pa)),
+        distance_km=float(np.mean(c.distance_km)) if manoeuvre.distance_km is None else manoeuvre.distance_km,
+        water_depth_mm=float(np.mean(c.water_depth_mm)) if manoeuvre.water_depth_mm is None else manoeuvre.water_depth_mm,
+    )
+
+
+def driven(base: Base, manoeuvre: Manoeuvre) -> bool:
+    """Do the logs hold such a manoeuvre already, under the same conditions?"""
+    c, number = base.cells.conditions, base.cells.manoeuvre
+    if manoeuvre.time_s > _LONG_S and not np.any(c.time_s >= manoeuvre.time_s):
+        return False
+    wanted = {"load_N": manoeuvre.load * float(np.median(c.load_N)) if manoeuvre.load != 1.0 else None}
+    wanted |= {name: getattr(manoeuvre, name) for name in ("distance_km", "water_depth_mm")}
+    alike = np.ones(len(base.cells), bool)
+    for name, value in wanted.items():
+        if value is not None:
+            alike &= np.abs(getattr(c, name) - value) <= SAME * max(abs(value), 1e-9)
+    low, high = sorted(manoeuvre.speed_m_s)
+    for one in np.unique(number[alike]):
+        cells = alike & (number == one)
+        speed, acceleration = c.speed_m_s[cells], float(np.mean(c.acceleration_m_s2[cells]))
+        if low == high:
+            if np.abs(speed - low).min() <= SAME * low and abs(acceleration) < CRUISE_M_S2:
+                return True
+        elif acceleration * manoeuvre.acceleration_m_s2 > 0.0:
+            passed = min(speed.max(), high) - max(speed.min(), low)
+            ratio = acceleration / manoeuvre.acceleration_m_s2
+            if passed >= _MOST_OF * (high - low) and _SLOWER <= ratio <= 1.0 / _SLOWER:
+                return True
+    return False
+
+
+def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]:
+    """For every allowed manoeuvre how far it would part `first` (taken as true) from any refit of `second`, best first."""
+    names = free_names(second, base.cells)
+    problem = Problem(base.cells, base.white)
+    mine, _ = problem.linearised(first, (), {})
+    theirs, jacobian = problem.linearised(second, names, {})
+    old = problem.offsets.without(base.white(np.concatenate([np.nan_to_num(mine - theirs)[..., None], jacobian], axis=-1)))
+    old = old.reshape(-1, old.shape[-1])
+    phi = np.asarray((np.arange(_ANGLES) + 0.5) * (2.0 * np.pi / _ANGLES) - np.pi, dtype=np.float64)
+    noise = np.sqrt(base.floor.within * _ANGLES / base.plain.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS))
+    result = []
+    for manoeuvre in ALLOWED:
+        try:
+            conditions = planned(base, manoeuvre)
+            ours = first.predict(conditions, phi, surface=base.cells.surface)
+            other, slopes = second.linearised(conditions, phi, names, surface=base.cells.surface)
+        except ModelError:
+            continue
+        shift = np.gradient(other, phi, axis=1)[..., None] * np.eye(_SPEEDS)[:, None, :]
+        between = _load_columns(base, first, conditions, phi, ours)
+        own = np.ones((_SPEEDS, _ANGLES, 1))
+        new = np.concatenate([(ours - other)[..., None], np.moveaxis(slopes, 0, -1), own, shift, between], axis=-1) / noise
+        new = new.reshape(-1, new.shape[-1])
+        both = np.vstack([np.hstack([old, np.zeros((old.shape[0], new.shape[1] - old.shape[1]))]), new])
+        basis = orthonormal(both[:, 1:])
+        left = both[:, 0] - basis @ (basis.T @ both[:, 0])
+        sigma = float(np.linalg.norm(left[old.shape[0] :]))
+        if np.isfinite(sigma):
+            result.append({"manoeuvre": manoeuvre.name, "separation_sigma": sigma, "rest": float(left[old.shape[0] :].std() * noise)})
+    return sorted(result, key=lambda row: -row["separation_sigma"])
+
+
+def _load_columns(base: Base, model: Model, conditions: Conditions, phi: FloatArray, level: FloatArray) -> FloatArray:
+    """One column: what a load other than planned would do."""
+    loaded = model.predict(replace(conditions, load_N=conditions.load_N * 1.01), phi, surface=base.cells.surface)
+    slope = (loaded - level) / 0.01
+    return np.where(np.isfinite(slope), slope, level)[..., None]
+
+
+def advise(base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3) -> tuple[list[dict[str, Any]], list[str]]:
+    """The best manoeuvres for the first rival against each other one, and notes where no drive on the list parts them."""
+    if base.cells.phi.shape[1] == 1:
+        return [], ["the list of manoeuvres is searched for waveforms only: compare the rivals there."]
+    rows, notes = [], []
+    name, model = rivals[0]
+    floor = np.sqrt(base.floor.square)
+    held = {manoeuvre.name for manoeuvre in ALLOWED if driven(base, manoeuvre)}
+    for other, rival in rivals[1:]:
+        found = separations(base, model, rival)
+        useful = [row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0]
+        if not useful:
+            notes.append(
+                f"no manoeuvre on the list tells {name} from {other}: they stay alike in shape (cosine above {LIKE:g}) on each of them."
+            )
+        new = [row for row in useful if row["manoeuvre"] not in held]
+        if useful and not new:
+            notes.append(
+                f"these logs hold every manoeuvre on the list that would tell {name} from {other}: "
+                "what is new would have to be another load, pressure, water depth or tread."
+            )
+        for row in new[:most]:
+            repeats = max(1, int(np.ceil((WANTED_SIGMA / row["separation_sigma"]) ** 2)))
+            rows.append(
+                {"manoeuvre": row["manoeuvre"], "separates": [name, other], "separation_sigma": row["separation_sigma"], "repeats": repeats}
+            )
+    return rows, notes

@@ -1,0 +1,106 @@
+"""What each candidate would do to the waveforms of these cells: columns (C, m, k), and which candidates cannot be tested, and why.
+
+A signature is the change of the fitted model's prediction when the effect is switched on at its probe strength, per unit of strength, one
+column a strength parameter.  Where an effect has shape parameters besides (the width of a pulse, a time constant), it is tried at a few of
+them, one at a time: variants, of which the one with the largest statistic stands for the effect (all take part in the family-wise maximum).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from tirelog.errors import ModelError
+from tirelog.inference.fit.cells import Problem
+from tirelog.physics.carcass.numbers import steady_carcass
+from tirelog.physics.effects import BY_ID, Effect
+from tirelog.physics.model.entry import ModelEffect
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.arrays import FloatArray
+
+#: shape parameters are tried at these factors of their probe
+_FACTORS = (0.5, 2.0)
+#: a change below this share of the waveform is rounding
+_NOTHING = 1e-9
+
+
+@dataclass(frozen=True)
+class Signature:
+    """`columns` (C, m, k) in the observable's unit per unit of each of `strengths`; `shape` the shape parameters it holds at."""
+
+    effect: Effect
+    strengths: tuple[str, ...]
+    shape: Mapping[str, float]
+    columns: FloatArray
+    one_sided: bool
+
+
+def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect]:
+    """The catalogue and the user's own, for this observable and carcass, without what the model holds already."""
+    held = {effect.id for effect in model.effects}
+    known = {**BY_ID, **{effect.id: effect for effect in extra}}
+    return [
+        effect
+        for effect in known.values()
+        if effect.id not in held
+        and model.observable in effect.reaches
+        and not (effect.id == "ring_curvature" and steady_carcass(model.carcass) == "ring")
+    ]
+
+
+def variants(effect: Effect) -> list[dict[str, float]]:
+    """Values of the free shape parameters to try: their start, then each moved alone."""
+    shapes = [p for p in effect.parameters if p.name not in effect.strength and p.free]
+    start = {p.name: p.value for p in shapes}
+    moved = [{**start, p.name: float(np.clip(f * p.probe, p.min, p.max))} for p in shapes for f in _FACTORS]
+    return [start, *(m for m in moved if m != start)]
+
+
+def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) -> Model:
+    """The model with the effect at these values, strengths not given at zero, clipped to the bounds."""
+    zero = dict.fromkeys(effect.strength, 0.0)
+    clipped = {}
+    for p in effect.parameters:
+        if p.name in {**zero, **values}:
+            clipped[p.name] = float(np.clip({**zero, **values}[p.name], p.min, p.max))
+    return model.with_effect(ModelEffect.of(effect), **clipped)
+
+
+def signatures_of(problem: Problem, model: Model, effect: Effect, prediction: FloatArray) -> list[Signature]:
+    """All variants of one candidate.  ModelError where it cannot be computed here (`needs`, or the physics refuses it)."""
+    lacking = effect.missing(problem.cells.conditions)
+    if lacking:
+        raise ModelError(f"needs {', '.join(lacking)}")
+    own = {p.name: p for p in effect.parameters}
+    result = []
+    size = float(np.nanmax(np.abs(prediction)))
+    for shape in variants(effect):
+        columns, names = [], []
+        for name in effect.strength:
+            added = with_candidate(model, effect, {**shape, name: own[name].probe}).resolved(problem.cells.conditions)
+            change = (problem.predict(added, {}) - prediction) / own[name].probe
+            if np.nanmax(np.abs(change)) * abs(own[name].probe) > _NOTHING * size:
+                columns.append(change)
+                names.append(name)
+        if columns:
+            single = len(names) == 1 and own[names[0]].min >= 0.0 and own[names[0]].probe > 0
+            result.append(Signature(effect, tuple(names), shape, np.stack(columns, axis=-1), single))
+    if not result:
+        raise ModelError("does nothing under these conditions (a quantity it follows is zero or does not vary)")
+    return result
+
+
+def all_signatures(
+    problem: Problem, model: Model, effects: Iterable[Effect], prediction: FloatArray
+) -> tuple[list[Signature], dict[str, str]]:
+    """Signatures of all candidates, and the reasons of those that are not tested."""
+    found: list[Signature] = []
+    reasons: dict[str, str] = {}
+    for effect in effects:
+        try:
+            found += signatures_of(problem, model, effect, prediction)
+        except ModelError as refused:
+            reasons[effect.id] = refused.message.split(";")[0]
+    return found, reasons

@@ -1,0 +1,157 @@
+"""Sentences: facts of a diagnosis in, text out.  The only place where a diagnosis is put into words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from tirelog.diagnosis.sign_flips import least_p
+from tirelog.physics.model.model import Model
+
+_WHERE = {"entry": "at the entry edge", "patch": "in the patch", "exit": "behind the exit edge", "away": "away from the patch"}
+_SHAPELESS = "does not repeat from manoeuvre to manoeuvre, or is too small to matter"
+#: wrong conditions look like missing physics, and are likelier
+CONDITIONS = "First check what the setups say of load, pressure, water depth and radius."
+#: factor and unit in which a person reads an observable
+READ: Mapping[str, tuple[float, str]] = {
+    "strain": (1e6, "microstrain"),
+    "patch_length": (1e3, "mm"),
+    "phase_shift": (57.29577951308232, "deg"),
+    "patch_width": (57.29577951308232, "deg"),
+}
+#: more logs than these are not spelled out in a command
+_MOST_LOGS = 12
+_PARITY = {"even": "even about the patch centre", "odd": "odd about the patch centre", "mixed": "neither even nor odd"}
+
+
+def sentence_of(facts: Mapping[str, Any]) -> str:
+    """The verdict in one sentence; what is no physics first where conditions may be wrong."""
+    verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
+    names = " and ".join(selected)
+    excess = max(facts["before"] - facts["floor"], 0.0) / facts["floor"] if facts["floor"] > 0 else 0.0
+    if verdict == "nothing_missing":
+        return "Nothing is missing that this data could show: what the model leaves is the noise floor."
+    if verdict == "scatter":
+        return f"{_scatter(facts)} {CONDITIONS}"
+    if verdict == "too_few":
+        return f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none is claimed."
+    if verdict == "unknown":
+        return f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. {CONDITIONS}"
+    if verdict == "ambiguous":
+        sets = "; ".join(" or ".join(group) for group in facts["groups"])
+        shares = facts["shares"]
+        each = ", ".join(
+            f"{name} removes {percent(shares[name])} of the excess" for group in facts["groups"] for name in group if name in shares
+        )
+        return f"Missing is {sets}: these data cannot tell which; {each}."
+    if verdict == "partial":
+        rest = facts["unexplained"]
+        explains = (
+            f"{names} {'explains' if len(selected) == 1 else 'explain'} {percent(share)} of the excess; the other {percent(1 - share)}"
+        )
+        if share >= 0.9:
+            return f"{explains} repeats and is within what a somewhat different form of {names} would leave. {CONDITIONS}"
+        if not rest.get("significant"):
+            return f"{explains} has no name: {_SHAPELESS}. {CONDITIONS}"
+        where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
+        return f"{explains} repeats{where} and has no name yet. {CONDITIONS}"
+    one = len(selected) == 1
+    return f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} {percent(share)} of the excess."
+
+
+def _nearest(facts: Mapping[str, Any]) -> str:
+    """What no effect explains; or what one would explain, and why it is not named all the same."""
+    nearest, share = facts["unexplained"].get("nearest_effect"), facts["unexplained"].get("nearest_share")
+    if not nearest:
+        return " that no effect of the catalogue explains"
+    if share < facts["enough"]:
+        return f" that no effect of the catalogue explains; the nearest, {nearest}, explains {percent(share)}"
+    why = "its strength cannot be told from nothing here" if nearest in facts["unestablished"] else "that is not beyond doubt"
+    return f"; {nearest} would explain {percent(share)} of the excess, but {why}, so none is named"
+
+
+def percent(share: float) -> str:
+    """A share as the table of the ranking prints it."""
+    return f"{100.0 * share:.1f} %"
+
+
+def probability(p: float, manoeuvres: int) -> str:
+    """A p-value for a reader; where it is the least that so many manoeuvres allow, it is at most that."""
+    return f"<= {p:.2g}" if p <= 2.0 * least_p(manoeuvres) else f"{p:.2g}"
+
+
+def _scatter(facts: Mapping[str, Any]) -> str:
+    """What does not repeat: how much, against what, and what it goes with."""
+    scatter = facts["scatter"]
+    factor, unit = READ.get(facts["observable"], (1.0, facts["unit"]))
+    floors = (facts["before"] / facts["floor"]) ** 0.5 if facts["floor"] > 0 else 0.0
+    looks = " It looks like a load that changes." if scatter["like_load"] else ""
+    follows = scatter["follows"]
+    if follows.startswith("log "):
+        goes = f" It is {'larger' if scatter['grows'] else 'smaller'} in log {int(follows[4:]) + 1} than in the others."
+    elif follows:
+        goes = f" It {'grows' if scatter['grows'] else 'falls'} with {follows}{_or_those(scatter['together'])}."
+    else:
+        goes = " It follows nothing that the logs hold."
+    return (
+        f"What is left does not repeat from manoeuvre to manoeuvre, and is more than noise: {scatter['size'] * factor:.3g} {unit} "
+        f"(held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}).{looks}{goes}"
+    )
+
+
+def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
+    """What remains, in physical words."""
+    if few:
+        return "Whether what remains repeats cannot be tested on so few manoeuvres."
+    if not facts["significant"]:
+        return f"What remains {_SHAPELESS}."
+    parts = []
+    if facts["where"]:
+        parts.append(_WHERE[facts["where"]])
+        parts.append(_PARITY[facts["parity"]])
+    if facts["frequency_Hz"]:
+        parts.append(f"ringing at {facts['frequency_Hz']:.0f} Hz, fixed in time")
+    elif facts["follows"] == "nothing":
+        parts.append("the same at every speed")
+    elif facts["speed_exponent"] is not None:
+        parts.append(f"growing as speed to the power {facts['speed_exponent']:g}")
+    elif facts["follows"]:
+        parts.append(_following(facts))
+    if facts["in_pressure"] and not facts["frequency_Hz"]:
+        parts.append("as a change of the contact pressure would be")
+    near = ""
+    if facts["nearest_effect"]:
+        near = f" The nearest effect is {facts['nearest_effect']}: {percent(facts['nearest_share'])} of the excess."
+    return f"What remains repeats: {', '.join(parts)}.{near}"
+
+
+def _following(facts: Mapping[str, Any]) -> str:
+    """What a remainder follows, with what went along with it."""
+    follows = str(facts["follows"])
+    if follows.startswith("log "):
+        return f"other in log {int(follows[4:]) + 1} than in the others"
+    return f"following {follows}{_or_those(facts['together'])}"
+
+
+def _or_those(along: Sequence[str]) -> str:
+    """What moved together with a quantity, so that it could be any of them."""
+    return f" (or {' or '.join(along)}, which went along with it)" if along else ""
+
+
+def next_command(verdict: str, selected: Sequence[str], *, model: Model, logs: Sequence[str]) -> str:
+    """The command to type next."""
+    file = str(model.path) if model.path else "MODEL.toml"
+    stem = file.removesuffix(".toml")
+    given = " ".join(logs) if len(logs) <= _MOST_LOGS else "LOG..."
+    if verdict in ("missing", "partial", "ambiguous") and selected:
+        adds = []
+        for effect in selected:
+            longer = f"{stem}+{effect}.toml"
+            adds.append(f"tirelog model add {file} {effect} -o {longer}")
+            file, stem = longer, f"{stem}+{effect}"
+        return " && ".join([*adds, f"tirelog model fit {given} --model {file} -o {file}"])
+    if verdict in ("unknown", "scatter"):
+        return f"tirelog compare {given} --model {file} --plot residual.png"
+    if verdict == "too_few":
+        return f"tirelog diagnose {given} MORE_LOGS --model {file}"
+    return f"tirelog compare {given} --model {file}"

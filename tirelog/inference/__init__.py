@@ -1,0 +1,1 @@
+"""Measured revolutions, their noise, and the fit of a model to them; `measured` is the door."""

@@ -1,0 +1,1 @@
+"""Like revolutions averaged into pieces and cells: all that later steps need of a log."""

@@ -1,0 +1,155 @@
+"""Cells: the pieces of all logs with their noise and scatter, which is what every later step works on.
+
+    Pieces (P, m) of all logs  ->  noise by angle, covariance of the coefficients, both pooled  ->  Cells (C, m), C = P
+
+The coefficients taken out of single revolutions come back as random effects of the cell's mean (their covariance over revolutions,
+neighbours' correlation included, over the number of revolutions), the shift as a free nuisance.  Amplitude and width are relative: a load
+that scatters moves both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.data.recording import Conditions, Stack
+from tirelog.inference.cells.pieces import Pieces, pieces_of
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Cells:
+    """C cells x m angles; rows in the order of log, manoeuvre, time.
+
+    values, phi, phi_variance (C, m)  mean waveform, at the mean angle and variance of its samples; NaN where no sample fell
+    sd             (C, m)  standard error of the mean from independent noise; inf where empty
+    random         (C, m, 3)  columns of the random effects, all relative: amplitude (P), width (phi P'), baseline (rms of P)
+    random_cov     (C, 3, 3)  covariance of their means
+    shift          (C, m)  P', the free nuisance (zero with one angle)
+    revolutions    (C,)  in the cell;  conditions: means;  log, manoeuvre (C,) integers, manoeuvre 0 ... M-1;  regime (C,)
+    within         (C, m) mean square of single revolutions about their cell, shift taken out, noise and random effects in it
+    speed_mean, speed_square (C, m)  mean and mean square of a bin's samples' speed about the cell's mean speed [m/s], [m^2/s^2]
+    moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does that)
+    cell           (n,) the cell of each revolution of the stack, empty where only the pieces are left
+    notes          sentences on what was set apart, taken together or left out of the logs
+    """
+
+    observable: str
+    surface: str
+    radius_m: float
+    values: FloatArray
+    phi: FloatArray
+    phi_variance: FloatArray
+    sd: FloatArray
+    random: FloatArray
+    random_cov: FloatArray
+    shift: FloatArray
+    revolutions: IntArray
+    conditions: Conditions
+    log: IntArray
+    manoeuvre: IntArray
+    regime: NDArray[np.str_]
+    within: FloatArray
+    speed_mean: FloatArray
+    speed_square: FloatArray
+    moved: FloatArray
+    cell: IntArray
+    logs: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def angles(self) -> dict[str, Any]:
+        """Where a model is asked to predict: the arguments of `Model.predict`."""
+        return {"phi_rad": self.phi, "phi_variance": self.phi_variance} if self.phi.shape[1] > 1 else {"phi_rad": None}
+
+    @property
+    def manoeuvres(self) -> int:
+        return int(self.manoeuvre.max()) + 1 if self.manoeuvre.size else 0
+
+    def __len__(self) -> int:
+        return int(self.values.shape[0])
+
+
+def make_cells(stack: Stack) -> Cells:
+    """The cells of a stack."""
+    return cells_of(pieces_of(stack))
+
+
+def cells_of(pieces: Pieces) -> Cells:
+    """The cells of all pieces: noise and scatter pooled over them."""
+    m = pieces.mean.shape[1]
+    scatter = _scatter_of_numbers(pieces) if m == 1 else pieces.scatter
+    noise = _noise_profile(pieces) if m > 1 else np.full(1, np.nan)
+    covariance = _coefficient_covariance(pieces)
+    number, random, sample = pieces.number, pieces.random, pieces.count
+    spread = np.einsum("cmi,ij,cmj->cm", random, covariance[0], random) if m > 1 else 0.0
+    per_revolution = np.maximum(sample / number[:, None], 1e-9)
+    with np.errstate(divide="ignore"):
+        sd = np.sqrt(noise[None, :] / sample) if m > 1 else scatter / np.sqrt(number)[:, None]
+    return Cells(
+        observable=pieces.observable,
+        surface=pieces.surface,
+        radius_m=pieces.radius_m,
+        values=pieces.mean,
+        phi=pieces.phi,
+        phi_variance=pieces.variance,
+        sd=np.where(sample > 0, sd, np.inf),
+        random=random,
+        random_cov=covariance[1][None] / number[:, None, None],
+        shift=pieces.shift,
+        revolutions=number,
+        conditions=pieces.conditions,
+        log=pieces.log,
+        manoeuvre=np.unique(pieces.manoeuvre, return_inverse=True)[1],
+        regime=pieces.regime,
+        within=(noise[None, :] / per_revolution + spread) if m > 1 else (sd**2 * number[:, None]),
+        speed_mean=pieces.speed_mean,
+        speed_square=pieces.speed_square,
+        moved=np.zeros(len(pieces)),
+        cell=pieces.cell,
+        logs=pieces.logs,
+        notes=pieces.notes,
+    )
+
+
+def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
+    """With one angle only: standard deviation of single revolutions (P, 1), the pooled one where a piece is too small to know its own."""
+    known = np.isfinite(pieces.scatter)
+    pooled = np.nanmedian(pieces.scatter) if known.any() else np.nan
+    return np.where(known & (pieces.scatter > 0.3 * pooled), pieces.scatter, pooled)
+
+
+def _noise_profile(pieces: Pieces) -> FloatArray:
+    """Variance of one sample by angle (m,), pooled over the pieces and smoothed over neighbouring bins."""
+    ss, freedom = pieces.residual_ss.sum(axis=0), pieces.freedom.sum(axis=0)
+    half = max(1, ss.size // 64)
+    kernel = np.ones(2 * half + 1)
+    wrapped: Callable[[FloatArray], FloatArray] = lambda x: np.convolve(np.r_[x[-half:], x, x[:half]], kernel, mode="valid")  # noqa: E731
+    profile = wrapped(ss) / np.maximum(wrapped(freedom), 1e-9)
+    return np.asarray(np.maximum(profile, 1e-3 * np.median(profile) + 1e-30), dtype=np.float64)
+
+
+def _coefficient_covariance(pieces: Pieces) -> tuple[FloatArray, FloatArray]:
+    """Covariance (3, 3) of single revolutions' coefficients, and that of a long mean (with neighbours' correlation), both over revolutions.
+
+    Each cell's coefficients are taken about their trend in the order of driving: what follows speed is not scatter.
+    """
+    zero, one, freedom, pairs = np.zeros((3, 3)), np.zeros((3, 3)), 0.0, 0
+    for coefficients in np.split(pieces.coefficients, np.cumsum(pieces.number)[:-1]):
+        k = coefficients.shape[0]
+        x = np.linspace(-1.0, 1.0, k)[:, None] if k > 1 else np.zeros((1, 1))
+        design = np.hstack([np.ones((k, 1)), x]) if k >= 4 else np.ones((k, 1))
+        c = coefficients - design @ np.linalg.lstsq(design, coefficients, rcond=None)[0]
+        zero += c.T @ c
+        one += 0.5 * (c[1:].T @ c[:-1] + c[:-1].T @ c[1:])
+        freedom += k - design.shape[1]
+        pairs += k - 1
+    single = zero / max(freedom, 1.0)
+    together = single + 2.0 * one / max(pairs, 1)
+    values, vectors = np.linalg.eigh(0.5 * (together + together.T))
+    scale = np.trace(single) + 1e-300
+    return single, (vectors * np.maximum(values, 1e-6 * scale)) @ vectors.T

@@ -1,0 +1,337 @@
+"""Like revolutions averaged: all that later steps need of them, so that the revolutions themselves can go.
+
+    Stack (n, m)  ->  cell (n,): one manoeuvre, a band of speed  ->  Pieces (P, m)  ->  `cells.cells_of` pools noise and scatter over all
+
+Within a piece each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' + noise   with P the piece's mean waveform
+at the revolution's real angles.  The four coefficients are taken out, the rest averaged.  With one angle only the mean is taken.
+A piece is 25 kB, whatever the number of its revolutions; a mixed log of two minutes makes some 30 of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from tirelog.data.recording import Conditions, Stack
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+#: width [m/s] of a cell's band of speed, fewest revolutions in it, most bands in a manoeuvre
+BAND_M_S = 1.6
+FEWEST = 3
+MOST_BANDS = 6
+_ROUNDS = 2
+#: neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a gap is a slope, and 0.3 makes it three times
+#: what a whole bin does; doubling it begins to blur edges where angles are spread evenly
+CLOSEST = 0.3
+#: a bin with less than this share of the samples of the middle one joins a neighbour within so many bins; doubling changes nothing seen
+LEAST_COUNT = 0.1
+_NEIGHBOUR = 1.5
+_FEWEST_KNOTS = 8
+#: fields of Pieces that are not a row a piece
+_APART = ("observable", "channel", "surface", "radius_m", "coefficients", "conditions", "cell", "logs", "notes")
+#: successive logs take their share of pieces at other speeds: the golden ratio's fraction spreads them evenly
+_GOLDEN = 0.6180339887498949
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """P means of like revolutions x m angles, from one log or several; rows in the order of log, manoeuvre, time.
+
+    mean, phi, variance, count (P, m)  mean waveform, mean angle and variance of its samples, samples; NaN where there are none
+    random         (P, m, 3)  P, phi P', rms of P;  shift (P, m)  -P', whose mean coefficient is zero
+    residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard deviation, with one angle only
+    speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the piece's mean speed [m/s], [m^2/s^2]
+    number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces
+    conditions, log, manoeuvre, regime  a value a piece;  cell (n,) the piece of each revolution of the stack, empty where it is not known
+    notes          sentences on what was set apart, taken together or left out on the way here
+    """
+
+    observable: str
+    channel: str
+    surface: str
+    radius_m: float
+    mean: FloatArray
+    phi: FloatArray
+    variance: FloatArray
+    count: FloatArray
+    random: FloatArray
+    shift: FloatArray
+    residual_ss: FloatArray
+    freedom: FloatArray
+    scatter: FloatArray
+    speed_mean: FloatArray
+    speed_square: FloatArray
+    number: IntArray
+    coefficients: FloatArray
+    conditions: Conditions
+    log: IntArray
+    manoeuvre: IntArray
+    regime: NDArray[np.str_]
+    cell: IntArray
+    logs: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.number.size)
+
+    def take(self, which: NDArray[Any]) -> Pieces:
+        """Some of the pieces (mask or ascending indices)."""
+        kept = np.zeros(len(self), bool)
+        kept[which] = True
+        rows = {f.name: getattr(self, f.name)[kept] for f in fields(self) if f.name not in _APART}
+        mine = np.repeat(kept, self.number)
+        return replace(
+            self, coefficients=self.coefficients[mine], conditions=self.conditions.take(kept), cell=np.zeros(0, np.int64), **rows
+        )
+
+    def thinned(self, most: int, turn: int = 0) -> Pieces:
+        """At most `most` pieces, evenly over the speeds; another `turn` (the number of a log, say) takes them at other speeds."""
+        return self if len(self) <= most else self.take(self.spread(most, turn))
+
+    def spread(self, most: int, turn: int = 0) -> IntArray:
+        """The pieces, ascending, that `thinned` keeps."""
+        if len(self) <= most:
+            return np.arange(len(self))
+        place = (np.arange(most) + (turn * _GOLDEN) % 1.0) / most * len(self)
+        return np.sort(np.argsort(self.conditions.speed_m_s, kind="stable")[place.astype(int)])
+
+
+def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
+    """The pieces of several logs as one; logs and manoeuvres are numbered through."""
+    if len(parts) == 1:
+        return parts[0]
+    rows: dict[str, Any] = {}
+    for name in ("log", "manoeuvre"):
+        numbers = [getattr(part, name) for part in parts]
+        first = np.cumsum([0, *(1 + int(n.max()) for n in numbers[:-1])])
+        rows[name] = np.concatenate([n + more for n, more in zip(numbers, first, strict=True)])
+    notes = tuple(note for part in parts for note in part.notes)
+    logs = tuple(log for part in parts for log in part.logs)
+    return replace(concatenated(parts), cell=np.zeros(0, np.int64), logs=logs, notes=notes, **rows)
+
+
+def concatenated(parts: Sequence[Pieces]) -> Pieces:
+    """All pieces under each other, cells numbered through; logs and manoeuvres have been."""
+    if len(parts) == 1:
+        return parts[0]
+    rows: dict[str, Any] = {
+        f.name: np.concatenate([getattr(part, f.name) for part in parts])
+        for f in fields(Pieces)
+        if f.name not in _APART or f.name == "coefficients"
+    }
+    first = np.cumsum([0, *(len(part) for part in parts[:-1])])
+    cell = np.concatenate([part.cell + more for part, more in zip(parts, first, strict=True)])
+    return replace(parts[0], conditions=Conditions.concatenate([part.conditions for part in parts]), cell=cell, **rows)
+
+
+def assign(stack: Stack) -> IntArray:
+    """The cell of each revolution, (n,): bands of speed inside each manoeuvre."""
+    cell = np.empty(len(stack), np.int64)
+    first = 0
+    for manoeuvre in np.unique(stack.manoeuvre):
+        rows = np.flatnonzero(stack.manoeuvre == manoeuvre)
+        speed = stack.conditions.speed_m_s[rows]
+        low, spread = speed.min(), np.ptp(speed)
+        bands = int(np.clip(np.ceil(spread / BAND_M_S), 1, max(1, min(MOST_BANDS, rows.size // FEWEST))))
+        band = np.minimum(((speed - low) / max(spread, 1e-9) * bands).astype(int), bands - 1)
+        _, band = np.unique(_merge_small(band), return_inverse=True)
+        cell[rows] = first + band
+        first += int(band.max()) + 1
+    return cell
+
+
+def _merge_small(band: IntArray) -> IntArray:
+    """Bands with fewer than FEWEST revolutions join their neighbour."""
+    band = band.copy()
+    while True:
+        names, count = np.unique(band, return_counts=True)
+        if names.size == 1 or count.min() >= FEWEST:
+            return band
+        i = int(np.argmin(count))
+        band[band == names[i]] = names[i - 1] if i else names[1]
+
+
+def pieces_of(stack: Stack) -> Pieces:
+    """The pieces of a stack."""
+    cell = assign(stack)
+    rows_of = [np.flatnonzero(cell == c) for c in range(int(cell.max()) + 1)]
+    parts = [_one_piece(stack, rows_of_one) for rows_of_one in rows_of]
+    first = np.array([rows_of_one[0] for rows_of_one in rows_of])
+    rows: dict[str, Any] = {f.name: np.stack([getattr(part, f.name) for part in parts]) for f in fields(_Part) if f.name != "coefficients"}
+    return Pieces(
+        observable=stack.observable,
+        channel=stack.channel,
+        surface=stack.surface,
+        radius_m=stack.radius_m,
+        number=np.array([rows_of_one.size for rows_of_one in rows_of]),
+        coefficients=np.concatenate([part.coefficients for part in parts]),
+        conditions=_mean_conditions(stack.conditions, cell, len(parts)),
+        log=stack.log[first],
+        manoeuvre=stack.manoeuvre[first],
+        regime=stack.regime[first],
+        cell=cell,
+        logs=stack.logs,
+        **rows,
+    )
+
+
+@dataclass
+class _Part:
+    """One cell's means and what single revolutions did about them."""
+
+    mean: FloatArray
+    phi: FloatArray
+    variance: FloatArray
+    count: FloatArray
+    random: FloatArray
+    shift: FloatArray
+    coefficients: FloatArray
+    residual_ss: FloatArray
+    freedom: FloatArray
+    scatter: FloatArray
+    speed_mean: FloatArray
+    speed_square: FloatArray
+
+
+def _curve(phi: FloatArray, values: FloatArray, count: FloatArray) -> CubicSpline:
+    """Periodic spline through a cell's bins, those that lie too close taken together.
+
+    Samples that lock to fixed angles give neighbouring bins mean angles far closer than a bin; a spline that goes through
+    both turns their noise into a slope.
+    """
+    full = np.isfinite(values) & (count > 0)
+    x, y, n = phi[full], values[full], count[full]
+    few = LEAST_COUNT * np.median(n)
+    width = 2.0 * np.pi / phi.size
+    while x.size > _FEWEST_KNOTS:
+        gap = np.diff(np.append(x, x[0] + 2.0 * np.pi))  # to the next one
+        lone = np.minimum(n, np.roll(n, -1)) < few
+        close = gap / width < np.where(lone, _NEIGHBOUR, CLOSEST)
+        if not close.any():
+            break
+        first = int(np.argmin(np.where(close, gap, np.inf)))
+        x, y, n = _joined(x, y, n, first)
+    return CubicSpline(np.append(x, x[0] + 2.0 * np.pi), np.append(y, y[0]), bc_type="periodic")
+
+
+def _joined(x: FloatArray, y: FloatArray, n: FloatArray, first: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The knots with `first` and the one after it (round the turn) as one, at the mean of their samples."""
+    last = (first + 1) % x.size
+    total = n[first] + n[last]
+    share = n[last] / total
+    x, y, n = x.copy(), y.copy(), n.copy()
+    x[first] += share * ((x[last] - x[first]) % (2.0 * np.pi))
+    y[first] += share * (y[last] - y[first])
+    n[first] = total
+    left = np.arange(x.size) != last
+    x, y, n = x[left], y[left], n[left]
+    order = np.argsort(x)
+    return x[order], y[order], n[order]
+
+
+def _bin_means(values: FloatArray, phi: FloatArray, variance: FloatArray, count: FloatArray) -> tuple[FloatArray, ...]:
+    """Mean value, mean angle, angle variance and number of samples of each bin over revolutions (k, m) -> (m,)."""
+    total = count.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(count > 0, values, 0.0).T
+        mean = np.einsum("mk,km->m", mean, count) / total
+        angle = np.einsum("km,km->m", np.where(count > 0, phi, 0.0), count) / total
+        second = np.where(count > 0, variance + (phi - angle) ** 2, 0.0)
+        return mean, angle, np.einsum("km,km->m", second, count) / total, total
+
+
+def _one_piece(stack: Stack, rows: IntArray) -> _Part:
+    """The piece of the revolutions `rows`."""
+    if stack.phi_rad.size == 1:
+        return _one_number(stack.values[rows])
+    speed = stack.conditions.speed_m_s[rows]
+    return one_waveform(stack.values[rows], stack.phi_mean[rows], stack.phi_variance[rows], stack.count[rows], speed)
+
+
+def one_waveform(
+    values: FloatArray, phi: FloatArray, variance: FloatArray, count: NDArray[Any], speed: FloatArray, weight: IntArray | None = None
+) -> _Part:
+    """The piece of k revolutions: bin means, mean angles, variances and counts (k, m) and speeds (k,).
+
+    The same of k pieces: `weight` (k,) are their revolutions then.  The coefficients of all revolutions together are zero in the mean.
+    """
+    count = np.where(np.isfinite(values), count, 0).astype(float)
+    corrected = values
+    for _ in range(_ROUNDS):
+        mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
+        curve = _curve(angle, mean, total)
+        columns = _columns(curve, np.where(count > 0, phi, 0.0))
+        expected = columns[..., 0] + 0.5 * variance * curve(np.where(count > 0, phi, 0.0), 2)
+        excess = np.where(count > 0, values - expected, 0.0)
+        gram = np.einsum("kmi,km,kmj->kij", columns, count, columns)
+        right = np.einsum("kmi,km->ki", columns, excess * count)
+        coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(4), right[..., None])[..., 0]
+        coefficients -= np.average(coefficients, axis=0, weights=weight)
+        taken = np.einsum("kmi,ki->km", columns, coefficients)
+        corrected = np.where(count > 0, values - taken, np.nan)
+    mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
+    residual = np.where(count > 0, excess - taken, 0.0)
+    residual_ss, freedom = _scatter(residual, count, speed)
+    own = _columns(curve, np.where(total > 0, angle, 0.0))
+    about = (speed - np.average(speed, weights=weight))[:, None]
+    share = count / np.maximum(total, 1e-12)
+    return _Part(
+        mean,
+        angle,
+        spread,
+        total,
+        own[:, [0, 1, 3]],
+        own[:, 2],
+        coefficients[:, [0, 1, 3]],
+        residual_ss,
+        freedom,
+        np.zeros(0),
+        (share * about).sum(axis=0),
+        (share * about**2).sum(axis=0),
+    )
+
+
+def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:
+    """P, phi P', -P' and the rms of P at angles (..., ) -> (..., 4); the width about the patch only, where P' is."""
+    slope = curve(phi, 1)
+    size = float(np.sqrt(np.mean(curve(curve.x) ** 2)))
+    return np.stack([curve(phi), phi * slope * np.exp(-((phi / 0.6) ** 2)), -slope, np.full_like(phi, size)], axis=-1)
+
+
+def _scatter(residual: FloatArray, count: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Per bin: sum of count x residual^2 after the mean and, with enough revolutions, the trend in speed; degrees of freedom.  (m,)
+    each."""
+    k = residual.shape[0]
+    present = (count > 0).sum(axis=0)
+    total = np.maximum(count.sum(axis=0), 1e-12)
+    centred = residual - (residual * count).sum(axis=0) / total
+    lost = 1.0 + 4.0 * k / residual.shape[1]
+    if k >= 5 and np.ptp(speed) > 1e-6:
+        dv = speed[:, None] - (count * speed[:, None]).sum(axis=0) / total
+        slope = (count * dv * centred).sum(axis=0) / np.maximum((count * dv**2).sum(axis=0), 1e-12)
+        centred = centred - slope * dv
+        lost += 1.0
+    return (count * np.where(count > 0, centred, 0.0) ** 2).sum(axis=0), np.maximum(present - lost, 0.0)
+
+
+def _one_number(values: FloatArray) -> _Part:
+    """The piece of a number per revolution (k, 1): its mean and scatter."""
+    good = np.isfinite(values)
+    mean = np.nanmean(values, axis=0) if good.any() else np.full(1, np.nan)
+    scatter = np.nanstd(values, axis=0, ddof=1) if good.sum() > 2 else np.full(1, np.nan)
+    zero = np.zeros(1)
+    return _Part(
+        mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((len(values), 3)), zero, zero, scatter,
+        zero, zero,
+    )  # fmt: skip
+
+
+def _mean_conditions(conditions: Conditions, cell: IntArray, C: int) -> Conditions:
+    """Means over each cell."""
+    number = np.bincount(cell, minlength=C)
+    return Conditions(**{name: np.bincount(cell, getattr(conditions, name), C) / number for name in Conditions.__dataclass_fields__})

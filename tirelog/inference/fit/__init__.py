@@ -1,0 +1,1 @@
+"""The least-squares fit of a model and the errors of its parameters."""

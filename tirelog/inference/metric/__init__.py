@@ -1,0 +1,1 @@
+"""The metric in which residuals are compared: whitening, free offsets, projections."""

@@ -1,0 +1,1 @@
+"""A channel cut into revolutions and laid on one grid of angles."""

@@ -1,0 +1,1 @@
+"""A model as a list of effects: its file, its stages, its prediction, user expressions."""

@@ -1,0 +1,308 @@
+"""The model file: TOML to Model and back (contract, "Model file").
+
+Reading is strict: unknown keys are refused with the nearest allowed ones and the line.  Writing keeps the comments of the document that the
+model was read from, and the file appears whole or not at all.  A plain number is a fixed parameter; a table { value, min, max } is
+free, and carries `se` after a fit (and `fixed = true` where it is held although it has bounds).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.exceptions import TOMLKitError
+
+from tirelog.errors import ModelError, nearest
+from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, OBSERVABLES, carcass_parameters
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.entry import ModelEffect
+from tirelog.physics.model.model import COUPLED_STANDS, Model
+from tirelog.physics.model.user_effects import (
+    EXPRESSION_ACTS_ON,
+    catalogue_with,
+    effect_by_expression,
+)
+from tirelog.physics.parameters import Parameter
+from tirelog.storage.documents import LARGEST_BYTES, toml_tables, toml_text
+from tirelog.storage.whole import whole_file
+
+_NUMBER_KEYS = ("value", "min", "max", "se", "fixed")
+
+
+class _Text:
+    """The file's text, to say where a key stands."""
+
+    def __init__(self, text: str, path: Path | None) -> None:
+        self.lines, self.path = text.splitlines(), path
+
+    def error(self, message: str, key: str | None = None, after: int = 0) -> ModelError:
+        return ModelError(message, file=self.path or "model", line=self.line(key, after) if key else None)
+
+    def line(self, key: str, after: int = 0) -> int | None:
+        pattern = re.compile(rf"(^|[\s{{,\[\"'.]){re.escape(key)}[\"']?\s*(=|\]|\.)|=\s*[\"']{re.escape(key)}[\"']")
+        found = (number for number, line in enumerate(self.lines, 1) if number > after and pattern.search(line.split("#")[0]))
+        return next(found, None)
+
+
+def load_model(path: str | Path, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
+    """The model in the file (contract, "Model file"); ModelError names file, line and what is allowed."""
+    path = Path(path)
+    text = toml_text(path, ModelError, what="a model", advice="make one with `tirelog model new`")
+    return replace(parse(text, path, catalogue=catalogue), path=path)
+
+
+def parse(text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
+    """The model that the TOML text describes."""
+    source = _Text(text, path)
+    toml_tables(text, ModelError, file=path or "model")  # tomlkit, which keeps the comments, follows any depth and any number
+    try:
+        document = tomlkit.parse(text).unwrap()
+    except (TOMLKitError, RecursionError) as problem:
+        raise ModelError(
+            f"is not TOML ({problem}); see `tirelog model new`; correct it", file=path or "model", line=getattr(problem, "line", None)
+        ) from None
+    _only(document, ("model", "parameters", "effects"), source, "a model file")
+    head, numbers, effects = document.get("model", {}), document.get("parameters", {}), document.get("effects", [])
+    if not (isinstance(head, dict) and isinstance(numbers, dict) and isinstance(effects, list)):
+        raise source.error("[model] and [parameters] are tables, [[effects]] a list of tables; no other form is allowed; correct it")
+    _only(head, ("observable", "carcass", "contact"), source, "[model]")
+    carcass = _word(head, "carcass", CARCASSES, None, source)
+    observable = _word(head, "observable", OBSERVABLES, None, source)
+    contact = _contact(head, numbers, carcass, source)
+    known = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
+    base = _base(numbers, known, source)
+    model = Model(observable, carcass, contact, base, document=text)
+    catalogue = catalogue if catalogue is not None else catalogue_with()
+    after = 0
+    for table in effects:
+        if not isinstance(table, dict) or not isinstance(table.get("name"), str):
+            raise source.error('an effect has no name; [[effects]] with name = "..." is allowed; name it', "effects")
+        after = source.line(table["name"], after) or after
+        effect = _effect(table, catalogue, source, after)
+        try:
+            model = model.with_effect(effect)
+        except ModelError as problem:
+            raise source.error(problem.message, table["name"], after - 1) from None
+    return model
+
+
+def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, source: _Text) -> str:
+    """`contact` stands in [model] or in [parameters]; without it a patch length means a prescribed patch."""
+    default = "prescribed" if carcass == "beam" or "patch_half_length_m" in numbers else "flat_road"
+    contact = _word(numbers if "contact" in numbers else head, "contact", CONTACTS, default, source)
+    if carcass == "beam" and contact == "flat_road":
+        raise source.error('contact = "flat_road" needs a ring; "prescribed" is allowed for a beam; correct it', "contact")
+    if carcass == "coupled_ring" and contact == "prescribed":
+        raise source.error(COUPLED_STANDS, "contact" if "contact" in {**head, **numbers} else "patch_half_length_m")
+    return contact
+
+
+def _word(table: Mapping[str, Any], key: str, allowed: tuple[str, ...], default: str | None, source: _Text, after: int = 0) -> str:
+    value = table.get(key, default)
+    if value not in allowed:
+        near = nearest(value, allowed) if isinstance(value, str) else ""
+        raise source.error(f"{key} = {value!r}{near}; allowed are {', '.join(allowed)}; choose one", key, after)
+    return value  # type: ignore[return-value]
+
+
+def _only(table: Mapping[str, Any], allowed: Iterable[str], source: _Text, where: str, after: int = 0) -> None:
+    allowed = list(allowed)
+    for key in table:
+        if key not in allowed:
+            raise source.error(
+                f"unknown key {key!r} in {where}{nearest(key, allowed)}; allowed are {', '.join(allowed)}; correct it", key, after
+            )
+
+
+def _base(numbers: Mapping[str, Any], known: tuple[Parameter, ...], source: _Text) -> tuple[Parameter, ...]:
+    _only(numbers, ("contact", *(p.name for p in known)), source, "[parameters]")
+    given = dict(numbers)
+    if "reference_load_N" not in given and "load_N" in given:
+        given["reference_load_N"] = _number(given["load_N"], known[0], source, "load_N").value
+    lacking = [p.name for p in known if p.free and p.name not in given]
+    if lacking:
+        raise source.error(f"[parameters] lacks {', '.join(lacking)}; a number or {{ value, min, max }} is allowed; add it")
+    return tuple(_number(given[p.name], p, source, p.name) if p.name in given else p.fixed() for p in known)
+
+
+def _number(value: Any, known: Parameter, source: _Text, label: str, after: int = 0) -> Parameter:
+    """A parameter from a plain number (fixed) or a table."""
+    table = value if isinstance(value, dict) else {"value": value}
+    _only(table, _NUMBER_KEYS, source, label, after)
+    for key, number in table.items():
+        wrong = not isinstance(number, bool) if key == "fixed" else (isinstance(number, bool) or not isinstance(number, int | float))
+        if wrong or (key not in ("fixed", "se") and not math.isfinite(number)):
+            raise source.error(
+                f"{label}: {key} = {number!r}; a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed; correct it",
+                label,
+                after,
+            )
+    free = isinstance(value, dict) and not table.get("fixed", False)
+    low, high = (float(table.get(key, getattr(known, key))) for key in ("min", "max"))
+    parameter = replace(known, value=float(table.get("value", known.value)), min=low, max=high, free=free, se=table.get("se"))
+    if not isinstance(value, dict) and label != known.name:
+        return parameter  # a number that only lends its value
+    try:
+        return parameter.checked(label)
+    except ModelError as problem:
+        raise source.error(problem.message, label, after) from None
+
+
+def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _Text, after: int) -> ModelEffect:
+    name = table["name"]
+    own = {}
+    if "expression" in table:
+        effect = _by_expression(table, source, after)
+        given, own = table.get("parameters", {}), {k: table[k] for k in ("acts_on", "expression")}
+    elif name not in catalogue:
+        raise source.error(
+            f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}, "
+            f"or one with an expression; for one of your own in Python give --effects FILE",
+            name,
+            after - 1,
+        )
+    else:
+        effect = catalogue[name]
+        given = {k: v for k, v in table.items() if k != "name" and k not in effect.options}
+    _only(given, (p.name for p in effect.parameters), source, f"effect {name!r}", after - 1)
+    parameters = tuple(_number(given[p.name], p, source, p.name, after - 1) if p.name in given else p for p in effect.parameters)
+    options = {key: _word(table, key, words, words[0], source, after - 1) for key, words in effect.options.items()}
+    return ModelEffect(effect, parameters, options, own)
+
+
+def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effect:
+    _only(table, ("name", "acts_on", "expression", "parameters"), source, f"effect {table['name']!r}", after - 1)
+    given = table.get("parameters", {})
+    if not isinstance(table["expression"], str) or not isinstance(given, dict):
+        raise source.error("expression is a text and parameters a table; no other form is allowed; correct it", "expression", after - 1)
+    parameters = tuple(_number(value, _unknown(key, value), source, key, after - 1) for key, value in given.items())
+    parameters = tuple(replace(p, probe=p.value or 0.01 * max(abs(p.min), abs(p.max))) for p in parameters)
+    place = _word(table, "acts_on", EXPRESSION_ACTS_ON, "contact_pressure", source, after - 1)
+    try:
+        return effect_by_expression(table["name"], place, table["expression"], parameters)
+    except ModelError as problem:
+        raise source.error(problem.message, table["name"], after - 1) from None
+
+
+def _unknown(key: str, value: Any) -> Parameter:
+    """A user's own parameter has no bounds but those that it brings."""
+    start = value.get("value", 0.0) if isinstance(value, dict) else value
+    size = max(1.0, abs(start)) if isinstance(start, int | float) else 1.0
+    return Parameter(key, "", "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
+
+
+# ---- writing ----------------------------------------------------------------------------------------------------------------------
+
+
+def save_model(model: Model, path: str | Path) -> None:
+    """Writes the model file; the old one stays whole until the new one is complete.
+
+    ModelError: what stands there is no model.
+    """
+    path = Path(path)
+    if not _may_be_replaced(path):
+        raise ModelError("is there and is no model file; a model takes a new name, or the place of a model; give another -o", file=path)
+    text = as_toml(model)
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def _may_be_replaced(path: Path) -> bool:
+    """False if a file is there that holds something else than a model."""
+    if not path.is_file() or not path.stat().st_size:
+        return True
+    try:
+        text = path.read_text(encoding="utf-8-sig") if path.stat().st_size <= LARGEST_BYTES else ""
+        return "model" in toml_tables(text, ModelError, file=path)
+    except (OSError, UnicodeDecodeError, ModelError):
+        return False
+
+
+def as_toml(model: Model) -> str:
+    """The model as TOML, in the document it was read from where there is one."""
+    document = tomlkit.parse(model.document) if model.document else tomlkit.document()
+    _update(document, "model", {"observable": model.observable, "carcass": model.carcass})
+    numbers = document.setdefault("parameters", tomlkit.table())
+    if model.contact == "flat_road" and "contact" not in numbers and "contact" not in document["model"]:
+        numbers["contact"] = model.contact
+    for parameter in model.base:
+        if parameter.name in numbers or not model.document or parameter.free:
+            _put(numbers, parameter)
+    _put_effects(document, model)
+    return tomlkit.dumps(document)
+
+
+def _update(document: Any, table: str, values: Mapping[str, str]) -> None:
+    held = document.setdefault(table, tomlkit.table())
+    for key, value in values.items():
+        if held.get(key) != value:
+            held[key] = value
+
+
+def _put_effects(document: Any, model: Model) -> None:
+    """Removes, changes and adds [[effects]], leaving what stays in place with its comments."""
+    tables = document.get("effects")
+    held = {table["name"]: table for table in tables} if tables is not None else {}
+    wanted = {e.id: e for e in model.effects}
+    if tables is not None:
+        for index in reversed(range(len(tables))):
+            if tables[index]["name"] not in wanted:
+                del tables[index]
+        if not len(tables):
+            del document["effects"]
+            tables = None
+    for name, effect in wanted.items():
+        if name in held:
+            numbers = held[name].get("parameters", held[name]) if effect.source else held[name]
+            for parameter in effect.parameters:
+                _put(numbers, parameter)
+            continue
+        table = tomlkit.table()
+        table["name"] = name
+        for key, value in {**effect.source, **effect.options}.items():
+            table[key] = value
+        numbers = table if not effect.source else tomlkit.inline_table()
+        for parameter in effect.parameters:
+            _put(numbers, parameter, remark=not effect.source)
+        if effect.source:
+            table["parameters"] = numbers
+        if tables is None:
+            tables = tomlkit.aot()
+            document["effects"] = tables
+            tables = document["effects"]
+        tables.append(table)
+
+
+def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:
+    """Writes one parameter, leaving an unchanged one (and every comment) as it stands."""
+    old = table.get(parameter.name)
+    if parameter.free or parameter.se is not None or isinstance(old, dict):
+        wanted = {"value": parameter.value, "min": parameter.min, "max": parameter.max}
+        wanted |= {"se": parameter.se} if parameter.se is not None else {}
+        wanted |= {} if parameter.free else {"fixed": True}
+        if not isinstance(old, dict):
+            new = tomlkit.inline_table()
+            new.update(wanted)
+            _assign(table, parameter, new, remark and old is None)
+            return
+        for key in list(old):
+            if key not in wanted:
+                del old[key]
+        for key, value in wanted.items():
+            if (key in old or key not in ("min", "max")) and old.get(key) != value:
+                old[key] = value
+    elif old is None or float(old) != parameter.value:
+        _assign(table, parameter, parameter.value, remark and old is None)
+
+
+def _assign(table: Any, parameter: Parameter, value: Any, remark: bool) -> None:
+    item = tomlkit.item(value)
+    if remark:
+        unit = "" if parameter.unit in ("", "1") else f" [{parameter.unit}]"
+        item.comment(f"{parameter.description}{unit}")
+    table[parameter.name] = item

@@ -1,0 +1,217 @@
+"""A user's own effects: by expression in a model file, by a Python file, or by an installed package (entry points "tirelog.effects").
+
+What an expression means depends on `acts_on`:
+    contact_pressure      a pressure [N/m] added to p, that is then rescaled to carry the load; may read xi, phi, L, R
+    strain                a strain added to the waveform; may read xi, phi, L, R
+    radial_acceleration   [m/s^2], outward, added to the waveform of an accelerometer; may read xi, phi, L, R
+    foundation_stiffness  [N/m^2] added to k;  baseline  a strain added all around;  load  [N] added to F
+    sensor                the waveform is multiplied by 1 + expression
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tirelog.errors import ModelError, TirelogError, nearest
+from tirelog.physics.carcass.numbers import OBSERVABLES
+from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
+from tirelog.physics.effects.base import Values
+from tirelog.physics.model.expression import FUNCTIONS, Expression, parse
+from tirelog.physics.parameters import Parameter
+from tirelog.physics.spectral import grid_angles, to_modes
+from tirelog.vocabulary.arrays import FloatArray
+
+ENTRY_POINTS = "tirelog.effects"
+#: name in an expression -> field of the conditions
+CONDITIONS = {
+    "speed": "speed_m_s",
+    "acceleration": "acceleration_m_s2",
+    "time": "time_s",
+    "temperature": "temperature_K",
+    "pressure": "inflation_pressure_Pa",
+    "distance": "distance_km",
+    "water": "water_depth_mm",
+}
+PLACES = ("xi", "phi", "L", "R", "load")
+EXPRESSION_ACTS_ON = ("contact_pressure", "foundation_stiffness", "strain", "baseline", "load", "sensor", "radial_acceleration")
+_WAVES = ("contact_pressure", "strain", "radial_acceleration")
+
+
+def effect_by_expression(name: str, acts_on: str, expression: str, parameters: tuple[Parameter, ...]) -> Effect:
+    """The effect that a model file describes; ModelError where name, place or formula are not allowed."""
+    if acts_on not in EXPRESSION_ACTS_ON:
+        raise ModelError(
+            f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}; "
+            f"allowed are {', '.join(EXPRESSION_ACTS_ON)}; choose one"
+        )
+    taken = {*PLACES, *CONDITIONS, *FUNCTIONS, "pi", "e"}
+    clash = [p.name for p in parameters if p.name in taken or not p.name.isidentifier()]
+    if name in BY_ID or not name.replace("-", "_").isidentifier() or clash:
+        raise ModelError(
+            f"effect {name!r} with parameters {[p.name for p in parameters]}: {', '.join(clash) or name} is taken or no plain "
+            f"name; allowed are names that are no effect, function or condition; rename it"
+        )
+    places = PLACES if acts_on in _WAVES else ()
+    formula = parse(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
+    return Effect(
+        id=name,
+        mechanism=f"by expression: {expression}",
+        follows=", ".join(sorted(formula.names & set(CONDITIONS))) or "nothing",
+        acts_on=(_STAGE.get(acts_on, acts_on),),
+        parameters=parameters,
+        strength=_strength(formula, parameters),
+        source="the model file",
+        valid="as its author says",
+        signature="as its author says",
+        observables=OBSERVABLES,
+        needs=tuple(CONDITIONS[n] for n in sorted(formula.names & set(CONDITIONS)) if n != "speed"),
+        **_hook(acts_on, formula),
+    ).checked()
+
+
+_STAGE = {"foundation_stiffness": "structure"}
+
+
+def _hook(acts_on: str, formula: Expression) -> dict[str, Any]:
+    def column(v: Values, drive: Drive) -> FloatArray:
+        return np.atleast_2d(formula(_names(v, drive)))
+
+    def pressure(v: Values, drive: Drive, site: Site) -> Any:
+        return to_modes(np.atleast_2d(_spread(formula(_names(v, drive, site, grid_angles())), grid_angles().size)))
+
+    def at_angles(v: Values, drive: Drive, site: Site, phi_rad: FloatArray) -> FloatArray:
+        empty = np.isnan(phi_rad)  # bins without a sample have no angle, and that is no fault of the formula
+        values = formula(_names(v, drive, site, np.where(empty, 0.0, phi_rad)))
+        return np.atleast_2d(np.where(empty, np.nan, values))
+
+    hooks: dict[str, dict[str, Any]] = {
+        "contact_pressure": {"pressure": pressure},
+        "strain": {"strain": at_angles},
+        "radial_acceleration": {"acceleration": at_angles},
+        "foundation_stiffness": {"structure": lambda v, drive: Structure(added_stiffness=column(v, drive))},
+        "baseline": {"baseline": column},
+        "load": {"added_load": column},
+        "sensor": {"gain": lambda v, drive: 1.0 + column(v, drive)},
+    }
+    return hooks[acts_on]
+
+
+def _spread(values: FloatArray, size: int) -> FloatArray:
+    """Values that do not depend on xi, all around."""
+    return (
+        np.broadcast_to(values, (*values.shape[:-1], size))
+        if values.ndim and values.shape[-1] == 1
+        else np.broadcast_to(values, np.broadcast_shapes(values.shape, (1, size)))
+    )
+
+
+def _names(v: Values, drive: Drive, site: Site | None = None, phi_rad: FloatArray | None = None) -> dict[str, Any]:
+    values: dict[str, Any] = dict(v) | {name: getattr(drive, column) for name, column in CONDITIONS.items()}
+    if site is not None and phi_rad is not None:
+        values |= {"phi": phi_rad, "xi": phi_rad * site.radius_m, "L": site.half_length_m, "R": site.radius_m, "load": site.load_N}
+    return values
+
+
+def _strength(formula: Expression, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+    """The parameter that switches the formula off by being zero; all of them where none does alone."""
+    rng = np.random.default_rng(0)
+    size = 64
+    trial: dict[str, Any] = {name: rng.uniform(0.5, 1.5, size) for name in (*CONDITIONS, *PLACES)}
+    trial |= {"xi": np.linspace(-2.0, 2.0, size), "phi": np.linspace(-2.0, 2.0, size)}
+    trial |= {p.name: p.probe for p in parameters}
+    for p in parameters:
+        with np.errstate(all="ignore"):
+            try:
+                if not np.any(formula({**trial, p.name: 0.0})):
+                    return (p.name,)
+            except ModelError:
+                continue
+    return tuple(p.name for p in parameters)
+
+
+def effects_of_file(path: Path) -> dict[str, Effect]:
+    """The effects that a Python file defines: every module-level `Effect`.  The file is the user's own and is executed."""
+    namespace: dict[str, Any] = {"__name__": f"tirelog_effects_{path.stem}", "__file__": str(path)}
+    try:
+        exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), namespace)
+    except OSError as problem:
+        if not _line(problem, path):  # the file itself
+            raise ModelError(
+                f"cannot be read ({problem.strerror}); a Python file with effects is allowed; give its path", file=path
+            ) from None
+        raise _failed(problem, path) from problem
+    except (Exception, SystemExit) as problem:
+        raise _failed(problem, path) from problem
+    return _collected([value for value in namespace.values() if isinstance(value, Effect)], path)
+
+
+def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
+    """A ModelError for what a user's own Python raised, with its line."""
+    told = "calls sys.exit" if isinstance(problem, SystemExit) else f"{type(problem).__name__}: {problem}"
+    return ModelError(f"{what}{told}; Python that runs and returns is allowed; correct it", file=path, line=_line(problem, path))
+
+
+def _line(problem: BaseException, path: object) -> int | None:
+    """The last line of the file that was at work, or the one that is no Python."""
+    frames = traceback.walk_tb(problem.__traceback__)
+    lines = [line for frame, line in frames if frame.f_code.co_filename == str(path)]
+    return getattr(problem, "lineno", None) or (lines[-1] if lines else None)
+
+
+@dataclass(frozen=True)
+class _Hook:
+    """A user's function; what it raises is the user's to mend, and is told so."""
+
+    function: Callable[..., Any]
+    what: str
+    origin: object
+
+    def __call__(self, *arguments: Any) -> Any:
+        try:
+            return self.function(*arguments)
+        except (TirelogError, MemoryError):
+            raise
+        except (Exception, SystemExit) as problem:
+            raise _failed(problem, self.origin, self.what) from problem
+
+
+def _watched(effect: Effect, origin: object) -> Effect:
+    """The effect, whose functions say whose they are when they fail."""
+    hooks = {f.name: value for f in fields(effect) if callable(value := getattr(effect, f.name))}
+    what = f" of the effect {effect.id!r}: "
+    watched: dict[str, Any] = {name: _Hook(hook, name + what, origin) for name, hook in hooks.items()}
+    return replace(effect, **watched)
+
+
+def installed_effects() -> dict[str, Effect]:
+    """The effects of installed packages: entry points of the group "tirelog.effects", each an Effect or a list of them."""
+    found: dict[str, Effect] = {}
+    for point in entry_points(group=ENTRY_POINTS):
+        value = point.load()
+        found |= _collected(list(value) if isinstance(value, list | tuple) else [value], point.value)
+    return found
+
+
+def catalogue_with(path: Path | None = None) -> Mapping[str, Effect]:
+    """The whole catalogue by id: our own, installed packages', and those of the Python file at `path`."""
+    return {**BY_ID, **installed_effects(), **(effects_of_file(path) if path else {})}
+
+
+def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
+    found: dict[str, Effect] = {}
+    for effect in effects:
+        if not isinstance(effect, Effect):
+            raise ModelError(f"gives {type(effect).__name__}; tirelog.physics.Effect is allowed; correct it", file=origin)
+        if effect.id in BY_ID or effect.id in found:
+            raise ModelError(f"effect {effect.id!r} exists already; a new name is allowed; rename it", file=origin)
+        found[effect.id] = _watched(effect.checked(), origin)
+    if not found:
+        raise ModelError("has no effect; at least one tirelog.physics.Effect at module level is needed; define it", file=origin)
+    return found

@@ -1,0 +1,1 @@
+"""A coupled ring in motion: equations, steady state, contact, road, modes."""

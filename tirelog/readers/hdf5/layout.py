@@ -1,0 +1,214 @@
+"""Which dataset a source means in the layouts that have a structure of their own, and which dataset holds its time.
+
+pandas    "/df:column" of a `fixed` frame, a `table` frame (column names are read from the pickle's opcodes, never unpickled), or a series
+NeXus     "/entry/data" is the group's signal; its axes hold the time
+others    [log] time of the setup, or a dataset or field called time, t, timestamp beside the data
+"""
+
+from __future__ import annotations
+
+import pickletools
+import re
+from dataclasses import dataclass
+
+import h5py
+import numpy as np
+
+from tirelog.errors import ReadError, SetupError, nearest
+from tirelog.readers.hdf5.attributes import SINCE, Attributes, unit_of
+from tirelog.readers.hdf5.source import (
+    LIBRARY_ERRORS,
+    Column,
+    column,
+    first_number,
+    names,
+    split,
+    walk,
+)
+from tirelog.vocabulary import units
+
+TIME_NAMES = ("time", "t", "timestamp", "timestamps", "time_s", "time_ms", "time_us", "time_ns", "timestamp_ns", "t_s")
+PICKLE_LIST = {"MARK", "LIST", "EMPTY_LIST", "APPEND", "APPENDS", "PUT", "BINPUT", "MEMOIZE", "PROTO", "FRAME", "STOP"}
+PICKLE_TEXT = {"UNICODE", "BINUNICODE", "SHORT_BINUNICODE"}
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """Stored stamps: seconds = (stored - first stored) x `step_s`; `absolute` where they count from 1970 (or `since`)."""
+
+    column: Column
+    step_s: float
+    absolute: bool = False
+    since: str | None = None
+
+
+def find(file: h5py.File, source: str) -> Column:
+    """The column that `source` means.  ReadError where there is none, or where it is refused."""
+    path, field, index = split(source)
+    item = walk(file, path)
+    if isinstance(item, h5py.Dataset):
+        return column(path, item, field, index)
+    if not isinstance(item, h5py.Group):
+        raise ReadError(f"{path} is a type, no dataset; a source is a dataset path of the file; mend source")
+    attributes = Attributes(item)
+    kind = attributes.text("pandas_type") or ""
+    if kind == "frame":
+        return _fixed_frame(path, item, field, index)
+    if kind.endswith("_table"):
+        return _table_frame(file, path, field, index)
+    if kind == "series":
+        return find(file, f"{path}/values")
+    if signal := _signal(item):
+        return column(f"{path}/{signal}", _dataset(walk(file, f"{path}/{signal}"), path), field, index)
+    near = nearest(path, names(file))
+    raise ReadError(f"{path} is a group{near}; a source is a dataset, or a group of pandas or NeXus; mend source")
+
+
+def _dataset(item: h5py.Group | h5py.Dataset, path: str) -> h5py.Dataset:
+    if not isinstance(item, h5py.Dataset):
+        raise ReadError(f"{path} leads to a group; a source is a dataset path of the file; mend source")
+    return item
+
+
+def _signal(group: h5py.Group) -> str | None:
+    """The name of a NeXus group's signal: its attribute `signal`, or the dataset with the attribute signal = 1."""
+    named = Attributes(group).text("signal")
+    if named:
+        return named
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.HardLink):
+            item = group[name]
+            if isinstance(item, h5py.Dataset) and Attributes(item).number("signal") == 1:
+                return str(name)
+    return None
+
+
+def _fixed_frame(path: str, group: h5py.Group, field: str | None, index: tuple[int | None, ...]) -> Column:
+    known: list[str] = []
+    for block in range(len(group)):
+        if f"block{block}_items" not in group:
+            break
+        labels = column_labels(walk(group.file, f"{path}/block{block}_items"))
+        known += labels
+        if field in labels:
+            values = f"{path}/block{block}_values"
+            dataset = _dataset(walk(group.file, values), values)
+            turned = Attributes(dataset).number("transposed") == 1  # stored (samples, columns)
+            at = labels.index(field)
+            return column(values, dataset, None, (None, at) if turned else (at, None))
+    raise ReadError(f"{path} is a pandas frame without {field!r}{nearest(field or '', known)}; it has {', '.join(known[:20])}; mend source")
+
+
+def column_labels(item: h5py.Group | h5py.Dataset) -> list[str]:
+    if not isinstance(item, h5py.Dataset) or item.dtype.kind != "S" or item.ndim != 1 or item.size * item.dtype.itemsize > 1 << 24:
+        return []
+    return [bytes(label).decode("utf-8", "replace") for label in np.asarray(item[:])]
+
+
+def _table_frame(file: h5py.File, path: str, field: str | None, index: tuple[int | None, ...]) -> Column:
+    where = f"{path}/table"
+    table = _dataset(walk(file, where), where)
+    if table.dtype.names and field in table.dtype.names:
+        return column(where, table, field, index)
+    known: list[str] = []
+    for block in table.dtype.names or ():
+        labels = pickled_labels(Attributes(table).raw(f"{block}_kind"))
+        known += labels
+        if field in labels:
+            return column(where, table, block, (labels.index(field),))
+    raise ReadError(f"{path} is a pandas table without {field!r}{nearest(field or '', known)}; it has {', '.join(known[:20])}; mend source")
+
+
+def pickled_labels(raw: object) -> list[str]:
+    """The texts in a pickled list of texts, read off its opcodes; empty where it is anything else.  Nothing is executed."""
+    if not isinstance(raw, bytes):
+        return []
+    labels = []
+    try:
+        for opcode, argument, _ in pickletools.genops(raw):
+            if opcode.name in PICKLE_TEXT:
+                labels.append(str(argument))
+            elif opcode.name not in PICKLE_LIST:
+                return []
+    except (ValueError, UnicodeDecodeError):
+        return []
+    return labels
+
+
+def time_of(file: h5py.File, found: Column, setup_time: str | None, time_unit: str | None) -> TimeColumn | None:
+    """The stamps of the column's samples, or None.  ReadError where the setup names a time that cannot be used."""
+    if setup_time:
+        return _stamps(_named_time(file, found, setup_time), time_unit)
+    group = found.dataset.parent
+    for candidate in _candidates(found, group):
+        try:
+            stamps = find(file, candidate)
+        except (ReadError, *LIBRARY_ERRORS):
+            continue
+        if len(stamps) == len(found) and stamps.dtype.kind in "iuf" and (stamps.path, stamps.field) != (found.path, found.field):
+            return _stamps(stamps, None)
+    return None
+
+
+def _named_time(file: h5py.File, found: Column, name: str) -> Column:
+    problem: ReadError | None = None
+    beside = found.dataset.parent.name
+    for candidate in (name, f"{beside}/{name}", f"{found.path}:{name}"):
+        try:
+            stamps = find(file, candidate)
+        except ReadError as error:
+            problem = problem or error
+            continue
+        if len(stamps) != len(found):
+            raise ReadError(
+                f"time {name!r} has {len(stamps)} stamps and {found.path} {len(found)} samples; "
+                "allowed is one stamp a sample; mend [log] time or give sampling_rate_Hz"
+            )
+        return stamps
+    raise ReadError(f"time {name!r} of the setup: {problem.message if problem else 'not found'}")
+
+
+def _candidates(found: Column, group: h5py.Group) -> list[str]:
+    """Sources that may hold the column's time, likeliest first."""
+    base = group.name if group.name != "/" else ""
+    listed = [f"{found.path}:{name}" for name in found.dataset.dtype.names or () if name.lower() in TIME_NAMES]
+    if found.path.endswith("/table") and "index_kind" in Attributes(found.dataset).names and _counts_time(found.dataset, "index_kind"):
+        listed.append(f"{found.path}:index")
+    for name in ("axis1", "index"):
+        if name in group and Attributes(group).text("pandas_type") and _counts_time(group[name], "kind"):
+            listed.append(f"{base}/{name}")
+    axes = Attributes(found.dataset).text("axes") or Attributes(group).text("axes")
+    listed += [f"{base}/{name.strip()}" for name in re.split(r"[:,]", axes or "") if name.strip() not in ("", ".")]
+    lower = {name.lower(): name for name in group}
+    return listed + [f"{base}/{lower[name]}" for name in TIME_NAMES if name in lower]
+
+
+def _counts_time(item: h5py.Dataset, attribute: str) -> bool:
+    kind = Attributes(item).text(attribute) or ""
+    return kind.startswith("datetime64") or kind == "float"
+
+
+def _stamps(stamps: Column, time_unit: str | None) -> TimeColumn:
+    """Step and origin of stored stamps: the setup's unit, the file's, the one in the name, or seconds."""
+    unit = time_unit or unit_of(stamps) or ""
+    since = SINCE.match(unit)
+    if since:
+        unit = since[1]
+    attributes = Attributes(stamps.dataset)
+    kind = attributes.text("index_kind" if stamps.field else "kind") or ""
+    date = re.fullmatch(r"datetime64(?:\[(\w+)\])?", kind)
+    if date:
+        return TimeColumn(stamps, {"s": 1.0, "ms": 1e-3, "us": 1e-6}.get(date[1] or "ns", 1e-9), absolute=True)
+    suffix = re.search(r"_(s|ms|us|ns)$", stamps.field or stamps.path)
+    if not unit:
+        unit = suffix[1] if suffix else _unit_by_size(first_number(stamps, lambda *_: False))
+    try:
+        step, _ = units.to_si(unit or "s", "time")
+    except SetupError as problem:
+        raise ReadError(f"time {stamps.path}: {problem.message}") from None
+    return TimeColumn(stamps, step, since=since[2] if since else None)
+
+
+def _unit_by_size(first: float | None) -> str:
+    """The unit of a stamp without one: a date in ms, us or ns since 1970 is known by its size, all else is seconds."""
+    return next((unit for unit, size in (("ns", 1e17), ("us", 1e14), ("ms", 1e11)) if first is not None and first > size), "s")

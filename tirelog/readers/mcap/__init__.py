@@ -1,0 +1,1 @@
+"""MCAP logs: records walked in one pass, messages decoded as columns of numbers."""

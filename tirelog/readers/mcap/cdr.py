@@ -1,0 +1,174 @@
+"""ROS 2 messages (CDR) as templates: the definition text is parsed, one message walked, and each wanted number gets its place.
+
+CDR aligns every number to its own size, counted from behind the four bytes of encapsulation; strings and sequences begin with their
+length (32 bits), which is all that makes one message's layout differ from another's.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass
+
+from tirelog.readers.mcap.source import Token, Want
+from tirelog.readers.mcap.templates import NoPlanError, Place, Plan
+
+PRIMITIVES = {
+    "bool": "u1", "byte": "u1", "char": "i1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2", "uint32": "u4", "int32": "i4",
+    "uint64": "u8", "int64": "i8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+BUILTIN_TIME = dict.fromkeys(("builtin_interfaces/Time", "builtin_interfaces/Duration"), "int32 sec\nuint32 nanosec")
+ENCAPSULATION = 4
+LONGEST_LIST = 1 << 20
+#: structures and texts of one message: the library makes a Python object of each
+MOST_PARTS = 1 << 15
+FIELD = re.compile(r"^\s*([\w/]+)(?:<=\d+)?(\[(?:<=)?\d*\])?\s+([A-Za-z]\w*)\b\s*(.*)$")
+
+
+@dataclass(frozen=True)
+class Member:
+    """A field of a definition.  `length` is None for one value, -1 for a sequence, else the length of a fixed array."""
+
+    type: str
+    name: str
+    length: int | None
+
+
+def parse_definitions(name: str, text: str) -> tuple[str, dict[str, list[Member]]]:
+    """(name of the root, definitions by `package/Type`) of a concatenated ros2msg schema."""
+    definitions: dict[str, list[Member]] = {}
+    for key, body in [*BUILTIN_TIME.items(), *_sections(name, text)]:
+        package = key.split("/")[0]
+        members = []
+        for line in body.splitlines():
+            match = FIELD.match(line.split("#")[0])
+            if match is None or match[4].startswith("="):
+                continue
+            kind = match[1]
+            if kind not in PRIMITIVES and kind not in ("string", "wstring"):
+                kind = _key(kind if "/" in kind else f"{package}/{kind}")
+            digits = re.sub(r"\D", "", match[2] or "")
+            fixed = bool(match[2]) and "<" not in match[2] and digits
+            members.append(Member(kind, match[3], None if not match[2] else int(digits) if fixed else -1))
+        definitions[key] = members
+    return _key(name), definitions
+
+
+def _key(name: str) -> str:
+    parts = name.split("/")
+    return f"{parts[0]}/{parts[-1]}"
+
+
+def _sections(name: str, text: str) -> list[tuple[str, str]]:
+    sections = []
+    for number, part in enumerate(re.split(r"^={3,}\s*$", text, flags=re.MULTILINE)):
+        head = re.search(r"^\s*MSG:\s+(\S+)\s*$", part, flags=re.MULTILINE)
+        key = _key(head[1]) if head else _key(name) if number == 0 else None
+        if key:
+            sections.append((key, part[head.end() :] if head else part))
+    return sections
+
+
+class CdrTemplate:
+    """The walk over one message."""
+
+    def __init__(self, data: bytes, definitions: dict[str, list[Member]], wants: list[Want]) -> None:
+        if len(data) < ENCAPSULATION or data[1] not in (0, 1):
+            raise NoPlanError
+        self.data, self.definitions = data, definitions
+        self.order = "<" if data[1] else ">"
+        self.at = ENCAPSULATION
+        self.parts = 0
+        self.plan = Plan(len(data), [None] * len(wants))
+        self.plan.guard_exact(data, 0, 2)
+
+    def walk(self, root: str, wants: list[tuple[int, tuple[Token, ...]]]) -> Plan:
+        try:
+            self._structure(root, wants, 0)
+        except (struct.error, KeyError, IndexError):
+            raise NoPlanError from None
+        return self.plan
+
+    def _structure(self, kind: str, wants: list[tuple[int, tuple[Token, ...]]], depth: int) -> None:
+        members = self.definitions[kind]
+        if depth > 32:
+            raise NoPlanError
+        if not members:
+            self.at += 1  # an empty definition is one byte
+        for member in members:
+            below = [(which, tokens[1:]) for which, tokens in wants if tokens and tokens[0] == member.name]
+            if member.length is None:
+                self._value(member.type, below, depth)
+                continue
+            length = member.length if member.length >= 0 else self._length()
+            if length > LONGEST_LIST:
+                raise NoPlanError
+            if member.type in PRIMITIVES:
+                self._numbers(PRIMITIVES[member.type], length, below)
+            else:
+                for k in range(length):
+                    if any(tokens and isinstance(tokens[0], slice) for _, tokens in below):
+                        raise NoPlanError
+                    self._value(member.type, [(which, tokens[1:]) for which, tokens in below if tokens and tokens[0] == k], depth)
+
+    def _value(self, kind: str, wants: list[tuple[int, tuple[Token, ...]]], depth: int) -> None:
+        self.parts += 1
+        if self.parts > MOST_PARTS:
+            raise NoPlanError
+        if kind == "string":
+            length = self._length()
+            self.at += length
+        elif kind in PRIMITIVES:
+            dtype = PRIMITIVES[kind]
+            self._align(int(dtype[1]))
+            for which, tokens in wants:
+                if not tokens:
+                    self.plan.places[which] = Place(self.at, self.order + dtype)
+            self.at += int(dtype[1])
+        else:
+            self._structure(kind, wants, depth + 1)
+        if self.at > len(self.data):
+            raise NoPlanError
+
+    def _numbers(self, dtype: str, length: int, wants: list[tuple[int, tuple[Token, ...]]]) -> None:
+        width = int(dtype[1])
+        if length:
+            self._align(width)
+        if self.at + length * width > len(self.data):
+            raise NoPlanError
+        for which, tokens in wants:
+            token = tokens[0] if tokens else slice(None)
+            if len(tokens) > 1 or isinstance(token, str):
+                continue
+            if isinstance(token, int):
+                if token < length:
+                    self.plan.places[which] = Place(self.at + token * width, self.order + dtype)
+                continue
+            chosen = range(length)[token]
+            self.plan.places[which] = Place(
+                self.at + chosen.start * width, self.order + dtype, len(chosen), chosen.step * width, batch=True
+            )
+        self.at += length * width
+
+    def _length(self) -> int:
+        self._align(4)
+        length = int(struct.unpack_from(self.order + "I", self.data, self.at)[0])
+        self.plan.guard_exact(self.data, self.at, self.at + 4)
+        self.at += 4
+        return length
+
+    def _align(self, size: int) -> None:
+        self.at += -(self.at - ENCAPSULATION) % size
+
+
+def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> bool:
+    """True if a message is small, or can be walked and holds no more than MOST_PARTS parts beside its plain lists of numbers."""
+    try:
+        return len(data) <= MOST_PARTS or bool(CdrTemplate(data, definitions, []).walk(root, []))
+    except NoPlanError:
+        return False
+
+
+def cdr_plan(data: bytes, root: str, definitions: dict[str, list[Member]], wants: list[Want]) -> Plan:
+    """The plan of one ROS 2 message.  NoPlanError where it has none."""
+    return CdrTemplate(data, definitions, wants).walk(root, [(i, want.tokens) for i, want in enumerate(wants)])

@@ -1,0 +1,261 @@
+"""Messages of one MCAP channel to numbers: by layout with numpy where layouts repeat, by pyarrow for JSON, else by the library one by one.
+
+    Table, wants --plans | arrow | library--> FieldColumn per want: `values` flat float64, `lengths` (n,) where a message holds a batch
+
+The library's decoder is the authority: a plan is used only if it gives the numbers that the library gives for its template.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable
+from contextlib import redirect_stderr, suppress
+from dataclasses import dataclass, field
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.errors import ReadError, nearest
+from tirelog.readers.mcap.columns import FieldColumn
+from tirelog.readers.mcap.source import FieldError, Want, extract
+from tirelog.readers.mcap.templates import FrozenPlan, NoPlanError, Plan
+from tirelog.readers.mcap.walk import Table
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from tirelog.readers.mcap.json_messages import JsonReader
+
+#: layouts of one channel that are remembered, and templates that may fail before the library does the rest
+MOST_PLANS = 64
+MOST_FAILURES = 8
+#: bytes of messages decoded at once
+PIECE_BYTES = 1 << 21
+#: bytes of one message: ten seconds of 64 channels at 1 kHz are 5 MB.  A library's decoder makes 30 times as much of lists in lists
+LARGEST_MESSAGE_BYTES = 1 << 23
+#: what a decoder raises on a damaged or foreign message
+DECODE_ERRORS = (Exception,)  # three libraries, each with a tree of its own
+PlanMaker = Callable[[bytes, list[Want]], Plan]
+
+
+@dataclass
+class Faults:
+    """Messages that gave no number, by what was wrong."""
+
+    count: dict[str, int] = field(default_factory=dict)
+
+    def add(self, what: str) -> None:
+        if what in self.count or len(self.count) < 100:
+            self.count[what] = self.count.get(what, 0) + 1
+
+
+class ChannelDecoder:
+    """Decodes the messages of one channel.  ReadError where its encoding is not one of JSON, protobuf and ROS 2."""
+
+    def __init__(self, topic: str, encoding: str, schema: Any) -> None:
+        self.topic, self.encoding, self.faults = topic, encoding, Faults()
+        self.refused_size = False
+        try:
+            decode, self.plan_of = _decoder(encoding, schema)
+        except ReadError:
+            raise
+        except DECODE_ERRORS as problem:
+            what = f"{type(problem).__name__}: {problem}".splitlines()[0][:160]
+            raise ReadError(f"the schema of topic {topic!r} does not parse ({what}); allowed is a whole schema; record it again") from None
+        if decode is None:
+            name = schema.encoding if schema is not None else "none"
+            raise ReadError(
+                f"topic {topic!r} has the message encoding {encoding!r} with the schema encoding {name!r}; "
+                "allowed are json, protobuf with protobuf, cdr with ros2msg; record it in one of them"
+            )
+        self.decode: Callable[[bytes], Any] = decode
+        self.plans: list[FrozenPlan] = []
+        self.failures = 0
+        self.json: JsonReader | None = None
+        if encoding == "json":
+            from tirelog.readers.mcap.json_messages import JsonReader
+
+            self.json = JsonReader()
+
+    def message(self, data: bytes) -> Any:
+        """One decoded message.  FieldError where it does not decode."""
+        try:
+            return self.decode(data)
+        except DECODE_ERRORS as problem:
+            raise FieldError(f"does not decode ({type(problem).__name__})") from None
+
+    def of_bounded_size(self, table: Table, *, count: bool) -> Table:
+        """The table without messages that are too large to be decoded, which are counted as faults if `count`."""
+        small = table.sizes <= LARGEST_MESSAGE_BYTES
+        if small.all():
+            return table
+        self.refused_size = True
+        for _ in range(int((~small).sum()) if count else 0):
+            self.faults.add(f"larger than {LARGEST_MESSAGE_BYTES >> 20} MB; record fewer samples per message")
+        return table.take(small)
+
+    def some(self, table: Table) -> list[Any]:
+        """The decoded messages of a short table, without those that do not decode."""
+        decoded = []
+        for data in table.messages():
+            with suppress(FieldError):
+                decoded.append(self.message(data))
+        return decoded
+
+    def read(self, table: Table, wants: list[Want]) -> list[list[FieldColumn]]:
+        """The columns of the table's messages, piece by piece."""
+        sizes = np.cumsum(table.sizes)
+        edges = np.searchsorted(sizes, np.arange(PIECE_BYTES, int(sizes[-1]) if sizes.size else 0, PIECE_BYTES))
+        cuts = np.unique([0, *edges.tolist(), len(table)]).tolist()
+        return [self.read_piece(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)]
+
+    def read_piece(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
+        if self.json is not None:
+            columns = self.json.read(table, wants)
+            return columns if columns is not None else self.read_slowly(table, wants)
+        if self.plan_of is None:
+            return self.read_slowly(table, wants)
+        return self._read_by_plans(table, wants)
+
+    def read_slowly(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
+        """Message by message through the library.  What gives no number is NaN (one number a message) or an empty batch."""
+        found: list[list[Any]] = [[] for _ in wants]
+        for data in table.messages():
+            try:
+                message = self.message(data)
+            except FieldError as problem:
+                self.faults.add(str(problem))
+                for values in found:
+                    values.append(None)
+                continue
+            for want, values in zip(wants, found, strict=True):
+                values.append(self._extract(message, want))
+        return [_column(values) for values in found]
+
+    def _extract(self, message: Any, want: Want) -> float | FloatArray | None:
+        try:
+            return extract(message, want.tokens)
+        except FieldError as problem:
+            self.faults.add(f"{want.path} {problem}{nearest(problem.name, problem.known) if problem.known else ''}")
+            return None
+
+    def _read_by_plans(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
+        """Layout by layout; messages for which no plan can be made go to the library."""
+        pieces: list[tuple[IntArray, list[FieldColumn]]] = []
+        rest = np.arange(len(table))
+        tried = 0
+        while rest.size:
+            while tried < len(self.plans):
+                plan = self.plans[tried]
+                tried += 1
+                right = table.sizes[rest] == plan.size
+                if right.any():
+                    fits = right.copy()
+                    fits[right], columns = _by_plan(plan, table.take(rest[right]))
+                    pieces.append((rest[fits], columns))
+                    rest = rest[~fits]
+            if rest.size and not self._learn(table.take(rest[:1]).messages()[0], wants):
+                slow = rest if self._given_up() else rest[:1]
+                pieces.append((slow, self.read_slowly(table.take(slow), wants)))
+                rest = rest[slow.size :]
+        return [_assemble(len(table), [(rows, columns[k]) for rows, columns in pieces]) for k in range(len(wants))]
+
+    def _given_up(self) -> bool:
+        return self.failures >= MOST_FAILURES or len(self.plans) >= MOST_PLANS
+
+    def _learn(self, data: bytes, wants: list[Want]) -> bool:
+        """Add the plan of the message `data`, if it has one and gives the numbers that the library gives."""
+        if self._given_up() or self.plan_of is None:
+            return False
+        try:
+            plan = self.plan_of(data, wants).freeze()
+            _, columns = _by_plan(plan, Table(data, np.zeros(1, np.int64), np.array([len(data)]), np.zeros(1, np.int64)))
+            message = self.decode(data)
+            for want, column in zip(wants, columns, strict=True):
+                truth = extract(message, want.tokens)
+                same = np.array_equal(np.atleast_1d(truth), column.values, equal_nan=True)
+                if not same or isinstance(truth, float) != (column.lengths is None):
+                    raise NoPlanError
+        except DECODE_ERRORS:
+            self.failures += 1
+            return False
+        self.plans.append(plan)
+        return True
+
+
+def _by_plan(plan: FrozenPlan, table: Table) -> tuple[NDArray[np.bool_], list[FieldColumn]]:
+    fits, numbers = plan.read(table)
+    columns = []
+    for place, values in zip(plan.places, numbers, strict=True):
+        lengths = np.full(values.shape[0], values.shape[1]) if place.batch else None
+        columns.append(FieldColumn(values.ravel(), lengths))
+    return fits, columns
+
+
+def _assemble(n: int, pieces: list[tuple[IntArray, FieldColumn]]) -> FieldColumn:
+    """One column of `n` messages from the columns of some of them each."""
+    if len(pieces) == 1:
+        return pieces[0][1]
+    if all(column.lengths is None for _, column in pieces):
+        values = np.full(n, np.nan)
+        for rows, column in pieces:
+            values[rows] = column.values
+        return FieldColumn(values)
+    lengths = np.zeros(n, np.int64)
+    for rows, column in pieces:
+        lengths[rows] = 1 if column.lengths is None else column.lengths
+    ends = np.cumsum(lengths)
+    values = np.full(int(ends[-1]) if n else 0, np.nan)
+    for rows, column in pieces:
+        values[spread(ends[rows] - lengths[rows], lengths[rows])] = column.values
+    return FieldColumn(values, lengths)
+
+
+def spread(starts: IntArray, lengths: IntArray) -> IntArray:
+    """starts[i], starts[i] + 1, ... for lengths[i] numbers, one after the other."""
+    before = np.cumsum(lengths) - lengths
+    return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))
+
+
+def _column(values: list[float | FloatArray | None]) -> FieldColumn:
+    """A column from what the messages gave: a number, a batch, or nothing (NaN, or an empty batch)."""
+    if not any(isinstance(value, np.ndarray) for value in values):
+        return FieldColumn(np.array([np.nan if value is None else value for value in values], np.float64))
+    batches = [np.zeros(0) if value is None else np.atleast_1d(value) for value in values]
+    return FieldColumn(np.concatenate(batches), np.array([batch.size for batch in batches], np.int64))
+
+
+def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None, PlanMaker | None]:
+    """(decoder of one message, maker of plans) of an encoding; (None, None) for one that is not known."""
+    if encoding == "json":
+        return json.loads, None
+    if encoding == "protobuf":
+        from mcap_protobuf.decoder import DecoderFactory as ProtobufFactory
+
+        from tirelog.readers.mcap.protobuf import protobuf_plan
+
+        decode = ProtobufFactory().decoder_for(encoding, schema)
+        if decode is None:
+            return None, None
+        descriptor = decode(b"").DESCRIPTOR
+        return decode, lambda data, wants: protobuf_plan(data, descriptor, wants)
+    if encoding == "cdr":
+        from mcap_ros2.decoder import DecoderFactory as Ros2Factory
+
+        from tirelog.readers.mcap.cdr import MOST_PARTS, cdr_plan, is_bounded, parse_definitions
+
+        with redirect_stderr(StringIO()):  # its parser writes there before it raises
+            decode = Ros2Factory().decoder_for(encoding, schema)
+        if decode is None:
+            return None, None
+        root, definitions = parse_definitions(schema.name, schema.data.decode())
+
+        def decode_bounded(data: bytes) -> Any:
+            if not is_bounded(data, root, definitions):
+                raise ValueError(f"more than {MOST_PARTS} structures")
+            return decode(data)
+
+        return decode_bounded, lambda data, wants: cdr_plan(data, root, definitions, wants)
+    return None, None

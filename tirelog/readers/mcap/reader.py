@@ -1,0 +1,224 @@
+"""MCAP logs from a path or a stream that cannot seek, in one pass.
+
+    stream --mcap_records--> chunks --mcap_walk--> messages by channel --mcap_decode--> numbers --mcap_topic, mcap_order--> RawBlock
+
+Groups have to be known before the first block: chunks are read ahead until every topic of the setup has shown its first message, or
+READ_AHEAD_BYTES = 1 << 23
+never decoded, so nothing foreign can stop the reading.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.exceptions import McapError
+
+from tirelog.data.setup import Setup
+from tirelog.errors import ReadError, nearest
+from tirelog.readers.base import Group, RawBlock, ReadReport
+from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder
+from tirelog.readers.mcap.records import RECORD_ERRORS, Chunk, Records
+from tirelog.readers.mcap.source import FieldError, Want, parse_path, split_source
+from tirelog.readers.mcap.topic import Topic
+from tirelog.readers.mcap.walk import Table, split
+
+READ_AHEAD_BYTES = 1 << 23
+EARLIEST_DATE_NS = 631_152_000_000_000_000  # 1990
+
+
+def open_mcap(source: Path | str | BinaryIO, setup: Setup, log_name: str, path: Path | None = None) -> McapLog:
+    """The log in a file or a stream; `log_name` is its name in messages.
+
+    `path` is the file that a stream reads, where there is one: from its end come the definitions that a damaged chunk took away.
+    ReadError where nothing in it can be read.
+    """
+    if isinstance(source, Path | str):
+        try:
+            return McapLog(open(source, "rb"), setup, log_name, Path(source))
+        except OSError as problem:
+            raise ReadError(f"cannot be opened ({problem.strerror}); a log is a readable file; mend the path", file=log_name) from None
+    return McapLog(source, setup, log_name, path)
+
+
+class McapLog:
+    """An open MCAP log (see `tirelog.readers.base.LogReader`)."""
+
+    def __init__(self, stream: BinaryIO, setup: Setup, log_name: str, path: Path | None) -> None:
+        self.report = ReadReport(format="mcap")
+        self.setup, self.log_name, self.path = setup, log_name, path
+        self.topics = self._topics()
+        self.records = Records(stream, self.report, log_name)
+        self.decoders: dict[int, ChannelDecoder | None] = {}
+        self.unknown: dict[int, int] = {}
+        self.origin_ns: int | None = None
+        self.samples = 0
+        self.source = self.records.chunks()
+        self.ahead: deque[Chunk] = deque()
+        self._read_ahead()
+        self.groups: tuple[Group, ...] = tuple(group.group for topic in self.topics.values() for group in topic.groups)
+
+    def _topics(self) -> dict[str, Topic]:
+        wants: dict[str, dict[str, Want]] = {}
+        for name, channel in self.setup.channels.items():
+            try:
+                topic, field = split_source(channel.source)
+                wants.setdefault(topic, {})[name] = parse_path(field)
+            except ReadError as problem:
+                self.report.losses.append(f"channel {name}: {problem.message}")
+        if not wants:
+            raise ReadError("; ".join(self.report.losses), file=self.log_name)
+        return {topic: Topic(topic, fields, self.setup, self.report) for topic, fields in wants.items()}
+
+    def _read_ahead(self) -> None:
+        """Chunks up to the one in which the last topic begins; then the groups of all topics."""
+        size = 0
+        while size < READ_AHEAD_BYTES and not all(topic.started for topic in self.topics.values()):
+            chunk = next(self.source, None)
+            if chunk is None:  # the end of the file has repeated definitions that damage took away
+                for earlier in self.ahead if self.unknown else ():
+                    self._start_topics(earlier)
+                break
+            self.ahead.append(chunk)
+            size += len(chunk.data)
+            self._start_topics(chunk)
+        if size >= READ_AHEAD_BYTES:
+            for topic in self.topics.values():
+                if not topic.started:
+                    topic.assume(self._group_count())
+        if not any(topic.groups for topic in self.topics.values()):
+            self._missing()
+            raise ReadError("; ".join(self.report.losses), file=self.log_name)
+
+    def _start_topics(self, chunk: Chunk) -> None:
+        for topic, decoder, table in self._messages(chunk, count=False):
+            if not topic.started:
+                self._start(topic, decoder, table)
+
+    def _group_count(self) -> int:
+        return sum(len(topic.groups) for topic in self.topics.values())
+
+    def _start(self, topic: Topic, decoder: ChannelDecoder, table: Table) -> None:
+        """Learn what a topic holds from the first of its messages that decodes."""
+        for row in range(min(len(table), 100)):
+            try:
+                message = decoder.message(table.take(slice(row, row + 1)).messages()[0])
+            except FieldError:
+                continue
+            metadata = next((c.metadata for c in self.records.channels.values() if c.topic == topic.name), {})
+            decimal = decoder.some(table.take(slice(row, row + 100))) if decoder.encoding == "json" else []
+            topic.start(message, int(table.log_time_ns[row]), metadata, self._group_count(), decimal)
+            self.report.losses += [f"channel {name}: {what}; mend source" for name, what in topic.failed.items()]
+            return
+
+    def _messages(self, chunk: Chunk, *, count: bool = True) -> Iterator[tuple[Topic, ChannelDecoder, Table]]:
+        """The messages of the topics wanted; topics that have not been met are started with them."""
+        tables, definitions, rest = split(chunk.data)
+        for opcode, body in definitions:
+            try:
+                self.records.define(opcode, body)
+            except RECORD_ERRORS as problem:
+                self.records.lose(f"a definition in the chunk at byte {chunk.offset} cannot be used ({problem}); copy the log again")
+        if rest and count:
+            self.records.lose(f"{rest} bytes at the end of the chunk at byte {chunk.offset} are no whole record; copy the log again")
+        for number, table in tables.items():
+            if number not in self.records.channels:
+                self._definitions_from_the_end()
+            if number not in self.records.channels:
+                self.unknown[number] = self.unknown.get(number, 0) + (len(table) if count else 0)
+                continue
+            topic = self.topics.get(self.records.channels[number].topic)
+            decoder = self._decoder(number) if topic is not None else None
+            if topic is not None and decoder is not None:
+                yield topic, decoder, decoder.of_bounded_size(table, count=count)
+
+    def _decoder(self, number: int) -> ChannelDecoder | None:
+        if number not in self.decoders:
+            channel = self.records.channels[number]
+            schema = self.records.schemas.get(channel.schema_id)
+            try:
+                self.decoders[number] = ChannelDecoder(channel.topic, channel.message_encoding, schema)
+            except ReadError as problem:
+                self.report.losses.append(problem.message)
+                self.decoders[number] = None
+        return self.decoders[number]
+
+    def _definitions_from_the_end(self) -> None:
+        """Channels and schemas that the summary at the end of the file repeats, once."""
+        if self.path is None:
+            return
+        path, self.path = self.path, None
+        try:
+            with path.open("rb") as stream:
+                from mcap.reader import SeekingReader
+
+                summary = SeekingReader(stream, record_size_limit=READ_AHEAD_BYTES).get_summary()
+        except (OSError, McapError, *RECORD_ERRORS):
+            return
+        if summary is not None:
+            self.records.schemas = {**summary.schemas, **self.records.schemas}
+            self.records.channels = {**summary.channels, **self.records.channels}
+
+    def blocks(self) -> Iterator[RawBlock]:
+        """Blocks of every group, in the order of log time within each."""
+        while self._feed_chunk():
+            if any(group.full for topic in self.topics.values() for group in topic.groups):
+                yield from self._emit(everything=False)
+        yield from self._emit(everything=True)
+        self._finish()
+
+    def _feed_chunk(self) -> bool:
+        """Feed the next chunk to its topics, and let go of it; False at the end of the log."""
+        chunk = self.ahead.popleft() if self.ahead else next(self.source, None)
+        if chunk is None:
+            return False
+        for topic, decoder, table in self._messages(chunk):
+            if not topic.started:
+                self._start(topic, decoder, table)
+            if topic.started:
+                topic.feed(table, decoder)
+        return True
+
+    def _emit(self, *, everything: bool) -> Iterator[RawBlock]:
+        groups = [group for topic in self.topics.values() for group in topic.groups]
+        if self.origin_ns is None:
+            self.origin_ns = min((first for group in groups if (first := group.first_stamp()) is not None), default=None)
+            if self.origin_ns is not None and self.origin_ns > EARLIEST_DATE_NS:
+                self.report.start = datetime.fromtimestamp(self.origin_ns / 1e9, UTC).isoformat()
+        for group in groups:
+            if self.origin_ns is not None and (everything or group.full):
+                for block in group.blocks(self.origin_ns, everything=everything):
+                    self.samples += next(iter(block.values.values())).size
+                    yield block
+
+    def _finish(self) -> None:
+        """What only the end of the log tells."""
+        for topic in self.topics.values():
+            refused = sum(group.refused for group in topic.groups)
+            if refused:
+                self.report.counts["messages_out_of_order"] = self.report.counts.get("messages_out_of_order", 0) + refused
+                self.report.losses.append(f"topic {topic.name}: {refused} samples came too late to be put in order and are left out")
+        for decoder in filter(None, self.decoders.values()):
+            for what, count in decoder.faults.count.items():
+                self.report.losses.append(f"{count} messages of {decoder.topic}: {what}")
+        if total := sum(self.unknown.values()):
+            self.report.losses.append(f"{total} messages belong to channels whose definition is lost; copy the log again")
+        self._missing()
+        if not self.samples:
+            raise ReadError("; ".join(self.report.losses) or "holds no samples; record it again", file=self.log_name)
+
+    def _missing(self) -> None:
+        """Say which topics of the setup the log does not have."""
+        known = sorted({channel.topic for channel in self.records.channels.values()})
+        for topic in self.topics.values():
+            if topic.started or any(loss.startswith(("topic", "the schema")) and f"{topic.name!r}" in loss for loss in self.report.losses):
+                continue
+            names = ", ".join(topic.wants)
+            has = f"; the log has {', '.join(known[:20])}" if known else ""
+            large = any(decoder.refused_size for decoder in self.decoders.values() if decoder and decoder.topic == topic.name)
+            decodes = f"has no message that decodes{f' and is at most {LARGEST_MESSAGE_BYTES >> 20} MB' if large else ''}"
+            state = decodes if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
+            self.report.losses.append(f"channel {names}: topic {topic.name!r} {state}{has}; mend source")

@@ -1,0 +1,137 @@
+"""`topic:field.path[index]`: what it means, and how a decoded message is read by it.
+
+"/tire:strain"            a number: one sample a message
+"/tire:data[3]"           one element (from 0)
+"/tire:samples"           a list of numbers: a batch of samples, in the order of time
+"/tire:data[3::16]"       a batch that is every 16th element (rows of 16 laid end to end)
+"/tire:rows[:][3]"        a batch over a list of lists; "/tire:rows[:].strain" over a list of objects
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tirelog.errors import ReadError
+from tirelog.vocabulary.arrays import FloatArray
+
+Token = str | int | slice
+
+
+@dataclass(frozen=True)
+class Want:
+    """One number, or one list of numbers, in each message of a topic."""
+
+    path: str
+    tokens: tuple[Token, ...]
+
+
+class FieldError(ValueError):
+    """A message that has no number at a path: `what` says why, `known` are the names that it has there."""
+
+    def __init__(self, what: str, known: tuple[str, ...] = (), name: str = "") -> None:
+        super().__init__(what)
+        self.known, self.name = known, name
+
+
+def split_source(source: str) -> tuple[str, str]:
+    """(topic, field path) of a source.  ReadError where it does not parse."""
+    match = re.fullmatch(r"(.+):((?:[^:\[\]]|\[[^\[\]]*\])+)", source.strip())
+    if match is None:
+        raise ReadError(f'source {source!r} names no field; allowed is "topic:field.path[index]"; mend source')
+    return match[1], match[2]
+
+
+def parse_path(path: str) -> Want:
+    """The tokens of a field path.  ReadError where it does not parse."""
+    tokens: list[Token] = []
+    end = 0
+    for match in re.finditer(r"\.?([A-Za-z_]\w*)|\[\s*([-\d:\s]*)\]", path):
+        if match.start() != end:
+            break
+        end = match.end()
+        if match[1]:
+            tokens.append(match[1])
+        elif re.fullmatch(r"\d+\s*", match[2]):
+            tokens.append(int(match[2]))
+        elif re.fullmatch(r"\d*\s*:?\s*\d*\s*(:\s*[1-9]\d*\s*)?", match[2]) and not re.fullmatch(r"\d+\s+\d+\s*", match[2]):
+            bounds = [int(part) if part.strip() else None for part in match[2].split(":")]
+            tokens.append(slice(*bounds) if len(bounds) > 1 else slice(None))
+        else:
+            break
+    else:
+        if end == len(path) and tokens:
+            return Want(path, tuple(tokens))
+    raise ReadError(f"field path {path!r} does not parse; allowed are names, [3], [3::16] and [:]; mend source")
+
+
+def number(value: Any) -> float:
+    """A number of a message as float64; null is a lost sample.  FieldError: it is something else."""
+    if value is None:
+        return float("nan")
+    if isinstance(value, bool | int | float):
+        try:
+            return float(value)
+        except OverflowError:
+            return float("nan")
+    kind = "text" if isinstance(value, str | bytes) else type(value).__name__
+    raise FieldError(f"holds {kind} where a number is expected")
+
+
+def extract(message: Any, tokens: tuple[Token, ...]) -> float | FloatArray:
+    """The number, or the batch of numbers shape (k,), at `tokens` of a decoded message.  FieldError where there is none."""
+    value = message
+    for at, token in enumerate(tokens):
+        if isinstance(token, slice):
+            items = _list(value)[token]
+            rest = tokens[at + 1 :]
+            return np.array([_scalar(item, rest) for item in items], np.float64)
+        value = _step(value, token)
+    if is_list(value):
+        return np.array([number(item) for item in value], np.float64)
+    return number(value)
+
+
+def _scalar(item: Any, tokens: tuple[Token, ...]) -> float:
+    found = extract(item, tokens)
+    if not isinstance(found, float):
+        raise FieldError("has lists within a list; allowed is one axis of time")
+    return found
+
+
+def _step(value: Any, token: str | int | slice) -> Any:
+    if isinstance(token, int):
+        items = _list(value)
+        if token >= len(items):
+            raise FieldError(f"has {len(items)} elements, and [{token}] is not one of them")
+        return items[token]
+    name = str(token)
+    if isinstance(value, dict):
+        if name not in value:
+            raise FieldError(f"has no field {name!r}", tuple(map(str, value)), name)
+        return value[name]
+    known = field_names(value)
+    if name not in known:
+        raise FieldError(f"has no field {name!r}", known, name)
+    return getattr(value, name)
+
+
+def field_names(value: Any) -> tuple[str, ...]:
+    """The names of the fields of a decoded ROS 2 or protobuf message."""
+    descriptor = getattr(value, "DESCRIPTOR", None)
+    if descriptor is not None:
+        return tuple(field.name for field in descriptor.fields)
+    return tuple(getattr(value, "__slots__", ()))
+
+
+def is_list(value: Any) -> bool:
+    return not isinstance(value, str | bytes | dict) and hasattr(value, "__len__") and hasattr(value, "__getitem__")
+
+
+def _list(value: Any) -> Any:
+    if not is_list(value) and not isinstance(value, bytes):
+        raise FieldError("is no list, so it has no index")
+    return value

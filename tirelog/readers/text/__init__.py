@@ -1,0 +1,1 @@
+"""Text logs of interrogators and loggers: layout by content, parsed in compiled passes."""

@@ -1,0 +1,171 @@
+"""A block of text cell by cell: rows of any width, and cells that are no numbers, with the line where each stands.
+
+    block --text_kernels.cells--> cells and their numbers --text_numbers: those that take a slower parser--> rows --> Parsed
+
+A row whose stamp cannot be read is left out; one of the wrong width keeps its place with NaN; a cell that is no number is NaN.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from decimal import Decimal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.readers.base import counted_floats
+from tirelog.readers.text.alike import LARGEST
+from tirelog.readers.text.digits import Block, bytes_of
+from tirelog.readers.text.kernels import cells, separated
+from tirelog.readers.text.numbers import cell_numbers
+from tirelog.readers.text.rows import ERROR_CODE, Parsed, Plan, joined, without_lost
+from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+
+def flat(plan: Plan, line: int, block: Block) -> Parsed:
+    """The block, which a newline ends, cell by cell; `line` is the number of its first line."""
+    layout = plan.layout
+    data = bytes_of(block)
+    text = np.array([kind not in ("number", "blank") for kind in layout.kinds])
+    lines, many = block.count(b"\n"), separated(data, ord(layout.separator))
+    starts, stops, first = np.empty(many, np.int64), np.empty(many, np.int64), np.empty(lines + 1, np.int64)
+    numbers, unread = np.empty(many), np.empty(many, bool)
+    cells(data, ord(layout.separator), ord(layout.decimal), text, starts, stops, first, numbers, unread)
+    hard = np.flatnonzero(unread)
+    if hard.size:
+        numbers[hard], unread[hard] = cell_numbers(block, starts[hard], stops[hard], layout.decimal)
+    out = _Rows(plan, line, block, data, starts, stops, first, numbers, unread).parsed()
+    for column in plan.gratings:
+        out.values[column] = without_lost(counted_floats(out.values[column], None))
+    return out
+
+
+@dataclass
+class _Rows:
+    """The cells of a block, on their way to columns.  Row i has the cells first[i] to first[i + 1]."""
+
+    plan: Plan
+    line: int
+    block: Block
+    data: NDArray[np.uint8]
+    starts: IntArray
+    stops: IntArray
+    first: IntArray
+    numbers: FloatArray
+    unread: NDArray[np.bool_]
+
+    def parsed(self) -> Parsed:
+        layout, columns = self.plan.layout, self.plan.columns
+        size = np.diff(self.first)
+        empty = (size == 1) & (self.starts[self.first[:-1]] == self.stops[self.first[:-1]])
+        good = ~empty
+        out = Parsed({})
+        stamps = self._stamps()
+        if stamps is not None:
+            readable = ~np.isnan(stamps) if stamps.dtype == np.float64 else stamps != MISSING
+            self._tell(out.bad_rows, good & ~readable, "no readable time")
+            good &= readable
+        wide = size >= self._least()
+        if not layout.ragged and not columns.peaks:
+            wide &= self._as_wide(size)
+        self._tell(out.bad_rows, good & ~wide, f"not {layout.width} cells")
+        rows = np.flatnonzero(good)
+        at = {k: self._column(rows, k, wide) for k in {*columns.values.values(), columns.number} if k is not None}
+        for k in columns.values.values():
+            out.values[k] = at[k]
+            self._tell_cells(out.bad_cells, rows[wide[rows]], k)
+        out.number = None if columns.number is None else at[columns.number]
+        out.stamps = None if stamps is None else stamps[rows]
+        if columns.errors is not None:
+            out.errors = self._errors(rows, columns.errors)
+        if columns.peaks:
+            self._peaks(out, rows)
+        out.size = rows.size
+        return out
+
+    def _least(self) -> int:
+        """Cells that a row needs: up to its stamp where rows differ in width anyway, up to the last column that is wanted where not."""
+        columns = self.plan.columns
+        used = [columns.number, columns.time, columns.clock, *([] if self.plan.layout.ragged else columns.values.values())]
+        return max((k for k in used if k is not None), default=-1) + 1
+
+    def _as_wide(self, size: IntArray) -> NDArray[np.bool_]:
+        """True for rows of the layout's width, but for blank cells at the end."""
+        width = self.plan.layout.width
+        blank = self.starts == self.stops
+        until = np.concatenate([[0], np.cumsum(~blank)])
+        beyond = until[self.first[1:]] - until[np.minimum(self.first[:-1] + width, self.first[1:])]
+        short = size < width
+        if self.plan.layout.kinds[width - 1] == "blank":
+            short = size < width - 1
+        return ~short & (beyond == 0)
+
+    def _column(self, rows: IntArray, k: int, wide: NDArray[np.bool_]) -> FloatArray:
+        """Column k of these rows, NaN where the row has no such cell or the wrong width."""
+        cell = self.first[rows] + k
+        there = (cell < self.first[rows + 1]) & wide[rows]
+        return np.where(there, self.numbers[np.minimum(cell, self.numbers.size - 1)], np.nan)
+
+    def _span(self, rows: IntArray, k: int) -> tuple[IntArray, IntArray]:
+        """(start, stop) of the cells of column k, empty where a row has none."""
+        cell = np.minimum(self.first[rows] + k, self.starts.size - 1)
+        there = self.first[rows] + k < self.first[rows + 1]
+        return self.starts[cell], np.where(there, self.stops[cell], self.starts[cell])
+
+    def _stamps(self) -> Nanoseconds | FloatArray | None:
+        columns = self.plan.columns
+        if columns.time is None:
+            return None
+        rows = np.arange(self.first.size - 1)
+        if columns.form != "number":
+            parts = [(columns.time, columns.form), (columns.clock, "hms")]
+            return joined([column_ns(self.data, *self._span(rows, k), form, self.plan.us) for k, form in parts if k is not None])
+        if not self.plan.exact:
+            return self._column(rows, columns.time, np.ones(rows.size, bool))
+        text = [self.block[a:b].decode("latin-1").replace(self.plan.layout.decimal, ".") for a, b in zip(*self._span(rows, columns.time))]
+        return np.array([_tick(cell) for cell in text], np.int64)
+
+    def _errors(self, rows: IntArray, k: int) -> IntArray:
+        cells = [self.block[a:b].decode("latin-1") for a, b in zip(*self._span(rows, k))]
+        return np.array([len(re.findall(ERROR_CODE, cell)) for cell in cells], np.int64)
+
+    def _peaks(self, out: Parsed, rows: IntArray) -> None:
+        """The flat list of peaks behind the other columns, and the counts in front of it."""
+        layout = self.plan.layout
+        begin = np.minimum(self.first[rows] + self.plan.peaks_at, self.first[rows + 1])
+        many = self.first[rows + 1] - begin
+        cell = np.repeat(begin - np.concatenate([[0], np.cumsum(many)[:-1]]), many) + np.arange(many.sum())
+        out.cells = self.numbers[cell]
+        out.first = np.concatenate([[0], np.cumsum(many)])
+        if layout.counts:
+            fronts = [self._column(rows, layout.counts_at + k, np.ones(self.first.size - 1, bool)) for k in range(layout.counts)]
+            out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64)
+        bad = np.flatnonzero(self.unread)
+        row = np.searchsorted(self.first, bad, side="right") - 1
+        for i, r in zip(bad.tolist(), row.tolist()):
+            out.bad_cells.append((self.line + r, self._text(i)))
+
+    def _tell(self, told: list[tuple[int, str]], rows: NDArray[np.bool_], why: str) -> None:
+        for i in np.flatnonzero(rows):
+            told.append((self.line + int(i), why))
+
+    def _tell_cells(self, told: list[tuple[int, str]], rows: IntArray, k: int) -> None:
+        cell = self.first[rows] + k
+        bad = np.flatnonzero(self.unread[np.minimum(cell, self.unread.size - 1)] & (cell < self.first[rows + 1]))
+        for i in bad:
+            told.append((self.line + int(rows[i]), self._text(int(cell[i]))))
+
+    def _text(self, cell: int) -> str:
+        shown = self.block[self.starts[cell] : self.stops[cell]].decode(self.plan.layout.encoding, errors="replace")
+        return repr(shown[:40])
+
+
+def _tick(cell: str) -> int:
+    """A decimal in units of 1e-9, MISSING where it is none that int64 holds."""
+    try:
+        value = Decimal(cell).scaleb(9)
+        return int(value) if abs(value) <= LARGEST else MISSING
+    except (ArithmeticError, ValueError):
+        return MISSING

@@ -1,0 +1,290 @@
+"""Compiled passes over the bytes of a text log.
+
+    rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row that is not like the others
+    cells      a block of anything to its cells, with the number in each
+    separated, collapsed      small helpers
+
+`rows` hands rows that are written like the one above to `alike`, and takes others cell by cell: it measures a cell's digits a word at
+a time and loads them as words; only a cell that is written otherwise is read byte by byte.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.readers.base import LOST_COUNT
+from tirelog.readers.text.alike import (
+    COUNT,
+    FLOAT,
+    LARGEST,
+    MARKS_LOST,
+    PLACES,
+    SKIP,
+    SLOT,
+    SPAN,
+    TICK,
+    TICK_PLACES,
+    TOO_WIDE,
+    WHAT,
+    Counts,
+    alike_rows,
+    learn,
+    unlearnt,
+)  # fmt: skip
+from tirelog.readers.text.digits import (
+    EXACT_POWERS,
+    NIBBLES,
+    POWERS,
+    WIDE,
+    Bytes,
+    Whole,
+    as_count,
+    as_float,
+    leading_digits,
+    number,
+    value_of,
+    word,
+)
+from tirelog.runtime import compiled
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+#: what is known about a cell: not yet anything, a number, that it is blank
+_UNREAD, _NUMBER, _BLANK = range(3)
+#: bytes at the end of a block that are not loaded as words
+_TAIL = 48
+
+#: rows that are read cell by cell before alike ones are looked for: at first, and at most, where none were found
+_SOON, _MOST_PATIENCE = 2, 256
+
+
+@compiled
+def collapsed(data: Bytes, out: Bytes) -> int:
+    """Copies `data` to `out` with one blank for each run of blanks and tabs, and none at the ends of lines; the bytes written."""
+    size, gap, begun = 0, False, False
+    for i in range(data.size):
+        byte = data[i]
+        if byte == 32 or byte == 9:
+            gap = True
+            continue
+        end = byte == 10 or (byte == 13 and (i + 1 == data.size or data[i + 1] == 10))
+        if gap and begun and not end:
+            out[size] = 32
+            size += 1
+        out[size] = byte
+        size += 1
+        gap, begun = False, byte != 10
+    return size
+
+
+@compiled
+def _after_blanks(data: Bytes, at: Whole, separator: int) -> Whole:
+    """The first place from `at` on that is neither carriage return nor, unless blanks separate, blank."""
+    while data[at] == 13 or (data[at] == 32 and separator != 32):
+        at += 1
+    return at
+
+
+@compiled
+def _is_lost(data: Bytes, start: Whole, stop: Whole) -> bool:
+    """True for a blank cell and for `nan` in any case."""
+    if stop - start == 3:
+        return data[start] | 32 == 110 and data[start + 1] | 32 == 97 and data[start + 2] | 32 == 110
+    return stop == start
+
+
+@compiled
+def _together(front: Whole, back: Whole, whole: Whole, behind: Whole) -> Whole:
+    """The number whose digits before and behind the decimal sign begin two words."""
+    front = (front & NIBBLES) << np.uint64(64 - 8 * whole)
+    if behind == 0:
+        return value_of(front)
+    back = (back & NIBBLES) << np.uint64(64 - 8 * behind)
+    if whole + behind <= 8:
+        return value_of((front >> np.uint64(8 * behind)) | back)
+    return value_of(front) * POWERS[behind] + value_of(back)
+
+
+@compiled
+def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
+    """True where a cell of so many digits, before and behind the decimal sign, is read from two words and fits the column."""
+    if not 1 <= whole <= 8:
+        return False
+    if what == COUNT:
+        return whole + places <= 9 and behind <= places
+    return what == FLOAT and whole + behind <= 15
+
+
+@compiled
+def rows(
+    data: Bytes, at: Whole, guides: IntArray, separator: int, decimal: int, least: int, rest: bool,
+    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray, hard: IntArray,
+) -> tuple[Whole, Whole, Whole]:  # fmt: skip
+    """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
+
+    guides  (columns, GUIDE): what, slot in the output, places of counts, whether 0 and -1 are lost,
+            set to 1 if a count could not hold a number
+    least   cells that a row has to have; `rest` allows cells behind the columns
+    begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans: (slots, n, 2)
+    hard    (h, 4): row, column, first byte, byte behind of cells that are left to the caller
+
+    Ends before a row of another width, before one whose tick is no plain number, or where `hard` has no room.  A newline ends `data`.
+    One long function, since an array that is passed on costs more than a cell.
+    """
+    width, used, safe = guides.shape[0], 0, data.size - _TAIL
+    pattern, template = unlearnt(width)
+    r, begin, kept, wait, patience = 0, at, 0, _SOON, _SOON
+    while True:
+        if wait == 0 and used == kept:  # the row above left nothing to the caller
+            first_row, many = r, learn(data, begin, at, guides, separator, decimal, pattern, template)
+            if many:
+                r, at = alike_rows(data, at, at - begin, pattern, template[:many], r, begins, counts, floats, ticks, spans)
+            patience = _SOON if r > first_row else min(2 * patience, _MOST_PATIENCE)
+            wait = patience
+        if r == begins.size:
+            return r, at, used
+        begin, kept, wait = at, used, max(wait - 1, 0)
+        begins[r] = at
+        if used + width > hard.shape[0] or at >= data.size or data[_after_blanks(data, at, separator)] == 10:
+            return r, begin, kept
+        ended = False
+        for c in range(width):
+            what, slot, places = guides[c, WHAT], guides[c, SLOT], guides[c, PLACES]
+            if at < safe and not ended and COUNT <= what <= FLOAT:
+                negative = data[at] == 45
+                first = at + negative
+                whole, behind = leading_digits(word(data, first)), np.int64(0)
+                point = first + whole
+                if data[point] == decimal:
+                    behind = leading_digits(word(data, point + 1))
+                end = point + behind + (behind > 0)
+                last = data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
+                if last and _fits(what, places, whole, behind):
+                    m = _together(word(data, first), word(data, point + 1), whole, behind)
+                    if what == COUNT:
+                        m *= POWERS[places - behind]
+                        count = -m if negative else m
+                        if (negative or m == 0) and guides[c, MARKS_LOST] and (m == 0 or m == POWERS[places]):
+                            count = LOST_COUNT
+                        counts[slot, r] = count
+                    else:
+                        value = m / EXACT_POWERS[behind]
+                        value = -value if negative else value
+                        if (negative or m == 0) and guides[c, MARKS_LOST] and (m == 0 or value == -1.0):
+                            value = np.nan
+                        floats[slot, r] = value
+                    at = end + (c + 1 < width)
+                    continue
+            m, e, state, negative = np.int64(0), np.int64(0), _BLANK if ended else _UNREAD, False
+            start = stop = at
+            if not ended and COUNT <= what <= TICK:
+                start = _after_blanks(data, at, separator)
+                m, e, stop = number(data, start, decimal)
+                if stop >= 0:
+                    end = _after_blanks(data, stop, separator)
+                    if data[end] == separator or data[end] == 10:
+                        at, negative, state = end, data[start] == 45, _NUMBER
+            if state == _UNREAD:
+                start = _after_blanks(data, at, separator)
+                at = start
+                while data[at] != separator and data[at] != 10:
+                    at += 1
+                stop = at
+                while stop > start and (data[stop - 1] == 32 or data[stop - 1] == 13):
+                    stop -= 1
+                if what != SPAN and _is_lost(data, start, stop):
+                    state = _BLANK
+            if what == COUNT:
+                count = LOST_COUNT
+                if state == _NUMBER:
+                    count = as_count(m, e, places)
+                    if count == WIDE:
+                        guides[c, TOO_WIDE], count = 1, 0
+                    elif guides[c, MARKS_LOST] and (count == 0 or count == -POWERS[places]):
+                        count = LOST_COUNT
+                counts[slot, r] = count
+            elif what == FLOAT:
+                value = np.nan
+                if state == _NUMBER:
+                    value, good = as_float(m, e, negative)
+                    state = _NUMBER if good else _UNREAD
+                    if guides[c, MARKS_LOST] and (value == 0.0 or value == -1.0):
+                        value = np.nan
+                floats[slot, r] = value
+            elif what == TICK:
+                up = e + TICK_PLACES
+                if state != _NUMBER or up < 0 or up > TICK_PLACES or abs(m) > LARGEST // POWERS[up]:
+                    return r, begin, kept
+                ticks[slot, r] = m * POWERS[up]
+            elif what == SPAN:
+                spans[slot, r, 0], spans[slot, r, 1], state = start, stop, _NUMBER
+            if state == _UNREAD and what != SKIP:
+                hard[used, 0], hard[used, 1], hard[used, 2], hard[used, 3] = r, c, start, stop
+                used += 1
+            if data[at] == 10:
+                ended = True
+                if c + 1 < least:
+                    return r, begin, kept
+            elif c + 1 < width:
+                at += 1
+        if data[at] == 13:
+            at = _after_blanks(data, at, separator)
+        while rest and data[at] != 10:
+            at += 1
+        if data[at] != 10:
+            return r, begin, kept
+        at += 1
+        r += 1
+
+
+@compiled
+def separated(data: Bytes, separator: int) -> int:
+    """Number of cells."""
+    total = 0
+    for byte in data:
+        total += (byte == 10) | (byte == separator)
+    return total
+
+
+@compiled
+def cells(
+    data: Bytes, separator: int, decimal: int, text: NDArray[np.bool_],
+    starts: IntArray, stops: IntArray, first: IntArray, numbers: FloatArray, hard: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Every cell of `data`, which a newline ends: where it is, without blanks around it, and the number in it.
+
+    text    (columns,) True where cells are no numbers
+    starts, stops, numbers, hard: (cells,) first byte, byte behind, number (NaN where blank), True where it is left to the caller
+    first   (rows + 1,) the cells of row i are first[i] to first[i + 1]
+    """
+    at: Whole = 0
+    cell, row = 0, 0
+    first[0] = 0
+    while at < data.size:
+        start: Whole = _after_blanks(data, at, separator)
+        stop: Whole = -1
+        m, e = np.int64(0), np.int64(0)
+        column = cell - first[row]
+        wanted = column >= text.size or not text[column]
+        if wanted:
+            m, e, stop = number(data, start, decimal)
+        end = _after_blanks(data, max(stop, start), separator)
+        if data[end] != separator and data[end] != 10:
+            stop = -1
+            while data[end] != separator and data[end] != 10:
+                end += 1
+        numbers[cell], hard[cell] = np.nan, False
+        if stop >= 0:
+            numbers[cell], good = as_float(m, e, data[start] == 45)
+            hard[cell] = not good
+        else:
+            stop = end
+            while stop > start and (data[stop - 1] == 32 or data[stop - 1] == 13):
+                stop -= 1
+            hard[cell] = wanted and not _is_lost(data, start, stop)
+        starts[cell], stops[cell] = start, stop
+        cell += 1
+        if data[end] == 10:
+            row += 1
+            first[row] = cell
+        at = end + 1

@@ -1,0 +1,281 @@
+"""Text logs: what an interrogator or a logger wrote, as blocks of the setup's channels.
+
+    path or stream --text_source--> whole lines --sniff--> Layout --text_columns--> Columns
+                   --text_parse, two blocks at once--> rows --here: lost samples, stamps, flags--> RawBlock
+
+What happens to a row that is not like the others: a cell that is no number is NaN and counted; a row of the wrong width keeps
+its place with NaN where its stamp can be read (or where the log has none) and is left out where not; a last row that is cut off
+is left out.  All three are losses, told with their first line.  Samples that the instrument marks as lost are NaN and counted.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
+from threading import Lock
+from typing import BinaryIO
+
+import numpy as np
+
+from tirelog.data.setup import Setup
+from tirelog.errors import ReadError
+from tirelog.readers.base import Group, RawBlock, ReadReport, Samples, lost_samples
+from tirelog.readers.text.columns import (
+    Columns,
+    assign,
+    decimals,
+    most_decimals,
+    placed,
+    resolution_s,
+    start_iso,
+    stated_units,
+)
+from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split
+from tirelog.readers.text.parse import Parsed, Plan, parse
+from tirelog.readers.text.peaks import GratingTracker
+from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
+from tirelog.readers.text.times import MISSING, month_first, unwrap_midnight
+from tirelog.readers.units_stated import with_stated_units
+from tirelog.vocabulary.arrays import FloatArray
+
+#: the name of the one group of a text log: all columns share the row's clock
+GROUP = "rows"
+#: threads that read and parse, and blocks that are read, parsed or wait to be used at one time
+_THREADS, _AHEAD = 2, 4
+#: stamps above this many seconds are kept as whole numbers until the first one is taken off
+_EXACT_ABOVE_S = 1e6
+
+_RATE = re.compile(r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?", re.I)
+
+
+def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> TextReader:
+    """A reader of the text log at a path or in a binary stream (which need not seek).
+
+    ReadError: no text, no rows, or none of the setup's channels in it.  SetupError: `[log] time` names no column.
+    """
+    return TextReader(ByteSource(source, log_name), setup, log_name)
+
+
+class TextReader:
+    """An open text log (`tirelog.readers.base.LogReader`)."""
+
+    def __init__(self, source: ByteSource, setup: Setup, name: str) -> None:
+        self.name, self._source = name, source
+        head = source.head()
+        if source.problem and not head.strip():
+            raise ReadError(f"{source.problem}; nothing before that could be unpacked; copy the log again", file=name)
+        self.layout = placed(sniff(head, name))
+        self.columns = assign(self.layout, setup, name)
+        setup, said = with_stated_units(setup, stated_units(self.layout, self.columns))
+        self.setup = setup
+        self._plan = _plan(self.layout, self.columns, setup)
+        self.report = ReadReport(format="text" if source.kind == "plain" else f"text, {source.kind}")
+        self.report.start = start_iso(self.layout, self.columns, self._plan.us)
+        self.report.remarks += said + _about_names(self.layout)
+        self.report.losses += [f"line {line} holds NUL bytes and was left out; copy the log again" for line in self.layout.damaged[:3]]
+        self.report.losses += [f"channel {channel}: {why}" for channel, why in self.columns.missing.items()]
+        channels = [c for c in setup.channels if c not in self.columns.missing]
+        self._tracker = GratingTracker({c: setup.channels[c] for c in self.columns.peaks}) if self.columns.peaks else None
+        self.groups = (self._group(tuple(channels)),)
+        self._origin: int | float | None = None
+        self._last_ns: int | None = None
+        self._bad: dict[str, list[tuple[int, str]]] = {"row": [], "cell": []}
+        self._seen: set[str] = set()
+
+    def _group(self, channels: tuple[str, ...]) -> Group:
+        columns, layout = self.columns, self.layout
+        places = {c: self._plan.places[column] for c, column in columns.values.items()}
+        places |= {c: max((decimals(layout, k) or 0 for k in range(self._plan.peaks_at, layout.width)), default=0) for c in columns.peaks}
+        counted = False
+        if columns.number is not None:
+            parts = [k for k in (columns.time, columns.clock) if k is not None]
+            stamps = [tuple(row[k] for k in parts) for row in layout.rows if len(row) > max(parts, default=0)]
+            counted = not parts or len(set(stamps)) < 0.7 * len(stamps)
+        return Group(GROUP, channels, _rate(layout), resolution_s(layout, columns), counted, places)
+
+    def blocks(self) -> Iterator[RawBlock]:
+        """All rows, block by block."""
+        try:
+            rows, line = 0, self.layout.first_line
+            with closing(self._parsed()) as blocks:
+                for parsed in blocks:
+                    self._bad["row"] += [(line + at, what) for at, what in parsed.bad_rows]
+                    self._bad["cell"] += [(line + at, what) for at, what in parsed.bad_cells]
+                    line += parsed.lines
+                    if parsed.size:
+                        rows += parsed.size
+                        yield self._block(parsed)
+            self._finish(rows, line)
+        finally:
+            self._source.close()
+
+    def _parsed(self) -> Generator[Parsed]:
+        """Parsed blocks in order, each read and parsed by one thread while others are used: all of that leaves the interpreter's lock.
+
+        What a thread has read is still near to its processor when it parses it.
+        """
+        blocks = enumerate(self._source.blocks(self.layout.skip, returns=self.layout.returns))
+        reading, early, number = Lock(), dict[int, Parsed](), 0
+        with ThreadPoolExecutor(_THREADS, "tirelog-text") as pool:
+            waiting = deque(pool.submit(self._next, blocks, reading) for _ in range(_AHEAD))
+            try:
+                while waiting:
+                    found = waiting.popleft().result()
+                    if found is not None:
+                        waiting.append(pool.submit(self._next, blocks, reading))
+                        early[found[0]] = found[1]
+                    while number in early:
+                        yield early.pop(number)
+                        number += 1
+            finally:
+                pool.shutdown(cancel_futures=True)  # who stops early waits for no more than what is being read
+
+    def _next(self, blocks: Iterator[tuple[int, bytearray]], reading: Lock) -> tuple[int, Parsed] | None:
+        """(number of the next block, what is in it), None behind the last one."""
+        with reading:
+            number, block = next(blocks, (0, None))
+        if block is None:
+            return None
+        parsed = parse(self._plan, self._whole(block))
+        self._source.reuse(block)
+        return number, parsed
+
+    def _whole(self, block: bytearray) -> bytearray:
+        """The block without a last row that is cut off."""
+        if block.endswith(b"\n"):
+            return block
+        start = block.rfind(b"\n") + 1
+        last = block[start:].decode(self.layout.encoding, errors="replace")
+        if not (self._source.problem or cut_off(self.layout, last)):
+            return block
+        self.report.counts["rows_cut_off"] = 1
+        return block[:start]
+
+    def _block(self, parsed: Parsed) -> RawBlock:
+        values: dict[str, Samples] = {channel: parsed.values[column] for channel, column in self.columns.values.items()}
+        flags: list[tuple[str, int, int, str]] = []
+        if self._tracker:
+            found, flags = self._tracker.follow(parsed)
+            values |= found
+        self._seen |= {channel for channel in self.columns.peaks if lost_samples(values[channel]) < parsed.size}
+        if parsed.errors is not None:
+            flags += self._errors(parsed)
+        self._count("rows", parsed.size)
+        ordered = {channel: values[channel] for channel in self.groups[0].channels}
+        return RawBlock(GROUP, ordered, self._stamps(parsed), parsed.number, tuple(flags))
+
+    def _stamps(self, parsed: Parsed) -> FloatArray | None:
+        """Seconds from the log's first stamp."""
+        stamps, factor = parsed.stamps, self.columns.time_factor
+        if stamps is None:
+            return None
+        if stamps.dtype == np.float64:
+            self._origin = float(stamps[0]) if self._origin is None else self._origin
+            return np.asarray((stamps - self._origin) * factor, np.float64)
+        ticks = np.asarray(stamps, np.int64)
+        if self.columns.form == "hms":
+            ticks, turns = unwrap_midnight(ticks, self._last_ns)
+            self._count("midnight_rollovers", turns)
+            self._last_ns = int(ticks[-1])
+        self._origin = int(ticks[0]) if self._origin is None else self._origin
+        return np.asarray((ticks - int(self._origin)) * (factor / 1e9), np.float64)
+
+    def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, str]]:
+        """Sample ranges whose rows carry error codes, for every channel: the codes do not say whose they are."""
+        codes = np.zeros(0, np.int64) if parsed.errors is None else parsed.errors
+        self._count("rows_with_error_codes", int((codes > 0).sum()))
+        self._count("error_codes", int(codes.sum()))
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], (codes > 0).astype(np.int8), [0]])))
+        spans = zip(edges[::2].tolist(), edges[1::2].tolist())
+        return [(channel, start, stop, "error_code") for start, stop in spans for channel in self.groups[0].channels]
+
+    def _count(self, what: str, number: int) -> None:
+        if number:
+            self.report.counts[what] = self.report.counts.get(what, 0) + number
+
+    def _finish(self, rows: int, line: int) -> None:
+        """The report, once all is read, which `line` is the first one behind."""
+        report = self.report
+        if "rows_cut_off" in report.counts:
+            report.losses.append(f"line {line}: the last row is cut off and was left out")
+        for what, sentence in (("row", "rows do not parse"), ("cell", "cells are no numbers")):
+            bad = self._bad[what]
+            self._count(f"bad_{what}s", len(bad))
+            if bad:
+                report.losses.append(f"{len(bad)} {sentence} (first in line {min(bad)[0]}: {min(bad)[1]})")
+        if self._source.endless:
+            report.losses.append(f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read")
+        if self._source.problem:
+            report.losses.append(f"{self._source.problem}; the rows before it were read")
+        if not rows:
+            raise ReadError("; ".join(report.losses or ["holds no rows"]) + "; check the recording", file=self.name)
+        for channel in self.columns.peaks:
+            if self._tracker and channel not in self._seen:
+                report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
+
+
+def _about_names(layout: Layout) -> list[str]:
+    """What was done about a header that is not as wide as the rows."""
+    if layout.counter:
+        return ["the header has one name fewer than the rows have cells; the first cell is taken for a row number without a name"]
+    if layout.misfit:
+        names, cells = len(layout.misfit), layout.width
+        return [f"the header's names are not used: it has {names} and the rows have {cells} cells; name columns #1 to #{cells}"]
+    return []
+
+
+def cut_off(layout: Layout, line: str) -> bool:
+    """True where a last line without its newline is shorter than the rows before it: in cells, in peaks, or in its last decimals."""
+    cells = split(line, layout.separator, layout.timed)
+    usual = layout.rows[:-1]
+    if not usual:
+        return len(cells) < layout.width
+    if layout.counts:
+        fronts = cells[layout.counts_at : layout.counts_at + layout.counts]
+        if len(fronts) < layout.counts or not all(cell.isdigit() for cell in fronts):
+            return True
+        if sum(map(int, fronts)) != filled(cells) - layout.counts_at - layout.counts:
+            return True
+    elif not layout.ragged and len(cells) < layout.width - (layout.kinds[layout.width - 1] == "blank"):
+        return True
+    last, column = cells[-1], len(cells) - 1
+    if layout.kinds[min(column, len(layout.kinds) - 1)] != "number" or (last and last.lower() in LOST_WORDS):
+        return False
+    if not is_number(last, layout.decimal):
+        return True
+    others = [row[column] for row in usual if len(row) > column and is_number(row[column], layout.decimal)]
+    others = [cell for cell in others if cell not in ("0", "-1")]
+    if last in ("0", "-1") and all(len(cell.split(layout.decimal)[0]) > 2 for cell in others):
+        return False  # a lost peak among wavelengths
+    lengths = {most_decimals([cell], layout.decimal) for cell in others}
+    return len(lengths) == 1 and most_decimals([last], layout.decimal) < lengths.pop()
+
+
+def _plan(layout: Layout, columns: Columns, setup: Setup) -> Plan:
+    us = columns.form == "dmy" and month_first([row[columns.time] for row in layout.rows if len(row) > (columns.time or 0)])  # type: ignore[index]
+    exact = False
+    if columns.form == "number" and columns.time is not None:
+        first = next((row[columns.time] for row in layout.rows if is_number(row[columns.time], layout.decimal)), "0")
+        exact = abs(float(first.replace(layout.decimal, "."))) * columns.time_factor > _EXACT_ABOVE_S
+    behind = [layout.counts_at + layout.counts - 1 if layout.counts else -1, columns.time, columns.clock, columns.number, columns.errors]
+    gratings = {column for channel, column in columns.values.items() if setup.channels[channel].kind.startswith("fbg_")}
+    places = {column: decimals(layout, column) for column in columns.values.values()}
+    return Plan(layout, columns, us, exact, max(k for k in behind if k is not None) + 1, tuple(sorted(gratings)), places)
+
+
+def _rate(layout: Layout) -> float | None:
+    """The sampling rate that a preamble tells."""
+    for line in layout.preamble:
+        if match := _RATE.search(line):
+            try:
+                return float(match[1].replace(",", ".")) * (1e3 if (match[2] or "").lower() == "khz" else 1.0) or None
+            except ValueError:
+                continue
+    return None
+
+
+__all__ = ["GROUP", "MISSING", "TextReader", "open_text"]

@@ -1,0 +1,145 @@
+"""Cells of a time column to nanoseconds, a whole column at once.
+
+    cells (bytes) --grouped by length, digits at fixed places--> int64 ns since 1970 or since midnight, MISSING where unreadable
+
+Forms, each recognized on its own cells (see `form_of`):
+    iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone        -> ns since 1970, UTC where an offset stands
+    dmy   14/04/2022 13:00:00.5, 14-04-2022, 14.04.2022 13:00 (day first; or month first, where a field above 12 proves it)
+    hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)                           -> ns since midnight
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.readers.text.time_kernel import (
+    AS_IT_IS,
+    DAY,
+    FRACTION,
+    HOUR,
+    MINUTE,
+    MONTH,
+    SECOND,
+    YEAR,
+    times_alike,
+)
+
+Nanoseconds = NDArray[np.int64]
+MISSING = np.iinfo(np.int64).min
+DAY_NS = 86_400 * 10**9
+
+_CLOCK = r"(?P<h>\d{1,2})(?P<s>[:\-.])(?P<m>\d{1,2})(?:(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
+_OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
+_FORMS = {
+    "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}})(?:[T _]+{_CLOCK}{_OFFSET})?"),
+    "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}})(?:[T _]+{_CLOCK}{_OFFSET})?"),
+    "hms": re.compile(r"(?P<h>\d{1,2})(?P<s>[:\-])(?P<m>\d{1,2})(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?:?"),
+}
+
+
+def form_of(cell: str) -> str | None:
+    """The form's name of one cell, None where it is no time."""
+    cell = cell.strip().strip('"')
+    return next((name for name, pattern in _FORMS.items() if pattern.fullmatch(cell)), None)
+
+
+def has_clock(cell: str) -> bool:
+    """False for a date alone."""
+    form = form_of(cell)
+    match = form and _FORMS[form].fullmatch(cell.strip().strip('"'))
+    return bool(match and match["h"])
+
+
+def fraction_digits(cell: str) -> int:
+    """Decimals of a time's seconds."""
+    form = form_of(cell)
+    match = form and _FORMS[form].fullmatch(cell.strip().strip('"'))
+    return len(match["frac"] or "") if match else 0
+
+
+def month_first(cells: list[str]) -> bool:
+    """True where dates like 04/14/2022 prove that the month stands first."""
+    pairs = [m for cell in cells if (m := _FORMS["dmy"].fullmatch(cell.strip().strip('"')))]
+    return any(int(m["M"]) > 12 for m in pairs) and not any(int(m["D"]) > 12 for m in pairs)
+
+
+def one_ns(cell: str, form: str, us: bool = False) -> int:
+    """Nanoseconds of one cell, MISSING where it is not of this form; `us` reads the month first."""
+    match = _FORMS[form].fullmatch(cell.strip().strip('"'))
+    if not match:
+        return MISSING
+    part = match.groupdict()
+    days = 0
+    if form != "hms":
+        month, day = (part["D"], part["M"]) if us and form == "dmy" else (part["M"], part["D"])
+        try:
+            days = int((np.datetime64(f"{part['Y']}-{int(month):02d}-{int(day):02d}") - np.datetime64("1970-01-01")).astype(int))
+        except ValueError:
+            return MISSING
+    hour, minute, second = (int(part[key] or 0) for key in ("h", "m", "sec"))
+    if hour > 24 or minute > 59 or second > 60:
+        return MISSING
+    seconds = hour * 3600 + minute * 60 + second - _offset_s(part.get("off"))
+    ns = (days * 86_400 + seconds) * 10**9 + int((part["frac"] or "0").ljust(9, "0"))
+    return ns if abs(ns) <= -(MISSING + 1) else MISSING
+
+
+def _offset_s(text: str | None) -> int:
+    """Seconds east of UTC of `Z` or `+02:00`."""
+    if not text or text == "Z":
+        return 0
+    digits = text[1:].replace(":", "")
+    return (1 if text[0] == "+" else -1) * (int(digits[:2]) * 3600 + int(digits[2:]) * 60)
+
+
+def column_ns(data: NDArray[np.uint8], starts: NDArray[np.int64], stops: NDArray[np.int64], form: str, us: bool = False) -> Nanoseconds:
+    """Nanoseconds of the cells data[starts:stops], shape (n,).
+
+    Cells of one length mostly share one layout, so that a digit's place is read once, from the first cell; cells that do not have
+    punctuation like that one are read one by one.
+    """
+    out = np.full(starts.size, MISSING, np.int64)
+    lengths = stops - starts
+    alike = lengths.size and (lengths == lengths[0]).all()
+    for length in lengths[:1] if alike else np.unique(lengths):
+        rows = np.flatnonzero(lengths == length)
+        cell = data[starts[rows[0]] : stops[rows[0]]]
+        match = _FORMS[form].fullmatch(cell.tobytes().decode("latin-1"))
+        done = np.zeros(rows.size, bool)
+        if match:
+            values = np.empty(rows.size, np.int64)
+            offset_s = _offset_s(match.groupdict().get("off"))
+            times_alike(data, starts[rows], cell, _roles(match, us and form == "dmy"), form != "hms", offset_s, values, done)
+            out[rows[done]] = values[done]
+        for i in rows[~done] if length else ():
+            out[i] = one_ns(data[starts[i] : stops[i]].tobytes().decode("latin-1"), form, us)
+    return out
+
+
+def _roles(match: re.Match[str], us: bool) -> NDArray[np.int64]:
+    """What each byte of a time is."""
+    fields = {"Y": YEAR, "M": DAY if us else MONTH, "D": MONTH if us else DAY, "h": HOUR, "m": MINUTE, "sec": SECOND, "frac": FRACTION}
+    roles = np.full(len(match[0]), AS_IT_IS, np.int64)
+    for key, text in match.groupdict().items():
+        if key in fields and text is not None:
+            roles[match.start(key) : match.end(key)] = fields[key]
+    return roles
+
+
+def unwrap_midnight(ns: Nanoseconds, last_ns: int | None) -> tuple[Nanoseconds, int]:
+    """(times of day made to run on past midnight, number of midnights met), following `last_ns`, the last time before."""
+    known = np.flatnonzero(ns != MISSING)
+    if not known.size:
+        return ns, 0
+    values = ns[known]
+    before = 0 if last_ns is None else last_ns // DAY_NS * DAY_NS
+    previous = np.concatenate([[values[0] if last_ns is None else last_ns - before], values[:-1]])
+    step = values - previous
+    # stamps that fall back by more than half a day have passed midnight; those that leap by as much fell back over it
+    turns = np.cumsum((step < -DAY_NS // 2).astype(np.int64) - (step > DAY_NS // 2))
+    out = ns.copy()
+    out[known] = values + before + turns * DAY_NS
+    return out, int(turns.max(initial=0))

@@ -1,0 +1,45 @@
+"""What the user asked a report for: paths and options, and the commands that repeat its numbers."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+from tirelog.storage.remote import shown
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the user gave: paths as typed, so that the commands on the page can be typed again, but for what an address keeps secret."""
+
+    logs: tuple[str, ...] = ()
+    setup: Path | None = None
+    model: Path | None = None
+    ladder: Path | None = None
+    campaign: Path | None = None
+    tables: tuple[Path, ...] = ()
+    channel: str | None = None
+    effects: Path | None = None
+
+    def command(self, name: str, *more: str, model: bool = False) -> str:
+        """A command line on the same logs."""
+        words = ["tirelog", name, *(self._logs() or ["LOG"]), *more]
+        words += ["--setup", str(self.setup)] if self.setup else []
+        if model:
+            words += ["--model", str(self.model or "M")]
+            words += ["--channel", self.channel] if self.channel else []
+            words += ["--effects", str(self.effects)] if self.effects else []
+        return shlex.join(words)
+
+    def _logs(self) -> list[str]:
+        return [shown(log) for log in self.logs]
+
+    def report_command(self) -> str:
+        """The page's own command line."""
+        words = ["tirelog", "report", *self._logs()]
+        single = {"--setup": self.setup, "--model": self.model, "--ladder": self.ladder, "--campaign": self.campaign,
+                  "--channel": self.channel, "--effects": self.effects}  # fmt: skip
+        words += [word for option, value in single.items() if value is not None for word in (option, str(value))]
+        words += [word for path in self.tables for word in ("--table", str(path))]
+        return shlex.join([*words, "-o", "report.html"])

@@ -1,0 +1,307 @@
+"""From a log to a run: the one way in for every command.
+
+    bytes --reader--> raw blocks --clock--> time axes
+                          \\--store--> run file        (one pass, bounded memory)
+
+`open_recording` is what commands call: a run is opened as it is; any other log is ingested first into a temporary run (uncompressed,
+in the folder for temporary files), so that a log, its run and standard input give the same rows by construction.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from tirelog import __version__
+from tirelog.data.plausibility import check
+from tirelog.data.recording import Recording
+from tirelog.data.setup import Setup, load_setup, setup_beside
+from tirelog.errors import ReadError, SetupError, UsageError
+from tirelog.readers.base import Group, LogReader, RawBlock
+from tirelog.runs.clock import ClockFit
+from tirelog.runs.store import RunWriter, is_run, open_run
+from tirelog.storage.remote import address, open_remote, shown
+from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
+
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+_HEAD_BYTES = 4096
+
+
+class _Stream(io.RawIOBase):
+    """A binary stream behind a head that was read before; counts, and where asked for hashes, what is read through it."""
+
+    def __init__(self, head: bytes, rest: BinaryIO, hashed: bool) -> None:
+        self._head, self._rest = head, rest
+        self._sha256 = hashlib.sha256() if hashed else None
+        self.size = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        if self._head:
+            got = min(len(self._head), len(buffer))
+            buffer[:got], self._head = self._head[:got], self._head[got:]
+        else:
+            got = self._rest.readinto(buffer) or 0  # type: ignore[attr-defined]  # every binary stream has it
+        if self._sha256 is not None:
+            self._sha256.update(memoryview(buffer)[:got])
+        self.size += got
+        return got
+
+    def finish(self) -> str:
+        """Read to the end (a reader may stop before it) and give the hash of the whole, '' where it was not asked for, or not to be had."""
+        buffer = bytearray(1 << 20)
+        try:
+            while self.readinto(buffer):
+                pass
+        except OSError:
+            return ""
+        return "" if self._sha256 is None else self._sha256.hexdigest()
+
+
+@dataclass
+class IngestSummary:
+    """What an ingest met, for the page it prints and for the provenance."""
+
+    log: str
+    format: str = ""
+    sha256: str = ""
+    bytes: int = 0
+    start: str | None = None
+    samples: dict[str, int] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    repairs: dict[str, dict[str, int]] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+
+    def provenance(self, setup: Setup) -> dict[str, Any]:
+        return {**self.__dict__, "version": __version__, "setup_file": setup.file}
+
+
+def _setup_for(log: str, setup: Setup | None) -> Setup:
+    """The setup given, or the one beside the log.  SetupError: there is none."""
+    if setup is not None:
+        return setup
+    beside = None if log == "-" or address(log) else setup_beside(log)
+    if beside is None:
+        what = "standard input has no setup beside it" if log == "-" else "no setup file beside the log"
+        raise SetupError(f"{what}; a setup says what the channels are; give one with --setup FILE", file=log)
+    return load_setup(beside)
+
+
+def _open(log: str) -> BinaryIO:
+    if log == "-":
+        return sys.stdin.buffer
+    url = address(log)
+    if url is not None:
+        return open_remote(url)
+    try:
+        return open(log, "rb")
+    except (OSError, ValueError) as problem:
+        raise _unreadable(log, problem) from None
+
+
+def _unreadable(log: str, problem: Exception) -> ReadError:
+    """A ReadError for what the system says of a log."""
+    what = getattr(problem, "strerror", None) or problem
+    return ReadError(f"cannot be read ({what}); a log is a file or '-'; give another path", file=log)
+
+
+def is_file(log: str) -> bool:
+    """True if `log` is a regular file, which can be read again and from any place; a pipe or device cannot."""
+    try:
+        return log != "-" and address(log) is None and stat.S_ISREG(os.stat(log).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: str) -> LogReader:
+    """The reader for what the bytes are; names and suffixes do not matter."""
+    if path is not None:
+        from tirelog.readers.hdf5.reader import open_hdf5
+
+        return open_hdf5(path, setup, log)
+    buffered = io.BufferedReader(stream, 1 << 20)
+    if head.startswith(MCAP_MAGIC):
+        from tirelog.readers.mcap.reader import open_mcap
+
+        return open_mcap(buffered, setup, log, Path(log) if is_file(log) else None)
+    from tirelog.readers.text.reader import open_text
+
+    return open_text(buffered, setup, log)
+
+
+@contextmanager
+def _hdf5_path(log: str, head: bytes, stream: _Stream) -> Iterator[Path | None]:
+    """Path of the HDF5 file, or None.  HDF5 needs a file to seek in: what is no file is copied to a temporary one."""
+    if not any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048)):
+        yield None
+    elif is_file(log):
+        yield Path(log)
+    else:
+        with temporary_folder() as folder:
+            path = folder / "log.h5"
+            with failed_writes(path), path.open("wb") as copy:
+                while part := _part(stream, log):
+                    copy.write(part)
+            yield path
+
+
+def _part(stream: _Stream, log: str) -> bytes:
+    """The next bytes of a log.  ReadError: it cannot be read on."""
+    try:
+        return stream.read(1 << 20) or b""
+    except OSError as problem:
+        raise _unreadable(log, problem) from None
+
+
+def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks: int | None = None, hashed: bool = False) -> IngestSummary:
+    """Write the run of `log` ('-' for standard input) to `path`, in one pass over its blocks (or the first `blocks` of them).
+
+    `hashed` has its sha256 in the provenance, which for a text log takes as long as reading it: for who keeps or prints it.
+    ReadError: nothing could be read.  SetupError: no setup, or it does not fit.  What was lost, though the rest could be read, is in the
+    summary's `losses` and in the run.
+    """
+    summary = IngestSummary(shown(log))
+    with _open(log) as raw:  # before its setup: a log that is not there is no log without a setup
+        setup = _setup_for(log, setup)
+        head = _read_head(raw, log)
+        if not head:
+            raise ReadError("is empty; a log has at least a header and samples; record it again", file=log)
+        stream = _Stream(head, raw, hashed)
+        with _hdf5_path(log, head, stream) as hdf5:
+            if hdf5 is not None and is_run(hdf5):
+                raise UsageError("is a run already; ingest takes a log; give the run's path to the other commands", file=log)
+            try:
+                reader = _reader(stream, head, hdf5, setup, log)
+            except OSError as problem:
+                raise _unreadable(log, problem) from None
+            _write(reader, reader.setup, path, summary, stream, compress, blocks)
+    return summary
+
+
+def _read_head(raw: BinaryIO, log: str) -> bytes:
+    """The first bytes, also of a pipe that hands out less than it is asked for."""
+    head = b""
+    try:
+        while len(head) < _HEAD_BYTES and (part := raw.read(_HEAD_BYTES - len(head))):
+            head += part
+    except OSError as problem:
+        raise _unreadable(log, problem) from None
+    return head
+
+
+def _blocks(reader: LogReader, summary: IngestSummary) -> Iterator[RawBlock]:
+    """The reader's blocks, up to where the system gives no more of the log, which is a loss.
+
+    ReadError: not even the first.
+    """
+    blocks, some = reader.blocks(), False
+    while True:
+        try:
+            block = next(blocks, None)
+        except OSError as problem:
+            if not some:
+                raise _unreadable(summary.log, problem) from None
+            what = problem.strerror or problem
+            summary.losses.append(f"cannot be read to its end ({what}); what follows is lost; copy it again")
+            return
+        if block is None:
+            return
+        some = True
+        yield block
+
+
+def _write(
+    reader: LogReader, setup: Setup, path: Path, summary: IngestSummary, stream: _Stream, compress: bool, blocks: int | None
+) -> None:
+    """Blocks through the clocks and into the run; then what only the end of the log tells."""
+    clocks = {group.name: _clock(group, setup) for group in reader.groups}
+    with failed_writes(path), RunWriter(path, setup, reader.groups, compress=compress) as writer:
+        whole = True
+        for number, block in enumerate(_blocks(reader, summary)):
+            if number == blocks:
+                whole = False
+                summary.remarks.append(f"only the first {sum(summary.samples.values())} samples were looked at")
+                break
+            rows = writer.append(block)
+            clocks[block.group].add(block.stamps_s, block.number, rows)
+            summary.samples[block.group] = summary.samples.get(block.group, 0) + rows
+        if not any(summary.samples.values()):
+            raise ReadError("holds no samples; a log has rows under its header; record it again", file=summary.log)
+        lost = {name: n for name, n in writer.flush().items() if _size(reader.groups, summary, name)}
+        report = reader.report
+        summary.format, summary.start, summary.counts = report.format, report.start, dict(report.counts)
+        summary.counts.update({f"lost_samples {name}": n for name, n in lost.items()})
+        summary.losses += report.losses
+        summary.remarks += report.remarks
+        for name, n in lost.items():
+            if n == _size(reader.groups, summary, name):
+                summary.remarks.append(f"channel {name} has no reading at all")
+        axes, flags = {}, {}
+        for name, clock in clocks.items():
+            axes[name], flags[name] = clock.axis(), clock.flags
+            summary.repairs[name] = dict(clock.repairs)
+            summary.remarks += clock.remarks
+        summary.remarks += _setup_remarks(setup, set(lost))
+        if whole:
+            summary.sha256, summary.bytes = stream.finish(), stream.size
+        writer.finish(axes, flags, summary.provenance(setup))
+
+
+def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
+    return next(summary.samples.get(group.name, 0) for group in groups if name in group.channels)
+
+
+def _clock(group: Group, setup: Setup) -> ClockFit:
+    """The clock of a group, with the rate that the setup declares for one of its channels or for the log."""
+    own = [setup.channels[name].sampling_rate_Hz for name in group.channels]
+    declared = next((rate for rate in own if rate is not None), setup.log.sampling_rate_Hz)
+    return ClockFit(file_rate_Hz=group.rate_Hz, setup_rate_Hz=declared, resolution_s=group.stamp_resolution_s, counted=group.counted)
+
+
+def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
+    """What the setup leaves open and a user should know once."""
+    alone = [
+        name
+        for name, channel in setup.channels.items()
+        if name in read and channel.kind == "fbg_strain" and channel.temperature_channel not in read
+    ]
+    return [f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"] if alone else []
+
+
+@contextmanager
+def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False) -> Iterator[Recording]:
+    """`log` (a run, a log, or '-') as a Recording, open as long as the context is; of a log only the first `blocks` where given.
+
+    A run has its log's sha256 in its provenance, a log only where `hashed`.
+    ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit (`plausibility`).
+    """
+    if is_file(log) and is_run(log):
+        with open_run(log, shown(log), setup) as recording:
+            yield check(recording)
+        return
+    with temporary_folder() as folder:
+        run = folder / "run.h5"
+        ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
+        with open_run(run, shown(log), setup, temporary=True) as recording:
+            yield check(recording)
+
+
+def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
+    """`ingest -o`: the run of `log`, compressed, whole under the name `output` or not at all."""
+    with whole_file(output) as part:
+        summary = ingest(log, setup, part, compress=True, hashed=True)
+        with open_run(part, log, setup) as recording:
+            summary.remarks += [remark for remark in check(recording).remarks if remark not in recording.remarks]
+        return summary

@@ -1,0 +1,157 @@
+"""The drive: manoeuvres become speed, wheel angle and conditions at every instant.
+
+    manoeuvres --rounded corners--> Drive on a 2 ms grid --quintic in time--> angle(t), speed(t), acceleration(t) at any sample
+    road, scatter ----------------> load(t) slow, roughness(distance) fast
+
+The speed is that of the tread through the patch, c = Omega R_e.  The wheel angle is its integral over R_e, zero at the log's start.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+from tirelog.simulation.scenario.schema import Scenario
+from tirelog.vocabulary.arrays import FloatArray
+
+#: step of the drive's own grid [s]
+STEP_S = 0.002
+GRAVITY_M_S2 = 9.80665
+#: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second (downwards) it is braking
+CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
+#: time constant of the body's pitch in the other form of the load transfer [s], and of a load that steps between manoeuvres
+PITCH_S, SETTLING_S = 0.35, 0.15
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One manoeuvre as driven: start and end in the log, regime, speeds and load factor (scatter between manoeuvres)."""
+
+    start_s: float
+    end_s: float
+    regime: str
+    speed_start_m_s: float
+    speed_end_m_s: float
+    load_factor: float
+
+
+def stretches(scenario: Scenario, random: np.random.Generator) -> list[Stretch]:
+    """The manoeuvres in order, regimes named, load scatter drawn."""
+    out: list[Stretch] = []
+    start, speed = 0.0, scenario.manoeuvres[0].speed_m_s
+    if scenario.manoeuvres[0].regime in ("drive", "standstill"):
+        speed = 0.0
+    for manoeuvre in scenario.manoeuvres:
+        acceleration = (manoeuvre.speed_m_s - speed) / manoeuvre.duration_s
+        factor = 1.0 + scenario.road.load_scatter * float(random.standard_normal())
+        regime = manoeuvre.regime or _regime(acceleration, manoeuvre.speed_m_s)
+        out.append(Stretch(start, start + manoeuvre.duration_s, regime, speed, manoeuvre.speed_m_s, factor))
+        start, speed = start + manoeuvre.duration_s, manoeuvre.speed_m_s
+    return out
+
+
+def _regime(acceleration: float, speed: float) -> str:
+    if abs(acceleration) < CRUISE_M_S2:
+        return "cruise" if speed > 0 else "standstill"
+    return "drive" if acceleration > 0 else "coast" if acceleration > BRAKE_M_S2 else "brake"
+
+
+def _rounded(values: FloatArray, width_s: float) -> FloatArray:
+    """`values` on the drive's grid, smoothed twice by a box: steps become smooth ramps, straight lines stay as they are."""
+    half = max(1, round(width_s / STEP_S / 4))
+    for _ in range(2):
+        padded = np.concatenate((np.full(half, values[0]), values, np.full(half, values[-1])))
+        total = np.concatenate(([0.0], np.cumsum(padded)))
+        values = (total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1)
+    return values
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Everything that moves, on the grid `time_s` (n,): speed [m/s], acceleration, relative load, regimes as stretches."""
+
+    time_s: FloatArray
+    speed: CubicSpline
+    angle: CubicSpline
+    load_factor: FloatArray
+    coasting: FloatArray
+    parts: tuple[Stretch, ...]
+    radius_m: float
+
+    def speed_at(self, time_s: FloatArray) -> FloatArray:
+        """Speed of the tread through the patch [m/s], never negative."""
+        return np.maximum(self.speed(np.clip(time_s, 0.0, self.time_s[-1])), 0.0)
+
+    def acceleration_at(self, time_s: FloatArray) -> FloatArray:
+        return self.speed(np.clip(time_s, 0.0, self.time_s[-1]), 1)
+
+    def angle_at(self, time_s: FloatArray) -> FloatArray:
+        """Wheel angle [rad], growing in the direction of rolling; before and after the log it goes on at the speed of the end."""
+        end = self.time_s[-1]
+        inside = np.clip(time_s, 0.0, end)
+        over = np.asarray(time_s) - inside
+        return self.angle(inside) + over * self.speed_at(inside) / self.radius_m
+
+    def load_factor_at(self, time_s: FloatArray) -> FloatArray:
+        return np.interp(time_s, self.time_s, self.load_factor)
+
+    @cached_property
+    def pitch_acceleration(self) -> FloatArray:
+        """The acceleration behind the body's pitch: a first-order lag [m/s^2], on the grid."""
+        share = STEP_S / (PITCH_S + STEP_S)
+        return lfilter([share], [1.0, share - 1.0], self.acceleration_at(self.time_s))
+
+    def times_of_angle(self, angle_rad: FloatArray) -> FloatArray:
+        """Times [s] at which the wheel angle is `angle_rad` (within the log), to 1e-9 s."""
+        grid = self.angle_at(self.time_s)
+        rising = np.concatenate(([True], np.diff(np.maximum.accumulate(grid)) > 0))
+        time = np.interp(angle_rad, grid[rising], self.time_s[rising])
+        for _ in range(4):
+            speed = np.maximum(self.speed_at(time), 1e-3)
+            time = np.clip(time - (self.angle_at(time) - angle_rad) * self.radius_m / speed, 0.0, self.time_s[-1])
+        return time
+
+
+def drive_of(scenario: Scenario, random: np.random.Generator) -> Drive:
+    """The scenario's manoeuvres as a Drive."""
+    parts = stretches(scenario, random)
+    radius = scenario.tire.rolling_radius_m
+    time = np.arange(0.0, parts[-1].end_s + STEP_S, STEP_S)
+    corners = np.array([0.0, *(p.end_s for p in parts)])
+    speeds = np.array([parts[0].speed_start_m_s, *(p.speed_end_m_s for p in parts)])
+    speed = np.maximum(_rounded(np.interp(time, corners, speeds), scenario.rounding_s), 0.0)
+    which = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(parts) - 1)
+    factor = _rounded(np.array([p.load_factor for p in parts])[which], 4 * SETTLING_S)
+    coasting = _rounded(np.array([float(p.regime == "coast") for p in parts])[which], scenario.rounding_s)
+    spline = CubicSpline(time, speed)
+    angle = spline.antiderivative()
+    angle.c /= radius
+    return Drive(time, spline, angle, factor, coasting, tuple(parts), radius)
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """The load's fluctuation along the road: relative, zero mean, correlated over some metres; a smooth function of the distance."""
+
+    step_m: float
+    values: FloatArray
+
+    def at(self, distance_m: FloatArray) -> FloatArray:
+        """Relative fluctuation at distances [m] from the log's start (linear between knots an eighth of the correlation apart)."""
+        return np.interp(distance_m, np.arange(self.values.size) * self.step_m, self.values)
+
+
+def roughness_of(scenario: Scenario, distance_m: float, random: np.random.Generator) -> Roughness:
+    """A Gaussian process of two cascaded first-order filters, so that its slope is finite; scaled to the scenario's standard deviation."""
+    step = scenario.road.correlation_m / 8
+    count = int(distance_m / step) + 64
+    share = np.exp(-step / scenario.road.correlation_m * 2)
+    white = random.standard_normal(count + 200)
+    values = lfilter([1 - share], [1.0, -share], lfilter([1 - share], [1.0, -share], white))[200:]
+    # variance of a white sequence after two equal first-order filters
+    variance = (1 - share) ** 4 * (1 + share**2) / (1 - share**2) ** 3
+    return Roughness(step, scenario.road.roughness * values / np.sqrt(variance))

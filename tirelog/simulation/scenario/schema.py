@@ -1,0 +1,235 @@
+"""What a scenario holds: what is driven, by which tire, seen by which sensors, with which effects planted.
+
+These dataclasses are the scenario file's schema (`file` reads it): a key is allowed if it is a field of its table, and a
+number must lie in the field's range.  Strengths of effects are in the units of the catalogue's own parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tirelog.simulation.scenario.planted import Planted
+
+TRUTHS = ("beam", "ring", "coupled_ring")
+CONTACTS = ("flat_road", "parabola")
+ROADS = ("flat", "step", "cleat", "sine", "profile")
+REGIMES = ("standstill", "cruise", "drive", "coast", "brake")
+#: channel kind -> unit in the file that the simulator writes
+SOURCE_UNITS = {
+    "fbg_strain": "nm",
+    "fbg_temperature": "nm",
+    "strain": "microstrain",
+    "radial_acceleration": "g",
+    "wheel_encoder": "V",
+    "vehicle_speed": "m/s",
+    "longitudinal_acceleration": "m/s^2",
+    "temperature": "degC",
+    "inflation_pressure": "Pa",
+    "vertical_load": "N",
+    "longitudinal_force": "N",
+}
+
+
+def _within(default: float | None, low: float, high: float) -> Any:
+    """A number in [low, high]."""
+    return field(default=default, metadata={"range": (low, high)})
+
+
+def _one_of(default: str, *allowed: str) -> Any:
+    return field(default=default, metadata={"allowed": allowed})
+
+
+@dataclass(frozen=True)
+class TrueTire:
+    """[tire].  What the setup says of the tire, and the stiffnesses that only the truth knows.
+
+    Beam: EJ, k, mu, patch half length L = L_ref (F / reference load)^exponent.  Ring (centre line of the belt at the rolling radius): EI,
+    k_w, k_v, damping, inflation through `width_belt_m`, tread stiffness of the one-sided contact.  `torsional_stiffness_N_m2` is
+    the sidewall's resistance to wind-up (absent: none is simulated).  Coupled ring: the ring's, with damping by rate, on a hub
+    (`hub_mass_kg`, `hub_inertia_kg_m2`), rubbing by `bristle_stiffness_N_m2` and `friction`; k_v resists its wind-up.
+    """
+
+    name: str = "215/45 R17"
+    unloaded_radius_m: float = _within(0.3126, 0.05, 3.0)
+    rolling_radius_m: float = _within(0.305, 0.05, 3.0)
+    section_height_m: float = _within(0.018, 1e-3, 0.2)
+    width_m: float = _within(0.215, 0.01, 2.0)
+    section_area_m2: float = _within(6.2e-4, 1e-6, 1.0)
+    viscosity_Pa_s: float = _within(2.0e3, 0.0, 1e9)
+    static_footprint_length_m: float | None = _within(None, 0.0, 2.0)
+    flexural_stiffness_N_m2: float | None = _within(None, 1e-3, 1e4)
+    foundation_stiffness_N_m2: float = _within(2.0e6, 1e3, 1e10)
+    line_mass_kg_m: float = _within(4.5, 0.0, 1e3)
+    patch_half_length_m: float = _within(0.058, 1e-3, 0.4)
+    reference_load_N: float = _within(3434.0, 1.0, 1e6)
+    patch_load_exponent: float = _within(0.5, 0.0, 3.0)
+    lever_arm_m: float = _within(3.0e-4, 0.0, 0.1)
+    damping_rate_1_s: float = _within(0.0, 0.0, 1e5)
+    contact: str = _one_of("flat_road", *CONTACTS)
+    radial_stiffness_N_m2: float = _within(6.3e5, 1e3, 1e9)
+    tangential_stiffness_N_m2: float = _within(6.3e5, 1e3, 1e9)
+    radial_damping_N_s_m2: float = _within(0.0, 0.0, 1e6)
+    tangential_damping_N_s_m2: float = _within(0.0, 0.0, 1e6)
+    width_belt_m: float = _within(0.14, 0.0, 2.0)
+    tread_stiffness_N_m2: float = _within(8.75e7, 1e5, 1e11)
+    torsional_stiffness_N_m2: float | None = _within(None, 1e3, 1e9)
+    hub_mass_kg: float = _within(20.0, 0.1, 1e4)
+    hub_inertia_kg_m2: float = _within(0.8, 1e-3, 1e4)
+    bristle_stiffness_N_m2: float = _within(1.9e6, 0.0, 1e10)
+    friction: float = _within(0.8, 0.0, 5.0)
+
+
+@dataclass(frozen=True)
+class TrueConditions:
+    """[conditions].  `warm_up_K` is the rise of the tire's temperature, first order with `warm_up_time_s`, from the log's start."""
+
+    load_N: float = _within(3434.0, 1.0, 1e6)
+    inflation_pressure_Pa: float = _within(2.2e5, 0.0, 1e8)
+    distance_km: float = _within(0.0, 0.0, 1e6)
+    water_depth_mm: float = _within(0.0, 0.0, 100.0)
+    driven: bool = True
+    warm_up_K: float = _within(0.0, -100.0, 200.0)
+    warm_up_time_s: float = _within(60.0, 0.1, 1e5)
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """[vehicle].  Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in braking, none in
+    coasting.  `suspension_damping_N_s_m` holds the coupled ring's hub against a body that stands still."""
+
+    mass_kg: float = _within(1500.0, 1.0, 1e5)
+    brake_share: float = _within(0.25, 0.0, 1.0)
+    rolling_drag: float = _within(0.012, 0.0, 1.0)
+    air_drag_kg_m: float = _within(0.4, 0.0, 100.0)
+    suspension_damping_N_s_m: float = _within(0.0, 0.0, 1e6)
+
+
+@dataclass(frozen=True)
+class Road:
+    """[road] and repeatability.  `roughness` relative standard deviation of the load along the road, correlated over `correlation_m`;
+    `load_scatter` relative standard deviation of the load from manoeuvre to manoeuvre.
+
+    What is rolled over (coupled ring only), in the words of a setup's [road]: `kind` "flat"; "step" (`height_m` over `ramp_m`); "cleat"
+    (`height_m`, `length_m` at its foot, ramps of `ramp_m` within it); "sine" (`amplitude_m` (1 - cos(2 pi x/`wavelength_m`))); "profile"
+    (`file`: two columns, distance and height, beside the scenario).  It begins `position_m` after the log's start, and comes again every
+    `spacing_m` (a cleat or a profile)."""
+
+    roughness: float = _within(0.0, 0.0, 0.2)
+    correlation_m: float = _within(2.0, 0.2, 100.0)
+    load_scatter: float = _within(0.0, 0.0, 0.2)
+    kind: str = _one_of("flat", *ROADS)
+    height_m: float | None = _within(None, -1.0, 1.0)
+    length_m: float | None = _within(None, 0.0, 100.0)
+    ramp_m: float | None = _within(None, 0.0, 100.0)
+    amplitude_m: float | None = _within(None, -1.0, 1.0)
+    wavelength_m: float | None = _within(None, 0.0, 1e4)
+    file: str | None = None
+    position_m: float | None = _within(None, 0.0, 1e6)
+    spacing_m: float | None = _within(None, 0.0, 1e6)
+
+
+@dataclass(frozen=True)
+class LoadStep:
+    """[[load_steps]] (coupled ring only).  From `time_s` on the wheel carries `load_N`, reached within `rise_s`."""
+
+    time_s: float = _within(0.0, 0.0, 1e5)
+    load_N: float = _within(3434.0, 1.0, 1e6)
+    rise_s: float = _within(0.02, 1e-3, 1e3)
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """[[manoeuvres]].  `duration_s` seconds to `speed_m_s` at constant acceleration, corners rounded over `Scenario.rounding_s`.
+    Without `regime` the acceleration decides: |a| < 0.15 m/s^2 cruise, > 0 drive, > -1.5 coast, else brake."""
+
+    duration_s: float = _within(5.0, 0.05, 1e5)
+    speed_m_s: float = _within(10.0, 0.0, 120.0)
+    regime: str | None = field(default=None, metadata={"allowed": REGIMES})
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """[channels.NAME].  One instrument channel.  `noise` and `quantisation` are in the unit that the file holds (nm, microstrain, g, V,
+    m/s, ...).  `angle_deg` is the place on the wheel.  `lost_fraction` of the samples is blank, in runs of `lost_run` on average;
+    `jitter_s` moves the moment of sampling about its stamp; `delay_s` is the telemetry's; `range` and `bits` clip and digitise.
+    Encoder: `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`), `missing_teeth`, `extra_teeth`."""
+
+    kind: str = ""
+    source: str = ""
+    sampling_rate_Hz: float = _within(2500.0, 1.0, 1e6)
+    angle_deg: float = _within(0.0, -360.0, 360.0)
+    surface: str = _one_of("outer", "outer", "inner")
+    noise: float = _within(0.0, 0.0, 1e6)
+    quantisation: float = _within(0.0, 0.0, 1e6)
+    lost_fraction: float = _within(0.0, 0.0, 0.9)
+    lost_run: float = _within(1.0, 1.0, 1e4)
+    jitter_s: float = _within(0.0, 0.0, 0.1)
+    gauge_length_m: float = _within(0.0, 0.0, 0.2)
+    lag_s: float = _within(0.0, 0.0, 1.0)
+    delay_s: float = _within(0.0, 0.0, 1.0)
+    bandwidth_Hz: float | None = _within(None, 1.0, 1e6)
+    baseline: float = _within(0.0, -0.1, 0.1)
+    reference_wavelength_nm: float = _within(1550.0, 100.0, 1e5)
+    strain_gain: float = _within(1.27, 0.1, 100.0)
+    thermal_expansion_1_K: float = _within(0.0, -1.0, 1.0)
+    temperature_sensitivity_nm_K: float = _within(0.010, 1e-6, 10.0)
+    temperature_channel: str | None = None
+    range: float | None = _within(None, 1e-9, 1e9)
+    bits: int | None = field(default=None, metadata={"range": (4, 32)})
+    steps: int = field(default=48, metadata={"range": (2, 10000)})
+    signal: str = _one_of("sine", "sine", "square", "counter")
+    amplitude: float = _within(1.0, 1e-6, 1e3)
+    offset: float = _within(0.0, -1e3, 1e3)
+    pitch_error_deg: float = _within(0.0, 0.0, 5.0)
+    pitch_seed: int = field(default=0, metadata={"range": (0, 2**31)})
+    missing_teeth: tuple[int, ...] = ()
+    extra_teeth: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """[ramp].  A static inflation test: from `start_Pa` at `begin_s` to `end_Pa` at `end_s`, with stops of `stop_length_s` at which
+    `leak_Pa` is lost; every grating's strain grows by `strain_per_Pa`, times 1 + bend x rise."""
+
+    start_Pa: float = _within(1.7e5, 0.0, 1e8)
+    end_Pa: float = _within(2.3e5, 0.0, 1e8)
+    begin_s: float = _within(1.0, 0.0, 1e5)
+    end_s: float = _within(13.0, 0.1, 1e5)
+    stops_s: tuple[float, ...] = ()
+    stop_length_s: float = _within(1.0, 0.05, 1e4)
+    leak_Pa: float = _within(0.0, 0.0, 1e6)
+    strain_per_Pa: float = _within(1.0e-8, -1e-5, 1e-5)
+    bend_1_Pa: float = _within(0.0, -1e-4, 1e-4)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A whole scenario.  `seed` decides every random number; `grid_points` the fineness of the truth; `knot_s` how often, in seconds of the
+    log, the waveform is solved anew (beam and ring); `step_s` the coupled ring's step in time, with an element of the belt for every eight
+    of the grid's points."""
+
+    manoeuvres: tuple[Manoeuvre, ...]
+    channels: Mapping[str, Sensor]
+    tire: TrueTire = TrueTire()
+    conditions: TrueConditions = TrueConditions()
+    vehicle: Vehicle = Vehicle()
+    road: Road = Road()
+    effects: tuple[Planted, ...] = ()
+    truth: str = "beam"
+    seed: int = 0
+    grid_points: int = 2048
+    knot_s: float = 0.05
+    step_s: float = 2.5e-5
+    rounding_s: float = 0.5
+    ramp: Ramp | None = None
+    load_steps: tuple[LoadStep, ...] = ()
+
+    def planted(self, name: str) -> Planted | None:
+        """The planted effect of that name, or None."""
+        return next((effect for effect in self.effects if effect.name == name), None)
+
+    @property
+    def duration_s(self) -> float:
+        return sum(m.duration_s for m in self.manoeuvres)

@@ -1,0 +1,1 @@
+"""From truth to a recorded log: sampling, encoder, accelerometer, and the writers."""

@@ -1,0 +1,207 @@
+"""From waveforms and the drive to the numbers in the log.
+
+World --chunks of knots--> tables (b, points) --six points in angle, four in time--> clean values (n,) at the moments of sampling
+      --noise, digits, lost samples--> values (n,) in the unit of the file, NaN where lost
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.simulation.scenario.drive import GRAVITY_M_S2
+from tirelog.simulation.scenario.schema import Scenario, Sensor
+from tirelog.simulation.sensors import ramp
+from tirelog.simulation.sensors.wheel import (
+    encoder_signal,
+    longitudinal_force,
+    pitch_table,
+    tread_angle,
+)
+from tirelog.simulation.steady.knots import LOAD_STEP, chunks
+from tirelog.simulation.steady.waveforms import World, family
+from tirelog.vocabulary.arrays import FloatArray
+
+#: kinds that ride on the tread and read a waveform
+RIDING = ("fbg_strain", "strain", "radial_acceleration")
+#: values of the unit in the file per SI unit, where they are not one
+PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / GRAVITY_M_S2}
+#: points around the sample in the angle's interpolation
+ANGLE_POINTS, TIME_POINTS = 6, 4
+
+
+def lagrange(place: FloatArray, points: int) -> FloatArray:
+    """Weights (points, n) of the interpolating polynomial at `place` in [0, 1) between the two middle ones of `points` equal steps."""
+    nodes = np.arange(points) - (points // 2 - 1)
+    weights = np.ones((points, place.size))
+    for i, node in enumerate(nodes):
+        for other in nodes:
+            if other != node:
+                weights[i] *= (place - other) / (node - other)
+    return weights
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where n samples lie in a table of b knots and `points` angles: first flat index (n,) and weights."""
+
+    index: NDArray[np.intp]
+    weights_time: FloatArray
+    weights_angle: FloatArray
+    width: int
+
+    @classmethod
+    def of(cls, knots: int, points: int, time_place: FloatArray, angle_turns: FloatArray) -> Places:
+        """`time_place` in knots from the table's first; `angle_turns` the tread angle in turns, zero at the patch centre."""
+        row = np.clip(np.floor(time_place).astype(np.intp), 1, knots - 3)
+        column = ((angle_turns + 0.5) % 1.0) * points
+        left = np.minimum(np.floor(column).astype(np.intp), points - 1)
+        width = points + ANGLE_POINTS
+        index = (row - 1) * width + left + 1
+        return cls(index, lagrange(time_place - row, TIME_POINTS), lagrange(column - left, ANGLE_POINTS), width)
+
+    def read(self, table: FloatArray) -> FloatArray:
+        """Values (n,) of a table (b, points) at the places."""
+        flat = np.pad(table, ((0, 0), (ANGLE_POINTS // 2, ANGLE_POINTS // 2)), mode="wrap").ravel()
+        total = np.zeros(self.index.size)
+        for i, weight in enumerate(self.weights_time):
+            row = np.zeros(self.index.size)
+            for j, share in enumerate(self.weights_angle):
+                row += share * flat[self.index + (i * self.width + j)]
+            total += weight * row
+        return total
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One sensor's moments of sampling: `stamp_s` what the log says, `moment_s` when the value was true (jitter, delay)."""
+
+    sensor: Sensor
+    stamp_s: FloatArray
+    moment_s: FloatArray
+
+
+def traces(scenario: Scenario, random: np.random.Generator) -> dict[str, Trace]:
+    """Every channel's moments."""
+    delay = scenario.planted("telemetry_delay")
+    out = {}
+    for name, sensor in scenario.channels.items():
+        stamp = np.arange(round(scenario.duration_s * sensor.sampling_rate_Hz)) / sensor.sampling_rate_Hz
+        moment = stamp + sensor.jitter_s * random.standard_normal(stamp.size) if sensor.jitter_s else stamp
+        late = sensor.delay_s
+        if delay is not None and sensor.kind == "radial_acceleration":
+            late += delay["delay_s"]
+        out[name] = Trace(sensor, stamp, moment - late)
+    return out
+
+
+def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArray]:
+    """Clean values in SI of every channel that rides on the tread, gravity and the vehicle's acceleration in the accelerometers'."""
+    riding = {name: trace for name, trace in moments.items() if trace.sensor.kind in RIDING}
+    if not riding:
+        return {}
+    start = min(float(trace.moment_s.min()) for trace in riding.values())
+    values = {name: np.zeros(trace.moment_s.size) for name, trace in riding.items()}
+    turns = {name: tread_angle(world, t.sensor, t.moment_s) / (2 * np.pi) for name, t in riding.items()}
+    end = max(float(trace.moment_s.max()) for trace in riding.values())
+    for chunk in chunks(world, start, end):
+        span = chunk.span
+        tables: dict[object, list[FloatArray]] = {}
+        for name, trace in riding.items():
+            here = np.flatnonzero((trace.moment_s >= span.start_s) & (trace.moment_s < span.end_s))
+            if not here.size:
+                continue
+            key = family(trace.sensor)
+            if key not in tables:
+                tables[key] = _parabola([world.waveform(solution, trace.sensor) for solution in chunk.solutions])
+            moment = trace.moment_s[here]
+            after = (moment - span.start_s) / span.step_s + 1.0
+            places = Places.of(chunk.knots, world.ring.points, after, turns[name][here])
+            values[name][here] = _with_load(places, tables[key], world.fluctuation(moment))
+    for name, trace in riding.items():
+        values[name] += _slow(world, trace, turns[name])
+    return values
+
+
+def _parabola(waves: list[FloatArray]) -> list[FloatArray]:
+    """Coefficients of the parabola in the load's relative fluctuation through the three waveforms."""
+    if len(waves) == 1:
+        return waves
+    middle, more, less = waves
+    return [middle, (more - less) / (2 * LOAD_STEP), (more + less - 2 * middle) / (2 * LOAD_STEP**2)]
+
+
+def _with_load(places: Places, tables: list[FloatArray], fluctuation: FloatArray) -> FloatArray:
+    value = places.read(tables[-1])
+    for table in reversed(tables[:-1]):
+        value = places.read(table) + fluctuation * value
+    return value
+
+
+def _slow(world: World, trace: Trace, turns: FloatArray) -> FloatArray:
+    """What is added to the waveform: the strain's baseline, or gravity and the vehicle's acceleration along the outward radius."""
+    if trace.sensor.kind != "radial_acceleration":
+        return world.baseline(trace.moment_s, trace.sensor)
+    angle = 2 * np.pi * turns
+    # an accelerometer feels acceleration minus gravity; outwards is down at the patch, and backwards towards the exit
+    return -GRAVITY_M_S2 * np.cos(angle) - world.drive.acceleration_at(trace.moment_s) * np.sin(angle)
+
+
+def vehicle_values(world: World, name: str, trace: Trace, tables: dict[str, FloatArray]) -> FloatArray:
+    """Clean values in SI of a channel that does not ride on the tread."""
+    time, kind, conditions = trace.moment_s, trace.sensor.kind, world.scenario.conditions
+    if kind == "wheel_encoder":
+        return encoder_signal(world, trace.sensor, time, tables[name])
+    if kind == "vehicle_speed":
+        return world.drive.speed_at(time) / (1.0 - world.slip(time))
+    if kind == "longitudinal_acceleration":
+        return world.drive.acceleration_at(time)
+    if kind == "vertical_load":
+        return world.load(time) * (1.0 + world.fluctuation(time))
+    if kind == "longitudinal_force":
+        return longitudinal_force(world, time)
+    if kind == "inflation_pressure":
+        course = world.scenario.ramp
+        return np.full(time.size, conditions.inflation_pressure_Pa) if course is None else ramp.pressure(course, time)
+    return world.temperature(time)
+
+
+def in_source_units(world: World, trace: Trace, clean: FloatArray) -> FloatArray:
+    """SI values as the file's unit, without noise.  FBG: the wavelength [nm] that P1 (1) turns back into the strain."""
+    sensor = trace.sensor
+    if sensor.kind == "fbg_strain":
+        warm = sensor.thermal_expansion_1_K * world.temperature(trace.moment_s)
+        return sensor.reference_wavelength_nm * (1.0 + (clean + warm) / sensor.strain_gain)
+    if sensor.kind == "fbg_temperature":
+        return sensor.reference_wavelength_nm + sensor.temperature_sensitivity_nm_K * clean
+    if sensor.kind == "temperature":
+        return clean + 20.0
+    return clean * PER_SI.get(sensor.kind, 1.0)
+
+
+def spoiled(sensor: Sensor, values: FloatArray, random: np.random.Generator) -> FloatArray:
+    """Noise, clipping, digits and lost samples (NaN)."""
+    if sensor.noise:
+        values = values + sensor.noise * random.standard_normal(values.size)
+    if sensor.range is not None:
+        values = np.clip(values, -sensor.range, sensor.range)
+        if sensor.bits is not None:
+            digit = 2.0 * sensor.range / 2**sensor.bits
+            values = np.round(values / digit) * digit
+    if sensor.quantisation:
+        values = np.round(values / sensor.quantisation) * sensor.quantisation
+    if sensor.lost_fraction:
+        begins = random.random(values.size) < sensor.lost_fraction / sensor.lost_run
+        lost = np.zeros(values.size, bool)
+        for start in np.flatnonzero(begins):
+            lost[start : start + int(random.geometric(1.0 / sensor.lost_run))] = True
+        values = np.where(lost, np.nan, values)
+    return values
+
+
+def pitch_tables(world: World) -> dict[str, FloatArray]:
+    """The tone wheel's pitch table of every encoder."""
+    encoders = {n: s for n, s in world.scenario.channels.items() if s.kind == "wheel_encoder"}
+    return {name: pitch_table(world, sensor) for name, sensor in encoders.items()}

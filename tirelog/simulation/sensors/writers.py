@@ -1,0 +1,162 @@
+"""A simulated log as files: the log itself by suffix, LOG.truth.json and the setup beside it.
+
+.csv .txt (also .gz): preamble, header, a row a sample, blank where a peak was lost.  .mcap: JSON, one sample a message, a topic a sampling
+rate.  .h5 .hdf5: a dataset a channel with its rate; counts with scale where the instrument has digits.  Files appear whole or not at all.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+
+import numpy as np
+
+from tirelog.errors import UsageError
+from tirelog.simulation.scenario.schema import SOURCE_UNITS, Sensor
+from tirelog.simulation.sensors.recording import setup_text
+from tirelog.simulation.simulate import Simulated
+from tirelog.storage.whole import all_or_none, whole_file
+from tirelog.vocabulary.arrays import FloatArray
+
+SUFFIXES = (".csv", ".txt", ".mcap", ".h5", ".hdf5")
+#: digits behind the point by kind, in the file's unit; gratings are written to 0.01 pm
+_DIGITS = {"fbg_strain": 5, "fbg_temperature": 5}
+_BLOCK = 1 << 15
+
+
+def suffix_of(path: Path) -> str:
+    """The suffix that decides the format (without .gz).  UsageError where none does."""
+    suffix = Path(path.stem).suffix if path.suffix == ".gz" else path.suffix
+    if suffix not in SUFFIXES or (path.suffix == ".gz" and suffix not in (".csv", ".txt")):
+        allowed = ", ".join(SUFFIXES)
+        raise UsageError(f"the suffix decides the format; allowed are {allowed} and .csv.gz; give -o another name", file=path)
+    return suffix
+
+
+def setup_of(path: Path) -> Path:
+    """Where the setup of a log stands: the log's name with the suffix .toml."""
+    return (path.with_suffix("") if path.suffix == ".gz" else path).with_suffix(".toml")
+
+
+def truth_of(path: Path) -> Path:
+    """Where the truth of a log stands: the log's name with .truth.json behind it."""
+    return path.with_name(path.name + ".truth.json")
+
+
+def write_log(simulated: Simulated, path: Path | str) -> list[Path]:
+    """Write the log, its truth and its setup.  The files written, the log first."""
+    path = Path(path)
+    suffix = suffix_of(path)
+    write = {".mcap": _write_mcap, ".h5": _write_hdf5, ".hdf5": _write_hdf5}.get(suffix, _write_text)
+    truth, beside = truth_of(path), setup_of(path)
+    with all_or_none():
+        with whole_file(path) as part:
+            setup = write(simulated, part, path.suffix == ".gz")
+        with whole_file(truth) as part:
+            part.write_text(json.dumps(simulated.truth, indent=1), encoding="utf-8")
+        with whole_file(beside) as part:
+            part.write_text(setup, encoding="utf-8")
+    return [path, truth, beside]
+
+
+def _sources(simulated: Simulated, make: dict[str, str] | None = None) -> dict[str, str]:
+    made = make or {}
+    return {name: sensor.source or made.get(name, name) for name, sensor in simulated.scenario.channels.items()}
+
+
+def _digits(sensor: Sensor) -> int:
+    if sensor.quantisation:
+        return max(0, int(np.ceil(-np.log10(sensor.quantisation) - 1e-9)) + (0 if np.log10(sensor.quantisation) % 1 == 0 else 1))
+    return _DIGITS.get(sensor.kind, 6)
+
+
+def _stamp_digits(rate_Hz: float) -> int:
+    """Digits behind the point that hold a sample's step to the last, at most nine."""
+    step = 1.0 / rate_Hz
+    return next((d for d in range(1, 9) if abs(round(step, d) - step) < 1e-9 * step), 9)
+
+
+def _write_text(simulated: Simulated, path: Path, zipped: bool) -> str:
+    """Comma-separated with a short preamble; every channel at one rate."""
+    import pandas as pd
+
+    scenario = simulated.scenario
+    rates = {sensor.sampling_rate_Hz for sensor in scenario.channels.values()}
+    if len(rates) > 1:
+        raise UsageError("text holds one sampling rate; allowed are .mcap and .h5 for several; give -o another suffix")
+    sources = _sources(simulated)
+    stamp = next(iter(simulated.stamp_s.values()))
+    columns = {"time_s": pd.Series(stamp).map(f"{{:.{_stamp_digits(next(iter(rates)))}f}}".format)}
+    for name, sensor in scenario.channels.items():
+        shape = f"{{:.{_digits(sensor)}f}}".format
+        columns[sources[name]] = pd.Series(simulated.channels[name]).map(shape, na_action="ignore").fillna("")
+    head = f"# tirelog simulate\n# sampling rate: {next(iter(rates)):g} Hz\n"
+    text = head + pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
+    data = text.encode("utf-8")
+    path.write_bytes(gzip.compress(data, 9, mtime=0) if zipped else data)
+    return setup_text(scenario, sources, "time_s")
+
+
+def _write_mcap(simulated: Simulated, path: Path, zipped: bool) -> str:
+    """JSON messages, one sample each; channels of one sampling rate share a topic and its clock."""
+    from mcap.writer import CompressionType, Writer
+
+    groups: dict[float, list[str]] = {}
+    for name, sensor in simulated.scenario.channels.items():
+        groups.setdefault(sensor.sampling_rate_Hz, []).append(name)
+    made = {}
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.ZSTD)
+        writer.start(profile="", library="tirelog simulate")
+        for rate, names in groups.items():
+            topic = "/tire" if len(groups) == 1 else f"/tire/{rate:g}_Hz"
+            made.update({name: f"{topic}:{name}" for name in names})
+            _write_topic(simulated, writer, topic, names)
+        writer.finish()
+    return setup_text(simulated.scenario, {**_sources(simulated), **made})
+
+
+def _write_topic(simulated: Simulated, writer: object, topic: str, names: list[str]) -> None:
+    """The messages of one topic; a lost sample is null."""
+    fields = {name: {"type": ["number", "null"]} for name in names}
+    schema = writer.register_schema(  # type: ignore[attr-defined]
+        name=topic.strip("/"), encoding="jsonschema", data=json.dumps({"type": "object", "properties": fields}).encode()
+    )
+    channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=schema)  # type: ignore[attr-defined]
+    digits = [_digits(simulated.scenario.channels[name]) for name in names]
+    texts = [_json_numbers(simulated.channels[name], d) for name, d in zip(names, digits, strict=True)]
+    stamps = np.round(simulated.stamp_s[names[0]] * 1e9).astype(np.int64).tolist()
+    for number, (stamp, *values) in enumerate(zip(stamps, *texts, strict=True)):
+        body = ",".join(f'"{name}":{value}' for name, value in zip(names, values, strict=True))
+        writer.add_message(channel, stamp, f"{{{body}}}".encode(), stamp, number)  # type: ignore[attr-defined]
+
+
+def _json_numbers(values: FloatArray, digits: int) -> list[str]:
+    return [f"{v:.{digits}f}" if v == v else "null" for v in values.tolist()]
+
+
+def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:
+    """A dataset a channel, `sampling_rate_Hz`, `unit`; 16-bit counts with `scale` and `offset` for an instrument of up to 16 bits.
+
+    The file is made in memory: HDF5 does not survive a disk that is full while it closes a file.
+    """
+    import h5py
+
+    sources = {name: s if s.startswith("/") else f"/{s}" for name, s in _sources(simulated).items()}
+    with h5py.File(path, "w", track_order=True, driver="core", backing_store=False) as file:
+        for name, sensor in simulated.scenario.channels.items():
+            values = simulated.channels[name]
+            scale = None
+            if sensor.bits is not None and sensor.bits <= 16 and sensor.range is not None and np.isfinite(values).all():
+                scale = 2.0 * sensor.range / 2**sensor.bits
+                values = np.clip(np.round(values / scale), -32768, 32767).astype(np.int16)
+            data = file.create_dataset(sources[name], data=values, chunks=(min(_BLOCK, max(values.size, 1)),), compression=9, shuffle=True)
+            data.attrs["sampling_rate_Hz"] = sensor.sampling_rate_Hz
+            data.attrs["unit"] = SOURCE_UNITS[sensor.kind]
+            if scale is not None:
+                data.attrs["scale"], data.attrs["offset"] = scale, 0.0
+        file.flush()
+        image = file.id.get_file_image()
+    path.write_bytes(image)
+    return setup_text(simulated.scenario, sources)

@@ -1,0 +1,1 @@
+"""Truth that is steady at every instant: beam and ring by difference operators."""

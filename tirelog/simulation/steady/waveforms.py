@@ -1,0 +1,203 @@
+"""The truth at given instants: conditions, the carcass's solution, and what a sensor reads round the wheel.
+
+Drive --instants--> Instants (b,) --loads, carcass--> w (b, points) --sensor--> strain or acceleration (b, points)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tirelog.simulation.scenario.drive import Drive, Roughness
+from tirelog.simulation.scenario.planted import Planted
+from tirelog.simulation.scenario.schema import Scenario, Sensor
+from tirelog.simulation.sensors import ramp
+from tirelog.simulation.steady.carcass import carcass, curvature_operator
+from tirelog.simulation.steady.contact import FlatRoad
+from tirelog.simulation.steady.loads import Friction, Instants, friction, parabola, pressure
+from tirelog.simulation.steady.operators import ComplexArray, Ring
+from tirelog.simulation.steady.strains import extra_strain, seen_by
+from tirelog.vocabulary.arrays import FloatArray
+
+#: the gravity in the catalogue's forms of load transfer and slip
+CATALOGUE_GRAVITY_M_S2 = 9.81
+#: the reference pressure of the planted effect `inflation` [Pa]
+REFERENCE_PRESSURE_PA = 2.0e5
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The carcass at b knots and one load: displacement `w` (b, points), contact edges (b,), slip onset (b,)."""
+
+    w: FloatArray
+    at: Instants
+    entry_m: FloatArray
+    exit_m: FloatArray
+    onset_m: FloatArray
+
+
+class World:
+    """One scenario with its drawn road: gives instants, solutions and waveforms."""
+
+    def __init__(self, scenario: Scenario, drive: Drive, roughness: Roughness) -> None:
+        self.scenario, self.drive, self.roughness = scenario, drive, roughness
+        self.ring = Ring(scenario.grid_points, 2.0 * np.pi * scenario.tire.rolling_radius_m)
+        self.curvature = curvature_operator(scenario, self.ring)
+        flat = scenario.truth == "ring" and scenario.tire.contact == "flat_road"
+        self.road = FlatRoad(scenario, self.ring) if flat else None
+
+    # ---- conditions -------------------------------------------------------------------------------------------------
+
+    def load(self, time_s: FloatArray) -> FloatArray:
+        """Load without the road's roughness [N]: scatter of the manoeuvres, load transfer, air."""
+        drive, scenario = self.drive, self.scenario
+        load = scenario.conditions.load_N * drive.load_factor_at(time_s)
+        transfer, air = scenario.planted("load_transfer"), scenario.planted("aero_load")
+        if transfer is not None:
+            pitch = drive.acceleration_at(time_s)
+            if transfer.other:
+                pitch = np.interp(time_s, drive.time_s, drive.pitch_acceleration)
+            load = load * (1.0 + transfer["coefficient"] * pitch / CATALOGUE_GRAVITY_M_S2)
+        if air is not None:
+            speed = drive.speed_at(time_s) / 30.0
+            load = load * (1.0 + air["coefficient"] * (0.8 * speed**1.6 if air.other else speed**2))
+        return load
+
+    def fluctuation(self, time_s: FloatArray) -> FloatArray:
+        """The road's relative fluctuation of the load."""
+        if not self.scenario.road.roughness:
+            return np.zeros_like(time_s)
+        return self.roughness.at(self.drive.angle_at(time_s) * self.drive.radius_m)
+
+    def slip(self, time_s: FloatArray) -> FloatArray:
+        """Longitudinal slip, braking positive: -a acceleration/g where traction is planted, else zero."""
+        effect = self.scenario.planted("traction")
+        if effect is None:
+            return np.zeros_like(time_s)
+        return np.clip(-effect["slip_per_g"] * self.drive.acceleration_at(time_s) / CATALOGUE_GRAVITY_M_S2, -0.95, 0.95)
+
+    def warmed(self, time_s: FloatArray) -> FloatArray:
+        """The planted drift's course: share of the final warming (0 to 1), or the warming in K where the temperature varies."""
+        effect = self.scenario.planted("thermal_drift")
+        if effect is None:
+            return np.zeros_like(time_s)
+        if self.scenario.conditions.warm_up_K:
+            rise = self.temperature(time_s)
+            return rise * (0.7 + 0.6 * rise / self.scenario.conditions.warm_up_K) if effect.other else rise
+        u = time_s / effect["time_constant_s"]
+        return 1.0 - 0.6 * np.exp(-2.2 * u) - 0.4 * np.exp(-0.45 * u) if effect.other else -np.expm1(-u)
+
+    def temperature(self, time_s: FloatArray) -> FloatArray:
+        """Rise of the tire's temperature since the log's start [K]."""
+        conditions = self.scenario.conditions
+        return -conditions.warm_up_K * np.expm1(-time_s / conditions.warm_up_time_s)
+
+    def half_length(self, load: FloatArray) -> FloatArray:
+        """Prescribed half length of the patch [m] at a load, and at the pressure where `inflation` is planted."""
+        tire, inflation = self.scenario.tire, self.scenario.planted("inflation")
+        length = tire.patch_half_length_m * (load / tire.reference_load_N) ** tire.patch_load_exponent
+        if inflation is not None:
+            ratio, power = self.scenario.conditions.inflation_pressure_Pa / REFERENCE_PRESSURE_PA, inflation["exponent"]
+            length = length * (1.0 - 1.3 * power * (ratio - 1.0) if inflation.other else ratio**-power)
+        return length
+
+    def instants(self, time_s: FloatArray, load_factor: Any = 1.0) -> Instants:
+        """What holds at `time_s` (b,), the load times `load_factor`."""
+        load = self.load(time_s) * load_factor
+        conditions = self.scenario.conditions
+        return Instants(
+            time_s,
+            self.drive.speed_at(time_s),
+            self.drive.acceleration_at(time_s),
+            load,
+            self.half_length(load),
+            self.slip(time_s),
+            self.warmed(time_s),
+            conditions.distance_km,
+            conditions.water_depth_mm,
+            self.scenario.tire.reference_load_N,
+        )
+
+    # ---- solutions --------------------------------------------------------------------------------------------------
+
+    def solve(self, at: Instants, start: FloatArray | None = None) -> Solution:
+        """The carcass at these instants."""
+        scenario, ring = self.scenario, self.ring
+        entry, exit_ = -at.half_length, at.half_length
+        if self.road is not None:
+            touch = self.road.touch(at)
+            base, entry, exit_ = touch.pressure, touch.entry_m, touch.exit_m
+            at = replace(at, half_length=0.5 * (exit_ - entry))
+        else:
+            base = parabola(ring, at.half_length, at.load)
+        p = pressure(ring, scenario.effects, base, at)
+        traction = scenario.planted("traction")
+        rubbed = friction(ring, traction, p, at) if traction is not None else None
+        radial, along = self._components(p, rubbed)
+        w = carcass(scenario, ring, at).displacement(radial, along, start)
+        onset = np.full(len(at), np.nan) if rubbed is None else rubbed.onset_m
+        return Solution(w, at, entry, exit_, onset)
+
+    def _components(self, p: FloatArray, rubbed: Friction | None) -> tuple[FloatArray, FloatArray | None]:
+        """Loads inwards and along the tread.  On the ring the road's force is vertical, not radial."""
+        if self.scenario.truth == "beam":
+            return (p, None) if rubbed is None else (p + rubbed.radial, None)
+        angle = self.ring.xi_m / self.scenario.tire.rolling_radius_m
+        radial, along = p * np.cos(angle), p * np.sin(angle)
+        if rubbed is not None:
+            radial = radial + rubbed.radial - rubbed.tangential * np.sin(angle)
+            along = along + rubbed.tangential * np.cos(angle)
+        return radial, along
+
+    # ---- what sensors read ------------------------------------------------------------------------------------------
+
+    def strain(self, solution: Solution, sensor: Sensor) -> ComplexArray:
+        """Transform of the tire's strain at the sensor's surface (b, m), before the sensor itself, without baseline."""
+        bent = self.curvature * self.ring.transform(solution.w)
+        extra = extra_strain(self.ring, self.scenario, solution.at, solution.exit_m)
+        lever = self.lever(sensor)
+        return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
+
+    def lever(self, sensor: Sensor) -> float:
+        """Signed lever arm [m], positive on the inner surface; shorter with wear."""
+        worn, conditions = self.scenario.planted("wear"), self.scenario.conditions
+        shorter = 1.0 - (worn["lever_loss"] * conditions.distance_km / 40000.0 if worn is not None else 0.0)
+        return self.scenario.tire.lever_arm_m * shorter * (1.0 if sensor.surface == "inner" else -1.0)
+
+    def waveform(self, solution: Solution, sensor: Sensor) -> FloatArray:
+        """What the sensor reads round the wheel, (b, points): strain, or radial acceleration outwards [m/s^2] without gravity."""
+        at, radius = solution.at, self.drive.radius_m
+        gauge, lag = self._sensor_effects(sensor)
+        if sensor.kind == "radial_acceleration":
+            spectrum = self.ring.transform(solution.w)
+            spin2 = (at.speed[:, None] / radius) ** 2
+            spectrum = -spin2 * (radius**2 * self.ring.derivatives[2] + self.ring.derivatives[0]) * spectrum
+            seen = seen_by(self.ring, spectrum, at.speed, None, lag, sensor.bandwidth_Hz)
+            return self.ring.inverse(seen) - spin2 * radius
+        spectrum = self.strain(solution, sensor)
+        seen = seen_by(self.ring, spectrum, at.speed, gauge, lag, sensor.bandwidth_Hz)
+        return self.ring.inverse(seen)
+
+    def _sensor_effects(self, sensor: Sensor) -> tuple[Planted | float | None, Planted | float | None]:
+        """Gauge length and lag: the planted effect, else the sensor's own (known) number, else None."""
+        gauge = self.scenario.planted("gauge_length") or sensor.gauge_length_m or None
+        return gauge, self.scenario.planted("sensor_lag") or sensor.lag_s or None
+
+    def baseline(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
+        """The strain's slow baseline: the sensor's own, inflation, tension's stretch, thermal drift."""
+        total = np.full_like(time_s, sensor.baseline)
+        if self.scenario.ramp is not None:
+            total = total + ramp.strain(self.scenario.ramp, time_s)
+        tension, drift = self.scenario.planted("belt_tension"), self.scenario.planted("thermal_drift")
+        if tension is not None:
+            total = total + tension["stretch_s2_m2"] * self.drive.speed_at(time_s) ** 2
+        if drift is not None:
+            total = total + drift["drift"] * self.warmed(time_s)
+        return total
+
+
+def family(sensor: Sensor) -> tuple[object, ...]:
+    """Sensors of one family share their waveforms."""
+    return sensor.kind == "radial_acceleration", sensor.surface, sensor.gauge_length_m, sensor.lag_s, sensor.bandwidth_Hz

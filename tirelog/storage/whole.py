@@ -1,0 +1,339 @@
+"""Output files that appear whole or not at all, and never in the place of an input.
+
+    with whole_file(path) as part:   write to `part`, beside `path`; on success it takes that name
+    with all_or_none():              several of them take their names together
+    with inputs_kept():              `taken_as_input(path)` -> no output may be that file
+
+What is there already decides how an output takes its name: a regular file is replaced and keeps its
+mode, a link is followed, a device or a pipe is written through.  Parts and temporary folders carry
+the machine, the process and its start in their names, so that the next start sweeps those whose
+process is gone, and nobody else's.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import re
+import secrets
+import shutil
+import stat
+import sys
+import tempfile
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+from tirelog.errors import OutputError, UsageError
+from tirelog.storage.remote import address, upload
+
+_ADVICE = {
+    errno.ENOENT: "the folder has to exist; make it or give another path",
+    errno.EACCES: "the folder has to be writable; give another path",
+    errno.EROFS: "the file system is read-only; give another path",
+    errno.ENOSPC: "the disk is full; make room or give another path",
+    errno.EDQUOT: "the quota is used up; make room or give another path",
+    errno.EFBIG: "no file may be so large here; raise the limit or give another path",
+    errno.EISDIR: "it is a folder; give the path of a file",
+    errno.EEXIST: "it is a file; give the path of a folder",
+    errno.EBADF: "it has been closed; leave it open, or give -o FILE",
+}
+#: bytes of an output's name that stand in its part's; the rest takes up to 70 of the system's 255
+_NAME_BYTES = 160
+#: machine and process namespace, process, its start, and what cannot be guessed
+_OWNER = r"(?P<machine>[0-9a-f]{8})-(?P<pid>\d{1,10})-(?P<start>\d{1,20})-[0-9a-f]{16}"
+_PART = re.compile(rf"\.(?P<name>.+)\.{_OWNER}\.part", re.DOTALL)
+_FOLDER = re.compile(rf"tirelog-{_OWNER}")
+#: paths that mean a stream that this process has open
+_OWN_STREAM = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
+_STREAMS = {"/dev/stdin": 0, "/dev/stdout": 1, "/dev/stderr": 2}
+
+_swept: set[Path] = set()
+_inputs: dict[tuple[int, int], str] | None = None
+_batch: list[tuple[Path, Path]] | None = None
+
+
+def output_error(path: Path | str, problem: Exception) -> OutputError:
+    """An OutputError for a failed write, with advice."""
+    number = _number(problem)
+    what = os.strerror(number) if number else getattr(problem, "strerror", None) or problem
+    return OutputError(f"cannot be written ({what}); {_ADVICE.get(number, 'give another path')}", file=path)
+
+
+def _number(problem: Exception) -> int:
+    """The system's error number, 0 where there is none.  HDF5 says it in its text, among pages of others."""
+    told = re.search(r"errno = (\d+)", str(problem))
+    return getattr(problem, "errno", None) or (int(told[1]) if told else 0)
+
+
+@contextmanager
+def failed_writes(path: Path | str) -> Iterator[None]:
+    """What the system and HDF5 raise where `path` cannot be written becomes an OutputError."""
+    try:
+        yield
+    except (OSError, RuntimeError) as problem:  # HDF5 raises either
+        if isinstance(problem, BrokenPipeError) or (isinstance(problem, RuntimeError) and not _number(problem)):
+            raise
+        raise output_error(path, problem) from problem
+
+
+# ---- names of what is not finished ----------------------------------------------------------------
+
+
+@cache
+def _machine() -> str:
+    """Eight digits for this machine and its processes: elsewhere their numbers mean nothing."""
+    told = [os.uname().nodename]
+    for read in (lambda: Path("/etc/machine-id").read_text(), lambda: os.readlink("/proc/self/ns/pid")):
+        with suppress(OSError, UnicodeDecodeError):
+            told.append(read())
+    return hashlib.sha256("\n".join(told).encode("utf-8", "surrogateescape")).hexdigest()[:8]
+
+
+def _started(pid: int) -> int | None:
+    """When the process began [ticks since the machine did], None if it has ended, 0 if not told."""
+    try:
+        state, *others = Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
+        return None if state in "ZX" else int(others[18])
+    except (OSError, ValueError, IndexError):
+        pass
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return None
+    except (OSError, OverflowError):
+        pass
+    return 0
+
+
+def _owner() -> str:
+    """This process, and what cannot be guessed, as part of a name."""
+    pid = os.getpid()
+    return f"{_machine()}-{pid}-{_started(pid) or 0}-{secrets.token_hex(8)}"
+
+
+def _gone(owner: re.Match[str]) -> bool:
+    """True where the process of this machine that chose the name has ended."""
+    if owner["machine"] != _machine():
+        return False
+    now, then = _started(int(owner["pid"])), int(owner["start"])
+    return now is None or (now != then and now > 0 and then > 0)
+
+
+def _cut(name: str) -> str:
+    return os.fsdecode(os.fsencode(name)[:_NAME_BYTES])
+
+
+def part_name(path: Path | str) -> Path:
+    """A new name beside `path` for what is not finished: tells its process, cannot be guessed."""
+    path = Path(path)
+    return path.with_name(f".{_cut(path.name)}.{_owner()}.part")
+
+
+def sweep_parts(folder: Path | str, names: Collection[str] | None = None) -> list[Path]:
+    """The parts in `folder` (of outputs `names`) that ended processes have left, now removed."""
+    wanted = None if names is None else {_cut(name) for name in names}
+    return _sweep(Path(folder), _PART, wanted)
+
+
+def _sweep(folder: Path, form: re.Pattern[str], names: Collection[str] | None = None) -> list[Path]:
+    """What in `folder` has a name of our `form` (for `names`) and no process, now removed."""
+    removed = []
+    try:
+        with os.scandir(folder) as entries:
+            ours = [(entry, found) for entry in entries if (found := form.fullmatch(entry.name))]
+            dead = [entry for entry, found in ours if (names is None or found["name"] in names) and _gone(found)]
+    except OSError:
+        return []
+    for entry in dead:
+        with suppress(OSError):
+            if entry.stat(follow_symlinks=False).st_uid != os.geteuid():
+                continue
+            if entry.is_dir(follow_symlinks=False):
+                shutil.rmtree(entry.path, ignore_errors=True)
+            else:
+                os.unlink(entry.path)
+            removed.append(Path(entry.path))
+    return removed
+
+
+def _sweep_once(folder: Path, form: re.Pattern[str]) -> None:
+    """`_sweep` at this process's first output in a folder: many outputs list it once."""
+    if (place := folder.absolute()) not in _swept:
+        _swept.add(place)
+        _sweep(place, form)
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """An own temporary folder; removed at the end, or by the next start if this process is killed."""
+    base = Path(tempfile.gettempdir())
+    _sweep_once(base, _FOLDER)
+    folder = base / f"tirelog-{_owner()}"
+    with failed_writes(folder):
+        folder.mkdir(mode=0o700)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+# ---- inputs ---------------------------------------------------------------------------------------
+
+
+@contextmanager
+def inputs_kept() -> Iterator[None]:
+    """While open (for one command), `whole_file` refuses what `taken_as_input` was told of."""
+    global _inputs
+    before, _inputs = _inputs, {}
+    try:
+        yield
+    finally:
+        _inputs = before
+
+
+def taken_as_input(place: Path | str | int, name: str | None = None) -> None:
+    """Remember the regular file at a path, or of a descriptor, as an input of this command."""
+    if _inputs is None:
+        return
+    with suppress(OSError, ValueError):
+        about = os.stat(place)
+        if stat.S_ISREG(about.st_mode):
+            _inputs.setdefault((about.st_dev, about.st_ino), name or str(place))
+
+
+def refuse_inputs(*outputs: Path | str | int, name: str | None = None) -> None:
+    """UsageError if one of the outputs, through links too, is a file that was taken as an input."""
+    for output in outputs if _inputs else ():
+        with suppress(OSError, ValueError):
+            about = os.stat(output)
+            if taken := _inputs and _inputs.get((about.st_dev, about.st_ino)):
+                same = "" if taken == str(output) else f" ({taken})"
+                raise UsageError(
+                    f"is an input of this command{same}; no output takes the place of an input; give another name",
+                    file=name or output,
+                )
+
+
+# ---- outputs --------------------------------------------------------------------------------------
+
+
+@contextmanager
+def whole_file(path: Path | str) -> Iterator[Path]:
+    """A path beside `path` to write to; it takes the name `path` when the block ends well, and is removed when it does not.
+
+    A link is followed; a device or pipe is opened now and written through at the end; a remote
+    address is uploaded to at the end.
+    UsageError: it is an input.  OutputError: folder missing or read-only, disk full.
+    """
+    url = address(path)
+    if url is not None:
+        with temporary_folder() as folder:
+            local = folder / (_cut(Path(path).name) or "result")
+            local.touch()
+            yield local
+            upload(local, url)
+        return
+    path = Path(path)
+    refuse_inputs(path)
+    if _streams(path):
+        with _written_through(path) as local:
+            yield local
+        return
+    with failed_writes(path):
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    target = Path(os.path.realpath(path)) if path.is_symlink() else path
+    _sweep_once(target.parent, _PART)
+    part = part_name(target)
+    held = False
+    try:
+        with failed_writes(path):
+            old = target.stat() if target.exists() else None
+            os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY, 0o600 if old else 0o666))
+            yield part
+            refuse_inputs(path)  # a setup beside a log is known once the log is read
+            with part.open("rb+") as stream:
+                if old is not None:
+                    os.fchmod(stream.fileno(), stat.S_IMODE(old.st_mode))
+                os.fsync(stream.fileno())
+            if _batch is None:
+                os.replace(part, target)
+            else:
+                _batch.append((part, target))
+                held = True
+    finally:
+        if not held:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+
+
+@contextmanager
+def all_or_none() -> Iterator[None]:
+    """What `whole_file` finishes inside takes its names together when the block ends well.
+
+    When it does not, all of it is removed.
+    """
+    global _batch
+    before, finished = _batch, list[tuple[Path, Path]]()
+    _batch = finished
+    try:
+        yield
+        for part, target in finished:
+            with failed_writes(target):
+                os.replace(part, target)
+    finally:
+        _batch = before
+        for part, _ in finished:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+
+
+def _stream_of(path: Path) -> int | None:
+    """The descriptor that the path means, None where it is an ordinary path."""
+    own = _OWN_STREAM.fullmatch(str(path))
+    return int(own[1]) if own else _STREAMS.get(str(path))
+
+
+def _streams(path: Path) -> bool:
+    """True if the path is neither a regular file nor a folder, or means an open stream."""
+    if _stream_of(path) is not None:
+        return True
+    try:
+        mode = path.stat().st_mode
+    except (OSError, ValueError):
+        return False
+    return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
+
+
+@contextmanager
+def _written_through(path: Path) -> Iterator[Path]:
+    """A temporary path whose bytes go to the device or pipe `path` at the end.
+
+    That is opened now, so that its reader sees an end also if nothing comes.
+    """
+    with failed_writes(path):
+        own = _stream_of(path)
+        refuse_inputs(path if own is None else own, name=str(path))
+        stream = os.fdopen(os.open(path, os.O_WRONLY | os.O_NOCTTY) if own is None else os.dup(own), "wb", buffering=0)
+    with stream, temporary_folder() as folder:
+        local = folder / (_cut(path.name) or "result")
+        local.touch()
+        yield local
+        with failed_writes(path), local.open("rb") as made:
+            if own is not None and sys.stdout is not None:
+                sys.stdout.flush()
+            while data := made.read(1 << 20):
+                while data:  # a pipe takes what it has room for
+                    data = data[os.write(stream.fileno(), data) :]
+
+
+def make_folder(path: Path | str) -> None:
+    """The folder for several output files, made where it is missing; a remote address needs none.  OutputError: it cannot be made."""
+    if address(path) is None:
+        try:
+            Path(path).mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            raise output_error(path, problem) from None

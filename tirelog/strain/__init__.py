@@ -1,0 +1,1 @@
+"""What a grating in the tire tells: speed, footprint, dissipation, inflation."""

@@ -1,0 +1,242 @@
+"""Compiled: least squares of a form against each passage's own samples, row by row.
+
+    a row of a window --distance of each sample--> the form's columns at the samples that are used, their values last
+        --all products--> gram (w + 1, w + 1), w columns --scaled Cholesky--> inverse of the passage's own block --> solution
+
+Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the quadratic ones by length and shift, of
+learning then the shared ones.  A table (g, c) has the same columns without the offset, on an even grid from `first_m` by `step_m`; one of
+them, `follows`, times `by_speed2` x (the row's squared speed - the table's) is added to the height's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tirelog.runtime import compiled
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+OWN, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
+#: columns of a fit: a passage's own and the quadratic ones
+FITTED = OWN + 2
+#: turns of a fit's quadratic terms
+ROUNDS = 4
+#: largest quadratic term [m^2]: half of the square of 15 mm
+MOST_BEND = 1.1e-4
+#: rows that arrays of columns have beyond the samples
+SPARE = 3
+
+
+@compiled
+def look_up(
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float, follows: int, wide: int,
+    columns: FloatArray, place: FloatArray,
+) -> tuple[int, float]:  # fmt: skip
+    """Fill `columns` and `place` (on the grid) of the samples of a row that are used; how many, and their mean, which is taken off.
+
+    `window`: centre (column), rate, speed, acceleration; `grid`: first and step, squared speed, shift, half window.
+    """
+    centre, rate, speed, acceleration = window[0], window[1], window[2], window[3]
+    first, step, square, shift, half_window = grid[0], grid[1], grid[2], grid[3], grid[4]
+    faster, top = by_speed2 * (speed**2 - square), table.shape[0] - 1.001
+    per_column, per_step, half = 1.0 / rate, 1.0 / step, 0.5 * acceleration
+    used, total = 0, 0.0
+    for k in range(values.size):
+        time, value = (k - centre) * per_column, values[k]
+        xi = time * (speed + half * time) - shift
+        if abs(xi) < half_window and not np.isnan(value):
+            place[used] = min(max((xi - first) * per_step, 0.0), top)
+            columns[used, OFFSET] = value
+            total += value
+            used += 1
+    middle = total / max(used, 1)
+    for k in range(used):
+        low, value = int(place[k]), columns[k, OFFSET]
+        share = place[k] - low
+        row, below, above = columns[k], table[low], table[low + 1]
+        for c in range(table.shape[1]):
+            row[c + 1] = below[c] + share * (above[c] - below[c])
+        row[HEIGHT] = row[1] + faster * row[follows + 1]
+        row[OFFSET], row[wide] = 1.0, value - middle
+    return used, middle
+
+
+@compiled
+def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
+    """Products of all pairs of columns and values, summed over the samples; `columns` has room for SPARE more than are used.
+
+    SPARE + 1 samples at a time: what is summed is loaded and stored once for all of them.
+    """
+    for i in range(wide + 1):
+        for j in range(i + 1):
+            gram[i, j] = 0.0
+    for k in range(used, used + SPARE):
+        for i in range(wide + 1):
+            columns[k, i] = 0.0
+    for k in range(0, used, SPARE + 1):
+        for i in range(wide + 1):
+            a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
+            for j in range(i + 1):
+                gram[i, j] += a * columns[k, j] + b * columns[k + 1, j] + c * columns[k + 2, j] + d * columns[k + 3, j]
+    for i in range(wide + 1):
+        for j in range(i):
+            gram[j, i] = gram[i, j]
+
+
+@compiled
+def own_inverse(gram: FloatArray, wide: int, sigma: float, odd_sd: float, lower: FloatArray, inverse: FloatArray) -> float:
+    """Inverse of a passage's own block, with what is known of damping and tilt (`odd_sd`, in heights) added; its rough height.
+
+    Scaled to a diagonal of one, which is lifted a little so that columns that cannot be told apart share what there is.
+    """
+    # oddness is a ratio to the height, whose rough size is the right side's
+    rough = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
+    prior = (sigma / (odd_sd * rough)) ** 2
+    scale = np.empty(OWN)
+    for i in range(OWN):
+        scale[i] = 1.0 / np.sqrt(max(gram[i, i] + (prior if i >= DAMPING else 0.0), 1e-300))
+    for i in range(OWN):
+        for j in range(i + 1):
+            value = gram[i, j] * scale[i] * scale[j]
+            if i == j:
+                value += (prior * scale[i] ** 2 if i >= DAMPING else 0.0) + 1e-13
+            for k in range(j):
+                value -= lower[i, k] * lower[j, k]
+            lower[i, j] = np.sqrt(max(value, 1e-16)) if i == j else value / lower[j, j]
+    for c in range(OWN):  # a column of the inverse: forward, then backward
+        for i in range(c, OWN):
+            value = 1.0 if i == c else 0.0
+            for k in range(c, i):
+                value -= lower[i, k] * inverse[k, c]
+            inverse[i, c] = value / lower[i, i]
+        for i in range(OWN - 1, c - 1, -1):
+            value = inverse[i, c]
+            for k in range(i + 1, OWN):
+                value -= lower[k, i] * inverse[k, c]
+            inverse[i, c] = value / lower[i, i]
+    for i in range(OWN):
+        for j in range(i + 1):
+            inverse[i, j] *= scale[i] * scale[j]
+            inverse[j, i] = inverse[i, j]
+    return rough
+
+
+@compiled
+def apply(inverse: FloatArray, right: FloatArray, out: FloatArray) -> None:
+    """`inverse` times the first OWN of `right`."""
+    for i in range(OWN):
+        value = 0.0
+        for j in range(OWN):
+            value += inverse[i, j] * right[j]
+        out[i] = value
+
+
+@compiled
+def bend(moved: float, height: float, rough: float) -> float:
+    """Coefficient of the quadratic column that belongs to the linear one's `moved`."""
+    size = 0.5 * moved**2 / height
+    return 0.0 if np.isnan(size) else min(max(size, -MOST_BEND * rough), MOST_BEND * rough)
+
+
+@compiled
+def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
+    """Squared residual that the coefficients `whole` (wide,) leave."""
+    left = gram[wide, wide]
+    for i in range(wide):
+        left -= 2.0 * whole[i] * gram[i, wide]
+        for j in range(wide):
+            left += whole[i] * gram[i, j] * whole[j]
+    return left
+
+
+@compiled
+def fitted(gram: FloatArray, inverse: FloatArray, rough: float, bends: FloatArray, whole: FloatArray) -> None:
+    """The solution (FITTED,) of a fit: linear about the form, what is quadratic in length and shift taken off in turns.
+
+    `bends` (3, OWN): the inverse times the right side, and times the two quadratic columns."""
+    for k, column in enumerate((FITTED, OWN, OWN + 1)):
+        apply(inverse, gram[column], bends[k])
+    for turn in range(ROUNDS + 1):
+        for i in range(OWN):
+            whole[i] = bends[0, i] - (bends[1, i] * whole[OWN] + bends[2, i] * whole[OWN + 1] if turn else 0.0)
+        whole[OWN], whole[OWN + 1] = bend(whole[LENGTH], whole[HEIGHT], rough), bend(whole[SHIFT], whole[HEIGHT], rough)
+
+
+@compiled
+def fit_rows(
+    values: FloatArray, window: FloatArray, number: IntArray, tables: FloatArray, grids: FloatArray, sigma: float, odd_sd: float
+) -> FloatArray:
+    """Each row of `values` (n, m) against the form `number` (n,) of the `tables` (k, g, FITTED) on `grids` (k, 5); `window` (n, 4).
+
+    (n, 10): the solution's OWN, the linear height's errors of length and shift, squared residual over sigma^2, samples used; NaN where
+    there are too few samples.  The offset is the values' own.
+    """
+    wide = tables.shape[2]
+    out = np.full((values.shape[0], OWN + 4), np.nan)
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
+    gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
+    bends, whole = np.empty((3, OWN)), np.empty(FITTED)
+    for row in range(values.shape[0]):
+        k = number[row]
+        used, middle = look_up(values[row], window[row], tables[k], grids[k], 1.0, wide - 1, wide, columns, place)
+        out[row, OWN + 3] = used
+        if used < FITTED:
+            continue
+        products(columns, used, wide, gram)
+        rough = own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        fitted(gram, inverse, rough, bends, whole)
+        for i in range(OWN):
+            out[row, i] = whole[i]
+        out[row, OFFSET] += middle
+        out[row, OWN] = np.sqrt(inverse[LENGTH, LENGTH])
+        out[row, OWN + 1] = np.sqrt(inverse[SHIFT, SHIFT])
+        out[row, OWN + 2] = max(quadratic_form(gram, wide, whole), 0.0) / sigma**2
+    return out
+
+
+@compiled
+def class_sums(
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float, follows: int, sigma: float,
+    odd_sd: float, cells: int,
+) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """What the rows of one class of speed say of the columns behind their own, which all passages share; each row's own are eliminated.
+
+    `table` (g, OWN - 1 + s).  (s, s + 2): normal matrix, right side, how far the length's column goes with them, all but the last over
+    sigma^2; (n, OWN + 2): own solutions, squared residual over sigma^2, samples used; (2, cells): sums of residuals over heights by place
+    in the window, and how many.
+    """
+    wide = table.shape[1] + 1
+    shared = wide - OWN
+    sums, rows, left = np.zeros((shared, shared + 2)), np.zeros((values.shape[0], OWN + 2)), np.zeros((2, cells))
+    columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
+    gram, lower, inverse = np.empty((wide + 1, wide + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
+    cross, own = np.empty((shared, OWN)), np.empty(OWN)
+    per_cell = cells / (2.0 * grid[4])
+    for row in range(values.shape[0]):
+        used, _ = look_up(values[row], window[row], table, grid, by_speed2, follows, wide, columns, place)
+        rows[row, OWN + 1] = used
+        if used < OWN:
+            continue
+        products(columns, used, wide, gram)
+        own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        apply(inverse, gram[wide], own)
+        for i in range(OWN):
+            rows[row, i] = own[i]
+        for s in range(shared):
+            apply(inverse, gram[OWN + s], cross[s])
+            sums[s, shared + 1] -= cross[s, LENGTH]
+        for s in range(shared):
+            for t in range(shared + 1):
+                other = OWN + t if t < shared else wide
+                value = gram[OWN + s, other]
+                for i in range(OWN):
+                    value -= gram[OWN + s, i] * (cross[t, i] if t < shared else own[i])
+                sums[s, t] += value * (own[HEIGHT] ** 2 if t < shared else own[HEIGHT]) / sigma**2
+        for k in range(used):
+            residual = columns[k, wide]
+            for i in range(OWN):
+                residual -= columns[k, i] * own[i]
+            rows[row, OWN] += (residual / sigma) ** 2
+            cell = min(int((grid[0] + place[k] * grid[1] + grid[4]) * per_cell), cells - 1)
+            left[0, cell] += residual / own[HEIGHT]
+            left[1, cell] += 1.0
+    return sums, rows, left

@@ -1,0 +1,213 @@
+"""Compiled: a traction beside a passage's form, for each of many onsets (`slip_onset`).
+
+    columns and products of a row (`kernels`) + a traction's wave for each onset --> the joint solution of least misfit
+
+`waves` (g, c): tractions on the grid of the form's table, a column an onset.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tirelog.runtime import compiled
+from tirelog.strain.footprint.kernels import (
+    FITTED,
+    HEIGHT,
+    LENGTH,
+    OWN,
+    SHIFT,
+    SPARE,
+    apply,
+    bend,
+    fitted,
+    look_up,
+    own_inverse,
+    products,
+    quadratic_form,
+)
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+#: a traction of which the passage's other columns leave less than this share cannot be told from them; turns of its quadratic terms
+LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
+#: a joint solution is trusted this share of the starts' spacing about where the form was put; beyond, its cost grows with this power
+TRUST, FAR = 0.5, 4
+#: starts that are followed to their end at most
+ATTEMPTS = 8
+
+
+@compiled
+def _wave(waves: FloatArray, onset: int, place: FloatArray, used: int, wave: FloatArray) -> None:
+    """The traction with the onset `onset` of the table `waves` (g, c) at the samples in use."""
+    for k in range(used):
+        low = int(place[k])
+        share = place[k] - low
+        wave[k] = waves[low, onset] * (1.0 - share) + waves[low + 1, onset] * share
+
+
+@compiled
+def _beside(
+    columns: FloatArray, wave: FloatArray, used: int, inverse: FloatArray, along: FloatArray, moved: FloatArray
+) -> tuple[float, float, float]:
+    """What a wave is beside a form's columns: its square, its product with the values, and what a passage's own columns leave of its
+    square; its products with the columns into `along` (FITTED,), the inverse times them into `moved` (OWN,)."""
+    own, right = 0.0, 0.0
+    for i in range(FITTED):
+        along[i] = 0.0
+    for k in range(used):
+        own += wave[k] ** 2
+        right += wave[k] * columns[k, FITTED]
+        for i in range(FITTED):
+            along[i] += columns[k, i] * wave[k]
+    apply(inverse, along, moved)
+    free = own
+    for i in range(OWN):
+        free -= along[i] * moved[i]
+    return own, right, free
+
+
+@compiled
+def traction_gains(
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, every: int, sigma: float, odd_sd: float,
+) -> FloatArray:  # fmt: skip
+    """Squared `sigma` of misfit that a small traction removes from the fit of each row, the best of the onsets.
+
+    `waves` (g, c): tractions on the table's grid, of which `every`-th is tried; shape (n,).
+    """
+    out, wide = np.zeros(values.shape[0]), table.shape[1]
+    columns, place, wave = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1]), np.empty(values.shape[1])
+    gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
+    bends, whole, along, moved = np.empty((3, OWN)), np.empty(FITTED), np.empty(FITTED), np.empty(OWN)
+    for row in range(values.shape[0]):
+        used, _ = look_up(values[row], window[row], table, grid, 1.0, wide - 1, wide, columns, place)
+        if used < FITTED:
+            continue
+        products(columns, used, wide, gram)
+        rough = own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+        fitted(gram, inverse, rough, bends, whole)
+        for k in range(used):
+            for i in range(FITTED):
+                columns[k, FITTED] -= columns[k, i] * whole[i]
+        for onset in range(0, waves.shape[1], every):
+            _wave(waves, onset, place, used, wave)
+            own, right, free = _beside(columns, wave, used, inverse, along, moved)
+            if free > LEAST_OWN * own:
+                out[row] = max(out[row], right**2 / free / sigma**2)
+    return out
+
+
+@compiled
+def _joint(
+    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray, sigma: float, odd_sd: float, trust_m: float,
+    told: FloatArray, best: FloatArray,
+) -> int:  # fmt: skip
+    """Form and traction together by least squares for each onset in `tried`: squared residual over sigma^2, length over height and its
+    standard error into `told` (t, 3), coefficients of the best (the form's FITTED, the traction's) into `best`; its place in `tried`.
+
+    What the columns say further than `trust_m` from where the form was put is not to be believed: such a solution costs more."""
+    gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
+    bends, whole, along, moved = np.empty((3, OWN)), np.empty(FITTED), np.empty(FITTED), np.empty(OWN)
+    wave, wide = np.empty(used), gram.shape[0] - 1
+    products(columns, used, wide, gram)
+    own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
+    for k, column in enumerate((FITTED, OWN, OWN + 1)):
+        apply(inverse, gram[column], bends[k])
+    rough, top, lowest = abs(bends[0, HEIGHT]), 0, np.inf
+    for t in range(tried.size):
+        _wave(waves, tried[t], place, used, wave)
+        own, right, free = _beside(columns, wave, used, inverse, along, moved)
+        free = max(free, LEAST_OWN * own + 1e-300)
+        size, whole[OWN], whole[OWN + 1] = 0.0, 0.0, 0.0
+        for _ in range(JOINT_ROUNDS):
+            size = right - along[OWN] * whole[OWN] - along[OWN + 1] * whole[OWN + 1]
+            for i in range(OWN):
+                whole[i] = bends[0, i] - bends[1, i] * whole[OWN] - bends[2, i] * whole[OWN + 1]
+                size -= along[i] * whole[i]
+            size /= free
+            for i in range(OWN):
+                whole[i] -= moved[i] * size
+            whole[OWN], whole[OWN + 1] = bend(whole[LENGTH], whole[HEIGHT], rough), bend(whole[SHIFT], whole[HEIGHT], rough)
+        left = quadratic_form(gram, wide, whole) - 2.0 * size * right + size**2 * own
+        for i in range(FITTED):
+            left += 2.0 * size * along[i] * whole[i]
+        told[t, 0] = left / sigma**2
+        told[t, 1] = whole[LENGTH] / whole[HEIGHT]
+        told[t, 2] = sigma / abs(whole[HEIGHT]) * np.sqrt(inverse[LENGTH, LENGTH] + moved[LENGTH] ** 2 / free)
+        cost = told[t, 0] * max(abs(whole[SHIFT] / whole[HEIGHT]) / trust_m, 1.0) ** FAR
+        if t == 0 or cost < lowest:
+            top, lowest = t, cost
+            for i in range(FITTED):
+                best[i] = whole[i]
+            best[FITTED] = size
+    return top
+
+
+@compiled
+def _own_shift(whole: FloatArray, most: float) -> float:
+    """How far a joint solution moves the form on."""
+    shift = whole[SHIFT] / whole[HEIGHT]
+    return 0.0 if np.isnan(shift) else min(max(shift, -most), most)
+
+
+@compiled
+def onset_rows(
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, fine: int, shift_m: FloatArray,
+    starts_m: FloatArray, turns: int, sigma: float, odd_sd: float, enough: float, apart: int,
+) -> FloatArray:  # fmt: skip
+    """Form and traction of each row, the form put first where `shift_m` (n,) says, with the evenly spaced `starts_m` about it tried and
+    every `fine`-th of the onsets of `waves` (g, c); from the best of these, and from the next best ones while more than `enough` squared
+    sigmas a sample are left, the form is put `turns` times where the joint solution moves it, with onsets about the best.
+
+    (n, 13): number of the best onset, and of the onset in the middle of three; squared residual over sigma^2 at those; length over height
+    at those; the best's squared residual, length over height, and its error; samples used; the least squared residual with an onset more
+    than `apart` from the best one (costs of what is not to be trusted included).  NaN: too few, or the form is not upright.
+    """
+    out = np.full((values.shape[0], 13), np.nan)
+    columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
+    wide, coarse, near = table.shape[1], np.arange(0, waves.shape[1], fine), np.arange(-fine, fine + 1)
+    tried = near.copy()
+    told, best, at = np.empty((max(coarse.size, near.size), 3)), np.empty(FITTED + 1), grid.copy()
+    cost, onset, moved = np.empty(starts_m.size), np.zeros(starts_m.size, np.int64), np.empty(starts_m.size)
+    trust_m = TRUST * (starts_m[1] - starts_m[0])
+    costs = np.empty((starts_m.size, coarse.size))
+    for row in range(values.shape[0]):
+        for attempt in range(starts_m.size + ATTEMPTS):
+            rough, k = attempt < starts_m.size, attempt
+            if not rough:
+                k = int(np.argmin(cost))
+                cost[k] = np.inf
+            shift = shift_m[row] + starts_m[k] if rough else moved[k]
+            chosen, used, top = int(onset[k]), 0, 0
+            for turn in range(1 if rough else turns):
+                at[3] = grid[3] + shift
+                used, _ = look_up(values[row], window[row], table, at, 1.0, wide - 1, wide, columns, place)
+                for t in range(near.size):
+                    tried[t] = min(max(chosen + near[t], 0), waves.shape[1] - 1)
+                now = coarse if rough else tried
+                top = _joint(columns, place, used, waves, now, sigma, odd_sd, trust_m, told, best)
+                chosen = int(now[top])
+                if rough or turn < turns - 1:
+                    shift += _own_shift(best, trust_m)
+            if rough:
+                far = max(abs(best[SHIFT] / best[HEIGHT]) / trust_m, 1.0)
+                cost[k], onset[k], moved[k] = told[top, 0] * far**FAR, chosen, shift
+                some = used > FITTED and not np.isnan(cost[k])
+                for t in range(coarse.size):
+                    costs[k, t] = told[t, 0] * far**FAR if some else np.inf
+                if not some:
+                    cost[k] = np.inf
+            elif used > FITTED and best[HEIGHT] > 0.0 and not out[row, 8] <= told[top, 0]:
+                middle = min(max(top, 1), near.size - 2)
+                out[row, 0], out[row, 1], out[row, 11] = chosen, tried[middle], used
+                for c in range(3):
+                    out[row, 2 + c], out[row, 5 + c], out[row, 8 + c] = told[middle - 1 + c, 0], told[middle - 1 + c, 1], told[top, c]
+            if not rough and out[row, 8] < enough * used:
+                break
+        if np.isnan(out[row, 0]):
+            continue
+        rival = np.inf
+        for t in range(coarse.size):
+            if abs(coarse[t] - out[row, 0]) > apart:
+                for k in range(starts_m.size):
+                    rival = min(rival, costs[k, t])
+        out[row, 12] = rival
+    return out

@@ -1,0 +1,181 @@
+"""The log's form from the samples themselves: what all passages share, with each one's own numbers taken out exactly.
+
+    Reference (a start) + windows of some passages of each speed
+        --normal equations a passage, its height, offset, shift, length, damping, tilt eliminated (Schur)--> steps of the shared parameters
+        --until they stop--> Reference with errors; what is left, averaged along xi
+
+Averages lump passages whose shifts and heights are known only so well; here nothing is lumped, and the misfit is a true chi-square.
+Shared: bending length, tension, inertia (fall of the tension with the squared speed), tread.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeShape
+from tirelog.strain.footprint.fit import shape_table
+from tirelog.strain.footprint.kernels import HEIGHT, OWN, SHIFT, class_sums
+from tirelog.strain.footprint.reference import Reference
+from tirelog.strain.footprint.windows import PatchWindows
+from tirelog.vocabulary.arrays import FloatArray
+
+ROUNDS = 6
+#: stop where the next step promises less than this of the whole chi-square, or the last changed it by less than this share
+GOOD_ENOUGH, SMALL = 1.0, 1e-3
+#: shared columns of a class (bending length, tension, tread), and the place of tension among the columns of its table
+SHARED, TENSION = 3, 6
+#: weak knowledge of the shared parameters about their start: bending length (relative), tension, inertia x squared top speed, tread
+PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
+#: weak knowledge of a passage's own damping and tilt
+ODD_SD = 0.5
+#: a round moves a class' form by no more than this [m]
+MOST_SHIFT = 0.01
+#: cells of what is left, and the misfit above which it is more than noise
+CELLS, REMARKABLE = 120, 1.3
+#: passages with more than this times the usual misfit do not belong
+FOREIGN = 9.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Windows of passages of about one speed, and their `motion` (`PatchWindows.motion`)."""
+
+    windows: PatchWindows
+    motion: FloatArray
+
+    @property
+    def speed_m_s(self) -> float:
+        """Root mean square of the passages' speeds."""
+        return float(np.sqrt(np.mean(self.motion[:, 2] ** 2)))
+
+    def take(self, which: NDArray[np.bool_]) -> Sample:
+        """The rows `which` (mask)."""
+        return Sample(self.windows.take(which), self.motion[which])
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What one class of speed says: normal matrix and right side of the shared columns (3, 3), (3,), the mean fall of a passage's length
+    with them (3,), the passages' own solutions (n, 6), chi2 and degrees of freedom of each (n,), and what is left, by cell."""
+
+    normal: FloatArray
+    right: FloatArray
+    length_by: FloatArray
+    own: FloatArray
+    chi2: FloatArray
+    free: FloatArray
+    left: FloatArray
+
+
+def _class_step(reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float) -> _Step:
+    """The normal equations of one class at the current form, its passages' own numbers eliminated."""
+    windows = sample.windows
+    table, grid = shape_table(reference, number, half_window_m)
+    sigma = noise / np.sqrt(windows.averaged)
+    # the class' form holds at its own speed: the tension of each passage follows its squared speed
+    sums, rows, left = class_sums(windows.values, sample.motion, table, grid, -reference.inertia, TENSION, sigma, ODD_SD, CELLS)
+    return _Step(
+        sums[:, :SHARED],
+        sums[:, SHARED],
+        sums[:, SHARED + 1] / len(rows),
+        rows[:, :OWN],
+        rows[:, OWN],
+        np.maximum(rows[:, OWN + 1] - OWN, 1.0),
+        left[0] / np.maximum(left[1], 1.0),
+    )
+
+
+def _tire_columns(reference: Reference, number: int) -> FloatArray:
+    """How bending length, tension and tread of a class follow (relative bending length, tension, inertia x top speed^2, tread), (3, 4)."""
+    relative = (reference.speed_m_s[number] / reference.speed_m_s[-1]) ** 2
+    ell = reference.shapes[number].bending_length_m
+    return np.array([[ell, 0.0, 0.0, 0.0], [0.0, 1.0, -relative, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Reference:
+    """The reference after a step of the shared parameters, each class' length, damping and tilt at the median of its passages."""
+    values, shifts = np.array([shape.array() for shape in reference.shapes]), reference.shifts_m.copy()
+    for number, one in enumerate(steps):
+        values[number, [1, 2, 3]] += _tire_columns(reference, number) @ step
+        own = one.own[one.own[:, HEIGHT] != 0.0]
+        if len(own):
+            shift, length, damping, tilt = np.median(own[:, SHIFT:] / own[:, [HEIGHT]], axis=0)
+            most = 0.2 * values[number, 0]
+            shifts[number] += min(max(shift, -MOST_SHIFT), MOST_SHIFT)
+            values[number, [0, 4, 5]] += np.clip((length, damping, tilt), (-most, -0.2, -0.2), (most, 0.2, 0.2))
+    shapes = tuple(EdgeShape.of(row) for row in np.clip(values, LOWEST, HIGHEST))
+    return replace(reference, shapes=shapes, shifts_m=shifts, inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2)
+
+
+def refine(reference: Reference, samples: list[Sample], noise: float, half_window_m: float, rounds: int = ROUNDS) -> Reference:
+    """`reference` (one shape a sample, ascending speed) fitted to the samples; `noise`: standard deviation of one sample of the log."""
+    factor = 1.0
+    best: tuple[float, Reference, list[_Step], FloatArray] | None = None
+    trial, samples = reference, list(samples)
+    for number in range(rounds):
+        steps = [_class_step(trial, k, s, noise, half_window_m) for k, s in enumerate(samples)]
+        if number == 0:
+            samples, steps = _without_foreign(samples, steps, trial, noise, half_window_m)
+        misfit = float(sum(s.chi2.sum() for s in steps) / sum(s.free.sum() for s in steps))
+        if best is None or misfit < best[0]:
+            gain = np.inf if best is None else best[0] / misfit - 1.0
+            normal = np.diag(PRIOR_SD**-2.0)
+            right = np.zeros(4)
+            for k, step in enumerate(steps):
+                columns = _tire_columns(trial, k)
+                normal += columns.T @ step.normal @ columns
+                right += columns.T @ step.right
+            best, factor = (misfit, trial, steps, normal), 1.0
+            shift = np.linalg.solve(normal, right)
+            if gain < SMALL or float(shift @ right) < GOOD_ENOUGH * max(misfit, 1.0):
+                break
+        elif misfit < (1.0 + SMALL) * best[0]:
+            break
+        else:
+            factor *= 0.3
+        _, base, base_steps, _ = best
+        limit = np.array([0.3, 2.0, 2.0, 1.5])
+        trial = _moved(base, np.clip(factor * shift, -limit, limit), base_steps)
+    assert best is not None
+    misfit, found, steps, normal = best
+    return _finished(found, steps, normal, misfit, half_window_m)
+
+
+def _without_foreign(
+    samples: list[Sample], steps: list[_Step], reference: Reference, noise: float, half_window_m: float
+) -> tuple[list[Sample], list[_Step]]:
+    """Samples without the passages that fit the start much worse than their neighbours do."""
+    kept, again = [], []
+    for number, (sample, step) in enumerate(zip(samples, steps, strict=True)):
+        share = step.chi2 / step.free
+        good = (share < FOREIGN * max(float(np.median(share)), 1.0)) & (step.own[:, 0] > 0)
+        if good.all() or not good.any():
+            kept.append(sample)
+            again.append(step)
+        else:
+            kept.append(sample.take(good))
+            again.append(_class_step(reference, number, kept[-1], noise, half_window_m))
+    return kept, again
+
+
+def _finished(reference: Reference, steps: list[_Step], normal: FloatArray, misfit: float, half_window_m: float) -> Reference:
+    """The reference with its errors, its misfit and what it leaves."""
+    covariance = np.linalg.inv(normal) * max(misfit, 1.0)
+    errors = []
+    for number, step in enumerate(steps):
+        by = step.length_by @ _tire_columns(reference, number)
+        errors.append(2.0 * float(np.sqrt(max(float(by @ covariance @ by), 0.0))))
+    centres: FloatArray = (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
+    left = np.array([np.convolve(step.left, (0.25, 0.5, 0.25), "same") for step in steps])
+    return replace(
+        reference,
+        heights=np.array([float(np.median(step.own[:, 0])) for step in steps]),
+        length_se_m=np.array(errors),
+        misfit=misfit,
+        freedom=float(sum(step.free.sum() for step in steps)),
+        residual_xi_m=centres if misfit > REMARKABLE else None,
+        residuals=left if misfit > REMARKABLE else None,
+    )

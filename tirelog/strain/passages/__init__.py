@@ -1,0 +1,1 @@
+"""Passages of a sensor through the contact patch: found, fitted, marked."""

@@ -1,0 +1,126 @@
+"""Where the grating passed the patch, coarsely: pulses that stand out of their surroundings by half of the usual height.
+
+    channel --passage_decimate--> medians of short buckets, patch upward
+            --turning points whose rise and fall exceed a height--> peaks, each between two valleys
+            --half-level crossings--> Pulses: middle and width [samples], a row a passage
+
+A pulse counts if the signal climbs to it and falls from it by the same least height, found from the log's own heights.  Neither a
+baseline nor a period is assumed, so drift, standing still (in the patch or out of it), creeping and hard braking need no special case, and
+the shoulders beside the patch are too low.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tirelog.data.recording import Channel
+from tirelog.strain.passages.decimate import AT_ONCE, Decimated, decimate
+from tirelog.strain.passages.search_kernels import half_level, turning_points
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+#: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3
+LEAST_HEIGHT = 0.45
+#: and by this many times the noise of a sample
+LEAST_SIGMAS = 8.0
+#: a pulse whose top lies this share of its height below both neighbours' is the stretch between two patches, seen from its deep shoulders
+PLATEAU_SHARE = 0.4
+#: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a car's wheel) nothing is looked for
+LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """A row a pulse, shape (n,): `middle` of the half-level crossings and `width` between them [samples], `height` [channel's unit],
+    `base` the level of the higher valley beside it, patch upward."""
+
+    middle: FloatArray
+    width: FloatArray
+    height: FloatArray
+    base: FloatArray
+
+    def __len__(self) -> int:
+        return int(self.middle.size)
+
+    def take(self, which: NDArray[np.bool_]) -> Pulses:
+        return Pulses(self.middle[which], self.width[which], self.height[which], self.base[which])
+
+
+NO_PULSES = Pulses(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
+
+
+def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
+    """Places of the alternating extremes of `values` whose rises and falls are at least `least`."""
+    points = np.empty(values.size + 1, np.int32)
+    return points[: turning_points(values, least, points)].astype(np.int64)
+
+
+def usual_height(heights: FloatArray) -> float:
+    """The height of a patch among all rises and falls: the median weighted by their squares, so that ripples do not count."""
+    ordered = np.sort(heights)
+    weight = np.cumsum(ordered**2)
+    return float(ordered[np.searchsorted(weight, 0.5 * weight[-1])])
+
+
+def find_pulses(data: Decimated) -> Pulses:
+    """The pulses of `data`."""
+    noise = data.noise
+    bounds = np.append(np.minimum(data.parts, data.values.size), data.values.size)
+    rough = [start + _turning_points(data.values[start:stop], LEAST_SIGMAS * noise) for start, stop in pairwise(bounds)]
+    heights = np.concatenate([np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough])
+    if not heights.size:
+        return NO_PULSES
+    least = max(LEAST_HEIGHT * usual_height(heights), LEAST_SIGMAS * noise)
+    found = []
+    for points in rough:
+        points = points[_turning_points(data.values[points], least)]
+        top = 1 + np.flatnonzero(data.values[points[1:-1]] > data.values[points[:-2]])
+        found.append([points[top], points[top - 1], points[top + 1]])
+    return _half_level(data, *_without_plateaus(data.values, *(np.concatenate(places) for places in zip(*found, strict=True))))
+
+
+def _without_plateaus(values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """The peaks that are not lower than both neighbours (at the ends: the only neighbour) by much of their own height."""
+    if peak.size < 2:
+        return peak, left, right
+    top = values[peak]
+    height = top - np.minimum(values[left], values[right])
+    before = np.concatenate([[np.inf], top[:-1]])
+    after = np.concatenate([top[1:], [np.inf]])
+    kept = top >= np.minimum(before, after) - PLATEAU_SHARE * height
+    return peak[kept], left[kept], right[kept]
+
+
+def search(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> tuple[Pulses, Decimated]:
+    """The pulses of `channel`, and what they were found in.  `sign` turns the patch upward.
+
+    Radial acceleration, whose pulses grow with the square of the speed, is searched in units of its level outside the patch.
+    """
+    data = decimate(channel, sign, block_samples)
+    if not data.values.size or not np.isfinite(data.noise):
+        return NO_PULSES, data
+    if channel.kind != "radial_acceleration":
+        return find_pulses(data), data
+    level = np.maximum(_level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise))
+    pulses = find_pulses(replace(data, values=(data.values / level).astype(np.float32), noise=data.noise / float(np.median(level))))
+    scale = level[np.round((pulses.middle - data.index(np.zeros(1))) / data.bucket).astype(np.int64)].astype(np.float64)
+    return replace(pulses, height=pulses.height * scale, base=pulses.base * scale), data
+
+
+def _level(data: Decimated, rate_Hz: float) -> NDArray[np.float32]:
+    """Median size of the values over pieces of LEVEL_S, straight lines between, shape (m,)."""
+    size = max(int(LEVEL_S * rate_Hz / data.bucket), 1)
+    firsts = np.arange(0, data.values.size, size)
+    medians = [float(np.median(np.abs(data.values[first : first + size]))) for first in firsts]
+    return np.interp(np.arange(data.values.size), firsts + 0.5 * size, medians).astype(np.float32)
+
+
+def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Pulses:
+    """The pulses at `peak` between the valleys `left` and `right`, by linear interpolation between buckets."""
+    pulses = np.empty((peak.size, 4))
+    half_level(data.values, peak, left, right, pulses)
+    middle, width, height, base = pulses.T.copy()
+    return Pulses(data.index(middle), np.maximum(data.bucket * width, 1.0), height, base)

@@ -1,0 +1,111 @@
+"""The waveform of a passage, learnt from the log: one smooth curve over the wheel angle.
+
+    samples of a few hundred passages (angle from the centre, value scaled to height 1) --cubic splines--> Template
+
+The angle, not the time, is the abscissa, so one template serves every speed.  Its zero is the middle between the two places where it
+crosses half of its height: the *patch centre* of every command.  An odd part of the waveform moves that middle less than the extremum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tirelog.strain.passages.spline_kernels import spline_curve
+from tirelog.vocabulary.arrays import FloatArray
+
+#: knots over the template's window, and points of its table
+INTERVALS, TABLE = 40, 4096
+#: smoothing: weight of the squared third differences against the mean number of samples in a knot interval
+SMOOTHING = 1e-3
+#: the fit's window in half widths (half level): edges and shoulders, where the slope is
+WINDOW_HALF_WIDTHS = 1.8
+NARROWEST_RAD, WIDEST_RAD = 0.1, 0.8
+#: half of the contact length over half of the width at half level, roughly, for both carcasses
+LENGTH_TO_WIDTH = 1.25
+
+
+@dataclass(frozen=True)
+class Template:
+    """`values` and `slope` [1/rad], shape (g,), at `phi_rad` (g,), evenly spaced over +-`window_rad`; height 1, patch upward.
+
+    `half_width_rad`: half of the distance between the half-level crossings, which lie at -half_width_rad and +half_width_rad.
+    `scatter` (g,): standard deviation between turns beyond the noise, over the height; None: not known, as if there were none.
+    """
+
+    phi_rad: FloatArray
+    values: FloatArray
+    slope: FloatArray
+    window_rad: float
+    half_width_rad: float
+    scatter: FloatArray | None = None
+
+    @property
+    def table(self) -> FloatArray:
+        """Values, slope and scatter as the kernels take them, (g, 3)."""
+        scatter = np.zeros(self.values.size) if self.scatter is None else self.scatter
+        return np.column_stack([self.values, self.slope, scatter])
+
+    def mirrored(self) -> Template:
+        """The waveform of a wheel that rolls backwards."""
+        scatter = None if self.scatter is None else self.scatter[::-1].copy()
+        return replace(self, values=self.values[::-1].copy(), slope=-self.slope[::-1], scatter=scatter)
+
+
+class CurveSums:
+    """Normal equations of the least-squares spline through the samples: `normal` (s, s) upper triangle, `right` (s,), so many samples."""
+
+    def __init__(self) -> None:
+        self.normal = np.zeros((INTERVALS + 3, INTERVALS + 3))
+        self.right = np.zeros(INTERVALS + 3)
+        self.count = 0
+
+    def coefficients(self) -> FloatArray:
+        """The spline's coefficients, (INTERVALS + 3,)."""
+        size = self.right.size
+        rough = np.diff(np.eye(size), 3, axis=0)
+        normal = self.normal + np.triu(self.normal, 1).T + 1e-12 * np.eye(size)
+        normal += SMOOTHING * max(self.count / INTERVALS, 1.0) * rough.T @ rough
+        return np.asarray(np.linalg.solve(normal, self.right), np.float64)
+
+
+def _curve(coefficients: FloatArray, phi: FloatArray, window: float) -> FloatArray:
+    """Value and slope [1/rad] of the spline at `phi`, shape (2, n)."""
+    curve = np.empty((phi.size, 2))
+    spline_curve(coefficients, window, phi, curve)
+    return curve.T
+
+
+def half_level(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:
+    """(middle, half width) of the crossings of half of the height above the ends' mean, or None where it has none."""
+    base = 0.5 * (values[0] + values[-1])
+    top = int(np.argmax(values))
+    below = values < 0.5 * (values[top] + base)
+    if not below[:top].any() or not below[top:].any():
+        return None
+    a = int(np.flatnonzero(below[:top])[-1])
+    b = top + int(np.flatnonzero(below[top:])[0])
+    level = 0.5 * (values[top] + base)
+    entry = np.interp(level, values[[a, a + 1]], phi[[a, a + 1]])
+    leave = np.interp(level, values[[b, b - 1]], phi[[b, b - 1]])
+    return float(0.5 * (entry + leave)), float(0.5 * (leave - entry))
+
+
+def learn(sums: CurveSums, window: float) -> Template | None:
+    """The template of the samples in `sums`, within +-`window` [rad]; None where the curve has no two half-level crossings.
+
+    Its table covers a window of WINDOW_HALF_WIDTHS half widths around the middle of the crossings, as far as `window` allows.
+    """
+    coefficients = sums.coefficients()
+    grid = np.linspace(-window, window, TABLE)
+    found = half_level(grid, _curve(coefficients, grid, window)[0])
+    if found is None:
+        return None
+    middle, half_width = found
+    reach = min(float(np.clip(WINDOW_HALF_WIDTHS * half_width, NARROWEST_RAD, WIDEST_RAD)), window - abs(middle))
+    table = np.linspace(-reach, reach, TABLE)
+    curve, slope = _curve(coefficients, table + middle, window)
+    base = 0.5 * (curve[0] + curve[-1])
+    height = curve.max() - base
+    return Template(table, (curve - base) / height, slope / height, reach, half_width)

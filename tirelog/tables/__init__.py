@@ -1,0 +1,1 @@
+"""Columns to csv, ndjson, json and parquet, written whole; and `check` against older tables."""

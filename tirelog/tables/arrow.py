@@ -1,0 +1,78 @@
+"""Columns of a table as arrow arrays: NaN and None are null.
+
+They are made out of buffers: `pa.array` would import pandas to ask whether it was given a pandas object, which takes as long as all the
+rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from tirelog.vocabulary.columns import COLUMNS
+
+TYPES = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": pa.string()}
+
+
+def arrow_column(values: np.ndarray, kind: str, digits: int | None) -> pa.Array:
+    """One column (n,) of a `kind` of TYPES; floats rounded to so many significant `digits` (None: as they are)."""
+    if kind == "text":
+        return _texts(values.tolist())
+    if kind == "float" or values.dtype.kind == "f":
+        floats = np.ascontiguousarray(values, dtype=np.float64)
+        if digits is not None and kind == "float":
+            floats = _rounded(floats, digits)
+        array = _plain(pa.float64(), floats, ~np.isnan(floats))
+        return array if kind == "float" else array.cast(TYPES[kind])
+    known = np.ones(values.size, bool)
+    if kind == "bool":
+        return _plain(pa.bool_(), np.packbits(values.astype(np.bool_), bitorder="little"), known)
+    return _plain(pa.int64(), np.ascontiguousarray(values, dtype=np.int64), known)
+
+
+def arrow_field(name: str, type: pa.DataType | None = None) -> pa.Field:
+    """A column with its unit and meaning, which parquet keeps; `type` None: that of the vocabulary."""
+    column = COLUMNS.get(name)
+    metadata = {"unit": column.unit, "meaning": column.meaning} if column else None
+    return pa.field(name, TYPES[COLUMNS[name].kind] if type is None else type, metadata=metadata)
+
+
+def quoting(table: pa.Table) -> str:
+    """Quotes only where a text needs them (arrow's own "needed" quotes every text)."""
+    for column in table.columns:
+        if pa.types.is_string(column.type):
+            for data in (chunk.buffers()[2] for chunk in column.chunks):
+                if data is not None and any(mark in data.to_pybytes() for mark in (b'"', b",", b"\r", b"\n")):
+                    return "needed"
+    return "none"
+
+
+def _rounded(values: np.ndarray, digits: int) -> np.ndarray:
+    """`values` rounded to significant digits."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exponent = digits - 1 - np.floor(np.log10(np.abs(values)))
+        scale = 10.0 ** np.clip(np.where(np.isfinite(exponent), exponent, 0.0), -300, 300)
+        rounded = np.round(values * scale) / scale
+    return np.where(np.isfinite(rounded), rounded, values)
+
+
+def _plain(type: pa.DataType, data: np.ndarray, known: np.ndarray) -> pa.Array:
+    """Numbers (or packed bits) as an arrow array, null where not `known`."""
+    lost = known.size - int(np.count_nonzero(known))
+    valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
+    return pa.Array.from_buffers(type, known.size, [valid, pa.py_buffer(data)], lost)
+
+
+def _texts(values: Sequence[Any]) -> pa.Array:
+    """Texts as an arrow array, null where None."""
+    texts = {value: b"" if value is None else str(value).encode() for value in dict.fromkeys(values)}
+    parts = [next(iter(texts.values()))] * len(values) if len(texts) == 1 else [texts[value] for value in values]
+    offsets = np.zeros(len(parts) + 1, np.int32)
+    np.cumsum(np.fromiter(map(len, parts), np.int32, len(parts)), out=offsets[1:])
+    known = np.array([value is not None for value in values], bool) if None in texts else np.ones(len(parts), bool)
+    lost = known.size - int(np.count_nonzero(known))
+    valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
+    return pa.StringArray.from_buffers(known.size, pa.py_buffer(offsets), pa.py_buffer(b"".join(parts)), valid, lost)

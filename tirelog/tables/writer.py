@@ -1,0 +1,277 @@
+"""Tidy tables out: columns -> rows of csv, ndjson, json or parquet, on standard output or as a whole file.
+
+    with TableWriter("speed", output, format, metadata=...) as table:
+        table.write({"log": ..., "time_s": array, ...})     as often as there are parts; every part has the same columns
+
+A part is a mapping of equally long arrays (or scalars, repeated).  NaN is an empty field (null).  Text formats round floats to nine
+significant digits (twelve for times), which is below every column's tolerance; parquet keeps them as they are, and carries unit
+and meaning of every column, tirelog's version and the hashes of the inputs in its metadata.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from tirelog import __version__
+from tirelog.errors import UsageError, nearest
+from tirelog.storage.whole import whole_file
+from tirelog.vocabulary.columns import COLUMNS, TABLES
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from tirelog.tables.csv_kernel import Words
+
+FORMATS = ("csv", "ndjson", "parquet", "json")
+_SUFFIXES = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet", ".json": "json"}
+_ROWS_A_PART = 20_000
+
+
+def table_format(output: Path | str | None, format: str | None) -> str:
+    """The format asked for, or the one of the file's suffix, or csv.  UsageError: not a format."""
+    if format is not None:
+        if format not in FORMATS:
+            raise UsageError(f"--format {format}{nearest(format, FORMATS)}; allowed are {', '.join(FORMATS)}; choose one")
+        return format
+    if output is None:
+        return "csv"
+    suffix = Path(output).suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise UsageError(f"{output}: no format has the suffix {suffix!r}; allowed are {', '.join(_SUFFIXES)}; rename it or give --format")
+    return _SUFFIXES[suffix]
+
+
+def quality_text(words: Iterable[str]) -> str:
+    """The quality column's text: 'ok', or the words in alphabetical order joined by ';'."""
+    return ";".join(sorted(set(words))) or "ok"
+
+
+class _Texts(dict[frozenset[str], str]):
+    """The text of each set of words, made when it is first asked for."""
+
+    def __missing__(self, words: frozenset[str]) -> str:
+        return self.setdefault(words, quality_text(words))
+
+
+def quality_column(rows: Sequence[frozenset[str]]) -> np.ndarray:
+    """The quality column of a table whose rows have these words, shape (n,); few sets of words are different, so each is put once."""
+    texts = _Texts()
+    return np.fromiter(map(texts.__getitem__, rows), object, len(rows))
+
+
+def _kind(name: str, values: np.ndarray) -> str:
+    """float, int, bool or text: as the vocabulary says, else as the values are."""
+    column = COLUMNS.get(name)
+    return column.kind if column else {"f": "float", "i": "int", "u": "int", "b": "bool"}.get(values.dtype.kind, "text")
+
+
+def _nothing(name: str) -> Any:
+    """What stands in a column of which some rows have none."""
+    return None if name in COLUMNS and COLUMNS[name].kind == "text" else np.nan
+
+
+def _digits(name: str) -> int:
+    """Significant digits of a number in a text format."""
+    return 12 if name in COLUMNS and COLUMNS[name].unit == "s" else 9
+
+
+def _loop_at_hand() -> bool:
+    """True where compiled loops have been used before: to write csv, one more costs less than arrow, and arrow less than the first."""
+    return "numba" in sys.modules
+
+
+def _plain(name: str, values: np.ndarray) -> tuple[int, np.ndarray] | Words | None:
+    """A column as the compiled loop takes it; None where it must be left to arrow."""
+    from tirelog.tables.csv_kernel import WHOLE, Words
+
+    kind = _kind(name, values)
+    if kind == "text":
+        words = Words.of(values)
+        return words if words.plain else None
+    if kind == "bool":
+        return Words(("false", "true"), values.astype(np.int64)) if values.dtype.kind == "b" else None
+    if kind == "int" and values.dtype.kind in "iuf":
+        return WHOLE, values
+    return (_digits(name), values) if kind == "float" and values.dtype.kind in "iuf" else None
+
+
+class TableWriter(AbstractContextManager["TableWriter"]):
+    """Writes one table, part by part.  `output` None is standard output; `name` is a key of `columns.TABLES` or a new table's name."""
+
+    def __init__(self, name: str, output: Path | str | None, format: str | None, *, metadata: Mapping[str, Any] | None = None) -> None:
+        self.name, self.output, self.format = name, output, table_format(output, format)
+        self.metadata = dict(metadata or {})
+        self.rows = 0
+        self._names: tuple[str, ...] | None = None
+        self._schema: pa.Schema | None = None
+        self._parquet: Any = None
+        self._file: AbstractContextManager[Path] | None = None
+        self._stream: BinaryIO
+        if output is None:
+            self._stream = sys.stdout.buffer
+        else:
+            self._file = whole_file(output)
+            self._stream = self._file.__enter__().open("wb")
+
+    def write(self, columns: Mapping[str, Any]) -> None:
+        """Append rows.  The first part fixes the columns (a later one may lack some); the table's own order wins over the mapping's.
+
+        UsageError: a part has columns that the first one has not.
+        """
+        rows = max((np.asarray(v).shape[0] for v in columns.values() if np.ndim(v) > 0), default=1)
+        order = self._names or [c for c in TABLES.get(self.name, tuple(columns)) if c in columns]
+        more = [c for c in columns if c not in order]
+        if self._names and more:
+            raise UsageError(
+                f"has {', '.join(more)}, which the logs before have not (their setups say less); a table has the columns of its first log; "
+                f"put the log with most of them first, or make a table of each",
+                file=str(next(iter(np.atleast_1d(columns["log"])), "-")) if "log" in columns else None,
+            )
+        arrays = {name: np.asarray(columns[name] if name in columns else _nothing(name)) for name in (*order, *more)}
+        arrays = {name: array if array.ndim else np.broadcast_to(array, (rows,)) for name, array in arrays.items()}
+        if self.format == "csv" and _loop_at_hand():
+            self._write_compiled(arrays, rows)
+        else:
+            self._write_arrow(arrays)
+
+    def _write_compiled(self, columns: Mapping[str, np.ndarray], rows: int) -> None:
+        """Rows of csv, those by arrow that the compiled loop cannot write."""
+        from tirelog.tables.csv_kernel import AT_ONCE, Rows
+
+        plain = [column for name, values in columns.items() if (column := _plain(name, values)) is not None]
+        if len(plain) < len(columns):
+            self._write_arrow(columns)
+            return
+        self._begin(tuple(columns))
+        table = Rows(plain)
+        for start in range(0, rows, AT_ONCE):
+            part = slice(start, min(start + AT_ONCE, rows))
+            text = table.written(part)
+            if text is None:
+                self._write_arrow({name: values[part] for name, values in columns.items()})
+            else:
+                self._stream.write(text.data)
+                self.rows += part.stop - part.start
+
+    def _write_arrow(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Rows of any format."""
+        import pyarrow as pa
+
+        from tirelog.tables.arrow import arrow_column, arrow_field
+
+        digits = {name: None if self.format == "parquet" else _digits(name) for name in columns}
+        arrays = [arrow_column(values, _kind(name, values), digits[name]) for name, values in columns.items()]
+        schema = pa.schema([arrow_field(name, array.type) for name, array in zip(columns, arrays, strict=True)])
+        self._begin(tuple(columns), schema)
+        table = pa.Table.from_arrays(arrays, schema=self._schema or schema)
+        for start in range(0, table.num_rows, _ROWS_A_PART):
+            self._rows(table.slice(start, _ROWS_A_PART))
+
+    def write_frame(self, frame: Any) -> None:
+        """Append a pandas DataFrame's rows."""
+        self.write({str(name): frame[name].to_numpy() for name in frame.columns})
+
+    def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
+        """Whatever stands before the first row of a table of these columns; parquet needs their `schema`."""
+        if self._names is not None:
+            return
+        self._names = names
+        if self.format == "parquet" and schema is not None:
+            import pyarrow.parquet as pq
+
+            about = {"tirelog": json.dumps({"version": __version__, "table": self.name, **self.metadata}, default=str)}
+            self._schema = schema.with_metadata(about)
+            self._parquet = pq.ParquetWriter(self._stream, self._schema, compression="zstd")
+        elif self.format == "csv":
+            self._stream.write((",".join(names) + "\n").encode())
+        elif self.format == "json":
+            self._stream.write(b"[")
+
+    def _rows(self, table: pa.Table) -> None:
+        """Some rows by arrow."""
+        if self.format == "parquet":
+            self._parquet.write_table(table)
+        elif self.format == "csv":
+            import pyarrow.csv as pc
+
+            from tirelog.tables.arrow import quoting
+
+            part = io.BytesIO()
+            pc.write_csv(table, part, pc.WriteOptions(include_header=False, quoting_style=quoting(table)))
+            self._stream.write(part.getvalue())
+        else:
+            lines = [json.dumps(row, ensure_ascii=False) for row in table.to_pylist()]
+            text = "".join(line + "\n" for line in lines) if self.format == "ndjson" else ("," if self.rows else "") + ",\n".join(lines)
+            self._stream.write(text.encode())
+        self.rows += table.num_rows
+
+    def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
+        if self._file is None:
+            if kind is None:
+                self._end()
+            self._stream.flush()
+            return
+        with ExitStack() as leaving:  # what the last bytes may meet (a full disk) is the file's to say, as what the first may
+            leaving.push(self._file)
+            leaving.callback(self._stream.close)
+            if kind is None:
+                self._end()
+                return
+            if self._parquet is not None:
+                with suppress(Exception):  # else it complains when it is forgotten
+                    self._parquet.close()
+            raise value
+
+    def _end(self) -> None:
+        """Whatever stands behind the last row."""
+        if self._names is None:
+            self._begin_empty()
+        if self._parquet is not None:
+            self._parquet.close()
+        elif self.format == "json":
+            self._stream.write(b"]\n")
+
+    def _begin_empty(self) -> None:
+        """The columns of a table without rows."""
+        import pyarrow as pa
+
+        from tirelog.tables.arrow import arrow_field
+
+        names = TABLES.get(self.name, ())
+        self._begin(names, pa.schema([arrow_field(name) for name in names]))
+
+
+def read_table(path: Path | str) -> Any:
+    """A table that tirelog (or another tool) wrote, as a pandas DataFrame; the suffix decides, '-' is csv on standard input.
+
+    ReadError: nothing there, or not a table.
+    """
+    import pandas as pd
+    import pyarrow as pa
+
+    from tirelog.errors import ReadError
+
+    format = "csv" if str(path) == "-" else table_format(path, None)
+    source: Any = sys.stdin.buffer if str(path) == "-" else os.fspath(path)
+    try:
+        if format == "parquet":
+            return pd.read_parquet(source)
+        if format == "csv":
+            blanks = {c.name: [""] for c in COLUMNS.values() if c.kind != "text"}
+            table = pd.read_csv(source, keep_default_na=False, na_values=blanks)
+            if not isinstance(table.index, pd.RangeIndex):  # the first cells were taken for names of rows
+                raise ValueError("its rows have more cells than its header has names")
+            return table
+        return pd.read_json(source, orient="records", lines=format == "ndjson")
+    except (OSError, ValueError, pa.ArrowException) as problem:
+        told = " ".join(str(problem).split())  # of several lines, now and then
+        raise ReadError(f"is not a table ({told}); csv, ndjson, json and parquet are read; write one with -o", file=path) from None

@@ -1,0 +1,9 @@
+"""Types of the arrays that are passed around; shapes and units stand with each use."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]

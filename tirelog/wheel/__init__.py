@@ -1,0 +1,1 @@
+"""What encoder and in-tire accelerometer tell: angle, phase shift, calibration, forces."""

@@ -1,0 +1,244 @@
+"""What belongs to speed, load and delay rather than to forces, learnt from quasi-static and dynamic logs (P4 section IV C, (1)-(3)).
+
+    Passages of several logs --quasi-static passages, one constant a log--> SpeedMap of the phase shift and of the patch width
+        --drive phases of undriven wheels--> cross-talk k    --force channels--> ForceMap    =: Calibration
+    Passages, Calibration --clean--> detrended and corrected regressors (`table` makes rows of them)
+
+A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)^2, v0 the speed of the zeros.  The errors are those of
+the least squares, widened by the scatter of the residuals and by their correlation from passage to passage.
+
+A telemetry delay is a phase shift in proportion to speed, and so is any other trend linear in speed: no regression on speed parts them.
+A force that grows with speed (drag) and the difference between driving and coasting bend the map too.  Where the longitudinal force is
+measured it stands in the regression, and the map is that at unchanged force; else the acceleration stands for it, apart for driving and
+coasting, and drag stays in the map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tirelog.errors import UsageError
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.wheel.forces import ForceMap, fit_force
+from tirelog.wheel.phase_shift import Passages
+
+#: slower than this the car's acceleration counts as quasi-static
+QUASI_STATIC_M_S2 = 0.6
+#: driving off: an undriven wheel carries no longitudinal force, and load transfer moves its width
+DRIVE_M_S2 = 0.8
+#: a delay that is so many standard errors long is one
+SURE = 3.0
+#: the channel by which a shift's map is freed of what is force
+FORCE = "longitudinal_force"
+#: share of a log's quasi-static passages at which it has to be known, to be used; the others are then left out of the map
+FORCE_KNOWN = 0.8
+#: passages and range of speed that a map needs
+LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
+
+
+@dataclass(frozen=True)
+class SpeedMap:
+    """Change with speed against the reference: `linear` [deg/(m/s)], `quadratic` [deg/(m/s)^2], `covariance` (2, 2), valid from
+    `low_m_s` to `high_m_s`; `rms_deg` the residuals' standard deviation, `passages` their number."""
+
+    linear: float
+    quadratic: float
+    covariance: FloatArray
+    low_m_s: float
+    high_m_s: float
+    rms_deg: float
+    passages: int
+
+    def __call__(self, speed_m_s: FloatArray, reference_m_s: float) -> FloatArray:
+        dv = speed_m_s - reference_m_s
+        return self.linear * dv + self.quadratic * dv**2
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibration.  `reference_speed_m_s` is where the phase shift is zero by convention; `patch_width_deg` the mean width there;
+    `crosstalk` k of P4 (3) with `crosstalk_se`; `delay_s` the constant lag of the accelerometer behind the encoder, if the part of the
+    phase shift linear in speed is nothing else; NaN or None where the logs did not show it.  `beside_force` is True where the shift's map
+    was learnt beside the measured longitudinal force."""
+
+    reference_speed_m_s: float
+    shift: SpeedMap
+    width: SpeedMap
+    patch_width_deg: float
+    crosstalk: float
+    crosstalk_se: float
+    delay_s: float
+    delay_se_s: float
+    vertical: ForceMap | None = None
+    longitudinal: ForceMap | None = None
+    beside_force: bool = False
+
+    @property
+    def has_delay(self) -> bool:
+        """Whether the phase shift holds a part linear in speed, as from a constant telemetry delay, that is more than its error."""
+        return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > SURE * self.delay_se_s)
+
+
+@dataclass(frozen=True)
+class Cleaned:
+    """Regressors of one accelerometer without trend and cross-talk, shape (n,) [deg]; `extrapolated` (n,) speed outside of the maps."""
+
+    width_deg: FloatArray
+    shift_deg: FloatArray
+    corrected_deg: FloatArray
+    extrapolated: np.ndarray
+
+
+def calibrate(logs: Sequence[Passages], forces: bool = False) -> Calibration:
+    """The calibration from all logs.  UsageError: too few quasi-static passages, or too narrow a range of speed."""
+    zeros = [p.zero_speed_m_s for p in logs if np.isfinite(p.zero_speed_m_s)]
+    if not zeros:
+        raise UsageError("no log has a zero stretch; a calibration refers to one; add a log with a low, constant speed, or give --zero")
+    reference = float(np.mean(zeros))
+    shift = _speed_map(logs, "shift", reference)
+    width = _speed_map(logs, "width", reference)
+    levels = [float(np.nanmean((p.width_deg - width(p.speed_m_s, reference))[quasi_static(p)])) for p in logs if quasi_static(p).any()]
+    delay, delay_se = _delay(shift, reference, float(np.median([p.radius_m for p in logs])))
+    plain = Calibration(reference, shift, width, float(np.mean(levels)), np.nan, np.nan, delay, delay_se)
+    k, k_se = _crosstalk(logs, plain)
+    beside = _force_of_all(logs)
+    whole = Calibration(reference, shift, width, plain.patch_width_deg, k, k_se, delay, delay_se, beside_force=beside)
+    return _with_forces(logs, whole) if forces else whole
+
+
+def quasi_static(p: Passages) -> np.ndarray:
+    """The passages, shape (n,), with nothing wrong at which the car hardly accelerates."""
+    with np.errstate(invalid="ignore"):
+        return p.good & (np.abs(p.acceleration_m_s2) < QUASI_STATIC_M_S2) & np.isfinite(p.speed_m_s)
+
+
+def _force_of_all(logs: Sequence[Passages]) -> bool:
+    """Whether every log that a map is learnt on has its longitudinal force measured, at most of its passages."""
+    used = [p for p in logs if quasi_static(p).any()]
+    return bool(used) and all(FORCE in p.forces_N and np.mean(np.isfinite(p.forces_N[FORCE][quasi_static(p)])) > FORCE_KNOWN for p in used)
+
+
+def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMap:
+    """Weighted least squares of one constant a log, (v - v0), (v - v0)^2 and what little force a quasi-static drive has, as nuisances.
+
+    That is the measured longitudinal force for the shift where all logs have it; and where the logs climb and fall the acceleration, for
+    the shift apart for either sign, since a wheel that drives does not mirror one that coasts.  All of it would else bend the map.
+    """
+    by_force = what == "shift" and _force_of_all(logs)
+    parts = []
+    for number, p in enumerate(logs):
+        values, se = (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
+        rows = quasi_static(p) & np.isfinite(values)
+        force = p.forces_N[FORCE] if by_force and rows.any() else np.zeros(values.size)
+        rows &= np.isfinite(force)
+        parts.append(np.stack([values, se, p.speed_m_s, p.acceleration_m_s2, force, np.full(values.size, float(number))])[:, rows])
+    y, se, v, a, force, group = np.concatenate(parts, axis=1)
+    if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
+        found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
+        raise UsageError(
+            f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2; a speed map needs {LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; "
+            "add a slow drive-up or coast-down"
+        )
+    dv = v - reference
+    columns = [(group == g).astype(float) for g in np.unique(group)] + [dv, dv**2]
+    nuisances = []
+    if np.quantile(a, 0.1) < -0.03 and np.quantile(a, 0.9) > 0.03:
+        nuisances = [np.maximum(a, 0.0), np.minimum(a, 0.0)] if what == "shift" and not by_force else [a]
+    if by_force:
+        nuisances.append(force - force.mean())
+    design = np.stack([*columns, *nuisances], axis=1)
+    at = len(columns) - 2
+    solved, covariance, residual = _least_squares(design, y, se)
+    return SpeedMap(
+        float(solved[at]), float(solved[at + 1]), covariance[at : at + 2, at : at + 2], float(v.min()), float(v.max()),
+        float(np.std(residual)), int(y.size),
+    )  # fmt: skip
+
+
+def _least_squares(design: FloatArray, y: FloatArray, se: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(solution, covariance, residuals): weighted, wild values left out, the covariance widened by scatter and correlation."""
+    keep = np.isfinite(y) & np.isfinite(se) & (se > 0)
+    scale = np.sqrt(np.mean(design**2, axis=0))
+    scale[scale == 0] = 1.0
+    x = design / scale
+    for _ in range(3):
+        weight = np.where(keep, 1 / np.where(se > 0, se, 1.0), 0.0)
+        solved = np.linalg.lstsq(x * weight[:, None], y * weight, rcond=1e-10)[0]
+        residual = y - x @ solved
+        z = residual * weight
+        spread = float(np.median(np.abs(z[keep]))) / 0.6745
+        keep &= np.abs(z) < 5 * max(spread, 1e-12)
+    z = z[keep]
+    chi2 = float(z @ z) / max(z.size - design.shape[1], 1)
+    rho = float(np.clip(np.sum(z[1:] * z[:-1]) / max(float(z @ z), 1e-300), 0.0, 0.95))
+    wide = max(chi2, 1.0) * (1 + rho) / (1 - rho)
+    covariance = np.linalg.pinv((x * weight[:, None]).T @ (x * weight[:, None]), rcond=1e-12) * wide
+    return solved / scale, covariance / np.outer(scale, scale), residual[keep]
+
+
+def _delay(shift: SpeedMap, reference: float, radius: float) -> tuple[float, float]:
+    """(delay, standard error) [s] from the part of the shift that is linear in Omega: forces (drag) follow v^2, a delay Omega."""
+    to_s = np.pi / 180 * radius
+    gradient = np.array([1.0, -2 * reference])
+    linear = shift.linear - 2 * reference * shift.quadratic
+    return linear * to_s, float(np.sqrt(gradient @ shift.covariance @ gradient)) * to_s
+
+
+def clean(p: Passages, calibration: Calibration) -> Cleaned:
+    """The passages' regressors by the calibration: detrended with the maps, corrected by P4 (3)."""
+    c = calibration
+    zero = p.zero_speed_m_s if np.isfinite(p.zero_speed_m_s) else c.reference_speed_m_s
+    shift = p.shift_deg - c.shift(p.speed_m_s, c.reference_speed_m_s) + float(c.shift(np.array(zero), c.reference_speed_m_s))
+    width = p.width_deg - c.width(p.speed_m_s, c.reference_speed_m_s)
+    calm = p.good & (p.steady >= 0)
+    usual = float(np.mean(width[calm])) if calm.any() else c.patch_width_deg
+    low, high = max(c.shift.low_m_s, c.width.low_m_s), min(c.shift.high_m_s, c.width.high_m_s)
+    with np.errstate(invalid="ignore"):
+        outside = (p.speed_m_s < low - 0.5) | (p.speed_m_s > high + 0.5)
+    return Cleaned(width, shift, shift + c.crosstalk * (width - usual), outside)
+
+
+def _crosstalk(logs: Sequence[Passages], calibration: Calibration) -> tuple[float, float]:
+    """(k, standard error) of P4 (3): no phase shift left on undriven wheels while the car drives off.  NaN where no log shows it.
+
+    The width's own noise would pull k towards zero; its known variance is taken off.
+    """
+    shifts, widths, noise = [], [], []
+    for p in logs:
+        if p.driven is not False:
+            continue
+        cleaned = clean(p, calibration)
+        calm = p.good & (p.steady >= 0)
+        with np.errstate(invalid="ignore"):
+            rows = p.good & (p.acceleration_m_s2 > DRIVE_M_S2) & np.isfinite(cleaned.shift_deg)
+        if calm.sum() < 8 or rows.sum() < 8:
+            continue
+        shifts.append(cleaned.shift_deg[rows] - np.mean(cleaned.shift_deg[calm]))
+        widths.append(cleaned.width_deg[rows] - np.mean(cleaned.width_deg[calm]))
+        noise.append(p.width_se_deg[rows] ** 2)
+    if not shifts:
+        return float("nan"), float("nan")
+    s, d = np.concatenate(shifts), np.concatenate(widths)
+    signal = float(d @ d) - float(np.concatenate(noise).sum())
+    if signal <= 0.1 * float(d @ d):
+        return float("nan"), float("nan")
+    k = -float(s @ d) / signal
+    residual = s + k * d
+    return k, float(np.std(residual) * np.sqrt(float(d @ d)) / signal)
+
+
+def _with_forces(logs: Sequence[Passages], c: Calibration) -> Calibration:
+    """The calibration with force maps from the logs' force channels.  UsageError: no log has one."""
+    cleaned = [clean(p, c) for p in logs]
+    known = np.isfinite(c.crosstalk)
+    shifts = [one.corrected_deg if known else one.shift_deg for one in cleaned]
+    vertical = fit_force(logs, [one.width_deg for one in cleaned], "vertical_load")
+    longitudinal = fit_force(logs, shifts, "longitudinal_force")
+    if vertical is None and longitudinal is None:
+        raise UsageError(
+            "--fit-forces, and no log has a vertical_load or longitudinal_force channel with a zero stretch; add one to the setup"
+        )
+    return Calibration(**{**c.__dict__, "vertical": vertical, "longitudinal": longitudinal})

@@ -1,0 +1,175 @@
+"""Fronts by the flank's mean form, learnt from the log itself: the same crossing, nearer to the bound.
+
+    crossings by cubics --samples aligned by them, least squares of a spline--> mean form of the entry and of the exit
+    form, samples of one passage --least squares of one shift--> matched place
+    cubics minus matched places --regression on speed, acceleration and width--> what the form's change moves the crossing
+
+A known form uses the whole flank, from the spike beside the patch to the patch's middle, and reaches the Cramer-Rao bound of a shift; the
+cubic uses what lies about the crossing, and the crossing is what a front is.  Where the form changes with speed or load the matched place
+and the crossing part, and the regression gives the difference back: on the average the matched front is the cubics'.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tirelog.data.recording import Channel
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.wheel.angle import WheelAngle
+from tirelog.wheel.fronts.dips import DEGREE
+from tirelog.wheel.fronts.samples import Flanks, groups, normalised, ranges
+
+#: passages without a fault that a form needs, and of which at most it is learnt
+LEAST, MOST = 40, 400
+#: reach of the form on the outer side and on the inner one, in half widths of the patch
+OUTER, INNER = 1.0, 0.8
+#: knots of the spline lie so far apart, in level over the flank's slope
+KNOTS = 0.35
+#: a matched place farther from the crossing than so many standard errors is not taken
+FAR = 5.0
+#: steps of the least squares, and the longest of them [deg]
+STEPS, LONGEST = 3, 1.0
+
+
+@dataclass(frozen=True)
+class Form:
+    """The mean flank in levels outside over the angle from the front [rad], from `low` to `high`: a cubic spline with even knots, by the
+    `weights` (k + 3,) of the bumps around the k + 1 knots."""
+
+    weights: FloatArray
+    low: float
+    high: float
+
+    def values(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(levels, slopes [levels/rad]) at `u`, beyond the ends those of the ends."""
+        first, share, step = _place(u, self.low, self.high, self.weights.size)
+        around = [self.weights[first + j] for j in range(4)]
+        value = sum(w * c for w, c in zip(_bumps(share), around, strict=True))
+        slope = sum(w * c for w, c in zip(_bump_slopes(share), around, strict=True))
+        return np.asarray(value), np.asarray(slope) / step
+
+    def weight(self, u: FloatArray) -> FloatArray:
+        """1 inside, falling to 0 over the tenth at each end: which samples fall into it must not matter."""
+        edge = 0.1 * (self.high - self.low)
+        return np.clip(np.minimum(u - self.low, self.high - u) / edge, 0.0, 1.0)
+
+
+def matched(
+    channel: Channel, wheel: WheelAngle, flanks: Flanks, cubic: tuple[FloatArray, FloatArray, FloatArray], worded: list[int]
+) -> tuple[FloatArray, FloatArray]:
+    """(places [rad], standard errors) of all fronts, shape (2 n,) as `flanks`; those of `cubic` (places, errors, slopes in levels/rad)
+    where the log is too short for a form or a passage does not fit it.  `worded`: fronts with something wrong."""
+    place, se, slope = cubic
+    n = flanks.passages
+    good = np.isfinite(place)
+    good[worded] = False
+    good = np.tile(good[:n] & good[n:], 2)
+    if good.sum() < 2 * LEAST:
+        return place, se
+    half = 0.5 * float(np.median((place[n:] - place[:n])[good[:n]]))
+    flanks = flanks.moved(place)
+    result, error = place.copy(), se.copy()
+    for entries in (True, False):
+        side = np.arange(n) + (0 if entries else n)
+        steepness = float(np.median(np.abs(slope[side][good[side]])))
+        low, high = (-OUTER * half, INNER * half) if entries else (-INNER * half, OUTER * half)
+        form = _learn(channel, wheel, flanks.take(_some(side[good[side]])), (low, high), KNOTS / steepness)
+        result[side], error[side] = _shifts(channel, wheel, flanks.take(side), form)
+    result += _difference(place - result, result[n:] - result[:n], flanks, good)
+    known = np.isfinite(result) & (np.abs(result - place) < FAR * se)
+    return np.where(known, result, place), np.where(known, error, se)
+
+
+def _place(u: FloatArray, low: float, high: float, size: int) -> tuple[IntArray, FloatArray, float]:
+    """(the first of the four bumps that are not zero at `u`, the place within its interval in [0, 1], width of an interval)."""
+    step = (high - low) / (size - 3)
+    x = np.clip((u - low) / step, 0.0, size - 3)
+    first = np.minimum(x.astype(np.int64), size - 4)
+    return first, x - first, step
+
+
+def _bumps(s: FloatArray) -> tuple[FloatArray, ...]:
+    """Values of the four cubic bumps (uniform B-splines) at the place s of an interval."""
+    return (1 - s) ** 3 / 6, (4 - 6 * s**2 + 3 * s**3) / 6, (1 + 3 * s + 3 * s**2 - 3 * s**3) / 6, s**3 / 6
+
+
+def _bump_slopes(s: FloatArray) -> tuple[FloatArray, ...]:
+    return -((1 - s) ** 2) / 2, (3 * s**2 - 4 * s) / 2, (1 + 2 * s - 3 * s**2) / 2, s**2 / 2
+
+
+def _some(rows: IntArray) -> IntArray:
+    return rows[np.linspace(0, rows.size - 1, min(rows.size, MOST)).astype(np.int64)]
+
+
+def _learn(channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float], step: float) -> Form:
+    """The least-squares cubic spline through the samples of all `flanks`, aligned by their places."""
+    low, high = reach
+    size = max(round((high - low) / step), 4) + 3
+    left, right = 1e-9 * np.eye(size), np.zeros(size)
+    first, last = _samples(channel, wheel, flanks, reach)
+    for group, start, values in groups(channel, first, last):
+        _, u, y = normalised(values, start, channel, wheel, flanks.take(group), first[group], last[group])
+        inside = np.isfinite(y) & (u >= low) & (u <= high)
+        at, share, _ = _place(u[inside], low, high, size)
+        bumps = _bumps(share)
+        for j, one in enumerate(bumps):
+            right += np.bincount(at + j, one * y[inside], size)
+            for k, other in enumerate(bumps):
+                left += np.bincount((at + j) * size + at + k, one * other, size * size).reshape(size, size)
+    return Form(np.asarray(np.linalg.solve(left, right), dtype=np.float64), low, high)
+
+
+def _samples(channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float]) -> tuple[IntArray, IntArray]:
+    """First and last-but-one sample of each flank, from `reach` before to after its place, and a little more."""
+    first, last = ranges(channel, wheel, flanks, np.full(flanks.angle.size, max(abs(r) for r in reach) + LONGEST * DEGREE))
+    return first, last
+
+
+def _shifts(channel: Channel, wheel: WheelAngle, flanks: Flanks, form: Form) -> tuple[FloatArray, FloatArray]:
+    """(places [rad] at which the form fits best, standard errors), shape (n,); NaN where samples are missing."""
+    place, se = np.full(flanks.angle.size, np.nan), np.full(flanks.angle.size, np.nan)
+    first, last = _samples(channel, wheel, flanks, (form.low, form.high))
+    for group, start, values in groups(channel, first, last):
+        part = flanks.take(group)
+        owner, u, y = normalised(values, start, channel, wheel, part, first[group], last[group])
+        lost = np.bincount(owner[~np.isfinite(y)], minlength=group.size) > 0
+        u, y = np.nan_to_num(u, nan=10.0), np.nan_to_num(y)
+        moved = np.zeros(group.size)
+        for _ in range(STEPS):
+            at = u - moved[owner]
+            weight, (level, slope) = form.weight(at), form.values(at)
+            known = np.bincount(owner, weight * slope**2, group.size)
+            known[known == 0] = np.nan
+            step = -np.bincount(owner, weight * slope * (y - level), group.size) / known
+            moved += np.clip(step, -LONGEST * DEGREE, LONGEST * DEGREE)
+        # a level that is wrong by a share moves the fit by what its form times its slope says
+        lever = np.bincount(owner, weight * slope * level, group.size) / known
+        own = np.sqrt(np.bincount(owner, (weight * slope) ** 2, group.size)) / known
+        noise = np.hypot(own, lever * part.level_share) * part.noise / (np.abs(part.level) * part.rate**2)
+        place[group] = np.where(lost, np.nan, part.angle + moved)
+        se[group] = np.hypot(noise, wheel.angle.noise_rad)
+    return place, se
+
+
+def _difference(difference: FloatArray, width: FloatArray, flanks: Flanks, good: np.ndarray) -> FloatArray:
+    """What crossings lie beyond matched places, shape (2 n,): least squares on speed, its square, acceleration and width, for each side."""
+    n = flanks.passages
+    speed, ahead = flanks.rate[:n], flanks.ahead[:n]
+    columns = [np.ones(n), speed, speed**2, ahead, width]
+    result = np.full(2 * n, np.nan)
+    for side in (slice(0, n), slice(n, 2 * n)):
+        y, rows = difference[side], good[side] & np.isfinite(difference[side]) & np.isfinite(width)
+        if rows.sum() < LEAST:
+            continue
+        middles = [float(np.mean(c[rows])) for c in columns]
+        sizes = [max(float(np.std(c[rows])), 1e-12) for c in columns]
+        design = np.stack([np.ones(n), *((c - m) / s for c, m, s in zip(columns[1:], middles[1:], sizes[1:], strict=True))], axis=1)
+        for _ in range(3):
+            solved = np.linalg.lstsq(design[rows], y[rows], rcond=1e-6)[0]
+            left = y - np.nan_to_num(design) @ solved
+            with np.errstate(invalid="ignore"):
+                rows = rows & (np.abs(left) < 4 * 1.4826 * float(np.median(np.abs(left[rows]))))
+        result[side] = design @ solved
+    return result

@@ -1,0 +1,264 @@
+"""P4's regressors: patch width and phase shift, a row a passage of an in-tire accelerometer.
+
+    Recording --wheel angle, fronts--> Passages (one accelerometer of one log) --zero--> phase shift
+        --Calibration--> detrended, corrected, forces --columns--> the `phase-shift` table
+
+The phase shift is the wheel angle, growing in the direction of rolling, at the middle of the patch signal minus its value in the zero
+stretch: later in wheel angle is positive, braking is negative (P4 section III; errata on the wind-up).  "Zero" is a convention (P4
+section IV B): the first low, constant-speed stretch of the log, or what the user names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tirelog.data.recording import Channel, Recording
+from tirelog.errors import DataLoss, SetupError, UsageError
+from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.wheel.accelerometer import limits, without_held
+from tirelog.wheel.angle import Radius, WheelAngle, encoder_of, rolling_radius
+from tirelog.wheel.doubts import doubts, refuse_swapped
+from tirelog.wheel.fronts.fronts import Fronts, Words, find_fronts
+
+DEG = 180 / np.pi
+#: the zero is sought in stretches below this speed (P4: about 10 m/s)
+LOW_SPEED_M_S = 13.0
+#: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many passages, within this range
+STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
+#: forces do not move the patch's usual place by more than this after a standstill
+ELSEWHERE_DEG = 2.0
+
+
+@dataclass(frozen=True)
+class Passages:
+    """One accelerometer of one log, arrays of shape (n,), NaN where a passage was not found.
+
+    Angles in degrees: `entry_deg`, `exit_deg` within one turn, `width_deg`, `shift_deg` (NaN without a zero) and standard errors;
+    `speed_m_s` low-passed at 20 Hz, `acceleration_m_s2` over the turn; `words` what is wrong; `steady` (n,) in a constant-speed
+    stretch; `zero_speed_m_s` where the zero was taken (NaN without one); `forces_N` means of the force channels around the passage.
+    `without_zero` says why there is no zero, '' where there is one.
+    `example` (3, m), for pictures: angles from the middle of one passage [deg], the signal there in levels outside, and its two fronts.
+    """
+
+    log: str
+    channel: str
+    radius_m: float
+    driven: bool | None
+    time_s: FloatArray
+    speed_m_s: FloatArray
+    acceleration_m_s2: FloatArray
+    entry_deg: FloatArray
+    exit_deg: FloatArray
+    width_deg: FloatArray
+    width_se_deg: FloatArray
+    shift_deg: FloatArray
+    shift_se_deg: FloatArray
+    steady: np.ndarray
+    words: Words
+    zero_speed_m_s: float
+    remarks: tuple[str, ...] = ()
+    without_zero: str = ""
+    forces_N: dict[str, FloatArray] = field(default_factory=dict)
+    example: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """The remarks, and why there is no zero."""
+        return (*self.remarks, self.without_zero) if self.without_zero else self.remarks
+
+    @property
+    def good(self) -> np.ndarray:
+        """Passages with nothing wrong (a zero that is missing apart), shape (n,)."""
+        return np.array([not (w - {"no_zero", "extrapolated"}) for w in self.words], bool) & np.isfinite(self.width_deg)
+
+
+def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> Iterator[Passages]:
+    """The passages of every accelerometer of a log.
+
+    `zero`: 'auto', 'none', a speed in m/s (the first steady stretch within 1.5 m/s of it) or 'START:STOP' in seconds.  DataLoss: the
+    encoder shows no teeth or the accelerometers no patch.  SetupError: no such channels, swapped channels, a wrong number of steps.
+    """
+    accelerometers = recording.of_kind("radial_acceleration")
+    if not accelerometers:
+        raise SetupError(f"{recording.log}: no radial_acceleration channel; phase-shift needs one and a wheel_encoder; add it to the setup")
+    try:
+        encoder, wheel = encoder_of(recording)
+    except DataLoss:
+        refuse_swapped(recording, accelerometers[0], recording.of_kind("wheel_encoder")[0])
+        raise
+    radius = rolling_radius(recording, wheel)
+    said = [*wheel.remarks, *([radius.remark] if radius.remark else [])]
+    for channel in accelerometers:
+        low, high, share = limits(channel)
+        fronts = find_fronts(without_held(channel, low, high), wheel, radius.radius_m, (low, high))
+        if fronts is None:
+            refuse_swapped(recording, channel, encoder)
+            raise DataLoss(
+                f"channel {channel.name} shows no patch: its signal does not fall below half of its level once a turn; "
+                "check that it is a radial in-tire acceleration and that the wheel turned faster than 2 m/s",
+                file=recording.log,
+            )
+        said += doubts(recording, channel, wheel, fronts, radius, share)
+        yield _passages(recording, channel, wheel, radius, fronts, zero, forces, said)
+        said = []
+
+
+def _passages(
+    recording: Recording, channel: Channel, wheel: WheelAngle, radius: Radius, fronts: Fronts, zero: str, forces: bool, said: list[str]
+) -> Passages:
+    """Fronts as a table's rows."""
+    entry, leave = fronts.entry_rad, fronts.exit_rad
+    found = np.isfinite(entry) & np.isfinite(leave)
+    middle = np.where(found, 0.5 * (entry + leave), fronts.expected_rad)
+    half = np.pi
+    before, time, after = (wheel.angle.time_at(middle + shift) for shift in (-half, 0.0, half))
+    speed = radius.radius_m * wheel.speed_rad_s(time)
+    acceleration = _acceleration(before, time, after, radius.radius_m)
+    words = fronts.words
+    margin = 15 / DEG
+    low, high = wheel.angle.time_at(middle - margin - 0.3), wheel.angle.time_at(middle + margin + 0.3)
+    for row, others in wheel.words(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf)).items():
+        words[row] |= frozenset(others)
+    mark(words, ~found, "lost_peak")
+    reading = np.where(found, middle, np.nan)
+    turn, moved, strange = _one_turn(reading, wheel, time)
+    mark(words, strange, "reversing")
+    good = found & np.array([not w for w in words])
+    steady = steady_passages(speed, good)
+    offset, zero_speed = _zero(turn, speed, time, steady, good, zero)
+    if np.isnan(offset):
+        mark(words, np.ones(len(words), bool), "no_zero")
+    if moved:
+        said = [*said, f"channel {wheel.channel}: the tooth count was lost {moved} times; the patch itself gave the whole teeth back"]
+    without = _without_zero(zero) if np.isnan(offset) else ""
+    se = np.hypot(fronts.entry_se_rad, fronts.exit_se_rad) * DEG
+    width = (leave - entry) * DEG
+    means = {c.kind: _means(c, before, after) for c in recording.of_kind("vertical_load", "longitudinal_force")} if forces else {}
+    return Passages(
+        recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time, speed, acceleration, turn - width / 2,
+        turn + width / 2, width, se, turn - offset, se / 2, steady, words, zero_speed, tuple(said), without, means,
+        _example(channel, wheel, fronts, good),
+    )  # fmt: skip
+
+
+def mark(words: Words, rows: np.ndarray, word: str) -> None:
+    """Adds a word to the passages `rows` (n,); equal sets are one and the same."""
+    with_it: dict[frozenset[str], frozenset[str]] = {}
+    for k in np.flatnonzero(rows):
+        words[k] = with_it.setdefault(words[k], words[k] | {word})
+
+
+def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, good: np.ndarray) -> FloatArray:
+    """The samples within 45 degrees of one good passage; empty where there is none."""
+    rows = np.flatnonzero(good)
+    if rows.size == 0:
+        return np.zeros((3, 0))
+    row = rows[rows.size // 2]
+    entry, leave = fronts.entry_rad[row], fronts.exit_rad[row]
+    middle = 0.5 * (entry + leave)
+    time = wheel.angle.time_at(middle + np.array([-0.8, 0.0, 0.8]))
+    first, last = (int(i) for i in channel.axis.index(np.nan_to_num(time))[::2])
+    at = channel.axis.time(first, last)
+    level = fronts.sign * fronts.level_m * wheel.speed_rad_s(time[1:2]) ** 2
+    both = np.resize(np.array([entry - middle, leave - middle]), at.size) * DEG
+    return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
+
+
+def _acceleration(before: FloatArray, time: FloatArray, after: FloatArray, radius: float) -> FloatArray:
+    """Acceleration [m/s^2] from the durations of the half turns around the passage."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return radius * 2 * np.pi * (1 / (after - time) - 1 / (time - before)) / (after - before)
+
+
+def _one_turn(middle: FloatArray, wheel: WheelAngle, time: FloatArray) -> tuple[FloatArray, int, np.ndarray]:
+    """(middles within one turn [deg], how often whole teeth were given back, passages of stretches in which the patch is elsewhere).
+
+    After a standstill or a hole the count may have lost whole teeth.  The patch cannot have moved by half a tooth, so its place against
+    the first stretch gives them back.  Where it lies between two teeth the wheel must have rolled the other way.
+    """
+    tooth = 360.0 / wheel.steps
+    known = np.isfinite(middle)
+    if not known.any():
+        return middle, 0, np.zeros(middle.size, bool)
+    usual = float(np.angle(np.exp(1j * middle[known]).sum()))
+    turn = np.angle(np.exp(1j * (middle - usual))) * DEG
+    stretch = wheel.angle.stretch_at(time)
+    moved, first, strange = 0, np.nan, np.zeros(middle.size, bool)
+    for number in np.unique(stretch[known]):
+        rows = known & (stretch == number)
+        place = float(np.median(turn[rows]))
+        first = place if np.isnan(first) else first
+        lost = round((place - first) / tooth) * tooth
+        turn[rows] -= lost
+        moved += lost != 0
+        strange |= rows & (abs(place - lost - first) > ELSEWHERE_DEG)
+    centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(np.median(turn[known]))
+    return turn + centre, moved, strange
+
+
+def steady_passages(speed: FloatArray, good: np.ndarray) -> IntArray:
+    """Number of the constant-speed stretch of each passage, from 0 in order of time; -1 outside of one."""
+    n = speed.size
+    small = np.zeros(n + 1, bool)
+    small[1:-1] = np.abs(np.diff(speed)) < STEADY_STEP_M_S
+    calm = small[1:] | small[:-1]
+    calm &= np.isfinite(speed) & good
+    stretch, number, start = np.full(n, -1, np.int64), 0, 0
+    while start < n:
+        stop = start + 1
+        while stop < n and calm[start] and calm[stop] and small[stop] and abs(speed[stop] - speed[start]) < STEADY_RANGE_M_S / 2:
+            stop += 1
+        if stop - start >= STEADY_PASSAGES:
+            stretch[start:stop], number = number, number + 1
+        start = stop
+    return stretch
+
+
+def _zero(turn: FloatArray, speed: FloatArray, time: FloatArray, steady: IntArray, good: np.ndarray, zero: str) -> tuple[float, float]:
+    """(middle [deg] that counts as zero, speed there); NaN where the log has no such stretch.  UsageError: `zero` is none of the forms."""
+    rows = np.zeros(turn.size, bool)
+    if ":" in zero:
+        start, stop = _numbers(zero.split(":", 1), zero)
+        rows = good & (time >= start) & (time <= stop)
+    elif zero != "none":
+        low, high = (0.0, LOW_SPEED_M_S) if zero == "auto" else tuple(_numbers([zero], zero)[0] + d for d in (-1.5, 1.5))
+        for number in range(int(steady.max(initial=-1)) + 1):
+            one = steady == number
+            if low <= float(np.mean(speed[one])) <= high:
+                rows = one & good
+                break
+    if not rows.any():
+        return float("nan"), float("nan")
+    return float(np.mean(turn[rows])), float(np.mean(speed[rows]))
+
+
+def _numbers(texts: list[str], zero: str) -> list[float]:
+    try:
+        return [float(t) for t in texts]
+    except ValueError:
+        raise UsageError(
+            f"--zero {zero}; allowed are auto, none, a speed in m/s, or START:STOP in seconds; e.g. --zero 10 or --zero 2:8"
+        ) from None
+
+
+def _without_zero(zero: str) -> str:
+    wanted = f"constant-speed stretch below {LOW_SPEED_M_S:g} m/s" if zero == "auto" else f"stretch for --zero {zero}"
+    return (
+        f"no {wanted} for the zero of the phase shift, which is empty (no_zero); "
+        "name another with --zero SPEED or --zero START:STOP, or give the --calibration of a log that has one"
+    )
+
+
+def _means(channel: Channel, start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
+    """Mean of a channel over [start, stop] of each passage; NaN where it has no sample."""
+    means = np.full(start_s.size, np.nan)
+    for k, (start, stop) in enumerate(zip(start_s, stop_s, strict=True)):
+        if np.isfinite(start) and np.isfinite(stop) and stop - start < 5.0:
+            first, last = (int(i) for i in np.ceil(channel.axis.index(np.array([start, stop]))))
+            values = channel.read(first, max(last, first + 1))
+            if np.isfinite(values).any():
+                means[k] = np.nanmean(values)
+    return means
