@@ -1,4 +1,7 @@
-"""Run every benchmark, one process each, and say which failed.  `python -m benchmarks chain model` runs some."""
+"""Run every benchmark, one process each, and say which failed.
+
+`python -m benchmarks chain model` runs some.
+"""
 
 import subprocess
 import sys

@@ -1,4 +1,5 @@
-"""Text to the strain tables in one command, side by side with the plain script; each command from an ingested run; and help.
+"""Text to the strain tables in one command, side by side with the plain script; each command from
+an ingested run; and help.
 
 TIRELOG_BENCH_MINUTES sets the length of the log (default 10; 60 for the hour of the goals).
 """
@@ -21,7 +22,9 @@ def main() -> None:
         log, run = folder / "log.csv", folder / "run.h5"
         write(log, minutes)
         print(f"{minutes:g} min x 16 gratings at 2.5 kHz, {log.stat().st_size / 1e9:.2f} GB")
-        plain = cost([sys.executable, "-m", "benchmarks.plain_script", str(log), str(folder / "plain.csv")])
+        plain = cost(
+            [sys.executable, "-m", "benchmarks.plain_script", str(log), str(folder / "plain.csv")]
+        )
         print(f"plain script             {plain}")
         whole = cost([TIRELOG, "tables", str(log), "-o", str(folder / "tables")])
         print(f"tables from the text     {whole}")
@@ -31,7 +34,9 @@ def main() -> None:
         for table in ("speed", "footprint", "dissipation"):
             steps.append(cost([TIRELOG, table, str(run), "-o", str(folder / f"{table}.csv")]))
             print(f"{table:10} from the run  {steps[-1]}")
-        ours = Cost(sum(s.wall_s for s in steps), sum(s.cpu_s for s in steps), max(s.peak_MB for s in steps))
+        ours = Cost(
+            sum(s.wall_s for s in steps), sum(s.cpu_s for s in steps), max(s.peak_MB for s in steps)
+        )
         print(f"ingest and all three     {ours}")
         print(_ratios(plain, ours))
     for arguments in (["--help"], ["speed", "--help"]):

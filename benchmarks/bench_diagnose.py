@@ -1,4 +1,6 @@
-"""`diagnose` on about 2,000 revolutions x 256 angles x 16 candidates: nothing hidden, one effect, a pair.  Goal: 20 s on two cores."""
+"""`diagnose` on about 2,000 revolutions x 256 angles x 16 candidates: nothing hidden, one effect, a
+pair. Goal: 20 s on two cores.
+"""
 
 import time
 
@@ -20,8 +22,14 @@ def main() -> None:
         result = diagnose(stacks, Model.new("beam", radius_m=0.305))
         wall, used = time.perf_counter() - begun, time.process_time() - cpu
         tested = len(result.effects) + len(result.not_tested)
-        print(f"{result.revolutions} revolutions x {stacks[0].phi_rad.size} angles x {tested} candidates: {wall:.1f} s, {used:.1f} s cpu")
-        print(f"    hidden: {' '.join(effects) or 'nothing'}; said: {result.verdict} {' '.join(result.selected)}")
+        print(
+            f"{result.revolutions} revolutions x {stacks[0].phi_rad.size} angles x {tested} "
+            f"candidates: {wall:.1f} s, {used:.1f} s cpu"
+        )
+        print(
+            f"    hidden: {' '.join(effects) or 'nothing'}; said: {result.verdict} "
+            f"{' '.join(result.selected)}"
+        )
 
 
 if __name__ == "__main__":

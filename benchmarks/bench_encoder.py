@@ -1,9 +1,11 @@
-"""Wheel angle: least-squares tooth passages with a learnt pitch table against the band-pass + Hilbert script; and an hour of phase-shift.
+"""Wheel angle: least-squares tooth passages with a learnt pitch table against the band-pass +
+Hilbert script; and an hour of phase-shift.
 
     python -m benchmarks.bench_encoder [--hour]
 
-CPU seconds of this process, the two in turn; errors against the true angle at every sample, the constant removed.  The script's Fourier
-transform likes some lengths better than others: it is measured at its best, 2^7 5^6 samples, and at a length as it comes.
+CPU seconds of this process, the two in turn; errors against the true angle at every sample, the
+constant removed. The script's Fourier transform likes some lengths better than others: it is
+measured at its best, 2^7 5^6 samples, and at a length as it comes.
 """
 
 import sys
@@ -35,19 +37,34 @@ unit = "g"
 
 
 #: seconds, and speeds [m/s] at them, of a minute's drive
-TOWN, MOTORWAY = ([0, 15, 20, 40, 45, 60], [10, 10, 22, 22, 10, 10]), ([0, 2, 5, 55, 58, 60], [10, 10, 25, 25, 10, 10])
+TOWN, MOTORWAY = (
+    ([0, 15, 20, 40, 45, 60], [10, 10, 22, 22, 10, 10]),
+    ([0, 2, 5, 55, 58, 60], [10, 10, 25, 25, 10, 10]),
+)
 
 
 def drive(
-    seconds: float, random: np.random.Generator, noise: float, start: float = 0.0, minute: tuple[list[int], list[int]] = TOWN
+    seconds: float,
+    random: np.random.Generator,
+    noise: float,
+    start: float = 0.0,
+    minute: tuple[list[int], list[int]] = TOWN,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(wheel angle, encoder volts) of a drive, minute by minute, from the angle `start`, pitch errors up to 0.4 degree."""
+    """(wheel angle, encoder volts) of a drive, minute by minute, from the angle `start`, pitch
+    errors up to 0.4 degree.
+    """
     t = np.arange(0, seconds, 1 / RATE_HZ)
     speed = np.interp(t % 60, *minute)
     angle = start + np.cumsum(speed) / RATE_HZ / RADIUS_M
     error = np.random.default_rng(1003).uniform(-1, 1, STEPS) * np.deg2rad(0.4)
-    bent = np.interp(np.mod(angle, 2 * np.pi), np.arange(STEPS + 1) * 2 * np.pi / STEPS, np.append(error, error[0]))
-    return angle, np.sin(STEPS * (angle - bent)) * (1 + 0.1 * np.cos(angle)) + noise * random.standard_normal(t.size)
+    bent = np.interp(
+        np.mod(angle, 2 * np.pi),
+        np.arange(STEPS + 1) * 2 * np.pi / STEPS,
+        np.append(error, error[0]),
+    )
+    return angle, np.sin(STEPS * (angle - bent)) * (
+        1 + 0.1 * np.cos(angle)
+    ) + noise * random.standard_normal(t.size)
 
 
 def script(volts: np.ndarray) -> np.ndarray:
@@ -80,9 +97,18 @@ def compare(noise: float, size: int) -> None:
             row.append(float(used))
     per = [volts.size / np.median(row) / 1e6 for row in seconds]
     both = volts.size / np.median(np.array(seconds[1]) + np.array(seconds[2])) / 1e6
-    print(f"noise {100 * noise:.0f} %, {size} samples: script {per[0]:5.1f} Msamples/s, error {error_deg(hilbert_angle, true)} degree")
-    print(f"          ours   {per[1]:5.1f} Msamples/s ({per[1] / per[0]:.1f} x), error {error_deg(ours, true)} degree")
-    print(f"          and with the angle at every sample {both:.1f} Msamples/s ({both / per[0]:.1f} x)")
+    print(
+        f"noise {100 * noise:.0f} %, {size} samples: script {per[0]:5.1f} Msamples/s, error "
+        f"{error_deg(hilbert_angle, true)} degree"
+    )
+    print(
+        f"          ours   {per[1]:5.1f} Msamples/s ({per[1] / per[0]:.1f} x), error "
+        f"{error_deg(ours, true)} degree"
+    )
+    print(
+        f"          and with the angle at every sample {both:.1f} Msamples/s "
+        f"({both / per[0]:.1f} x)"
+    )
 
 
 def hour(minutes: int = 60) -> None:
@@ -91,7 +117,10 @@ def hour(minutes: int = 60) -> None:
     with tempfile.TemporaryDirectory() as folder:
         log, size = Path(folder) / "hour.h5", int(60 * RATE_HZ)
         with h5py.File(log, "w") as file:
-            sets = [file.create_dataset(name, (minutes * size,), "f4", chunks=(1 << 17,)) for name in ("encoder", "acceleration")]
+            sets = [
+                file.create_dataset(name, (minutes * size,), "f4", chunks=(1 << 17,))
+                for name in ("encoder", "acceleration")
+            ]
             for data, unit in zip(sets, ("V", "g"), strict=True):
                 data.attrs["unit"], data.attrs["sampling_rate_Hz"] = unit, RATE_HZ
             last = 0.0
@@ -105,11 +134,22 @@ def hour(minutes: int = 60) -> None:
                 sets[0][part] = volts
                 sets[1][part] = -level * (1 - patch) + 1.2 * random.standard_normal(size)
         log.with_suffix(".toml").write_text(SETUP)
-        command = [sys.executable, "-m", "tirelog", "phase-shift", str(log), "-o", str(Path(folder) / "t.csv"), "--quiet"]
+        command = [
+            sys.executable,
+            "-m",
+            "tirelog",
+            "phase-shift",
+            str(log),
+            "-o",
+            str(Path(folder) / "t.csv"),
+            "--quiet",
+        ]
         print(f"{minutes} min at 10 kHz through phase-shift: {cost(command)}")
 
 
 if __name__ == "__main__":
-    hour(60 if "--hour" in sys.argv else 10)  # first: a child's peak memory begins with its parent's
+    hour(
+        60 if "--hour" in sys.argv else 10
+    )  # first: a child's peak memory begins with its parent's
     for share, length in ((0.02, 2_000_000), (0.02, 1_987_654), (0.1, 2_000_000)):
         compare(share, length)

@@ -1,7 +1,9 @@
-"""Speed against known truth, and what it costs: 16 gratings, 2.5 kHz, beside findpeaks on a low-pass as P1 did it.
+"""Speed against known truth, and what it costs: 16 gratings, 2.5 kHz, beside findpeaks on a
+low-pass as P1 did it.
 
-The truth is a speed profile integrated in time (nothing of the estimator in it).  Figures: rms error of the speed at constant speed
-(goal 0.002 m/s) and in manoeuvres (0.01 m/s), passages missed and invented, share of rows within one standard error (0.68 +- 0.05).
+The truth is a speed profile integrated in time (nothing of the estimator in it). Figures: rms error
+of the speed at constant speed (goal 0.002 m/s) and in manoeuvres (0.01 m/s), passages missed and
+invented, share of rows within one standard error (0.68 +- 0.05).
 """
 
 import time
@@ -23,12 +25,20 @@ def drive(knots_s, speeds_m_s, seed, noise_pm):
     rng = np.random.default_rng(seed)
     fine = np.arange(0.0, knots_s[-1], 1e-4)
     speed = np.interp(fine, knots_s, speeds_m_s)
-    turns = 0.4 + np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * 1e-4)]) / (2 * np.pi * RADIUS_M)
+    turns = 0.4 + np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * 1e-4)]) / (
+        2 * np.pi * RADIUS_M
+    )
     at = np.arange(int(knots_s[-1] * RATE_HZ)) / RATE_HZ
     xi = (np.mod(np.interp(at, fine, turns) + 0.5, 1.0) - 0.5) * 2 * np.pi * RADIUS_M
     flat = 0.5 * (np.tanh((xi + 0.055) / 0.023) - np.tanh((xi - 0.055) / 0.023))
-    shape = flat - 0.3 * np.exp(-(((xi + 0.105) / 0.035) ** 2)) - 0.22 * np.exp(-(((xi - 0.11) / 0.04) ** 2))
-    values = -8e-4 * shape + 5e-5 * (1 - np.exp(-at / 60)) + rng.normal(0, noise_pm * PICOMETRE, at.size)
+    shape = (
+        flat
+        - 0.3 * np.exp(-(((xi + 0.105) / 0.035) ** 2))
+        - 0.22 * np.exp(-(((xi - 0.11) / 0.04) ** 2))
+    )
+    values = (
+        -8e-4 * shape + 5e-5 * (1 - np.exp(-at / 60)) + rng.normal(0, noise_pm * PICOMETRE, at.size)
+    )
     passed = np.interp(np.arange(1, np.ceil(turns[-1])), turns, fine)
     speed_there = np.interp(passed, fine, speed)
     whole = (passed > 0.15 / speed_there) & (passed < at[-1] - 0.15 / speed_there)
@@ -71,14 +81,22 @@ def report(title, drives):
     rms = np.sqrt(np.mean(np.concatenate(off) ** 2))
     covered = np.mean(np.abs(np.concatenate(ratio)) < 1)
     plain_rms = np.sqrt(np.mean(np.concatenate(plainly) ** 2))
-    print(f"{title:32} rms {rms:.5f} m/s  missed {missed}  invented {invented}  within one s.e. {covered:.3f}   plain {plain_rms:.4f} m/s")
+    print(
+        f"{title:32} rms {rms:.5f} m/s  missed {missed}  invented {invented}  within one s.e. "
+        f"{covered:.3f}   plain {plain_rms:.4f} m/s"
+    )
 
 
 def main() -> None:
     for noise_pm in (0.8, 8.0):
-        constant = (drive([0, 60], v, seed, noise_pm) for seed, v in zip(SEEDS, CONSTANT, strict=False))
+        constant = (
+            drive([0, 60], v, seed, noise_pm) for seed, v in zip(SEEDS, CONSTANT, strict=False)
+        )
         report(f"constant speed, {noise_pm} pm", constant)
-        report(f"manoeuvres, {noise_pm} pm", (drive(*manoeuvres(seed), seed, noise_pm) for seed in SEEDS))
+        report(
+            f"manoeuvres, {noise_pm} pm",
+            (drive(*manoeuvres(seed), seed, noise_pm) for seed in SEEDS),
+        )
     channel, *_ = drive([0, 600], [8, 22], 2100, 0.8)
     begun = time.process_time()
     for _ in range(COPIES):

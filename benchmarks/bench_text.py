@@ -1,7 +1,9 @@
-"""Text to arrays: our reader with its clock against pandas, whole file and in chunks, each in a process of its own.
+"""Text to arrays: our reader with its clock against pandas, whole file and in chunks, each in a
+process of its own.
 
-TIRELOG_BENCH_TEXT_MINUTES sets the length of the log (default 10: 0.32 GB; 60 for the hour of the goals).  The reader gives
-stamps, lost samples and flags beside the numbers; pandas gives the numbers alone.
+TIRELOG_BENCH_TEXT_MINUTES sets the length of the log (default 10: 0.32 GB; 60 for the hour of the
+goals). The reader gives stamps, lost samples and flags beside the numbers; pandas gives the numbers
+alone.
 """
 
 import os
@@ -23,7 +25,9 @@ for block in reader.blocks():
 assert clock.axis().rate_Hz == 2500.0 and not reader.report.losses
 """
 WHOLE = 'import pandas as pd\npd.read_csv(r"{log}").to_numpy()'
-CHUNKS = 'import pandas as pd\nfor part in pd.read_csv(r"{log}", chunksize=50_000):\n    part.to_numpy()'
+CHUNKS = (
+    'import pandas as pd\nfor part in pd.read_csv(r"{log}", chunksize=50_000):\n    part.to_numpy()'
+)
 WAYS = {"tirelog": OURS, "pandas, whole file": WHOLE, "pandas, in chunks": CHUNKS}
 
 
@@ -33,12 +37,18 @@ def main() -> None:
         log = Path(name) / "log.csv"
         write(log, minutes)
         size_MB = log.stat().st_size / 1e6
-        print(f"{minutes:g} min x 16 gratings at 2.5 kHz, {size_MB:.0f} MB of text, {os.cpu_count()} cores, median of 3")
+        print(
+            f"{minutes:g} min x 16 gratings at 2.5 kHz, {size_MB:.0f} MB of text, "
+            f"{os.cpu_count()} cores, median of 3"
+        )
         found = {}
         for way, script in WAYS.items():
             command = [sys.executable, "-c", script.format(log=log, setup=log.with_suffix(".toml"))]
             found[way] = median([cost(command) for _ in range(3)])
-            print(f"{way:20} {found[way]}  {size_MB / found[way].wall_s:5.0f} MB/s wall  {size_MB / found[way].cpu_s:5.0f} MB/s a core")
+            print(
+                f"{way:20} {found[way]}  {size_MB / found[way].wall_s:5.0f} MB/s wall  "
+                f"{size_MB / found[way].cpu_s:5.0f} MB/s a core"
+            )
         ours = found["tirelog"]
         for way, other in found.items():
             if way != "tirelog":

@@ -1,11 +1,16 @@
-"""A long text log of 16 gratings at 2.5 kHz for the benchmarks: pulses at a changing speed, made block by block."""
+"""A long text log of 16 gratings at 2.5 kHz for the benchmarks: pulses at a changing speed, made
+block by block.
+"""
 
 from pathlib import Path
 
 import numpy as np
 
 RATE_HZ, RADIUS_M, GRATINGS = 2500.0, 0.305, 16
-SETUP_TIRE = "[tire]\nrolling_radius_m = 0.305\nunloaded_radius_m = 0.3126\nsection_height_m = 0.018\nwidth_m = 0.215\n"
+SETUP_TIRE = (
+    "[tire]\nrolling_radius_m = 0.305\nunloaded_radius_m = 0.3126\nsection_height_m = 0.018\n"
+    "width_m = 0.215\n"
+)
 
 
 def write(path: Path, minutes: float, seed: int = 1) -> None:
@@ -28,8 +33,14 @@ def write(path: Path, minutes: float, seed: int = 1) -> None:
             table = np.empty((step, GRATINGS), dtype=np.int64)
             for i in range(GRATINGS):
                 d = (np.mod(x / RADIUS_M + 2 * np.pi * i / GRATINGS, 2 * np.pi) - np.pi) * RADIUS_M
-                strain = 1e-3 * (0.35 * np.exp(-(((np.abs(d) - 0.09) / 0.04) ** 2)) - np.exp(-((d / 0.035) ** 2)))
-                table[:, i] = np.rint((1550.0 * (1 + strain / 1.27) + 0.0008 * rng.standard_normal(step)) * 1e4)
-            digits = [[f"{v // 10000}.{v % 10000:04d}" for v in column.tolist()] for column in table.T]
+                strain = 1e-3 * (
+                    0.35 * np.exp(-(((np.abs(d) - 0.09) / 0.04) ** 2)) - np.exp(-((d / 0.035) ** 2))
+                )
+                table[:, i] = np.rint(
+                    (1550.0 * (1 + strain / 1.27) + 0.0008 * rng.standard_normal(step)) * 1e4
+                )
+            digits = [
+                [f"{v // 10000}.{v % 10000:04d}" for v in column.tolist()] for column in table.T
+            ]
             stamps = [f"{v:.4f}" for v in t.tolist()]
             out.writelines(",".join(row) + "\n" for row in zip(stamps, *digits, strict=True))

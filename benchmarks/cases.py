@@ -1,10 +1,13 @@
-"""Scenarios by a few arguments: cases with planted effects, for self-tests, tutorials and benchmarks.
+"""Scenarios by a few arguments: cases with planted effects, for self-tests, tutorials and
+benchmarks.
 
-    effects, strengths, form, seed, plan, truth --> case(...) --> one Scenario a log, ready for `simulate`
+    effects, strengths, form, seed, plan, truth --> case(...) --> one Scenario a log, ready for
+    `simulate`
 
-A case is what a test engineer would drive to learn something: two to four logs of about a minute, each under its own load, tread age
-and water depth, with cruises at several speeds, drive, coast and brake.  Which of the effects are planted changes nothing else in
-it, so that a case without effects is a true null.
+A case is what a test engineer would drive to learn something: two to four logs of about a minute,
+each under its own load, tread age and water depth, with cruises at several speeds, drive, coast and
+brake. Which of the effects are planted changes nothing else in it, so that a case without effects
+is a true null.
 """
 
 from __future__ import annotations
@@ -25,7 +28,8 @@ from tirelog.simulation.scenario.schema import (
     TrueTire,
 )
 
-#: ordinary strengths: the main parameter and what goes with it, so that the excess is some 3 to 6 noise floors
+#: ordinary strengths: the main parameter and what goes with it, so that the excess is some 3 to 6
+#: noise floors
 ORDINARY: dict[str, Mapping[str, float]] = {
     "viscous_damping": {"damping_rate_1_s": 40.0},
     "hysteresis": {"loss_factor": 0.06},
@@ -65,9 +69,14 @@ PAIRS = (
     ("belt_tension", "wear"),
 )
 
-#: the ring that the beam closes to: its own stiffnesses and patch, no hoop force; and, as another form, one under some hoop force
+#: the ring that the beam closes to: its own stiffnesses and patch, no hoop force; and, as another
+#: form, one under some hoop force
 CLOSED = TrueTire(
-    contact="parabola", flexural_stiffness_N_m2=4.0, radial_stiffness_N_m2=2.0e6, tangential_stiffness_N_m2=3.0e5, width_belt_m=0.0
+    contact="parabola",
+    flexural_stiffness_N_m2=4.0,
+    radial_stiffness_N_m2=2.0e6,
+    tangential_stiffness_N_m2=3.0e5,
+    width_belt_m=0.0,
 )
 TENSE = replace(CLOSED, width_belt_m=0.005)
 #: relative loads, tread ages [km] and water depths [mm] of the logs of a case, in turn
@@ -77,7 +86,18 @@ WATER_MM = (0.0, 1.0, 0.5, 1.5)
 
 #: (seconds, speed at the end) by plan
 PLANS: dict[str, tuple[tuple[float, float], ...]] = {
-    "mixed": ((7, 9), (4, 17), (7, 17), (7, 12), (7, 12), (5, 23), (7, 23), (3.5, 14), (6, 14), (6.5, 9)),
+    "mixed": (
+        (7, 9),
+        (4, 17),
+        (7, 17),
+        (7, 12),
+        (7, 12),
+        (5, 23),
+        (7, 23),
+        (3.5, 14),
+        (6, 14),
+        (6.5, 9),
+    ),
     "one_speed": ((20, 15),),
     "coast_down": ((4, 24), (50, 9), (6, 9)),
     "short": ((4, 10), (2.5, 16), (4, 16), (4, 11.5), (3, 22), (4, 22), (2, 14), (4, 14)),
@@ -88,8 +108,9 @@ PLANS: dict[str, tuple[tuple[float, float], ...]] = {
 class Case:
     """How a case is driven and measured; the planted effects are not in it.
 
-    `scatter` relative standard deviation of the load between manoeuvres, `roughness` within; `noise_nm` of the interrogator; `strength`
-    multiplies every planted effect's size; `duration` multiplies the plan's times.
+    `scatter` relative standard deviation of the load between manoeuvres, `roughness` within;
+    `noise_nm` of the interrogator; `strength` multiplies every planted effect's size; `duration`
+    multiplies the plan's times.
     """
 
     plan: str = "mixed"
@@ -106,17 +127,28 @@ class Case:
     channels: Mapping[str, Sensor] = field(default_factory=dict)
 
 
-def planted(effects: Iterable[str] | Mapping[str, Mapping[str, float]], form: str = "exact", strength: float = 1.0) -> tuple[Planted, ...]:
-    """Effects by name at their ordinary size times `strength`, or with the parameters given; those outside the catalogue have one form.
+def planted(
+    effects: Iterable[str] | Mapping[str, Mapping[str, float]],
+    form: str = "exact",
+    strength: float = 1.0,
+) -> tuple[Planted, ...]:
+    """Effects by name at their ordinary size times `strength`, or with the parameters given; those
+    outside the catalogue have one form.
 
-    UsageError for an unknown name or form."""
+    UsageError for an unknown name or form.
+    """
     given = effects if isinstance(effects, Mapping) else {name: {} for name in effects}
     if form not in FORMS:
-        raise UsageError(f"form {form!r}{nearest(form, FORMS)}; allowed are {', '.join(FORMS)}; mend it")
+        raise UsageError(
+            f"form {form!r}{nearest(form, FORMS)}; allowed are {', '.join(FORMS)}; mend it"
+        )
     out = []
     for name, parameters in given.items():
         if name not in ORDINARY:
-            raise UsageError(f"unknown effect {name!r}{nearest(name, ORDINARY)}; allowed are {', '.join(ORDINARY)}; mend it")
+            raise UsageError(
+                f"unknown effect {name!r}{nearest(name, ORDINARY)}; "
+                f"allowed are {', '.join(ORDINARY)}; mend it"
+            )
         known = PLANTABLE[name].parameters
         values = {**known, **ORDINARY[name], **parameters}
         for size in ORDINARY[name]:
@@ -126,12 +158,23 @@ def planted(effects: Iterable[str] | Mapping[str, Mapping[str, float]], form: st
     return tuple(out)
 
 
-def case(effects: Iterable[str] | Mapping[str, Mapping[str, float]] = (), *, seed: int, how: Case | None = None) -> list[Scenario]:
-    """One scenario a log.  `effects` names (ordinary size) or name -> parameters; `ring_curvature` makes the truth a ring with the beam's
-    prescribed patch.  Different seeds draw different roads, noise, order of speeds and places of the sensor."""
+def case(
+    effects: Iterable[str] | Mapping[str, Mapping[str, float]] = (),
+    *,
+    seed: int,
+    how: Case | None = None,
+) -> list[Scenario]:
+    """One scenario a log.
+
+    `effects` names (ordinary size) or name -> parameters; `ring_curvature` makes the truth a ring
+    with the beam's prescribed patch. Different seeds draw different roads, noise, order of speeds
+    and places of the sensor.
+    """
     how = how or Case()
     if how.plan not in PLANS:
-        raise UsageError(f"plan {how.plan!r}{nearest(how.plan, PLANS)}; allowed are {', '.join(PLANS)}; mend it")
+        raise UsageError(
+            f"plan {how.plan!r}{nearest(how.plan, PLANS)}; allowed are {', '.join(PLANS)}; mend it"
+        )
     names = dict(effects) if isinstance(effects, Mapping) else {name: {} for name in effects}
     curved = names.pop("ring_curvature", None) is not None
     tire = (CLOSED if how.form == "exact" else TENSE) if curved else TrueTire()
@@ -167,13 +210,20 @@ def case(effects: Iterable[str] | Mapping[str, Mapping[str, float]] = (), *, see
 
 
 def _drive(how: Case, random: np.random.Generator) -> tuple[Manoeuvre, ...]:
-    """The plan with speeds and times varied by up to 6 %, so that no two logs lock to the same angles."""
+    """The plan with speeds and times varied by up to 6 %, so that no two logs lock to the same
+    angles.
+    """
     parts = []
     speed, factor = PLANS[how.plan][0][1], 1.0
     for number, (seconds, to) in enumerate(PLANS[how.plan]):
         if number == 0 or to != speed:
             factor = 1.0 + 0.06 * float(random.uniform(-1.0, 1.0))
-        parts.append(Manoeuvre(seconds * how.duration * (1.0 + 0.06 * float(random.uniform(-1.0, 1.0))), to * factor))
+        parts.append(
+            Manoeuvre(
+                seconds * how.duration * (1.0 + 0.06 * float(random.uniform(-1.0, 1.0))),
+                to * factor,
+            )
+        )
         speed = to
     return tuple(parts)
 

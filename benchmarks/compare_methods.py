@@ -1,10 +1,12 @@
-"""The usual rules beside ours on the same cases and signatures: F-test, BIC, thresholded sparse regression, its bagged form.
+"""The usual rules beside ours on the same cases and signatures: F-test, BIC, thresholded sparse
+regression, its bagged form.
 
     python -m benchmarks.compare_methods [--nulls 10] [--seed 3000]
 
-Sparse regression is PySINDy's STLSQ and EnsembleOptimizer with a threshold chosen by cross-validation over manoeuvres; without PySINDy
-installed (`pip install pysindy`) these two are left out.  All see what our own test sees: whitened residual and signatures with the base
-Jacobian and the offsets projected out.
+Sparse regression is PySINDy's STLSQ and EnsembleOptimizer with a threshold chosen by
+cross-validation over manoeuvres; without PySINDy installed (`pip install pysindy`) these two are
+left out. All see what our own test sees: whitened residual and signatures with the base Jacobian
+and the offsets projected out.
 """
 
 import argparse
@@ -35,12 +37,19 @@ FOLDS = 5
 
 
 class Seen:
-    """One case as every rule sees it: residual (N,), columns (N, K) of unit norm with the effect of each, manoeuvre (N,)."""
+    """One case as every rule sees it: residual (N,), columns (N, K) of unit norm with the effect of
+    each, manoeuvre (N,).
+    """
 
     def __init__(self, base: Base) -> None:
         known = nuisance(base)
         residual = known.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
-        found, _ = all_signatures(Problem(base.cells, base.white), base.model, candidate_effects(base.model), base.fit.prediction)
+        found, _ = all_signatures(
+            Problem(base.cells, base.white),
+            base.model,
+            candidate_effects(base.model),
+            base.fit.prediction,
+        )
         best, _ = assess(base, found)
         self.residual = residual.reshape(-1)
         self.effects = [a.id for a in best for _ in a.signature.strengths]
@@ -58,13 +67,19 @@ def drops(seen: Seen) -> dict[str, tuple[float, int]]:
     for name in dict.fromkeys(seen.effects):
         x = seen.columns[:, [e == name for e in seen.effects]]
         theta = np.linalg.lstsq(x, seen.residual, rcond=1e-6)[0]
-        result[name] = (float((seen.residual**2).sum() - ((seen.residual - x @ theta) ** 2).sum()), x.shape[1])
+        result[name] = (
+            float((seen.residual**2).sum() - ((seen.residual - x @ theta) ** 2).sum()),
+            x.shape[1],
+        )
     return result
 
 
 def by_f_test(seen: Seen) -> str:
     total = float((seen.residual**2).sum())
-    p = {n: f_distribution.sf(d / k / ((total - d) / (seen.freedom - k)), k, seen.freedom - k) for n, (d, k) in drops(seen).items()}
+    p = {
+        n: f_distribution.sf(d / k / ((total - d) / (seen.freedom - k)), k, seen.freedom - k)
+        for n, (d, k) in drops(seen).items()
+    }
     p_of_best = min(p.values())
     largest = max(drops(seen).items(), key=lambda item: item[1][0])[0]
     return largest if p_of_best < F_LEVEL else ""
@@ -89,7 +104,9 @@ def by_sparse(ensemble: bool) -> Callable[[Seen], str]:
         return np.asarray(optimizer.coef_).ravel()
 
     def fewer(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Least squares by fewer rows: exactly, by the triangle of a QR decomposition; for bags by every eighth row."""
+        """Least squares by fewer rows: exactly, by the triangle of a QR decomposition; for bags by
+        every eighth row.
+        """
         if ensemble:
             return x[::8] * np.sqrt(8.0), y[::8] * np.sqrt(8.0)
         triangle = np.linalg.qr(np.column_stack([x, y]), mode="r")
@@ -101,7 +118,10 @@ def by_sparse(ensemble: bool) -> Callable[[Seen], str]:
         fold = seen.manoeuvre % FOLDS
         loss = []
         for threshold in THRESHOLDS:
-            parts = [(fitted(threshold, *fewer(x[fold != k], y[fold != k])), fold == k) for k in range(FOLDS)]
+            parts = [
+                (fitted(threshold, *fewer(x[fold != k], y[fold != k])), fold == k)
+                for k in range(FOLDS)
+            ]
             loss.append(sum(float(((y[out] - x[out] @ c) ** 2).sum()) for c, out in parts))
         coefficients = fitted(THRESHOLDS[int(np.argmin(loss))], *fewer(x, y))
         return seen.effects[int(np.argmax(np.abs(coefficients)))] if np.any(coefficients) else ""
@@ -122,13 +142,17 @@ def main() -> None:
     rules: dict[str, Callable[[Seen], str]] = {"F-test": by_f_test, "BIC": by_bic, "ours": ours}
     if importlib.util.find_spec("pysindy"):
         rules |= {"STLSQ": by_sparse(False), "STLSQ, bagged": by_sparse(True)}
-    plan = [("null", (), 0.0)] * options.nulls + [("null, 1 % load scatter", (), 0.01)] * options.nulls
+    plan = [("null", (), 0.0)] * options.nulls + [
+        ("null, 1 % load scatter", (), 0.01)
+    ] * options.nulls
     plan += [("one effect", (name,), 0.0) for name in IN_CATALOGUE]
     hits: Counter[tuple[str, str]] = Counter()
     of: Counter[str] = Counter()
     for i, (kind, effects, scatter) in enumerate(plan):
         logs = case(effects, seed=options.seed + i, how=Case(logs=2, scatter=scatter))
-        stacks = stacks_from_logs([to_recording(simulate(log), str(k)) for k, log in enumerate(logs)])
+        stacks = stacks_from_logs(
+            [to_recording(simulate(log), str(k)) for k, log in enumerate(logs)]
+        )
         seen = Seen(prepare(make_cells(joined(stacks)), Model.new("beam", radius_m=0.305)))
         of[kind] += 1
         for name, rule in rules.items():
@@ -137,7 +161,10 @@ def main() -> None:
         print(f"{i + 1}/{len(plan)}", end="\r", file=sys.stderr, flush=True)
     for kind in of:
         what = "named right" if kind == "one effect" else "false alarms"
-        print(f"{kind:24} {what:13} " + "   ".join(f"{name} {hits[kind, name]}/{of[kind]}" for name in rules))
+        print(
+            f"{kind:24} {what:13} "
+            + "   ".join(f"{name} {hits[kind, name]}/{of[kind]}" for name in rules)
+        )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,14 @@
-"""Golden copies of all that the sample logs give: tables, fits, verdicts; for a change that is to move no number.
+"""Golden copies of all that the sample logs give: tables, fits, verdicts; for a change that is to
+move no number.
 
-    python -m benchmarks.goldens write FOLDER       every table, fit, comparison and verdict of the sample logs
-    python -m benchmarks.goldens compare OLD NEW    each number that differs by more than the tolerance
+    python -m benchmarks.goldens write FOLDER       every table, fit, comparison and verdict of the
+                                                    sample logs
+    python -m benchmarks.goldens compare OLD NEW    each number that differs by more than the
+                                                    tolerance
 
-A golden is made by the commands, so that the package behind them may change.  The verdicts of `make hidden` are compared too
-where both folders hold a `hidden.csv` (python -m benchmarks.hidden -o FOLDER/hidden.csv).
+A golden is made by the commands, so that the package behind them may change. The verdicts of `make
+hidden` are compared too where both folders hold a `hidden.csv` (python -m benchmarks.hidden -o
+FOLDER/hidden.csv).
 """
 
 from __future__ import annotations
@@ -52,7 +56,9 @@ LEFT_OUT = ("seconds", "version", "file", "path")
 
 def tirelog(folder: Path, *arguments: str) -> None:
     """A command beside the samples; what it says and its status are golden too."""
-    done = subprocess.run([sys.executable, "-m", "tirelog", *arguments], cwd=folder, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "tirelog", *arguments], cwd=folder, capture_output=True, text=True
+    )
     words = [w for w in arguments if w not in ("--quiet",)]
     with (folder / "statuses.txt").open("a") as stream:
         stream.write(f"{' '.join(words)}: {done.returncode}\n")
@@ -67,16 +73,35 @@ def write(folder: Path) -> None:
     tasks: list[list[tuple[str, ...]]] = []
     for log in STRAIN:
         stem = log.split(".")[0]
-        tasks += [[(t, log, "-o", f"{stem}.{t}.csv")] for t in ("speed", "footprint", "dissipation")]
+        tasks += [
+            [(t, log, "-o", f"{stem}.{t}.csv")] for t in ("speed", "footprint", "dissipation")
+        ]
     tasks += [[("speed", log, "-o", f"{log.split('.')[0]}.speed.csv")] for log in WHEEL]
     tasks += [
         [
-            ("phase-shift", "encoder_ramp.h5", "--calibrate", "calibration.toml", "-o", "ramp.phase_shift.csv"),
-            ("phase-shift", "encoder.h5", "--calibration", "calibration.toml", "-o", "encoder.phase_shift.csv"),
+            (
+                "phase-shift",
+                "encoder_ramp.h5",
+                "--calibrate",
+                "calibration.toml",
+                "-o",
+                "ramp.phase_shift.csv",
+            ),
+            (
+                "phase-shift",
+                "encoder.h5",
+                "--calibration",
+                "calibration.toml",
+                "-o",
+                "encoder.phase_shift.csv",
+            ),
         ],
         [("phase-shift", "encoder.h5", "-o", "encoder_alone.phase_shift.csv")],
         [("inflation", "inflation.csv.gz", "-o", "inflation.inflation.csv")],
-        [("ingest", "drive.csv.gz", "-o", "drive_run.h5"), ("footprint", "drive_run.h5", "-o", "run.footprint.csv")],
+        [
+            ("ingest", "drive.csv.gz", "-o", "drive_run.h5"),
+            ("footprint", "drive_run.h5", "-o", "run.footprint.csv"),
+        ],
     ]
     for name, (carcass, logs, observable) in QUESTIONS.items():
         setup = logs[0].split(".")[0] + ".toml"
@@ -89,7 +114,11 @@ def write(folder: Path) -> None:
                 ("compare", *logs, "--model", model, "--by", "speed", "-o", f"{name}.by_speed.csv"),
                 ("diagnose", *logs, "--model", model, "-o", f"{name}.diagnose.json"),
                 ("model", "fit", *logs, "--model", model, "-o", f"{name}.fitted.toml"),
-                *(() if carcass == "coupled_ring" else [("ladder", *logs, "--model", model, "-o", f"{name}.ladder.csv")]),
+                *(
+                    ()
+                    if carcass == "coupled_ring"
+                    else [("ladder", *logs, "--model", model, "-o", f"{name}.ladder.csv")]
+                ),
             ]
         )
     with ThreadPoolExecutor(2) as pool:
@@ -105,7 +134,11 @@ def values(path: Path) -> Iterator[tuple[str, str]]:
     elif path.suffix == ".csv":
         with path.open(newline="") as stream:
             for number, row in enumerate(csv.DictReader(stream)):
-                yield from ((f"row {number} {name}", value) for name, value in row.items() if not name.startswith(LEFT_OUT))
+                yield from (
+                    (f"row {number} {name}", value)
+                    for name, value in row.items()
+                    if not name.startswith(LEFT_OUT)
+                )
     else:
         yield from ((f"line {n}", line) for n, line in enumerate(path.read_text().splitlines()))
 
@@ -130,12 +163,18 @@ def same(old: str, new: str) -> bool:
         a, b = float(old), float(new)
     except ValueError:
         return False
-    return math.isclose(a, b, rel_tol=TOLERANCE[0], abs_tol=TOLERANCE[1]) or (math.isnan(a) and math.isnan(b))
+    return math.isclose(a, b, rel_tol=TOLERANCE[0], abs_tol=TOLERANCE[1]) or (
+        math.isnan(a) and math.isnan(b)
+    )
 
 
 def compare(old: Path, new: Path) -> int:
     """Print what differs; how many files do."""
-    made = [p for p in sorted(old.iterdir()) if p.suffix in (".csv", ".json") or p.name == "statuses.txt" or ".fitted." in p.name]
+    made = [
+        p
+        for p in sorted(old.iterdir())
+        if p.suffix in (".csv", ".json") or p.name == "statuses.txt" or ".fitted." in p.name
+    ]
     made = [p for p in made if ".truth." not in p.name]
     wrong = 0
     for path in made:
@@ -149,7 +188,10 @@ def compare(old: Path, new: Path) -> int:
         gone, added = sorted(set(before) - set(after)), sorted(set(after) - set(before))
         if moved or gone or added:
             wrong += 1
-            print(f"{path.name}: {len(moved)} of {len(before)} values moved, {len(gone)} gone, {len(added)} new")
+            print(
+                f"{path.name}: {len(moved)} of {len(before)} values moved, {len(gone)} gone, "
+                f"{len(added)} new"
+            )
             for place in moved[:6]:
                 print(f"    {place}: {before[place]} -> {after[place]}")
             for place in [*gone[:3], *added[:3]]:
@@ -160,7 +202,9 @@ def compare(old: Path, new: Path) -> int:
 
 def main() -> int:
     """Write goldens, or compare two folders of them."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     verbs = parser.add_subparsers(dest="verb", required=True)
     verbs.add_parser("write").add_argument("folder", type=Path)
     two = verbs.add_parser("compare")

@@ -1,9 +1,12 @@
 """The self-test of `diagnose`: effects planted by `simulate`, verdicts counted (`make hidden`).
 
-    python -m benchmarks.hidden [--kinds null,single,...] [--seeds 1000:1010] [--jobs 2] [-o results.csv]   one row a case, as it is done
-    python -m benchmarks.hidden --summary results.csv                                                     rates with Wilson intervals
+    python -m benchmarks.hidden [--kinds null,single,...] [--seeds 1000:1010] [--jobs 2] [-o results.csv]   one
+        row a case, as it is done
+    python -m benchmarks.hidden --summary results.csv                                                     rates
+        with Wilson intervals
 
-Seeds below 1000 are for choosing thresholds, from 1000 on for reporting; a case is three logs of a minute (two for `null2`, `scatter`).
+Seeds below 1000 are for choosing thresholds, from 1000 on for reporting; a case is three logs of a
+minute (two for `null2`, `scatter`).
 """
 
 from __future__ import annotations
@@ -28,12 +31,27 @@ from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.planted import PLANTABLE
 from tirelog.simulation.scenario.schema import Manoeuvre, Scenario
 
-KINDS = ("null", "null2", "scatter", "single", "strong", "weak", "other", "faint", "pair", "outside", "ring", "twin", "parted")
+KINDS = (
+    "null",
+    "null2",
+    "scatter",
+    "single",
+    "strong",
+    "weak",
+    "other",
+    "faint",
+    "pair",
+    "outside",
+    "ring",
+    "twin",
+    "parted",
+)
 #: strengths against the ordinary ones
 STRENGTH = {"weak": 0.5, "strong": 2.0, "faint": 0.1}
 #: sizes whose ordinary ones stay below two floors
 LARGER = {"sensor_lag": {"lag_s": 1.5e-3}, "pressure_offset": {"offset": 0.3}}
-#: what cannot be told apart: small rounding of the waveform on any drive; losses driven at one speed
+#: what cannot be told apart: small rounding of the waveform on any drive; losses driven at one
+#: speed
 TWINS = {
     "gauge_length": {"length_m": 0.016},
     "rough_contact": {"length": 0.05},
@@ -41,7 +59,8 @@ TWINS = {
     "viscous_damping": {"damping_rate_1_s": 8.0},
 }
 AT_ONE_SPEED = ("hysteresis", "viscous_damping")
-#: what the simulator drives where `diagnose` advises it: seconds and speed at the end of each stretch
+#: what the simulator drives where `diagnose` advises it: seconds and speed at the end of each
+#: stretch
 DRIVEN = {
     "cruise at 8 m/s": ((20, 8),),
     "cruise at 15 m/s": ((20, 15),),
@@ -104,7 +123,11 @@ def scenarios(kind: str, planted: tuple[str, ...], seed: int) -> list[Scenario]:
         strength=STRENGTH.get(kind, 1.0),
         form="other" if kind == "other" else "exact",
     )
-    logs = case({name: sizes.get(name, {}) for name in planted}, seed=seed * 1000 + KINDS.index(kind), how=how)
+    logs = case(
+        {name: sizes.get(name, {}) for name in planted},
+        seed=seed * 1000 + KINDS.index(kind),
+        how=how,
+    )
     if kind in ("twin", "parted") and planted[0] in AT_ONE_SPEED:
         logs = [replace(log, manoeuvres=one_speed(log.seed)) for log in logs]
     return logs
@@ -124,12 +147,20 @@ def run(task: tuple[str, tuple[str, ...], int]) -> Row:
     logs = scenarios(kind, planted, seed)
     result = diagnosed(logs)
     if kind == "parted":
-        drives = [DRIVEN[row["manoeuvre"]] for row in result.separating_manoeuvres if row["manoeuvre"] in DRIVEN]
+        drives = [
+            DRIVEN[row["manoeuvre"]]
+            for row in result.separating_manoeuvres
+            if row["manoeuvre"] in DRIVEN
+        ]
         if result.verdict == "ambiguous" and drives:
             stretches = tuple(Manoeuvre(float(s), float(v)) for s, v in drives[0] * 2)
-            result = diagnosed([*logs, replace(logs[0], manoeuvres=stretches, seed=logs[0].seed + 1)])
+            result = diagnosed(
+                [*logs, replace(logs[0], manoeuvres=stretches, seed=logs[0].seed + 1)]
+            )
     floor = result.noise_floor**2
-    before, after = (max(x**2 - floor, 0.0) for x in (result.rmse_heldout_before, result.rmse_heldout_after))
+    before, after = (
+        max(x**2 - floor, 0.0) for x in (result.rmse_heldout_before, result.rmse_heldout_after)
+    )
     left = result.unexplained
     return Row(
         kind,
@@ -149,7 +180,8 @@ def run(task: tuple[str, tuple[str, ...], int]) -> Row:
         math.nan if left["frequency_Hz"] is None else left["frequency_Hz"],
         left["share_of_excess"],
         " ".join(f"{c.effect}:{c.excess_removed:.3f}" for c in result.effects[:3]),
-        "; ".join(f"{r['manoeuvre']} x{r['repeats']}" for r in result.separating_manoeuvres[:2]) or " ".join(result.notes),
+        "; ".join(f"{r['manoeuvre']} x{r['repeats']}" for r in result.separating_manoeuvres[:2])
+        or " ".join(result.notes),
         time.perf_counter() - begun,
     )
 
@@ -157,7 +189,9 @@ def run(task: tuple[str, tuple[str, ...], int]) -> Row:
 def diagnosed(logs: list[Scenario]) -> Diagnosis:
     """The logs simulated and diagnosed with a fresh beam."""
     recordings = [to_recording(simulate(log), f"log_{i + 1}") for i, log in enumerate(logs)]
-    return diagnose(stacks_from_logs(recordings), Model.new("beam", radius_m=recordings[0].setup.tire.radius_m))
+    return diagnose(
+        stacks_from_logs(recordings), Model.new("beam", radius_m=recordings[0].setup.tire.radius_m)
+    )
 
 
 def wilson(hits: int, of: int) -> str:
@@ -173,8 +207,12 @@ def wilson(hits: int, of: int) -> str:
 def rate(name: str, rows: Iterable[dict[str, str]], good: Any) -> str:
     """One line of the summary; what failed is named."""
     rows = list(rows)
-    bad = [f"{r['planted']}/{r['seed']}:{r['verdict']}({r['selected']})" for r in rows if not good(r)]
-    return f"{name:64s} {wilson(len(rows) - len(bad), len(rows))}" + (f"   not: {' '.join(bad[:6])}" if bad else "")
+    bad = [
+        f"{r['planted']}/{r['seed']}:{r['verdict']}({r['selected']})" for r in rows if not good(r)
+    ]
+    return f"{name:64s} {wilson(len(rows) - len(bad), len(rows))}" + (
+        f"   not: {' '.join(bad[:6])}" if bad else ""
+    )
 
 
 def named(row: dict[str, str]) -> set[str]:
@@ -192,20 +230,40 @@ def summary(rows: list[dict[str, str]]) -> Iterator[str]:
     """The rates of issue 6."""
     of = {kind: [r for r in rows if r["kind"] == kind] for kind in KINDS}
     nulls = of["null"] + of["null2"] + of["scatter"]
-    yield rate("nulls: reduced chi-square at most 1.1", nulls, lambda r: float(r["chi2_before"]) <= 1.1)
+    yield rate(
+        "nulls: reduced chi-square at most 1.1", nulls, lambda r: float(r["chi2_before"]) <= 1.1
+    )
     for kind in ("null", "null2", "scatter"):
-        yield rate(f"{kind}: nothing_missing", of[kind], lambda r: r["verdict"] == "nothing_missing")
+        yield rate(
+            f"{kind}: nothing_missing", of[kind], lambda r: r["verdict"] == "nothing_missing"
+        )
         yield rate(f"{kind}: no effect named", of[kind], lambda r: not named(r))
-    big = [r for k in ("single", "strong", "weak") for r in of[k] if float(r["excess_over_floor"]) >= 2.0]
+    big = [
+        r
+        for k in ("single", "strong", "weak")
+        for r in of[k]
+        if float(r["excess_over_floor"]) >= 2.0
+    ]
     yield rate("single, excess >= 2 floors: named or in a set of two", big, in_set)
     yield rate("single, excess >= 2 floors: no second effect", big, lambda r: len(named(r)) <= 1)
-    yield rate("single, excess >= 2 floors: named alone", big, lambda r: named(r) == {r["planted"]} and r["verdict"] != "ambiguous")
+    yield rate(
+        "single, excess >= 2 floors: named alone",
+        big,
+        lambda r: named(r) == {r["planted"]} and r["verdict"] != "ambiguous",
+    )
     yield rate(
         "single, excess >= 2 floors: within 5 % of the floor or 95 % removed", big,
         lambda r: float(r["after_over_floor"]) <= 1.05 or float(r["removed"]) >= 0.95,
     )  # fmt: skip
-    small = [r for k in ("single", "strong", "weak") for r in of[k] if float(r["excess_over_floor"]) < 2.0]
-    yield rate("single, excess < 2 floors: no false name", small, lambda r: not named(r) or in_set(r))
+    small = [
+        r
+        for k in ("single", "strong", "weak")
+        for r in of[k]
+        if float(r["excess_over_floor"]) < 2.0
+    ]
+    yield rate(
+        "single, excess < 2 floors: no false name", small, lambda r: not named(r) or in_set(r)
+    )
     other = [r for r in of["other"] if float(r["excess_over_floor"]) >= 2.0]
     yield rate("form somewhat wrong, excess >= 2 floors: the name is in it", other, in_set)
     yield rate(
@@ -214,15 +272,35 @@ def summary(rows: list[dict[str, str]]) -> Iterator[str]:
     )  # fmt: skip
     yield rate("pairs: both named (sets count)", of["pair"], _both)
     yield rate("pairs: nothing else named", of["pair"], lambda r: len(named(r)) <= 2 and _both(r))
-    yield rate("outside: unknown or partial", of["outside"], lambda r: r["verdict"] in ("unknown", "partial"))
-    yield rate("outside: no wrong name with missing", of["outside"], lambda r: r["verdict"] not in ("missing", "ambiguous"))
+    yield rate(
+        "outside: unknown or partial",
+        of["outside"],
+        lambda r: r["verdict"] in ("unknown", "partial"),
+    )
+    yield rate(
+        "outside: no wrong name with missing",
+        of["outside"],
+        lambda r: r["verdict"] not in ("missing", "ambiguous"),
+    )
     described = [r for r in of["outside"] if r["where"]]
-    yield rate("outside: place right", described, lambda r: r["where"] == PLANTABLE[r["planted"]].where)
-    yield rate("outside: parity right", described, lambda r: r["parity"] == PLANTABLE[r["planted"]].parity)
+    yield rate(
+        "outside: place right", described, lambda r: r["where"] == PLANTABLE[r["planted"]].where
+    )
+    yield rate(
+        "outside: parity right", described, lambda r: r["parity"] == PLANTABLE[r["planted"]].parity
+    )
     yield rate("outside: speed exponent (within 0.5) or frequency (5 %) right", described, _follows)
-    yield rate("faint: silence, a set or the right name", of["faint"], lambda r: not named(r) or in_set(r) or bool(json.loads(r["group"])))
-    yield rate("faint: no false name", of["faint"], lambda r: named(r) <= {r["planted"]} or in_set(r))
-    yield rate("ring truth against the beam: ring_curvature or a set or partial", of["ring"], in_set)
+    yield rate(
+        "faint: silence, a set or the right name",
+        of["faint"],
+        lambda r: not named(r) or in_set(r) or bool(json.loads(r["group"])),
+    )
+    yield rate(
+        "faint: no false name", of["faint"], lambda r: named(r) <= {r["planted"]} or in_set(r)
+    )
+    yield rate(
+        "ring truth against the beam: ring_curvature or a set or partial", of["ring"], in_set
+    )
     yield rate("twins: ambiguous", of["twin"], lambda r: r["verdict"] == "ambiguous")
     yield rate("twins: the truth in the set", of["twin"], in_set)
     yield rate(
@@ -232,7 +310,10 @@ def summary(rows: list[dict[str, str]]) -> Iterator[str]:
     )
     seconds = sorted(float(r["seconds"]) for r in rows)
     if seconds:
-        yield f"{len(rows)} cases, {seconds[len(seconds) // 2]:.1f} s each (median), {seconds[-1]:.1f} s at most"
+        yield (
+            f"{len(rows)} cases, {seconds[len(seconds) // 2]:.1f} s each (median), "
+            f"{seconds[-1]:.1f} s at most"
+        )
 
 
 def _both(row: dict[str, str]) -> bool:
@@ -252,8 +333,15 @@ def _follows(row: dict[str, str]) -> bool:
 def main() -> None:
     """Run cases, or sum up what has run."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kinds", default="null,null2,scatter,single,strong,weak,other,faint,pair,outside,ring,twin,parted")
-    parser.add_argument("--seeds", default="1000:1004", help="first:last+1; below 1000 for choosing, from 1000 for reporting")
+    parser.add_argument(
+        "--kinds",
+        default="null,null2,scatter,single,strong,weak,other,faint,pair,outside,ring,twin,parted",
+    )
+    parser.add_argument(
+        "--seeds",
+        default="1000:1004",
+        help="first:last+1; below 1000 for choosing, from 1000 for reporting",
+    )
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--summary", type=Path)
@@ -263,7 +351,12 @@ def main() -> None:
             print("\n".join(summary(list(csv.DictReader(stream)))))
         return
     first, last = (int(x) for x in options.seeds.split(":"))
-    tasks = [(k, p, seed) for seed in range(first, last) for k in options.kinds.split(",") for p in cases(k)]
+    tasks = [
+        (k, p, seed)
+        for seed in range(first, last)
+        for k in options.kinds.split(",")
+        for p in cases(k)
+    ]
     rows = []
     with ProcessPoolExecutor(options.jobs) as pool:
         stream = options.output.open("a", newline="") if options.output else sys.stdout

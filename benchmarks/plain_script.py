@@ -1,4 +1,6 @@
-"""What a competent user would write instead of tirelog: speed, footprint and dissipation of 16 gratings, whole file in memory."""
+"""What a competent user would write instead of tirelog: speed, footprint and dissipation of 16
+gratings, whole file in memory.
+"""
 
 import sys
 
@@ -23,8 +25,22 @@ for name in [c for c in frame.columns if c.startswith("CH")]:
         a, b = peaks[i - 1], peaks[i + 1]
         speed = 4 * np.pi * RADIUS_M / (time[b] - time[a])
         low, high = peaks[i] - (peaks[i] - a) // 4, peaks[i] + (b - peaks[i]) // 4
-        entry, leave = low + np.argmax(second[low : peaks[i]]), peaks[i] + np.argmax(second[peaks[i] : high])
+        entry, leave = (
+            low + np.argmax(second[low : peaks[i]]),
+            peaks[i] + np.argmax(second[peaks[i] : high]),
+        )
         half = slice((a + peaks[i]) // 2, (peaks[i] + b) // 2)
         factor = np.trapezoid(first[half] ** 2, time[half]) / speed
-        rows.append((name, time[peaks[i]], speed, (time[leave] - time[entry]) * speed, factor, factor * speed**2))
-pd.DataFrame(rows, columns=["channel", "time_s", "speed_m_s", "length_m", "factor", "power"]).to_csv(sys.argv[2], index=False)
+        rows.append(
+            (
+                name,
+                time[peaks[i]],
+                speed,
+                (time[leave] - time[entry]) * speed,
+                factor,
+                factor * speed**2,
+            )
+        )
+pd.DataFrame(
+    rows, columns=["channel", "time_s", "speed_m_s", "length_m", "factor", "power"]
+).to_csv(sys.argv[2], index=False)

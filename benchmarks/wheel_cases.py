@@ -1,9 +1,11 @@
 """Scenarios of a wheel with encoder and in-tire accelerometer (P4), by a few arguments.
 
-    plan, driven or not, pressure, planted effects, seed --> wheel_scenario(...) --> Scenario, ready for `simulate`
+    plan, driven or not, pressure, planted effects, seed --> wheel_scenario(...) --> Scenario, ready
+    for `simulate`
 
-The truth of every passage has the phase shift (wind-up by the longitudinal force, what is planted of trend and cross-talk) and the
-patch width of the load.  A telemetry delay moves the acceleration in time and is no part of the shift.
+The truth of every passage has the phase shift (wind-up by the longitudinal force, what is planted
+of trend and cross-talk) and the patch width of the load. A telemetry delay moves the acceleration
+in time and is no part of the shift.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ NOMINAL_PRESSURE_PA = 2.0e5
 
 @dataclass(frozen=True)
 class Instruments:
-    """Accelerometer and encoder of P4: noise in g and in parts of the amplitude, largest pitch error, telemetry delay, place."""
+    """Accelerometer and encoder of P4: noise in g and in parts of the amplitude, largest pitch
+    error, telemetry delay, place.
+    """
 
     acceleration_noise_g: float = 1.2
     encoder_noise: float = 0.02
@@ -47,7 +51,9 @@ class Instruments:
 
 
 def wheel_channels(with_: Instruments) -> dict[str, Sensor]:
-    """10 kHz accelerometer (3 kHz, +-500 g, 16 bit) and encoder (48 steps, 12 bit); vehicle channels and, where asked, forces at 100 Hz."""
+    """10 kHz accelerometer (3 kHz, +-500 g, 16 bit) and encoder (48 steps, 12 bit); vehicle
+    channels and, where asked, forces at 100 Hz.
+    """
     channels = {
         "acceleration": Sensor(
             "radial_acceleration",
@@ -69,11 +75,15 @@ def wheel_channels(with_: Instruments) -> dict[str, Sensor]:
             pitch_error_deg=with_.pitch_error_deg,
         ),
         "vehicle_speed": Sensor("vehicle_speed", sampling_rate_Hz=100.0, noise=0.02),
-        "vehicle_acceleration": Sensor("longitudinal_acceleration", sampling_rate_Hz=100.0, noise=0.05),
+        "vehicle_acceleration": Sensor(
+            "longitudinal_acceleration", sampling_rate_Hz=100.0, noise=0.05
+        ),
     }
     if with_.forces:
         channels["vertical_load"] = Sensor("vertical_load", sampling_rate_Hz=100.0, noise=20.0)
-        channels["longitudinal_force"] = Sensor("longitudinal_force", sampling_rate_Hz=100.0, noise=20.0)
+        channels["longitudinal_force"] = Sensor(
+            "longitudinal_force", sampling_rate_Hz=100.0, noise=20.0
+        )
     return channels
 
 
@@ -87,12 +97,25 @@ def wheel_scenario(
     with_: Instruments | None = None,
     roughness: float = 0.01,
 ) -> Scenario:
-    """One log.  The patch is longer at lower pressure (effect `inflation`, exponent 0.3, unless planted otherwise)."""
+    """One log.
+
+    The patch is longer at lower pressure (effect `inflation`, exponent 0.3, unless planted
+    otherwise).
+    """
     if plan not in WHEEL_PLANS:
-        raise UsageError(f"plan {plan!r}{nearest(plan, WHEEL_PLANS)}; allowed are {', '.join(WHEEL_PLANS)}; mend it")
-    softer = () if any(e.name == "inflation" for e in effects) else (Planted("inflation", "exact", {"exponent": 0.3}),)
+        raise UsageError(
+            f"plan {plan!r}{nearest(plan, WHEEL_PLANS)}; allowed are {', '.join(WHEEL_PLANS)}; "
+            "mend it"
+        )
+    softer = (
+        ()
+        if any(e.name == "inflation" for e in effects)
+        else (Planted("inflation", "exact", {"exponent": 0.3}),)
+    )
     return Scenario(
-        manoeuvres=tuple(Manoeuvre(seconds, speed, regime) for seconds, speed, regime in WHEEL_PLANS[plan]),
+        manoeuvres=tuple(
+            Manoeuvre(seconds, speed, regime) for seconds, speed, regime in WHEEL_PLANS[plan]
+        ),
         channels=wheel_channels(with_ or Instruments()),
         tire=TrueTire(torsional_stiffness_N_m2=TORSIONAL_STIFFNESS_N_M2),
         conditions=TrueConditions(inflation_pressure_Pa=pressure_Pa, driven=driven),

@@ -1,4 +1,5 @@
-"""The main job on the sample logs, command by command: tables, then the tutorial of the hidden effect.  `make demo` runs it.
+"""The main job on the sample logs, command by command: tables, then the tutorial of the hidden
+effect. `make demo` runs it.
 
 Everything is written to demo_output/; each command is printed as it could be typed there.
 """
@@ -15,14 +16,15 @@ TIRELOG = str(Path(sys.executable).parent / "tirelog")
 HIDDEN = ["hidden_1.csv.gz", "hidden_2.csv.gz"]
 UNKNOWN = ["unknown_1.csv.gz", "unknown_2.csv.gz"]
 
-#: what `diagnose` says of the unknown logs, "behind the exit edge, ringing at 140 Hz, fixed in time", as a formula of one's own
+#: what `diagnose` says of the unknown logs, "behind the exit edge, ringing at 140 Hz, fixed in
+#: time", as a formula of one's own
 OWN_EFFECT = """
 [[effects]]
 name = "ring_down"
 acts_on = "strain"
 expression = "A * (speed / 20) * exp(-abs(xi - L) / speed * rate) * sin(2 * pi * f * (xi - L) / speed) * (xi > L)"
 parameters = { A = { value = 1e-5, min = -1e-3, max = 1e-3 }, rate = { value = 50.0, min = 1.0, max = 500.0 }, f = { value = 140.0, min = 50.0, max = 300.0 } }
-"""  # noqa: E501
+"""
 
 
 def title(text: str) -> None:
@@ -33,10 +35,16 @@ def tirelog(*arguments: str, show: int | None = None) -> None:
     """Run a command in the output folder; `show` limits the lines that are shown."""
     print(f"$ tirelog {shlex.join(arguments)}", flush=True)
     done = subprocess.run(
-        [TIRELOG, *arguments, *([] if arguments[0] in ("effects", "model") else ["--quiet"])], cwd=OUTPUT, text=True, stdout=subprocess.PIPE
+        [TIRELOG, *arguments, *([] if arguments[0] in ("effects", "model") else ["--quiet"])],
+        cwd=OUTPUT,
+        text=True,
+        stdout=subprocess.PIPE,
     )
     lines = done.stdout.splitlines()
-    print("\n".join(lines[:show]) + ("\n..." if show is not None and len(lines) > show else ""), flush=True)
+    print(
+        "\n".join(lines[:show]) + ("\n..." if show is not None and len(lines) > show else ""),
+        flush=True,
+    )
     if done.returncode:
         sys.exit(f"tirelog ended with status {done.returncode}")
 
@@ -52,15 +60,36 @@ def tables() -> None:
     tirelog("speed", "drive.h5", "-o", "speed.csv")
     tirelog("footprint", "drive.h5", "-o", "footprint.csv", "--plot", "footprint.png")
     tirelog("dissipation", "drive.h5", "-o", "dissipation.csv", "--plot", "dissipation.png")
-    title("An encoder and an in-tire accelerometer: learn the speed maps on a slow ramp, apply them to a drive")
-    tirelog("phase-shift", sample("encoder_ramp.h5"), "--calibrate", "calibration.toml", "-o", "phase_ramp.csv")
-    tirelog("phase-shift", sample("encoder.h5"), "--calibration", "calibration.toml", "-o", "phase.csv", "--plot", "phase.png")
+    title(
+        "An encoder and an in-tire accelerometer: learn the speed maps on a slow ramp, apply "
+        "them to a drive"
+    )
+    tirelog(
+        "phase-shift",
+        sample("encoder_ramp.h5"),
+        "--calibrate",
+        "calibration.toml",
+        "-o",
+        "phase_ramp.csv",
+    )
+    tirelog(
+        "phase-shift",
+        sample("encoder.h5"),
+        "--calibration",
+        "calibration.toml",
+        "-o",
+        "phase.csv",
+        "--plot",
+        "phase.png",
+    )
 
 
 def hidden() -> None:
     title("A log with a hidden effect: the beam alone does not fit; where?")
     logs = [sample(name) for name in HIDDEN]
-    tirelog("model", "new", "--carcass", "beam", "--setup", sample("hidden_1.toml"), "-o", "beam.toml")
+    tirelog(
+        "model", "new", "--carcass", "beam", "--setup", sample("hidden_1.toml"), "-o", "beam.toml"
+    )
     tirelog("compare", *logs, "--model", "beam.toml", "--plot", "beam.png", show=8)
     title("Which effect is missing?")
     tirelog("diagnose", *logs, "--model", "beam.toml", show=6)
@@ -75,15 +104,26 @@ def hidden() -> None:
 def _diagnosed(logs: list[str]) -> str:
     """The first effect that `diagnose` names."""
     command = [TIRELOG, "diagnose", *logs, "--model", "beam.toml", "--format", "json", "--quiet"]
-    return str(json.loads(subprocess.run(command, cwd=OUTPUT, text=True, capture_output=True, check=True).stdout)["selected"][0])
+    return str(
+        json.loads(
+            subprocess.run(command, cwd=OUTPUT, text=True, capture_output=True, check=True).stdout
+        )["selected"][0]
+    )
 
 
 def unknown() -> None:
-    title("An effect that no catalogue has: what remains is described, and becomes an effect of one's own")
+    title(
+        "An effect that no catalogue has: what remains is described, and becomes an effect of "
+        "one's own"
+    )
     logs = [sample(name) for name in UNKNOWN]
-    tirelog("model", "new", "--carcass", "beam", "--setup", sample("unknown_1.toml"), "-o", "own.toml")
+    tirelog(
+        "model", "new", "--carcass", "beam", "--setup", sample("unknown_1.toml"), "-o", "own.toml"
+    )
     command = [TIRELOG, "diagnose", *logs, "--model", "own.toml", "--quiet"]
-    said = subprocess.run(command, cwd=OUTPUT, text=True, capture_output=True, check=True).stdout.splitlines()
+    said = subprocess.run(
+        command, cwd=OUTPUT, text=True, capture_output=True, check=True
+    ).stdout.splitlines()
     print(f"$ tirelog diagnose {' '.join(logs)} --model own.toml")
     print("\n".join([*said[:2], *(line for line in said if line.startswith("What remains"))]))
     with (OUTPUT / "own.toml").open("a") as model:
@@ -104,11 +144,16 @@ def main() -> None:
     hidden()
     unknown()
     title("One page to send to a colleague")
-    tirelog("report", *(sample(name) for name in HIDDEN), "--model", "beam.toml", "-o", "report.html")
+    tirelog(
+        "report", *(sample(name) for name in HIDDEN), "--model", "beam.toml", "-o", "report.html"
+    )
     print(f"\nWritten to {OUTPUT.name}/:")
     print("  report.html                       open it in a browser: it needs nothing else")
     print("  speed, footprint, dissipation, phase .csv and .png")
-    print("  beam.png, better.png, own.png     model against measurement: before, after, with an effect of one's own")
+    print(
+        "  beam.png, better.png, own.png     model against measurement: before, after, with an "
+        "effect of one's own"
+    )
     print("  ladder.png                        the error falling to the noise floor")
 
 

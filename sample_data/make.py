@@ -1,4 +1,5 @@
-"""Makes every log of sample_data anew from its scenario, with the seeds that stand there, and the table of sha256 in the README.
+"""Makes every log of sample_data anew from its scenario, with the seeds that stand there, and the
+table of sha256 in the README.
 
 python sample_data/make.py
 """
@@ -33,13 +34,18 @@ def main() -> None:
     """Write the logs, their setups and truths, and the README's table."""
     rows = ["| file | bytes | sha256 |", "| --- | --- | --- |"]
     for log, scenario in LOGS.items():
-        made = write_log(simulate(load_scenario(HERE / "scenarios" / f"{scenario}.toml")), HERE / log)
+        made = write_log(
+            simulate(load_scenario(HERE / "scenarios" / f"{scenario}.toml")), HERE / log
+        )
         for path in made:
             data = path.read_bytes()
             rows.append(f"| {path.name} | {len(data)} | `{hashlib.sha256(data).hexdigest()}` |")
     readme = HERE / "README.md"
     table = "\n".join(rows) + "\n"
-    readme.write_text(_TABLE.sub(lambda found: found[1] + table + found[2], readme.read_text(encoding="utf-8")), encoding="utf-8")
+    readme.write_text(
+        _TABLE.sub(lambda found: found[1] + table + found[2], readme.read_text(encoding="utf-8")),
+        encoding="utf-8",
+    )
 
 
 if __name__ == "__main__":

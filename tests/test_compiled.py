@@ -1,4 +1,6 @@
-"""Property: a compiled kernel gives what the same source gives as plain Python, wherever its cache can or cannot be kept."""
+"""Property: a compiled kernel gives what the same source gives as plain Python, wherever its cache
+can or cannot be kept.
+"""
 
 import os
 import subprocess
@@ -18,7 +20,9 @@ print(count, points[:count].tolist(), hasattr(turning_points, "py_func"))
 def told(**more: str) -> str:
     """What the program prints in a process of its own."""
     environment = {**os.environ, **more}
-    return subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, env=environment, check=True).stdout
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, env=environment, check=True
+    ).stdout
 
 
 @pytest.mark.parametrize("switch", [{"NUMBA_CACHE_DIR": "/proc/nowhere"}, {}])
@@ -35,10 +39,13 @@ def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
     inner, outer = tmp_path / "inner_kernel.py", tmp_path / "outer_kernel.py"
     head = "from tirelog.runtime import compiled\n"
     outer.write_text(
-        head
-        + "from inner_kernel import scale\n@compiled\ndef middle(x):\n    return scale(x)\n@compiled\ndef whole(x):\n    return middle(x)\n"
+        head + "from inner_kernel import scale\n@compiled\ndef middle(x):\n    return scale(x)\n"
+        "@compiled\ndef whole(x):\n    return middle(x)\n"
     )
-    program = "import outer_kernel; print(outer_kernel.whole(2.0), sum(outer_kernel.whole.stats.cache_hits.values()))"
+    program = (
+        "import outer_kernel; print(outer_kernel.whole(2.0), "
+        "sum(outer_kernel.whole.stats.cache_hits.values()))"
+    )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
     environment.pop("NUMBA_CACHE_DIR", None)
 
@@ -46,7 +53,13 @@ def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
         text = head + f"@compiled\ndef scale(x):\n    return {factor} * x\n"
         if not inner.exists() or inner.read_text() != text:
             inner.write_text(text)
-        return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment, check=True).stdout.strip()
+        return subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=True,
+        ).stdout.strip()
 
     assert run(3.0) == "6.0 0"
     assert run(3.0) == "6.0 1"
@@ -55,7 +68,9 @@ def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
 
 
 def test_scipy_waits_until_it_is_asked_for() -> None:
-    """A tenth of a second and 16 MB of every command; and what numba was not shown is there for others."""
+    """A tenth of a second and 16 MB of every command; and what numba was not shown is there for
+    others.
+    """
     asked = """
 import sys
 import numpy as np
@@ -66,5 +81,7 @@ assert out.tolist()[1:] == [11.0, 13.0]
 print("scipy.linalg" in sys.modules)
 import scipy.linalg.cython_blas, scipy.optimize
 """
-    found = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, timeout=600)
+    found = subprocess.run(
+        [sys.executable, "-c", asked], capture_output=True, text=True, timeout=600
+    )
     assert (found.stdout, found.returncode) == ("False\n", 0), found.stderr

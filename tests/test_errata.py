@@ -9,9 +9,17 @@ PAGE = (ROOT / "docs" / "errata.md").read_text(encoding="utf-8")
 
 def test_every_file_that_the_page_names_is_there() -> None:
     named = set(re.findall(r"`([\w/]+\.py)", PAGE))
-    files = [path.relative_to(ROOT).as_posix() for top in ("tirelog", "tests") for path in (ROOT / top).rglob("*.py")]
+    files = [
+        path.relative_to(ROOT).as_posix()
+        for top in ("tirelog", "tests")
+        for path in (ROOT / top).rglob("*.py")
+    ]
     assert len(named) > 30
-    assert [name for name in sorted(named) if not any(file.endswith(f"/{name}") or file == name for file in files)] == []
+    assert [
+        name
+        for name in sorted(named)
+        if not any(file.endswith(f"/{name}") or file == name for file in files)
+    ] == []
 
 
 def test_a_table_row_has_the_cells_of_its_head() -> None:
@@ -25,4 +33,6 @@ def test_a_table_row_has_the_cells_of_its_head() -> None:
 def test_every_paper_s_equation_has_a_section_and_the_code_points_there() -> None:
     for paper in ("P1", "P2", "P3", "P4"):
         assert f"* **{paper}**: " in PAGE
-    assert "docs/errata.md" in (ROOT / "tirelog" / "physics" / "__init__.py").read_text(encoding="utf-8")
+    assert "docs/errata.md" in (ROOT / "tirelog" / "physics" / "__init__.py").read_text(
+        encoding="utf-8"
+    )

@@ -38,8 +38,12 @@ ORDER = (
 
 def modules() -> dict[str, Path]:
     """Every module of the package with its file, by dotted name without the package's own."""
-    names = {".".join(p.relative_to(PACKAGE).with_suffix("").parts): p for p in PACKAGE.rglob("*.py")}
-    return {name.removesuffix(".__init__"): path for name, path in names.items() if name != "__init__"}
+    names = {
+        ".".join(p.relative_to(PACKAGE).with_suffix("").parts): p for p in PACKAGE.rglob("*.py")
+    }
+    return {
+        name.removesuffix(".__init__"): path for name, path in names.items() if name != "__init__"
+    }
 
 
 def imported(path: Path, known: Iterable[str]) -> set[str]:
@@ -48,9 +52,14 @@ def imported(path: Path, known: Iterable[str]) -> set[str]:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tirelog."):
             module = str(node.module).removeprefix("tirelog.")
-            found |= {f"{module}.{a.name}" if f"{module}.{a.name}" in known else module for a in node.names}
+            found |= {
+                f"{module}.{a.name}" if f"{module}.{a.name}" in known else module
+                for a in node.names
+            }
         elif isinstance(node, ast.Import):
-            found |= {a.name.removeprefix("tirelog.") for a in node.names if a.name.startswith("tirelog.")}
+            found |= {
+                a.name.removeprefix("tirelog.") for a in node.names if a.name.startswith("tirelog.")
+            }
     return found
 
 
@@ -59,7 +68,11 @@ def test_imports_point_down() -> None:
     wrong = []
     for name, path in known.items():
         own = ORDER.index(name.split(".")[0])
-        wrong += [f"{name} imports {m}" for m in imported(path, known) if ORDER.index(m.split(".")[0]) > own]
+        wrong += [
+            f"{name} imports {m}"
+            for m in imported(path, known)
+            if ORDER.index(m.split(".")[0]) > own
+        ]
     assert wrong == []
 
 
@@ -76,13 +89,27 @@ def test_no_two_modules_need_each_other() -> None:
     """A topological order of all modules exists; else the circle is named."""
     known = modules()
     try:
-        list(TopologicalSorter({name: imported(path, known) - {name} for name, path in known.items()}).static_order())
+        list(
+            TopologicalSorter(
+                {name: imported(path, known) - {name} for name, path in known.items()}
+            ).static_order()
+        )
     except CycleError as circle:
         pytest.fail(" -> ".join(circle.args[1]))
 
 
 def test_help_imports_no_science() -> None:
-    code = "import sys; from tirelog.cli import run; run(['speed', '--help']); print(sorted(set(sys.modules) & {%r}))"
-    heavy = "', '".join(["numpy", "numba", "scipy", "pandas", "pyarrow", "h5py", "matplotlib", "mcap", "tomlkit"])
-    out = subprocess.run([sys.executable, "-c", code.replace("%r", f"'{heavy}'")], capture_output=True, text=True, check=True).stdout
+    code = (
+        "import sys; from tirelog.cli import run; run(['speed', '--help']); "
+        "print(sorted(set(sys.modules) & {%r}))"
+    )
+    heavy = "', '".join(
+        ["numpy", "numba", "scipy", "pandas", "pyarrow", "h5py", "matplotlib", "mcap", "tomlkit"]
+    )
+    out = subprocess.run(
+        [sys.executable, "-c", code.replace("%r", f"'{heavy}'")],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
     assert out.splitlines()[-1] == "[]"

@@ -20,9 +20,20 @@ ctypes.CDLL(None).malloc_stats()
 """
 
 
-@pytest.mark.skipif(not hasattr(os, "confstr") or "glibc" not in (os.confstr("CS_GNU_LIBC_VERSION") or ""), reason="no glibc")
+@pytest.mark.skipif(
+    not hasattr(os, "confstr") or "glibc" not in (os.confstr("CS_GNU_LIBC_VERSION") or ""),
+    reason="no glibc",
+)
 @pytest.mark.parametrize(("told", "one"), [("told", True), ("untold", False)])
 def test_threads_share_one_heap(told: str, one: bool) -> None:
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}
-    said = subprocess.run([sys.executable, "-c", PROGRAM, told], capture_output=True, text=True, check=True, env=environment).stderr
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")
+    }
+    said = subprocess.run(
+        [sys.executable, "-c", PROGRAM, told],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+    ).stderr
     assert (said.count("Arena ") == 1) == one

@@ -1,6 +1,10 @@
-"""The error tree.  Every error that a user can cause is a `TirelogError`; its class knows the exit status of the command line.
+"""The error tree.
 
-A message has three parts, joined by semicolons: what is wrong; what is allowed; what to do.  `file` and `line` say where.
+Every error that a user can cause is a `TirelogError`; its class knows the exit status of the
+command line.
+
+A message has three parts, joined by semicolons: what is wrong; what is allowed; what to do. `file`
+and `line` say where.
 """
 
 from __future__ import annotations
@@ -11,13 +15,17 @@ from collections.abc import Iterable
 from enum import IntEnum
 
 _USER = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2})[^\s/?#]*@")
-_QUERY = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2}[^\s?#]*)\?((?:[^\s'\"<>:;,]|[:;,](?!\s|$))+)")
+_QUERY = re.compile(
+    r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2}[^\s?#]*)\?((?:[^\s'\"<>:;,]|[:;,](?!\s|$))+)"
+)
 
 
 def without_credentials(text: str) -> str:
     """`text` whose addresses have no user, password or values of a query: these may be secrets."""
     text = _USER.sub(r"\1", text)
-    return _QUERY.sub(lambda found: f"{found[1]}?{re.sub('(=|^)[^&=]+(?=&|$)', _starred, found[2])}", text)
+    return _QUERY.sub(
+        lambda found: f"{found[1]}?{re.sub('(=|^)[^&=]+(?=&|$)', _starred, found[2])}", text
+    )
 
 
 def _starred(found: re.Match[str]) -> str:
@@ -38,11 +46,13 @@ class ExitStatus(IntEnum):
 def printable(text: str) -> str:
     """`text` as one line that a terminal shows and never obeys, without credentials.
 
-    Names in a log may hold line ends, escape sequences and marks that turn the direction of writing: they are shown as `\\x1b`, `\\n`.
-    Addresses lose what may be a secret.
+    Names in a log may hold line ends, escape sequences and marks that turn the direction of
+    writing: they are shown as `\\x1b`, `\\n`. Addresses lose what may be a secret.
     """
     text = without_credentials(text)
-    return text if text.isprintable() else "".join(c if c.isprintable() else _escaped(c) for c in text)
+    return (
+        text if text.isprintable() else "".join(c if c.isprintable() else _escaped(c) for c in text)
+    )
 
 
 def _escaped(letter: str) -> str:
@@ -62,7 +72,11 @@ class TirelogError(Exception):
         super().__init__(self.__str__())
 
     def __str__(self) -> str:
-        where = "" if self.file is None else f"{self.file}{'' if self.line is None else f':{self.line}'}: "
+        where = (
+            ""
+            if self.file is None
+            else f"{self.file}{'' if self.line is None else f':{self.line}'}: "
+        )
         return printable(f"{where}{self.message}")
 
 
@@ -89,7 +103,9 @@ class ReadError(TirelogError):
 
 
 class DataLoss(TirelogError):
-    """Input that was lost or could not be read, where the rest was used: reported at the end, status 3."""
+    """Input that was lost or could not be read, where the rest was used: reported at the end,
+    status 3.
+    """
 
     exit_status = ExitStatus.INPUT_LOST
 

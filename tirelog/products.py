@@ -1,9 +1,11 @@
-"""The tables by name, for whoever makes several of them from one open recording: `tables`, campaigns and the report.
+"""The tables by name, for whoever makes several of them from one open recording: `tables`,
+campaigns and the report.
 
     recording, {name: options} --tables_of--> (name, columns, remarks), channel by channel
 
-The functions are the commands' own, with the commands' options under the same names.  Tables of strain channels share what they are made
-of: a channel is read once and its passages are found once, whatever the number of tables, and several channels are worked on at a time.
+The functions are the commands' own, with the commands' options under the same names. Tables of
+strain channels share what they are made of: a channel is read once and its passages are found once,
+whatever the number of tables, and several channels are worked on at a time.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ Part = tuple[str, Mapping[str, Any], Sequence[str]]
 
 @dataclass(frozen=True)
 class Maker:
-    """The kinds of channel that a table needs, its options, and how it is made from a whole recording; None: channel by channel."""
+    """The kinds of channel that a table needs, its options, and how it is made from a whole
+    recording; None: channel by channel.
+    """
 
     kinds: tuple[str, ...]
     options: tuple[str, ...] = ()
@@ -54,27 +58,36 @@ def _phase_shift(recording: Recording, options: Options) -> Rows:
     from tirelog.wheel.calibration_file import read_calibration
     from tirelog.wheel.table import measure_with, table
 
-    calibration = read_calibration(Path(options["calibration"])) if "calibration" in options else None
+    calibration = (
+        read_calibration(Path(options["calibration"])) if "calibration" in options else None
+    )
     for passages in measure_with(calibration, recording, str(options.get("zero", "auto"))):
         yield table(passages, calibration), passages.said
 
 
 _STRAIN = ("fbg_strain", "strain")
 MAKERS: dict[str, Maker] = {
-    "speed": Maker((*_STRAIN, "wheel_encoder", "radial_acceleration"), ("calibrate_radius",), _speed),
+    "speed": Maker(
+        (*_STRAIN, "wheel_encoder", "radial_acceleration"), ("calibrate_radius",), _speed
+    ),
     "footprint": Maker(_STRAIN, ("cutoff",)),
     "dissipation": Maker(_STRAIN, ("steady_step", "average")),
     "phase-shift": Maker(("wheel_encoder",), ("calibration", "zero"), _phase_shift),
 }
 
 
-def tables_of(recording: Recording, wanted: Mapping[str, Options], workers: int = 1) -> Iterator[Part]:
-    """(name, columns, remarks) of the `wanted` tables (keys of MAKERS, with their options), part by part; a table's parts are in the order
-    of the channels, whatever the number of `workers` (threads), and the same to the bit.
+def tables_of(
+    recording: Recording, wanted: Mapping[str, Options], workers: int = 1
+) -> Iterator[Part]:
+    """(name, columns, remarks) of the `wanted` tables (keys of MAKERS, with their options), part by
+    part; a table's parts are in the order of the channels, whatever the number of `workers`
+    (threads), and the same to the bit.
 
     UsageError: the recording lacks what a table is made of, or an option is none.
     """
-    strain = {name: options for name, options in wanted.items() if _is_of_strain(recording, name, options)}
+    strain = {
+        name: options for name, options in wanted.items() if _is_of_strain(recording, name, options)
+    }
     if strain:
         yield from _strain_tables(recording, strain, workers)
     for name, options in wanted.items():
@@ -85,13 +98,17 @@ def tables_of(recording: Recording, wanted: Mapping[str, Options], workers: int 
 
 
 def _is_of_strain(recording: Recording, name: str, options: Options) -> bool:
-    """True for a table that is made channel by channel from passages of strain; a calibrated radius needs all channels at once."""
+    """True for a table that is made channel by channel from passages of strain; a calibrated radius
+    needs all channels at once.
+    """
     if name == "speed":
         return bool(recording.of_kind(*_STRAIN)) and not options.get("calibrate_radius", False)
     return MAKERS[name].whole is None
 
 
-def _strain_tables(recording: Recording, wanted: Mapping[str, Options], workers: int) -> Iterator[Part]:
+def _strain_tables(
+    recording: Recording, wanted: Mapping[str, Options], workers: int
+) -> Iterator[Part]:
     """The tables of the strain channels, each channel's passages found once."""
     from tirelog.strain.channels import not_turning, strain_channels
     from tirelog.strain.speed import radius_remarks
@@ -113,7 +130,11 @@ def _strain_tables(recording: Recording, wanted: Mapping[str, Options], workers:
             fill()  # the next one is at work while this one's rows are written
             turned |= made.turns
             for name, columns, remarks in made.parts:
-                fresh = [remark for remark in [*radius_remarks(recording), *remarks] if (name, remark) not in told]
+                fresh = [
+                    remark
+                    for remark in [*radius_remarks(recording), *remarks]
+                    if (name, remark) not in told
+                ]
                 told |= {(name, remark) for remark in fresh}
                 yield name, columns, fresh
     if not turned and set(wanted) != {"speed"}:
@@ -121,9 +142,11 @@ def _strain_tables(recording: Recording, wanted: Mapping[str, Options], workers:
 
 
 class _Forms:
-    """The forms of the channels' passages, by the channels' ordinals: the first that could be learnt is where all later ones start from.
+    """The forms of the channels' passages, by the channels' ordinals: the first that could be
+    learnt is where all later ones start from.
 
-    A channel that asks waits for those before it, which are at work or done already, so that its rows do not depend on who is quicker.
+    A channel that asks waits for those before it, which are at work or done already, so that its
+    rows do not depend on who is quicker.
     """
 
     def __init__(self) -> None:
@@ -162,7 +185,9 @@ class _Made:
     turns: bool
 
 
-def _make(recording: Recording, number: int, stored: Channel, wanted: Mapping[str, Options], forms: _Forms) -> _Made:
+def _make(
+    recording: Recording, number: int, stored: Channel, wanted: Mapping[str, Options], forms: _Forms
+) -> _Made:
     """The tables of one channel, the `number`-th."""
     from tirelog.runs.in_memory import held
     from tirelog.strain.passages.surface import passages_of
@@ -170,40 +195,72 @@ def _make(recording: Recording, number: int, stored: Channel, wanted: Mapping[st
     try:
         channel = held(stored)
         passages = passages_of(recording, channel)
-        learnt = forms.learn(number, channel, passages) if "footprint" in wanted and not passages.doubt else None
+        learnt = (
+            forms.learn(number, channel, passages)
+            if "footprint" in wanted and not passages.doubt
+            else None
+        )
     finally:
         forms.tell(number, None)
-    parts = [(name, *_OF_CHANNEL[name](recording, channel, passages, options, learnt)) for name, options in wanted.items()]
+    parts = [
+        (name, *_OF_CHANNEL[name](recording, channel, passages, options, learnt))
+        for name, options in wanted.items()
+    ]
     return _Made(parts, len(passages) > 0)
 
 
 _Table = tuple[Mapping[str, Any], Sequence[str]]
 
 
-def _speed_of(recording: Recording, channel: Channel, passages: Passages, options: Options, learnt: Learnt | None) -> _Table:
+def _speed_of(
+    recording: Recording,
+    channel: Channel,
+    passages: Passages,
+    options: Options,
+    learnt: Learnt | None,
+) -> _Table:
     from tirelog.strain.speed import speed_columns, speed_doubts
 
     return speed_columns(recording.log, passages), speed_doubts(passages)
 
 
-def _footprint_of(recording: Recording, channel: Channel, passages: Passages, options: Options, learnt: Learnt | None) -> _Table:
+def _footprint_of(
+    recording: Recording,
+    channel: Channel,
+    passages: Passages,
+    options: Options,
+    learnt: Learnt | None,
+) -> _Table:
     from tirelog.dsp.lowpass import Cutoff
     from tirelog.strain.footprint.table import footprint_of_channel
 
-    found = footprint_of_channel(recording, channel, passages, Cutoff.parse(str(options.get("cutoff", "auto"))), learnt)
+    found = footprint_of_channel(
+        recording, channel, passages, Cutoff.parse(str(options.get("cutoff", "auto"))), learnt
+    )
     return found.columns, found.remarks
 
 
-def _dissipation_of(recording: Recording, channel: Channel, passages: Passages, options: Options, learnt: Learnt | None) -> _Table:
+def _dissipation_of(
+    recording: Recording,
+    channel: Channel,
+    passages: Passages,
+    options: Options,
+    learnt: Learnt | None,
+) -> _Table:
     from tirelog.strain.dissipation import AVERAGED, STEADY_STEP_M_S
     from tirelog.strain.dissipation_table import dissipation_of_channel
 
-    step, average = float(options.get("steady_step", STEADY_STEP_M_S)), int(options.get("average", AVERAGED))
+    step, average = (
+        float(options.get("steady_step", STEADY_STEP_M_S)),
+        int(options.get("average", AVERAGED)),
+    )
     found = dissipation_of_channel(recording, channel, passages, step, average)
     return found.columns, found.remarks
 
 
-_OF_CHANNEL: Mapping[str, Callable[[Recording, Channel, Passages, Options, Learnt | None], _Table]] = {
+_OF_CHANNEL: Mapping[
+    str, Callable[[Recording, Channel, Passages, Options, Learnt | None], _Table]
+] = {
     "speed": _speed_of,
     "footprint": _footprint_of,
     "dissipation": _dissipation_of,

@@ -3,15 +3,20 @@
 A loop over samples that the benchmark shows to matter is compiled by numba, once for each machine.
 
     @compiled
-    def kernel(samples, ...): ...        plain Python on numpy arrays and scalars; called like any function
+    def kernel(samples, ...): ...        plain Python on numpy arrays and scalars; called like any
+    function
 
-The compiled code is cached beside the source, or in the user's cache folder where the installation cannot be written (NUMBA_CACHE_DIR
-moves it), so that only the very first call on a machine waits for the compiler.  With NUMBA_DISABLE_JIT=1 the same source runs as plain
-Python: slower, and the same numbers.  No fast-math: sums keep their order, so results do not depend on the machine's vector width.
+The compiled code is cached beside the source, or in the user's cache folder where the installation
+cannot be written (NUMBA_CACHE_DIR moves it), so that only the very first call on a machine waits
+for the compiler. With NUMBA_DISABLE_JIT=1 the same source runs as plain Python: slower, and the
+same numbers. No fast-math: sums keep their order, so results do not depend on the machine's vector
+width.
 
-numba knows a cached kernel by its own file only; one that calls kernels of other files is forgotten here where those were edited since.
+numba knows a cached kernel by its own file only; one that calls kernels of other files is forgotten
+here where those were edited since.
 
-numba takes half a second to start and 110 MB; modules with kernels are imported inside the functions that need them.
+numba takes half a second to start and 110 MB; modules with kernels are imported inside the
+functions that need them.
 """
 
 from __future__ import annotations
@@ -35,20 +40,23 @@ _LOOK_S = 0.5
 
 
 def one_thread() -> None:
-    """One thread for the linear algebra under numpy, for commands whose matrices are small and many; a number that the user has set stays.
+    """One thread for the linear algebra under numpy, for commands whose matrices are small and
+    many; a number that the user has set stays.
 
-    With more, the library's threads wait for each other in busy loops: the same wall time at several times the CPU time.
-    To be called before numpy is imported.
+    With more, the library's threads wait for each other in busy loops: the same wall time at
+    several times the CPU time. To be called before numpy is imported.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
 
 
 def one_heap() -> None:
-    """One heap for all threads: what one has freed serves the next.  To be called before the first thread is started.
+    """One heap for all threads: what one has freed serves the next.
 
-    With a heap for each, those of the readers keep up to 80 MB that the estimators then take once more.  Other libraries than glibc have
-    no such number, or no such habit.
+    To be called before the first thread is started.
+
+    With a heap for each, those of the readers keep up to 80 MB that the estimators then take once
+    more. Other libraries than glibc have no such number, or no such habit.
     """
     if sys.platform == "linux" and "MALLOC_ARENA_MAX" not in os.environ:
         import ctypes
@@ -59,7 +67,8 @@ def one_heap() -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """End this process as soon as the one that started it, `parent`, has ended, however that came about.
+    """End this process as soon as the one that started it, `parent`, has ended, however that came
+    about.
 
     A worker waits for its next task without end, and holds 200 MB, where its parent was killed.
     """
@@ -67,7 +76,10 @@ def end_with_parent(parent: int) -> None:
         import ctypes
 
         library = ctypes.CDLL(None)
-        if hasattr(library, "prctl") and library.prctl(_SIGNAL_WITH_PARENT, int(signal.SIGKILL)) == 0:
+        if (
+            hasattr(library, "prctl")
+            and library.prctl(_SIGNAL_WITH_PARENT, int(signal.SIGKILL)) == 0
+        ):
             if os.getppid() != parent:  # it ended before it could be asked for
                 os._exit(1)
             return
@@ -88,9 +100,11 @@ _SOURCES: dict[int, frozenset[Path]] = {}
 
 
 def _without_blas() -> None:
-    """Loads numba's array functions, as the first kernel would, without the linear algebra of scipy that they look for and no kernel needs.
+    """Loads numba's array functions, as the first kernel would, without the linear algebra of scipy
+    that they look for and no kernel needs.
 
-    It takes a tenth of a second and 16 MB; a kernel that does need it (an inverse) has numba import it then.
+    It takes a tenth of a second and 16 MB; a kernel that does need it (an inverse) has numba import
+    it then.
     """
     blas = "scipy.linalg.cython_blas"
     if blas in sys.modules:
@@ -104,7 +118,9 @@ def _without_blas() -> None:
 
 
 def compiled(kernel: Kernel) -> Kernel:
-    """The kernel, compiled at its first call for the types it is called with; division by zero gives infinity or NaN, as in numpy."""
+    """The kernel, compiled at its first call for the types it is called with; division by zero
+    gives infinity or NaN, as in numpy.
+    """
     from numba import njit
 
     _without_blas()
@@ -132,6 +148,8 @@ def _forget_outdated(kernel: Any, made: Any) -> None:
 
 
 def _sources_of(called: Any) -> frozenset[Path]:
-    """The files of what a kernel calls: another kernel, or a plain function that numba was taught to compile."""
+    """The files of what a kernel calls: another kernel, or a plain function that numba was taught
+    to compile.
+    """
     plain = {Path(called.__code__.co_filename)} if hasattr(called, "__code__") else ()
     return _SOURCES.get(id(called), frozenset(plain))

@@ -115,7 +115,9 @@ def encoder_log(seconds: float = 2.0, rate_Hz: float = 5000.0) -> tuple[NDArray[
     return 2.0 * np.sin(48 * angle) + 0.02 * noise[0], level * (1 - inside) + 0.5 * noise[1]
 
 
-def _layouts(t: NDArray[np.float64], strain: NDArray[np.float64], twin: NDArray[np.float64]) -> dict[str, tuple[bytes, str]]:
+def _layouts(
+    t: NDArray[np.float64], strain: NDArray[np.float64], twin: NDArray[np.float64]
+) -> dict[str, tuple[bytes, str]]:
     """Text layouts: name -> (bytes, setup)."""
     rows = list(zip(t, strain, twin, strict=True))
     named = SETUP.format(strain="CH1", twin="CH2", log='time = "time_s"')
@@ -124,9 +126,16 @@ def _layouts(t: NDArray[np.float64], strain: NDArray[np.float64], twin: NDArray[
     comma = "Messung 7\r\nGerät: A\r\n\r\ntime_s;CH1;CH2;\r\ns;nm;nm;\r\n" + "".join(
         f"{a:.4f};{b:.4f};{c:.4f};\r\n".replace(".", ",") for a, b, c in rows
     )
-    iso = "stamp\tCH1\tCH2\n" + "".join(f"2026-03-04T10:00:{a:09.6f}\t{b:.4f}\t{c:.4f}\n" for a, b, c in rows)
-    peaks = "Time\tCH 1\tCH 2\tpeaks\n" + "".join(f"{a:.4f}\t1\t1\t{b:.4f}\t{c:.4f}\n" for a, b, c in rows)
-    windows = named.replace("reference_wavelength_nm = 1550.0", "window_nm = [1546.0, 1554.0]\nreference_wavelength_nm = 1550.0")
+    iso = "stamp\tCH1\tCH2\n" + "".join(
+        f"2026-03-04T10:00:{a:09.6f}\t{b:.4f}\t{c:.4f}\n" for a, b, c in rows
+    )
+    peaks = "Time\tCH 1\tCH 2\tpeaks\n" + "".join(
+        f"{a:.4f}\t1\t1\t{b:.4f}\t{c:.4f}\n" for a, b, c in rows
+    )
+    windows = named.replace(
+        "reference_wavelength_nm = 1550.0",
+        "window_nm = [1546.0, 1554.0]\nreference_wavelength_nm = 1550.0",
+    )
     windows = windows.replace('time = "time_s"', 'time = "#1"')
     return {
         "plain": (plain.encode(), named),
@@ -137,7 +146,9 @@ def _layouts(t: NDArray[np.float64], strain: NDArray[np.float64], twin: NDArray[
     }
 
 
-def _mcap(path: Path, compression: CompressionType, t: NDArray[np.float64], *values: NDArray[np.float64]) -> None:
+def _mcap(
+    path: Path, compression: CompressionType, t: NDArray[np.float64], *values: NDArray[np.float64]
+) -> None:
     with path.open("wb") as stream:
         writer = Writer(stream, compression=compression, chunk_size=20_000)
         writer.start()
@@ -160,19 +171,31 @@ def make(folder: Path) -> None:
         (folder / f"{name}.csv").write_bytes(data)
         (folder / f"{name}.toml").write_text(setup)
     plain = (folder / "plain.csv").read_bytes()
-    packed = {"gz": gzip.compress(plain), "zst": zstandard.compress(plain), "xz": lzma.compress(plain)}
+    packed = {
+        "gz": gzip.compress(plain),
+        "zst": zstandard.compress(plain),
+        "xz": lzma.compress(plain),
+    }
     for suffix, data in packed.items():
         (folder / f"packed.csv.{suffix}").write_bytes(data)
     (folder / "packed.toml").write_text((folder / "plain.toml").read_text())
-    for name, compression in (("none", CompressionType.NONE), ("zstd", CompressionType.ZSTD), ("lz4", CompressionType.LZ4)):
+    for name, compression in (
+        ("none", CompressionType.NONE),
+        ("zstd", CompressionType.ZSTD),
+        ("lz4", CompressionType.LZ4),
+    ):
         _mcap(folder / f"messages_{name}.mcap", compression, t, strain, twin)
         setup = SETUP.format(strain="/tire:strain", twin="/tire:twin", log="")
         (folder / f"messages_{name}.toml").write_text(setup)
     with h5py.File(folder / "samples.h5", "w") as file:
         for name, values in (("strain", strain), ("twin", twin)):
-            made = file.create_dataset(f"/fbg/{name}", data=values, chunks=(500,), compression="gzip")
+            made = file.create_dataset(
+                f"/fbg/{name}", data=values, chunks=(500,), compression="gzip"
+            )
             made.attrs["sampling_rate_Hz"] = RATE_HZ
-    (folder / "samples.toml").write_text(SETUP.format(strain="/fbg/strain", twin="/fbg/twin", log=""))
+    (folder / "samples.toml").write_text(
+        SETUP.format(strain="/fbg/strain", twin="/fbg/twin", log="")
+    )
     with h5py.File(folder / "encoder.h5", "w") as file:
         for name, values in zip(("encoder", "acceleration"), encoder_log(), strict=True):
             file.create_dataset(f"/wheel/{name}", data=values).attrs["sampling_rate_Hz"] = 5000.0
@@ -188,9 +211,34 @@ def make(folder: Path) -> None:
         ["speed", plain_log, "-o", str(folder / "table.parquet")],
         ["speed", plain_log, "-o", str(folder / "table.ndjson")],
         ["speed", plain_log, "-o", str(folder / "table.json")],
-        ["model", "new", "--carcass", "beam", "--setup", setup, "-o", str(folder / "model_beam.toml")],
-        ["model", "new", "--carcass", "ring", "--setup", setup, "-o", str(folder / "model_ring.toml")],
-        ["model", "add", str(folder / "model_beam.toml"), "water_film", "-o", str(folder / "model_water.toml")],
+        [
+            "model",
+            "new",
+            "--carcass",
+            "beam",
+            "--setup",
+            setup,
+            "-o",
+            str(folder / "model_beam.toml"),
+        ],
+        [
+            "model",
+            "new",
+            "--carcass",
+            "ring",
+            "--setup",
+            setup,
+            "-o",
+            str(folder / "model_ring.toml"),
+        ],
+        [
+            "model",
+            "add",
+            str(folder / "model_beam.toml"),
+            "water_film",
+            "-o",
+            str(folder / "model_water.toml"),
+        ],
     ):
         status = run([*arguments, "--quiet"] if arguments[0] in ("ingest", "speed") else arguments)
         if status:

@@ -111,18 +111,39 @@ def _setup(base: Path, folder: Path, rng: Rng) -> list[str]:
 
 
 def _model(base: Path, folder: Path, rng: Rng) -> list[str]:
-    name = str(rng.choice(["model_beam.toml", "model_ring.toml", "model_water.toml", "model_own.toml"]))
+    name = str(
+        rng.choice(["model_beam.toml", "model_ring.toml", "model_water.toml", "model_own.toml"])
+    )
     _copied(base, folder, "plain.csv", "plain.toml")
     _mutated(base, folder, name, damage.damaged_toml, rng)
     kind = int(rng.integers(5))
     if kind == 0:
         return ["model", "show", name]
     if kind == 1:
-        return ["model", "predict", name, "--setup", "plain.toml", "--speed", "12", "-o", "out/table.csv"]
+        return [
+            "model",
+            "predict",
+            name,
+            "--setup",
+            "plain.toml",
+            "--speed",
+            "12",
+            "-o",
+            "out/table.csv",
+        ]
     if kind == 2:
         return ["model", "add", name, "hysteresis", "-o", "out/model.toml"]
     if kind == 3 and name != "model_ring.toml":
-        return ["compare", "plain.csv", "--model", name, "--format", "json", "-o", "out/compare.json"]
+        return [
+            "compare",
+            "plain.csv",
+            "--model",
+            name,
+            "--format",
+            "json",
+            "-o",
+            "out/compare.json",
+        ]
     return ["model", "remove", name, "water_film", "-o", "out/model.toml"]
 
 
@@ -139,7 +160,10 @@ def _campaign(base: Path, folder: Path, rng: Rng) -> list[str]:
     else:
         _mutated(base, folder, "campaign.toml", damage.damaged_toml, rng)
     # never let a damaged manifest write: it may name any folder
-    return [["campaign", "run", "campaign.toml", "--dry-run"], ["campaign", "status", "campaign.toml"]][int(rng.integers(2))]
+    return [
+        ["campaign", "run", "campaign.toml", "--dry-run"],
+        ["campaign", "status", "campaign.toml"],
+    ][int(rng.integers(2))]
 
 
 def _scenario(base: Path, folder: Path, rng: Rng) -> list[str]:
@@ -158,15 +182,28 @@ def _check(base: Path, folder: Path, rng: Rng) -> list[str]:
     }[suffix]
     _mutated(base, folder, f"table.{suffix}", how, rng)
     (folder / "golden.csv").write_bytes((base / "table.csv").read_bytes())
-    first, second = (f"table.{suffix}", "golden.csv") if rng.random() < 0.7 else ("golden.csv", f"table.{suffix}")
+    first, second = (
+        (f"table.{suffix}", "golden.csv")
+        if rng.random() < 0.7
+        else ("golden.csv", f"table.{suffix}")
+    )
     return ["check", first, "--against", second, "-o", "out/table.csv"]
 
 
 #: family: (share of the cases, how a case of it is built)
 FAMILIES: dict[str, tuple[float, Callable[[Path, Path, Rng], list[str]]]] = {
-    "text": (0.2, _log(("plain.csv", "comma.csv", "iso.csv", "bare.csv", "peaks.csv"), damage.damaged_text)),
-    "text bytes": (0.05, _log(("plain.csv", "comma.csv", "iso.csv", "bare.csv", "peaks.csv"), damage.damaged_bytes)),
-    "packed": (0.08, _log(("packed.csv.gz", "packed.csv.zst", "packed.csv.xz"), damage.damaged_bytes)),
+    "text": (
+        0.2,
+        _log(("plain.csv", "comma.csv", "iso.csv", "bare.csv", "peaks.csv"), damage.damaged_text),
+    ),
+    "text bytes": (
+        0.05,
+        _log(("plain.csv", "comma.csv", "iso.csv", "bare.csv", "peaks.csv"), damage.damaged_bytes),
+    ),
+    "packed": (
+        0.08,
+        _log(("packed.csv.gz", "packed.csv.zst", "packed.csv.xz"), damage.damaged_bytes),
+    ),
     "mcap": (0.15, _mcap),
     "hdf5": (0.13, _hdf5(("samples.h5", "encoder.h5"), True)),
     "run": (0.13, _hdf5(("run_text.h5", "run_encoder.h5"), False)),
@@ -197,11 +234,22 @@ def carried_out(arguments: list[str], folder: Path) -> Outcome:
     if started == 0:
         _child(arguments, folder)
     _, code, used = os.wait4(started, 0)
-    stderr = (folder / "stderr").read_text("utf-8", "surrogateescape") if (folder / "stderr").exists() else ""
+    stderr = (
+        (folder / "stderr").read_text("utf-8", "surrogateescape")
+        if (folder / "stderr").exists()
+        else ""
+    )
     status = os.waitstatus_to_exitcode(code)
     faults = _faults(arguments, status, used, stderr)
     faults += _litter(arguments, status, before, _files(folder))
-    return Outcome(tuple(arguments), status, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024, stderr, tuple(faults))
+    return Outcome(
+        tuple(arguments),
+        status,
+        used.ru_utime + used.ru_stime,
+        used.ru_maxrss * 1024,
+        stderr,
+        tuple(faults),
+    )
 
 
 def _child(arguments: list[str], folder: Path) -> None:
@@ -245,7 +293,9 @@ def _files(folder: Path) -> dict[str, bytes]:
     return found
 
 
-def _faults(arguments: list[str], status: int, used: resource.struct_rusage, stderr: str) -> list[str]:
+def _faults(
+    arguments: list[str], status: int, used: resource.struct_rusage, stderr: str
+) -> list[str]:
     faults = []
     if status == 70:
         faults.append("status 70")
@@ -269,7 +319,9 @@ def _faults(arguments: list[str], status: int, used: resource.struct_rusage, std
     return faults
 
 
-def _litter(arguments: list[str], status: int, before: dict[str, bytes], after: dict[str, bytes]) -> list[str]:
+def _litter(
+    arguments: list[str], status: int, before: dict[str, bytes], after: dict[str, bytes]
+) -> list[str]:
     faults = []
     if any(after.get(name) != data for name, data in before.items() if not name.startswith("out/")):
         faults.append("input changed")

@@ -154,7 +154,11 @@ def damaged_text(data: bytes, rng: Rng) -> bytes:
     for _ in range(int(rng.integers(1, 7))):
         if not lines:
             break
-        at = int(rng.integers(min(len(lines), 12))) if rng.random() < 0.4 else int(rng.integers(len(lines)))
+        at = (
+            int(rng.integers(min(len(lines), 12)))
+            if rng.random() < 0.4
+            else int(rng.integers(len(lines)))
+        )
         cell = str(rng.choice(np.array(CELLS, dtype=object)))
         kind = int(rng.integers(14))
         if kind <= 3:
@@ -168,14 +172,23 @@ def damaged_text(data: bytes, rng: Rng) -> bytes:
         elif kind == 6:
             lines[at] = lines[at][: int(rng.integers(len(lines[at]) + 1))]
         elif kind == 7:
-            lines[at] += str(rng.choice(np.array([",", ";", "\t", ",,,,,", ",1.0", "\r", '"'], dtype=object)))
+            lines[at] += str(
+                rng.choice(np.array([",", ";", "\t", ",,,,,", ",1.0", "\r", '"'], dtype=object))
+            )
         elif kind == 8:
             old, new = rng.choice(np.array([",", ";", "\t", " ", ".", "|"], dtype=object), 2)
             lines = [line.replace(str(old), str(new)) for line in lines]
         elif kind == 9:
             lines[:at] = [line + "," + cell for line in lines[:at]]
         elif kind == 10:
-            lines.insert(0, str(rng.choice(np.array(["#", "sep=;", "", cell, "\ufeff", "a" * 3000], dtype=object))))
+            lines.insert(
+                0,
+                str(
+                    rng.choice(
+                        np.array(["#", "sep=;", "", cell, "\ufeff", "a" * 3000], dtype=object)
+                    )
+                ),
+            )
         elif kind == 11:
             lines[at:] = [line.replace(".", "") for line in lines[at:]]
         elif kind == 12:
@@ -213,14 +226,27 @@ def damaged_toml(data: bytes, rng: Rng) -> bytes:
         elif kind == 6:
             lines.insert(at, lines[int(rng.integers(len(lines)))])
         elif kind == 7:
-            lines[at] = re.sub(r"\w+", lambda found: found.group() if rng.random() < 0.7 else "x", lines[at])
+            lines[at] = re.sub(
+                r"\w+", lambda found: found.group() if rng.random() < 0.7 else "x", lines[at]
+            )
         else:
             headers = [i for i, line in enumerate(lines) if line.startswith("[")]
             if headers:
                 at = int(rng.choice(headers))
                 name = lines[at].strip("[] ")
                 lines[at] = str(
-                    rng.choice(np.array([f"[[{name}]]", f"[{name}.x]", "", f"{name} = {value}", "[a" + ".a" * 500 + "]"], dtype=object))
+                    rng.choice(
+                        np.array(
+                            [
+                                f"[[{name}]]",
+                                f"[{name}.x]",
+                                "",
+                                f"{name} = {value}",
+                                "[a" + ".a" * 500 + "]",
+                            ],
+                            dtype=object,
+                        )
+                    )
                 )
     return "\n".join(lines).encode("utf-8", "surrogateescape")
 
@@ -249,7 +275,9 @@ def damage_hdf5(path: Path, rng: Rng) -> None:
         file.visit(names.append)
         for _ in range(int(rng.integers(1, 3))):
             name = str(rng.choice(names))
-            if file.get(name, getlink=True) is None or not isinstance(file.get(name, getlink=True), h5py.HardLink):
+            if file.get(name, getlink=True) is None or not isinstance(
+                file.get(name, getlink=True), h5py.HardLink
+            ):
                 continue  # a link that this damage has made
             _damage_object(file, name, rng)
 
@@ -289,7 +317,9 @@ def _damage_object(file: h5py.File, name: str, rng: Rng) -> None:
 
 
 def _writable(value: object) -> object:
-    """An attribute's value as h5py takes it: text that a first damage made undecodable goes back as its bytes."""
+    """An attribute's value as h5py takes it: text that a first damage made undecodable goes back as
+    its bytes.
+    """
     if isinstance(value, str) and not value.isprintable():
         return value.encode("utf-8", "surrogateescape")
     return value
@@ -305,11 +335,17 @@ def _other_dataset(file: h5py.File, name: str, old: object, rng: Rng) -> h5py.Da
         file[name] = h5py.SoftLink("/nowhere")
         return None
     if kind == 2:
-        return file.create_dataset(name, data=np.array(["a", "b"], dtype=object), dtype=h5py.string_dtype())
+        return file.create_dataset(
+            name, data=np.array(["a", "b"], dtype=object), dtype=h5py.string_dtype()
+        )
     if kind == 3:
-        return file.create_dataset(name, shape=(2**31,), dtype="f8", chunks=(2**27,), compression="gzip")
+        return file.create_dataset(
+            name, shape=(2**31,), dtype="f8", chunks=(2**27,), compression="gzip"
+        )
     if kind == 4:
-        return file.create_dataset(name, shape=(10,), dtype="f8", external=[("/etc/hostname", 0, 80)])
+        return file.create_dataset(
+            name, shape=(10,), dtype="f8", external=[("/etc/hostname", 0, 80)]
+        )
     made = (
         np.zeros((3, 4, 5)),
         values.astype("f4") if values.dtype.kind in "iuf" else np.zeros(2),
@@ -331,8 +367,22 @@ def damaged_json(data: bytes, rng: Rng) -> bytes:
     if not numbers:
         return damaged_bytes(data, rng)
     found = numbers[int(rng.integers(len(numbers)))]
-    values = ("NaN", "1e400", "null", '"x"', "[" * 3000 + "]" * 3000, "{}", "9" * 5000, "-1", "true")
-    return (text[: found.start()] + str(rng.choice(np.array(values, dtype=object))) + text[found.end() :]).encode()
+    values = (
+        "NaN",
+        "1e400",
+        "null",
+        '"x"',
+        "[" * 3000 + "]" * 3000,
+        "{}",
+        "9" * 5000,
+        "-1",
+        "true",
+    )
+    return (
+        text[: found.start()]
+        + str(rng.choice(np.array(values, dtype=object)))
+        + text[found.end() :]
+    ).encode()
 
 
 def damage_mcap(path: Path, rng: Rng) -> None:
@@ -347,7 +397,15 @@ def damage_mcap(path: Path, rng: Rng) -> None:
         messages = [(m.log_time, m.data) for _, _, m in make_reader(stream).iter_messages()]
     encodings = ("json", "cdr", "protobuf", "ros1", "", "x\x1b[31m\n")
     schemas = ("jsonschema", "ros2msg", "protobuf", "", "ros2idl")
-    texts = (b"{}", b"", b"float64 strain\nfloat64 twin", b"\xff" * 50, b"float64[] strain", b"Sub[] x\n", b"string a\n" * 300)
+    texts = (
+        b"{}",
+        b"",
+        b"float64 strain\nfloat64 twin",
+        b"\xff" * 50,
+        b"float64[] strain",
+        b"Sub[] x\n",
+        b"string a\n" * 300,
+    )
     topics = ("/tire", "/tire", "/t\x1b[31m\nx", "", "/" + "a" * 3000)
     foreign = (
         b"",
@@ -365,14 +423,22 @@ def damage_mcap(path: Path, rng: Rng) -> None:
     )
     with path.open("wb") as stream:
         kinds = (CompressionType.NONE, CompressionType.ZSTD, CompressionType.LZ4)
-        writer = Writer(stream, compression=kinds[int(rng.integers(3))], chunk_size=int(rng.choice([200, 20_000])))
+        writer = Writer(
+            stream,
+            compression=kinds[int(rng.integers(3))],
+            chunk_size=int(rng.choice([200, 20_000])),
+        )
         writer.start()
         usual = rng.random() < 0.6
         schema = writer.register_schema(
-            "tire", "jsonschema" if usual else str(rng.choice(schemas)), texts[0 if usual else int(rng.integers(len(texts)))]
+            "tire",
+            "jsonschema" if usual else str(rng.choice(schemas)),
+            texts[0 if usual else int(rng.integers(len(texts)))],
         )
         topic = topics[int(rng.integers(len(topics)))]
-        channel = writer.register_channel(topic, "json" if usual else str(rng.choice(encodings)), schema)
+        channel = writer.register_channel(
+            topic, "json" if usual else str(rng.choice(encodings)), schema
+        )
         share = float(rng.choice([0.0, 0.001, 0.05, 1.0]))
         jumps = float(rng.choice([0.0, 0.01]))
         for number, (at, data) in enumerate(messages):
@@ -388,7 +454,16 @@ def damaged_json_table(data: bytes, rng: Rng) -> bytes:
     """A JSON table whose rows are no rows."""
     if rng.random() < 0.5:
         return damaged_json(data, rng)
-    rows = (b"[]", b"{}", b"[1, 2]", b'[{"a": {}}]', b"null", json.dumps([{"a": 1}, {"b": 2}]).encode(), b"[[]]", b'"x"')
+    rows = (
+        b"[]",
+        b"{}",
+        b"[1, 2]",
+        b'[{"a": {}}]',
+        b"null",
+        json.dumps([{"a": 1}, {"b": 2}]).encode(),
+        b"[[]]",
+        b'"x"',
+    )
     return rows[int(rng.integers(len(rows)))]
 
 

@@ -1,8 +1,9 @@
-"""Commands killed at any moment, then started again: `python -m benchmarks.fuzz.kills [--tables N] [--campaigns N]`.
+"""Commands killed at any moment, then started again: `python -m benchmarks.fuzz.kills [--tables N]
+[--campaigns N]`.
 
-After a kill an output is absent, the older one or the whole new one, and no process is left. After the
-next start the results equal those of an undisturbed run, and nothing else lies in the output folder or
-in the folder for temporary files. Prints counts; status 1 if anything was otherwise.
+After a kill an output is absent, the older one or the whole new one, and no process is left. After
+the next start the results equal those of an undisturbed run, and nothing else lies in the output
+folder or in the folder for temporary files. Prints counts; status 1 if anything was otherwise.
 """
 
 from __future__ import annotations
@@ -49,19 +50,27 @@ def log_text(seconds: float, speed_m_s: float) -> str:
 
 
 def contents(path: Path) -> object:
-    """What a result holds: bytes, rows without what is timed, or of a run its datasets (HDF5 files differ in their gaps)."""
+    """What a result holds: bytes, rows without what is timed, or of a run its datasets (HDF5 files
+    differ in their gaps).
+    """
     if path.name == "summary.csv":  # its last two columns are seconds and memory
         return [row.rsplit(",", 2)[0] for row in path.read_text().splitlines()]
     if path.suffix != ".h5":
         return path.read_bytes()
     found: dict[str, bytes] = {}
     with h5py.File(path) as file:
-        file.visititems(lambda name, node: found.update({name: np.asarray(node[()]).tobytes()} if isinstance(node, h5py.Dataset) else {}))
+        file.visititems(
+            lambda name, node: found.update(
+                {name: np.asarray(node[()]).tobytes()} if isinstance(node, h5py.Dataset) else {}
+            )
+        )
     return {name: data for name, data in found.items() if "provenance" not in name}
 
 
 def results(folder: Path) -> dict[str, object]:
-    """All files below an output folder with their contents, without a campaign's own records of time."""
+    """All files below an output folder with their contents, without a campaign's own records of
+    time.
+    """
     return {
         str(path.relative_to(folder)): contents(path)
         for path in sorted(folder.rglob("*"))
@@ -70,13 +79,19 @@ def results(folder: Path) -> dict[str, object]:
 
 
 def _default_signals() -> None:
-    """In the new process: what the starter of this one has set to be ignored (`nohup`) ends it again."""
+    """In the new process: what the starter of this one has set to be ignored (`nohup`) ends it
+    again.
+    """
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(number, signal.SIG_DFL)
 
 
 def started(arguments: list[str], folder: Path) -> subprocess.Popen[bytes]:
-    environment = os.environ | {"TMPDIR": str(folder / "tmp"), "OMP_NUM_THREADS": "1", "PYTHONPATH": str(Path(__file__).parents[2])}
+    environment = os.environ | {
+        "TMPDIR": str(folder / "tmp"),
+        "OMP_NUM_THREADS": "1",
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
     return subprocess.Popen(
         [sys.executable, "-m", "tirelog", *arguments],
         preexec_fn=_default_signals,
@@ -89,7 +104,11 @@ def alive(session: int) -> list[int]:
     found = []
     for entry in Path("/proc").iterdir():
         try:
-            fields = (entry / "stat").read_text().rpartition(")")[2].split() if entry.name.isdigit() else []
+            fields = (
+                (entry / "stat").read_text().rpartition(")")[2].split()
+                if entry.name.isdigit()
+                else []
+            )
         except OSError:
             continue
         if fields and int(fields[3]) == session and fields[0] != "Z":
@@ -97,7 +116,14 @@ def alive(session: int) -> list[int]:
     return found
 
 
-def trial(arguments: list[str], top: Path, whole: dict[str, object], seconds: float, rng: np.random.Generator, inputs: Path) -> list[str]:
+def trial(
+    arguments: list[str],
+    top: Path,
+    whole: dict[str, object],
+    seconds: float,
+    rng: np.random.Generator,
+    inputs: Path,
+) -> list[str]:
     """Kill a command once, start it again; what was wrong."""
     folder = top / "trial"
     shutil.rmtree(folder, ignore_errors=True)
@@ -125,10 +151,17 @@ def trial(arguments: list[str], top: Path, whole: dict[str, object], seconds: fl
         os.kill(left, signal.SIGKILL)
     for path in (folder / "out").rglob("*"):
         name = str(path.relative_to(folder / "out"))
-        if path.is_file() and ".tirelog" not in path.parts and not path.name.endswith(".part") and path.name[0] != ".":
+        if (
+            path.is_file()
+            and ".tirelog" not in path.parts
+            and not path.name.endswith(".part")
+            and path.name[0] != "."
+        ):
             if name not in whole and name not in old:
                 faults.append(f"partial result {name}")
-            elif contents(path) not in (whole.get(name), old.get(name)) and not name.startswith("summary"):
+            elif contents(path) not in (whole.get(name), old.get(name)) and not name.startswith(
+                "summary"
+            ):
                 faults.append(f"other result {name}")
     if sent != signal.SIGKILL and process.returncode not in (0, 130, 143, 129, -sent):
         faults.append(f"status {process.returncode} after {sent.name}")
@@ -136,7 +169,11 @@ def trial(arguments: list[str], top: Path, whole: dict[str, object], seconds: fl
     if again.wait() != 0:
         faults.append(f"status {again.returncode} at the next start")
     now = results(folder / "out")
-    faults += [f"next start gives another {name}" for name in sorted(now.keys() | whole.keys()) if now.get(name) != whole.get(name)]
+    faults += [
+        f"next start gives another {name}"
+        for name in sorted(now.keys() | whole.keys())
+        if now.get(name) != whole.get(name)
+    ]
     if left_over := [str(p) for p in (folder / "tmp").iterdir()]:
         faults.append(f"left in the temporary folder ({len(left_over)})")
     if [p for p in (folder / "out").rglob("*") if p.name.endswith(".part")]:
@@ -172,22 +209,32 @@ def main() -> int:
         inputs = top / "inputs"
         (inputs / "logs").mkdir(parents=True)
         (inputs / "log.csv").write_text(log_text(60.0, 12.0))
-        (inputs / "log.toml").write_text(SETUP.format(strain="CH1", twin="CH2", log='time = "time_s"'))
+        (inputs / "log.toml").write_text(
+            SETUP.format(strain="CH1", twin="CH2", log='time = "time_s"')
+        )
         (inputs / "campaign.toml").write_text(CAMPAIGN)
         for number in range(3):
             (inputs / "logs" / f"run_{number}.csv").write_text(log_text(10.0, 9.0 + number))
         for name, arguments in COMMANDS.items():
             undisturbed(arguments, top, inputs)  # compiles
             whole, seconds = undisturbed(arguments, top, inputs)
-            count = asked.tables // len(COMMANDS) + (name == "ingest") * (asked.tables % len(COMMANDS))
+            count = asked.tables // len(COMMANDS) + (name == "ingest") * (
+                asked.tables % len(COMMANDS)
+            )
             for _ in range(count):
-                faults.update(f"{name}: {fault}" for fault in trial(arguments, top, whole, seconds, rng, inputs))
+                faults.update(
+                    f"{name}: {fault}"
+                    for fault in trial(arguments, top, whole, seconds, rng, inputs)
+                )
             print(f"{name}: {count} kills within {1.1 * seconds:.1f} s", flush=True)
         if asked.campaigns:
             arguments = ["campaign", "run", "campaign.toml", "--workers", "2"]
             whole, seconds = undisturbed(arguments, top, inputs)
             for _ in range(asked.campaigns):
-                faults.update(f"campaign: {fault}" for fault in trial(arguments, top, whole, seconds, rng, inputs))
+                faults.update(
+                    f"campaign: {fault}"
+                    for fault in trial(arguments, top, whole, seconds, rng, inputs)
+                )
             print(f"campaign: {asked.campaigns} kills within {1.1 * seconds:.1f} s", flush=True)
     for fault, count in faults.most_common():
         print(f"{count:4d}  {fault}")

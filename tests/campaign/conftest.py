@@ -26,9 +26,14 @@ def make_campaign(folder: Path, logs: int = 4, seconds: float = 3.0) -> Path:
     (folder / "logs").mkdir()
     for number in range(logs):
         rows = pulse_rows(seconds, 9.0 + number)
-        (folder / "logs" / f"run_{number}.csv").write_text("time_s,CH1,CH2\n" + "\n".join(rows) + "\n")
+        (folder / "logs" / f"run_{number}.csv").write_text(
+            "time_s,CH1,CH2\n" + "\n".join(rows) + "\n"
+        )
     (folder / "setup.toml").write_text(SETUP)
-    rows = [f"run_{number}.csv,{3000 + 100 * number},{'anna' if number % 2 else 'ben'}" for number in range(logs)]
+    rows = [
+        f"run_{number}.csv,{3000 + 100 * number},{'anna' if number % 2 else 'ben'}"
+        for number in range(logs)
+    ]
     (folder / "conditions.csv").write_text("log,load_N,driver\n" + "\n".join(rows) + "\n")
     (folder / "m.toml").write_text(MANIFEST)
     return folder / "m.toml"
@@ -37,7 +42,10 @@ def make_campaign(folder: Path, logs: int = 4, seconds: float = 3.0) -> Path:
 def dataset(output: Path) -> dict[str, bytes]:
     """Every file of the dataset with its bytes; what lies beside it must not be there."""
     assert list(output.rglob("*.part")) == []
-    return {str(path.relative_to(output)): path.read_bytes() for path in sorted(output.rglob("*.parquet"))}
+    return {
+        str(path.relative_to(output)): path.read_bytes()
+        for path in sorted(output.rglob("*.parquet"))
+    }
 
 
 @pytest.fixture
@@ -47,5 +55,9 @@ def manifest(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Campaigns whose logs are worked on here, for tests of what is done and not of where: a worker takes two seconds to begin."""
-    monkeypatch.setattr(runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks))
+    """Campaigns whose logs are worked on here, for tests of what is done and not of where: a worker
+    takes two seconds to begin.
+    """
+    monkeypatch.setattr(
+        runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks)
+    )

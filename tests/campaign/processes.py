@@ -1,4 +1,5 @@
-"""Campaigns as processes of their own: begun, held up at a known place, and killed with all that they have started.
+"""Campaigns as processes of their own: begun, held up at a known place, and killed with all that
+they have started.
 
 Nothing here counts on how long something takes: it waits for an event, and gives up only after
 PATIENCE_S.  What runs on is stopped at a gate, so that it cannot finish before it is killed.
@@ -32,7 +33,8 @@ def waited_for(event: Callable[[], bool]) -> bool:
     return True
 
 
-# ---- what a worker does instead of `make_tables` ---------------------------------------------------
+# ---- what a worker does instead of `make_tables`
+# ---------------------------------------------------
 
 
 def patient(task: Task) -> Entry:
@@ -73,7 +75,8 @@ def dying_once(task: Task) -> Entry:
     raise AssertionError("killed")
 
 
-# ---- the campaign ----------------------------------------------------------------------------------
+# ---- the campaign
+# ----------------------------------------------------------------------------------
 
 _PROGRAM = """
 import sys
@@ -87,15 +90,31 @@ main()
 """
 
 
-def begun(manifest: Path, work: Callable[[Task], Entry], *options: str) -> "subprocess.Popen[bytes]":
-    """`campaign run` in a process of its own, whose workers do `work`; what it says goes to `said.txt`."""
-    words = [sys.executable, "-c", _PROGRAM, work.__name__, "campaign", "run", str(manifest), "--quiet", *options]
+def begun(
+    manifest: Path, work: Callable[[Task], Entry], *options: str
+) -> "subprocess.Popen[bytes]":
+    """`campaign run` in a process of its own, whose workers do `work`; what it says goes to
+    `said.txt`.
+    """
+    words = [
+        sys.executable,
+        "-c",
+        _PROGRAM,
+        work.__name__,
+        "campaign",
+        "run",
+        str(manifest),
+        "--quiet",
+        *options,
+    ]
     with (manifest.parent / "said.txt").open("wb") as said:
         return subprocess.Popen(words, stderr=said, cwd=Path(__file__).parents[2])
 
 
 def killed_in_the_midst(manifest: Path, tickets: int, later_s: float, gate: Path) -> None:
-    """`campaign run`, killed with its workers `later_s` after it began the last log that it is let through to."""
+    """`campaign run`, killed with its workers `later_s` after it began the last log that it is let
+    through to.
+    """
     gate.mkdir(exist_ok=True)
     for number in range(tickets):
         (gate / f"ticket_{number}").touch()
@@ -110,11 +129,14 @@ def killed_in_the_midst(manifest: Path, tickets: int, later_s: float, gate: Path
         del os.environ[_GATE]
 
 
-# ---- processes by their number ---------------------------------------------------------------------
+# ---- processes by their number
+# ---------------------------------------------------------------------
 
 
 def children(pid: int) -> dict[int, str]:
-    """What `pid` has started, and what those have started: number -> begin, by what the kernel says."""
+    """What `pid` has started, and what those have started: number -> begin, by what the kernel
+    says.
+    """
     found: dict[int, str] = {}
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
         try:
@@ -127,7 +149,9 @@ def children(pid: int) -> dict[int, str]:
 
 
 def begin_of(pid: int) -> str:
-    """What tells a living process from another that was given its number later; '' once it has ended."""
+    """What tells a living process from another that was given its number later; '' once it has
+    ended.
+    """
     try:
         words = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
@@ -141,7 +165,9 @@ def alive(started: dict[int, str]) -> list[int]:
 
 
 def kill_all(process: "subprocess.Popen[bytes]", known: dict[int, str] | None = None) -> None:
-    """SIGKILL for the process, what it has started and what was `known` of that, and for nobody else."""
+    """SIGKILL for the process, what it has started and what was `known` of that, and for nobody
+    else.
+    """
     started = (known or {}) | children(process.pid)
     process.kill()
     process.wait()

@@ -1,4 +1,6 @@
-"""Property: what only differences of load or water between logs reveal is found by the campaign, and not claimed from one log."""
+"""Property: what only differences of load or water between logs reveal is found by the campaign,
+and not claimed from one log.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -14,12 +16,15 @@ from tirelog.cli import run
 def test_a_campaign_finds_what_one_log_does_not(effect: str, tmp_path: Path) -> None:
     manifest, logs = make(tmp_path / "campaign", effect, seed=31)
     if effect == "stiffening":  # its nonlinear foundation takes long
-        manifest.write_text(manifest.read_text().replace('["compare", "diagnose", "ladder"]', '["diagnose"]'))
+        manifest.write_text(
+            manifest.read_text().replace('["compare", "diagnose", "ladder"]', '["diagnose"]')
+        )
     whole = of_campaign(manifest)
     assert named_alone(whole, effect), (whole["verdict"], whole["selected"])
     word = {"stiffening": "load", "water_film": "water depth"}[effect]
     assert word not in whole["note"].partition("What follows")[0]
-    # in 1 mm of water, of logs[2], the film's own shape names it (a rival leaves chi-square 6.9); in half of it it does not
+    # in 1 mm of water, of logs[2], the film's own shape names it (a rival leaves chi-square 6.9);
+    # in half of it it does not
     one = of_log(logs[{"stiffening": 2, "water_film": 1}[effect]], manifest.parent / "beam.toml")
     assert not named_alone(one, effect)
     assert says_so(one, effect), (one["verdict"], one["selected"], one["note"])

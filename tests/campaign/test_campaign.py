@@ -38,13 +38,19 @@ def test_tables_of_every_log_read_as_one(manifest: Path, tmp_path: Path) -> None
     assert (summary["peak_memory_MB"] < 400).all()
 
 
-def test_nothing_is_done_twice_and_what_changed_is_done_again(manifest: Path, tmp_path: Path) -> None:
+def test_nothing_is_done_twice_and_what_changed_is_done_again(
+    manifest: Path, tmp_path: Path
+) -> None:
     call("campaign", "run", manifest, "--quiet")
     parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
     assert len(parts) == 8
 
     def touched() -> set[str]:
-        return {p.parent.name for p in (tmp_path / "results").rglob("part.parquet") if p.stat().st_mtime_ns != parts.get(p)}
+        return {
+            p.parent.name
+            for p in (tmp_path / "results").rglob("part.parquet")
+            if p.stat().st_mtime_ns != parts.get(p)
+        }
 
     call("campaign", "run", manifest, "--quiet")
     assert touched() == set()
@@ -112,15 +118,34 @@ def test_conditions_of_the_campaign_are_in_the_setup(manifest: Path) -> None:
     from tirelog.products import MAKERS
 
     campaign = load_manifest(manifest, {name: maker.options for name, maker in MAKERS.items()})
-    assert [log.setup.conditions.load_N for log in campaign.logs if log.setup] == [3000.0, 3100.0, 3200.0, 3300.0]
+    assert [log.setup.conditions.load_N for log in campaign.logs if log.setup] == [
+        3000.0,
+        3100.0,
+        3200.0,
+        3300.0,
+    ]
     assert parse_setup(campaign.logs[0].setup.text).conditions.load_N == 3000.0
     assert parse_setup(SETUP).channels == campaign.logs[0].setup.channels
 
 
-def test_models_that_come_later_leave_the_tables_as_they_are(manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_models_that_come_later_leave_the_tables_as_they_are(
+    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     call("campaign", "run", manifest, "--quiet")
     parts = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").rglob("part.parquet")}
-    assert call("model", "new", "--carcass", "beam", "--setup", tmp_path / "setup.toml", "-o", tmp_path / "beam.toml") == 0
+    assert (
+        call(
+            "model",
+            "new",
+            "--carcass",
+            "beam",
+            "--setup",
+            tmp_path / "setup.toml",
+            "-o",
+            tmp_path / "beam.toml",
+        )
+        == 0
+    )
     manifest.write_text(MANIFEST + '[[models]]\nfile = "beam.toml"\ncommands = ["compare"]\n')
     assert call("campaign", "run", manifest, "--only", "*run_1*") == 0
     assert "left to a run without --only" in capfd.readouterr().err
@@ -136,7 +161,9 @@ def test_models_that_come_later_leave_the_tables_as_they_are(manifest: Path, tmp
     assert summary["rows"].notna().all()
 
 
-def test_status_and_dry_run_do_not_wait_for_a_run(manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_status_and_dry_run_do_not_wait_for_a_run(
+    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     with folder_at(tmp_path / "results").held():
         assert call("campaign", "status", manifest) == 0
         assert "4 open" in capfd.readouterr().out
@@ -144,7 +171,9 @@ def test_status_and_dry_run_do_not_wait_for_a_run(manifest: Path, tmp_path: Path
         assert capfd.readouterr().out.count("speed, dissipation") == 4
 
 
-def test_logs_that_left_the_manifest_are_named(manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_logs_that_left_the_manifest_are_named(
+    manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     call("campaign", "run", manifest, "--quiet")
     (tmp_path / "logs" / "run_3.csv").unlink()
     assert call("campaign", "run", manifest) == 0

@@ -1,4 +1,6 @@
-"""Property: a Dask cluster that loses a worker, and a store elsewhere, give the same results as this machine."""
+"""Property: a Dask cluster that loses a worker, and a store elsewhere, give the same results as
+this machine.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,15 +26,23 @@ def local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
 
     slow = f"{PATIENCE_S:.0f}s"
     with (
-        dask.config.set({"distributed.comm.timeouts.connect": slow, "distributed.comm.timeouts.tcp": slow}),
+        dask.config.set(
+            {"distributed.comm.timeouts.connect": slow, "distributed.comm.timeouts.tcp": slow}
+        ),
         distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            host="127.0.0.1",
         ) as cluster,
     ):
         yield cluster
 
 
-def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     distributed = pytest.importorskip("distributed")
     manifest = make_campaign(tmp_path, logs=8)
     results = tmp_path / "results"
@@ -43,7 +53,19 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_bytes(tmp_path: Path, monk
     monkeypatch.setattr(cluster_of, "make_tables", dying_once)
     monkeypatch.setattr(cluster_of, "_TIMEOUT_S", PATIENCE_S)
     with local_cluster(distributed, 3) as cluster:
-        assert run(["campaign", "run", str(manifest), "--quiet", "--scheduler", cluster.scheduler_address]) == 0
+        assert (
+            run(
+                [
+                    "campaign",
+                    "run",
+                    str(manifest),
+                    "--quiet",
+                    "--scheduler",
+                    cluster.scheduler_address,
+                ]
+            )
+            == 0
+        )
     assert (tmp_path / "died").exists()
     assert dataset(results) == want
 
@@ -72,24 +94,54 @@ def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     s3fs.S3FileSystem.clear_instance_cache()
 
 
-def test_logs_and_tables_in_s3(bucket: str, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_logs_and_tables_in_s3(
+    bucket: str, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     import s3fs
 
     monkeypatch.chdir(tmp_path)
     store = s3fs.S3FileSystem()
     store.put("logs/run_1.csv", f"{bucket}/run_1.csv")
-    assert run(["speed", f"{bucket}/run_1.csv", "--setup", "setup.toml", "-o", f"{bucket}/speed.parquet"]) == 0
+    assert (
+        run(
+            [
+                "speed",
+                f"{bucket}/run_1.csv",
+                "--setup",
+                "setup.toml",
+                "-o",
+                f"{bucket}/speed.parquet",
+            ]
+        )
+        == 0
+    )
     assert run(["speed", "logs/run_1.csv", "--setup", "setup.toml", "-o", "speed.parquet"]) == 0
     store.get(f"{bucket}/speed.parquet", "there.parquet")
-    here, there = (pd.read_parquet(name).drop(columns="log") for name in ("speed.parquet", "there.parquet"))
+    here, there = (
+        pd.read_parquet(name).drop(columns="log") for name in ("speed.parquet", "there.parquet")
+    )
     pd.testing.assert_frame_equal(here, there, check_exact=True)
 
 
-def test_what_is_not_there_and_a_bucket_that_is_not(bucket: str, manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_is_not_there_and_a_bucket_that_is_not(
+    bucket: str, manifest: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     setup = str(tmp_path / "setup.toml")
     assert run(["speed", f"{bucket}/nothing.csv", "--setup", setup]) == 4
     assert "cannot be reached" in capfd.readouterr().err
-    assert run(["speed", str(tmp_path / "logs" / "run_1.csv"), "--setup", setup, "-o", "s3://no-such-bucket/t.csv"]) == 2
+    assert (
+        run(
+            [
+                "speed",
+                str(tmp_path / "logs" / "run_1.csv"),
+                "--setup",
+                setup,
+                "-o",
+                "s3://no-such-bucket/t.csv",
+            ]
+        )
+        == 2
+    )
     assert "cannot be reached" in capfd.readouterr().err
 
 
@@ -105,7 +157,11 @@ def without_credentials(monkeypatch: pytest.MonkeyPatch, home: Path) -> None:
 
 
 def test_no_credentials(
-    bucket: str, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    bucket: str,
+    manifest: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     without_credentials(monkeypatch, tmp_path)
     assert run(["speed", f"{bucket}/run_1.csv", "--setup", str(tmp_path / "setup.toml")]) == 4

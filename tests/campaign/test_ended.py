@@ -1,4 +1,6 @@
-"""Faults: a campaign that is killed or told to end leaves no process, and its own temporary files only until the next run."""
+"""Faults: a campaign that is killed or told to end leaves no process, and its own temporary files
+only until the next run.
+"""
 
 import os
 import signal
@@ -14,7 +16,9 @@ from tirelog.campaign.folder import moved_into
 from tirelog.campaign.remote_folder import _half_written
 from tirelog.cli import run
 
-LINUX = pytest.mark.skipif(sys.platform != "linux", reason="what a process has started is read from /proc")
+LINUX = pytest.mark.skipif(
+    sys.platform != "linux", reason="what a process has started is read from /proc"
+)
 
 
 @LINUX
@@ -26,7 +30,9 @@ def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals
     process = begun(manifest, stuck, "--workers", "2")
     started: dict[int, str] = {}
     try:
-        assert waited_for(lambda: process.poll() is not None or len(list(temporary.glob("*/part.parquet"))) == 2)
+        assert waited_for(
+            lambda: process.poll() is not None or len(list(temporary.glob("*/part.parquet"))) == 2
+        )
         started = children(process.pid)
         assert len(started) >= 2
         process.send_signal(how)
@@ -48,8 +54,12 @@ def test_an_ended_campaign_leaves_no_process(tmp_path: Path, how: signal.Signals
 
 @LINUX
 def test_a_worker_that_comes_to_life_after_its_parent_has_gone_ends(tmp_path: Path) -> None:
-    """The parent's number is not the one that the kernel names: as if it had ended before the worker began."""
-    program = "from tirelog.runtime import end_with_parent; end_with_parent(1 << 30); print('alive')"
+    """The parent's number is not the one that the kernel names: as if it had ended before the
+    worker began.
+    """
+    program = (
+        "from tirelog.runtime import end_with_parent; end_with_parent(1 << 30); print('alive')"
+    )
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False)
     assert (found.returncode, found.stdout) == (1, b"")
 
@@ -72,8 +82,19 @@ def test_files_of_other_programs_stay(tmp_path: Path) -> None:
 
 
 def test_in_a_store_only_own_names_are_swept() -> None:
-    own = [".summary.csv.part", "table=speed/log=a/.part.parquet.part", ".tirelog/done/.a.json.part", "models/beam/.page.json.part"]
-    others = [".notes.part", "other/.download.part", "table=speed/log=a/.mine.part", "models/.beam.toml.part", "part.parquet"]
+    own = [
+        ".summary.csv.part",
+        "table=speed/log=a/.part.parquet.part",
+        ".tirelog/done/.a.json.part",
+        "models/beam/.page.json.part",
+    ]
+    others = [
+        ".notes.part",
+        "other/.download.part",
+        "table=speed/log=a/.mine.part",
+        "models/.beam.toml.part",
+        "part.parquet",
+    ]
     assert [_half_written(name) for name in own + others] == [True] * 4 + [False] * 5
 
 

@@ -1,4 +1,6 @@
-"""Faults: logs that cannot be read do not stop a campaign; a manifest that cannot be used does, with advice."""
+"""Faults: logs that cannot be read do not stop a campaign; a manifest that cannot be used does,
+with advice.
+"""
 
 import json
 import re
@@ -28,7 +30,9 @@ def tirelog(capfdbinary: pytest.CaptureFixture[bytes]) -> Command:
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_failed_logs_are_kept_with_their_error(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
+def test_failed_logs_are_kept_with_their_error(
+    manifest: Path, tmp_path: Path, tirelog: Command
+) -> None:
     logs = tmp_path / "logs"
     (logs / "empty.csv").write_bytes(b"")
     (logs / "binary.csv").write_bytes(bytes(range(256)) * 40)
@@ -36,9 +40,14 @@ def test_failed_logs_are_kept_with_their_error(manifest: Path, tmp_path: Path, t
     (logs / "cut.csv").write_bytes((logs / "run_0.csv").read_bytes()[:100_001])
     outcome = tirelog("campaign", "run", manifest, "--quiet")
     assert outcome.status == 3
-    assert len([line for line in outcome.err.splitlines() if line.startswith("tirelog: error:")]) == 3
+    assert (
+        len([line for line in outcome.err.splitlines() if line.startswith("tirelog: error:")]) == 3
+    )
     summary = pd.read_csv(tmp_path / "results" / "summary.csv").set_index("name")
-    assert summary.loc[["logs_empty.csv", "logs_binary.csv", "logs_columns.csv"], "status"].tolist() == ["failed"] * 3
+    assert (
+        summary.loc[["logs_empty.csv", "logs_binary.csv", "logs_columns.csv"], "status"].tolist()
+        == ["failed"] * 3
+    )
     assert summary.loc["logs_cut.csv", "status"] == "lost input"
     assert summary.loc["logs_run_3.csv", "status"] == "done"
     assert len(dataset(tmp_path / "results")) == 10
@@ -48,7 +57,9 @@ def test_failed_logs_are_kept_with_their_error(manifest: Path, tmp_path: Path, t
 
 
 @pytest.mark.usefixtures("in_this_process")
-def test_a_log_that_fails_later_leaves_no_older_rows(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
+def test_a_log_that_fails_later_leaves_no_older_rows(
+    manifest: Path, tmp_path: Path, tirelog: Command
+) -> None:
     tirelog("campaign", "run", manifest, "--quiet")
     (tmp_path / "logs" / "run_0.csv").write_bytes(b"")
     assert tirelog("campaign", "run", manifest, "--quiet").status == 3
@@ -61,12 +72,18 @@ BAD = [
     ("[tables.speed]", "[tables.sped]", "nearest: speed"),
     ("[campaign]", "[campain]", "nearest: campaign"),
     ("conditions.csv", "nothing.csv", "cannot be read"),
-    ("[[logs]]", '[[logs]]\nglob = "logs/run_0.csv"\nsetup = "setup.toml"\n[[logs]]', "two logs have the name"),
+    (
+        "[[logs]]",
+        '[[logs]]\nglob = "logs/run_0.csv"\nsetup = "setup.toml"\n[[logs]]',
+        "two logs have the name",
+    ),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "words"), BAD)
-def test_a_manifest_that_cannot_be_used(manifest: Path, tirelog: Command, old: str, new: str, words: str) -> None:
+def test_a_manifest_that_cannot_be_used(
+    manifest: Path, tirelog: Command, old: str, new: str, words: str
+) -> None:
     manifest.write_text(MANIFEST.replace(old, new, 1))
     outcome = tirelog("campaign", "run", manifest)
     assert outcome.status == 2, outcome.err
@@ -79,21 +96,29 @@ def test_a_setup_that_fits_only_some_logs(manifest: Path, tmp_path: Path, tirelo
     (tmp_path / "logs" / "other.csv").write_text("time_s,X\n0.0,1\n0.1,2\n")
     outcome = tirelog("campaign", "run", manifest, "--quiet")
     assert outcome.status == 3
-    assert re.search(r"error: \S*/logs/other\.csv: ", outcome.err)  # the log, though the setup is what does not fit
+    assert re.search(
+        r"error: \S*/logs/other\.csv: ", outcome.err
+    )  # the log, though the setup is what does not fit
     assert len(dataset(tmp_path / "results")) == 8
 
 
-def test_a_scheduler_that_does_not_answer(manifest: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_does_not_answer(
+    manifest: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(cluster, "_TIMEOUT_S", 0.5)
     with socket.socket() as deaf:  # a port of our own that takes no connection
         deaf.bind(("127.0.0.1", 0))
-        outcome = tirelog("campaign", "run", manifest, "--scheduler", f"tcp://127.0.0.1:{deaf.getsockname()[1]}")
+        outcome = tirelog(
+            "campaign", "run", manifest, "--scheduler", f"tcp://127.0.0.1:{deaf.getsockname()[1]}"
+        )
     assert outcome.status == 2
     assert "does not answer" in outcome.err
 
 
-def test_output_folder_that_cannot_be_made(manifest: Path, tmp_path: Path, tirelog: Command) -> None:
+def test_output_folder_that_cannot_be_made(
+    manifest: Path, tmp_path: Path, tirelog: Command
+) -> None:
     (tmp_path / "results").write_text("a file")
     outcome = tirelog("campaign", "run", manifest)
     assert outcome.status == 2
@@ -122,14 +147,23 @@ ODD = [
     ("[tables.footprint]\ncutoff = 07:32:00", "cutoff = '07:32:00'; allowed is \"auto\""),
     ("[tables.footprint]\ncutoff = 400", "cutoff = '400'; allowed is"),
     ('[tables.footprint]\ncutoff = "400"', "cutoff = '400'; allowed is"),
-    ("[tables.dissipation]\nsteady_step = -1", "steady_step = '-1'; allowed is a number of m/s above 0"),
+    (
+        "[tables.dissipation]\nsteady_step = -1",
+        "steady_step = '-1'; allowed is a number of m/s above 0",
+    ),
     ("[tables.dissipation]\nsteady_step = nan", "steady_step = 'nan'; allowed is"),
     ("[tables.dissipation]\nsteady_step = true", "steady_step = 'True'; allowed is"),
     ("[tables.dissipation]\naverage = 2.5", "average = '2.5'; allowed is a whole number"),
-    (f"[tables.dissipation]\naverage = {'9' * 400}", "a whole number of 400 digits, where 19 are allowed"),
+    (
+        f"[tables.dissipation]\naverage = {'9' * 400}",
+        "a whole number of 400 digits, where 19 are allowed",
+    ),
     ("name = '" + "x" * (1 << 20) + "'", "is larger than 1 MB"),
     (f"[tables.dissipation]\naverage = {'9' * 5000}", "not TOML"),
-    (f"[tables.dissipation]\nsteady_step = {'9' * 400}", "a whole number of 400 digits, where 19 are allowed"),
+    (
+        f"[tables.dissipation]\nsteady_step = {'9' * 400}",
+        "a whole number of 400 digits, where 19 are allowed",
+    ),
     ("[tables.speed]\ncalibrate_radius = 1", "allowed is true or false"),
     ("[tables.phase-shift]\ncalibration = 1", "allowed is the path"),
     ("[tables.phase-shift]\nzero = 1979-05-27", 'allowed is "auto"'),
@@ -145,10 +179,14 @@ ODD = [
 
 
 @pytest.mark.parametrize(("text", "words"), ODD, ids=[text[:50] for text, _ in ODD])
-def test_a_manifest_of_other_types_is_told_what_is_allowed(tmp_path: Path, tirelog: Command, text: str, words: str) -> None:
+def test_a_manifest_of_other_types_is_told_what_is_allowed(
+    tmp_path: Path, tirelog: Command, text: str, words: str
+) -> None:
     (tmp_path / "a.csv").write_text("time_s,CH1\n")
     logs = '[[logs]]\nglob = "a.csv"\n' if "logs" not in text else ""
-    (tmp_path / "m.toml").write_text(f"{text}\n{logs}" + ("" if "tables" in text else "[tables.speed]\n"))
+    (tmp_path / "m.toml").write_text(
+        f"{text}\n{logs}" + ("" if "tables" in text else "[tables.speed]\n")
+    )
     for command in ("run", "status"):
         outcome = tirelog("campaign", command, tmp_path / "m.toml")
         assert outcome.status == 2, outcome.err
@@ -173,7 +211,9 @@ def test_a_lock_that_nobody_can_have_written_holds_nobody_up(lock: str) -> None:
 
 
 def test_an_entry_of_the_ledger_that_was_damaged_is_made_again() -> None:
-    whole = asdict(Entry("a.csv", "a.csv", "key", rows={"speed": 3}, quality={"speed": {"ok": 3}}, seconds=1.5))
+    whole = asdict(
+        Entry("a.csv", "a.csv", "key", rows={"speed": 3}, quality={"speed": {"ok": 3}}, seconds=1.5)
+    )
     assert _entry(json.dumps(whole).encode()) == Entry(**whole)
     assert _entry(json.dumps(whole | {"seconds": 1}).encode()) is not None
     for key, value in (
@@ -189,12 +229,22 @@ def test_an_entry_of_the_ledger_that_was_damaged_is_made_again() -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [b"[" * 100_000, b'{"a":' * 40 + b"1" + b"}" * 40, b"9" * 5000, b'{"a": ' + b"9" * 400 + b"}", b"[]", b"\xff"]
+    "data",
+    [
+        b"[" * 100_000,
+        b'{"a":' * 40 + b"1" + b"}" * 40,
+        b"9" * 5000,
+        b'{"a": ' + b"9" * 400 + b"}",
+        b"[]",
+        b"\xff",
+    ],
 )
 def test_a_file_of_ours_that_was_damaged_is_an_empty_one(data: bytes) -> None:
     assert json_of(data) == {}
 
 
-def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_s_name_does_not_reach_the_terminal_as_it_is(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     _Progress(quiet=False)(Entry("a\x1b[31m\n.csv", "a", "key", rows={"speed": 3}), 1, 2)
     assert capsys.readouterr().err.startswith("tirelog: 1/2 a\\x1b[31m\\n.csv: 3 rows")

@@ -1,4 +1,6 @@
-"""Faults: a disk that is full stops a campaign with advice, leaves nothing half-written, and holds nothing against the logs."""
+"""Faults: a disk that is full stops a campaign with advice, leaves nothing half-written, and holds
+nothing against the logs.
+"""
 
 import os
 import resource
@@ -19,7 +21,12 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A disk of 3 MB."""
     place = tmp_path / "disk"
     place.mkdir()
-    if os.geteuid() or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)], check=False).returncode:
+    if (
+        os.geteuid()
+        or subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)], check=False
+        ).returncode
+    ):
         pytest.skip("only root may mount a small disk")
     yield place
     subprocess.run(["umount", str(place)], check=True)
@@ -28,7 +35,11 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 def left_over(output: Path) -> list[str]:
     """What is neither a whole part nor the campaign's own."""
     own = ("lock", "hashes.json", "summary.csv", "part.parquet")
-    return [str(p) for p in output.rglob("*") if p.is_file() and p.name not in own and p.parent.name != "done"]
+    return [
+        str(p)
+        for p in output.rglob("*")
+        if p.is_file() and p.name not in own and p.parent.name != "done"
+    ]
 
 
 def test_a_full_disk_and_room_again(small_disk: Path, tmp_path: Path) -> None:
@@ -36,11 +47,26 @@ def test_a_full_disk_and_room_again(small_disk: Path, tmp_path: Path) -> None:
     assert subprocess.run([*TIRELOG, str(manifest), "--quiet"], check=False).returncode == 0
     want = dataset(tmp_path / "results")
     manifest.write_text(MANIFEST.replace('"results"', f'"{small_disk}/results"'))
-    for room_kB in (600, 560, 150, 0):  # for two logs and a bit, the temporary run of none, the ledger of none
+    for room_kB in (
+        600,
+        560,
+        150,
+        0,
+    ):  # for two logs and a bit, the temporary run of none, the ledger of none
         subprocess.run(
-            ["dd", "if=/dev/zero", f"of={small_disk}/ballast", "bs=1024", f"count={3072 - room_kB}"], check=False, capture_output=True
+            [
+                "dd",
+                "if=/dev/zero",
+                f"of={small_disk}/ballast",
+                "bs=1024",
+                f"count={3072 - room_kB}",
+            ],
+            check=False,
+            capture_output=True,
         )
-        outcome = subprocess.run([*TIRELOG, str(manifest), "--quiet"], capture_output=True, text=True, check=False)
+        outcome = subprocess.run(
+            [*TIRELOG, str(manifest), "--quiet"], capture_output=True, text=True, check=False
+        )
         assert outcome.returncode == 2, outcome.stderr
         assert outcome.stderr.count("\n") == 1
         assert "the disk is full; make room" in outcome.stderr
@@ -56,7 +82,13 @@ def test_files_that_may_not_grow(tmp_path: Path) -> None:
     def limited() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
-    outcome = subprocess.run([*TIRELOG, str(manifest), "--quiet"], capture_output=True, text=True, check=False, preexec_fn=limited)
+    outcome = subprocess.run(
+        [*TIRELOG, str(manifest), "--quiet"],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=limited,
+    )
     assert outcome.returncode == 2, outcome.stderr
     assert "cannot be written (File too large)" in outcome.stderr
     assert "Traceback" not in outcome.stderr

@@ -1,4 +1,6 @@
-"""Property: a campaign whose logs and output are in a store gives what one on this machine gives, killed or not; and one run at a time."""
+"""Property: a campaign whose logs and output are in a store gives what one on this machine gives,
+killed or not; and one run at a time.
+"""
 
 import json
 import socket
@@ -12,7 +14,7 @@ import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient, waited_for
-from tests.campaign.test_elsewhere import bucket, local_cluster, without_credentials  # noqa: F401  (a fixture)
+from tests.campaign.test_elsewhere import bucket, local_cluster, without_credentials  # noqa: F401
 from tirelog.campaign import cluster as cluster_of
 from tirelog.campaign import remote_folder
 from tirelog.campaign.folder import folder_at
@@ -41,12 +43,16 @@ def there(root: str) -> dict[str, bytes]:
 
 @pytest.fixture
 def far(bucket: str, tmp_path: Path) -> tuple[Path, Path, str]:  # noqa: F811
-    """(manifest here, the same campaign's manifest with logs, setup and output in the store, its output there)."""
+    """(manifest here, the same campaign's manifest with logs, setup and output in the store, its
+    output there).
+    """
     here = make_campaign(tmp_path, logs=5)
     for path in (tmp_path / "logs").iterdir():
         store().put(str(path), f"{bucket}/logs/{path.name}")
     store().put(str(tmp_path / "setup.toml"), f"{bucket}/setup.toml")
-    text = MANIFEST.replace('"results"', f'"{bucket}/results"').replace('"logs/*.csv"', f'"{bucket}/logs/*.csv"')
+    text = MANIFEST.replace('"results"', f'"{bucket}/results"').replace(
+        '"logs/*.csv"', f'"{bucket}/logs/*.csv"'
+    )
     (tmp_path / "far.toml").write_text(text.replace('"setup.toml"', f'"{bucket}/setup.toml"'))
     return here, tmp_path / "far.toml", f"{bucket}/results"
 
@@ -73,10 +79,16 @@ def test_a_store_as_source_and_target(far: tuple[Path, Path, str], tmp_path: Pat
     assert len(made) == 10
     assert store().cat_file(f"{results}/summary.csv").count(b",done,") == 5
     assert not [name for name in store().find(results) if "lock" in name or name.endswith(".part")]
-    written = {name: store().info(name)["LastModified"] for name in store().find(results) if "summary" not in name}
+    written = {
+        name: store().info(name)["LastModified"]
+        for name in store().find(results)
+        if "summary" not in name
+    }
     time.sleep(1.1)
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 0
-    assert {name: store().info(name)["LastModified"] for name in written} == written  # nothing was done twice
+    assert {
+        name: store().info(name)["LastModified"] for name in written
+    } == written  # nothing was done twice
     assert "5 done" in _status(manifest)
 
 
@@ -92,13 +104,17 @@ def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None
     store().rm(results, recursive=True)
     for tickets, later_s in ((1, 0.0), (1, 0.2), (2, 0.1)):
         killed_in_the_midst(manifest, tickets, later_s, tmp_path / "gate")
-    assert run(["campaign", "run", str(manifest), "--quiet"]) == 0  # the lock of a process that is gone holds nobody up
+    assert (
+        run(["campaign", "run", str(manifest), "--quiet"]) == 0
+    )  # the lock of a process that is gone holds nobody up
     assert there(results) == want
     folder = folder_at(results)
     assert not folder.temporary.exists()
 
 
-def test_one_run_at_a_time_and_a_lock_that_ends_with_its_heart(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+def test_one_run_at_a_time_and_a_lock_that_ends_with_its_heart(
+    bucket: str, monkeypatch: pytest.MonkeyPatch  # noqa: F811
+) -> None:
     root = f"{bucket}/locked"
     first, second = RemoteFolder(root), RemoteFolder(root)
     with first.held():
@@ -114,7 +130,9 @@ def test_one_run_at_a_time_and_a_lock_that_ends_with_its_heart(bucket: str, monk
         pass
     monkeypatch.setattr(remote_folder, "EXPIRES_S", 0.0)
     with first.held():
-        assert [name for name in store().find(f"{root}/.tirelog") if "lock" in name] == [f"{root[5:]}/.tirelog/lock.5"]
+        assert [name for name in store().find(f"{root}/.tirelog") if "lock" in name] == [
+            f"{root[5:]}/.tirelog/lock.5"
+        ]
 
 
 def test_two_that_see_the_same_dead_lock_do_not_both_get_it(bucket: str) -> None:  # noqa: F811
@@ -135,9 +153,13 @@ def test_who_was_taken_over_stops(bucket: str, monkeypatch: pytest.MonkeyPatch) 
             folder.check_held()
 
 
-def test_a_killed_writer_elsewhere_leaves_a_lock_that_says_how_long(far: tuple[Path, Path, str], capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_killed_writer_elsewhere_leaves_a_lock_that_says_how_long(
+    far: tuple[Path, Path, str], capfd: pytest.CaptureFixture[str]
+) -> None:
     _, manifest, results = far
-    lock = json.dumps({"owner": "x", "host": "elsewhere", "pid": 1, "beat_s": time.time() + PATIENCE_S}).encode()
+    lock = json.dumps(
+        {"owner": "x", "host": "elsewhere", "pid": 1, "beat_s": time.time() + PATIENCE_S}
+    ).encode()
     store().pipe_file(f"{results}/.tirelog/lock.1", lock)
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
     said = capfd.readouterr().err
@@ -145,7 +167,9 @@ def test_a_killed_writer_elsewhere_leaves_a_lock_that_says_how_long(far: tuple[P
     assert "60 s where it was killed" in said
 
 
-def test_a_host_that_does_not_answer(manifest: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_host_that_does_not_answer(
+    manifest: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     pytest.importorskip("s3fs").S3FileSystem.clear_instance_cache()
     silent = socket.create_server(("127.0.0.1", 0))  # takes the connection and says nothing
     monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{silent.getsockname()[1]}")
@@ -171,7 +195,9 @@ def test_no_credentials_for_the_output(
     assert "credentials" in capfd.readouterr().err
 
 
-def test_a_cluster_writes_to_the_store(far: tuple[Path, Path, str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cluster_writes_to_the_store(
+    far: tuple[Path, Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(cluster_of, "make_tables", patient)
     monkeypatch.setattr(cluster_of, "_TIMEOUT_S", PATIENCE_S)
@@ -180,5 +206,17 @@ def test_a_cluster_writes_to_the_store(far: tuple[Path, Path, str], monkeypatch:
     want = there(results)
     store().rm(results, recursive=True)
     with local_cluster(distributed, 2) as cluster:
-        assert run(["campaign", "run", str(manifest), "--quiet", "--scheduler", cluster.scheduler_address]) == 0
+        assert (
+            run(
+                [
+                    "campaign",
+                    "run",
+                    str(manifest),
+                    "--quiet",
+                    "--scheduler",
+                    cluster.scheduler_address,
+                ]
+            )
+            == 0
+        )
     assert there(results) == want

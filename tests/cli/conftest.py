@@ -40,7 +40,9 @@ Command = Callable[..., Outcome]
 
 
 def pulse_rows(seconds: float = 4.0, speed_m_s: float = 12.0) -> list[str]:
-    """Rows of a log of a wheel at constant speed: time, strain grating with pulses, temperature twin."""
+    """Rows of a log of a wheel at constant speed: time, strain grating with pulses, temperature
+    twin.
+    """
     return list(_rows(seconds, speed_m_s))
 
 
@@ -48,8 +50,12 @@ def pulse_rows(seconds: float = 4.0, speed_m_s: float = 12.0) -> list[str]:
 def _rows(seconds: float, speed_m_s: float) -> tuple[str, ...]:
     t = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
     x = (np.mod(speed_m_s * t / 0.305, 2 * np.pi) - np.pi) * 0.305
-    strain = 1e-3 * (0.35 * np.exp(-(((np.abs(x) - 0.09) / 0.04) ** 2)) - np.exp(-((x / 0.035) ** 2)))
-    wavelength = 1550 * (1 + strain / 1.27) + 0.0008 * np.random.default_rng(4).standard_normal(t.size)
+    strain = 1e-3 * (
+        0.35 * np.exp(-(((np.abs(x) - 0.09) / 0.04) ** 2)) - np.exp(-((x / 0.035) ** 2))
+    )
+    wavelength = 1550 * (1 + strain / 1.27) + 0.0008 * np.random.default_rng(4).standard_normal(
+        t.size
+    )
     return tuple(f"{a:.4f},{b:.4f},1542.0000" for a, b in zip(t, wavelength, strict=True))
 
 

@@ -1,4 +1,6 @@
-"""Faults: what a broken, truncated or hostile input meets on the command line, and with which status."""
+"""Faults: what a broken, truncated or hostile input meets on the command line, and with which
+status.
+"""
 
 import gzip
 import json
@@ -42,7 +44,9 @@ def with_rows(change: dict[int, str]) -> bytes:
 def scaled(factor: float) -> bytes:
     """The log with its stamps running at another rate."""
     rows = [row.split(",") for row in pulse_rows()]
-    return (HEADER + "\n".join(f"{float(a) * factor:.6f},{b},{c}" for a, b, c in rows) + "\n").encode()
+    return (
+        HEADER + "\n".join(f"{float(a) * factor:.6f},{b},{c}" for a, b, c in rows) + "\n"
+    ).encode()
 
 
 UNREADABLE = {
@@ -85,7 +89,9 @@ def test_some_of_it_is_lost(folder: Path, tirelog: Command, name: str) -> None:
 
 
 def test_a_missing_column_costs_that_channel_only(folder: Path, tirelog: Command) -> None:
-    (folder / "log.toml").write_text(SETUP.replace("[log]", '[channels.other]\nkind = "strain"\nsource = "CH7"\n[log]'))
+    (folder / "log.toml").write_text(
+        SETUP.replace("[log]", '[channels.other]\nkind = "strain"\nsource = "CH7"\n[log]')
+    )
     outcome = tirelog("speed", "log.csv")
     assert outcome.status == 3
     assert "CH7" in message(outcome.err)
@@ -100,8 +106,12 @@ def test_no_column_of_the_setup_is_there(folder: Path, tirelog: Command) -> None
 
 
 QUIET = {
-    "all lost": (HEADER + "\n".join(f"{i / 2500:.4f},,1542.0" for i in range(5000)) + "\n").encode(),
-    "constant": (HEADER + "\n".join(f"{i / 2500:.4f},1550.0000,1542.0" for i in range(5000)) + "\n").encode(),
+    "all lost": (
+        HEADER + "\n".join(f"{i / 2500:.4f},,1542.0" for i in range(5000)) + "\n"
+    ).encode(),
+    "constant": (
+        HEADER + "\n".join(f"{i / 2500:.4f},1550.0000,1542.0" for i in range(5000)) + "\n"
+    ).encode(),
     "one revolution": (HEADER + "\n".join(pulse_rows(0.16)) + "\n").encode(),
     "two revolutions": (HEADER + "\n".join(pulse_rows(0.32)) + "\n").encode(),
     "half a revolution": (HEADER + "\n".join(pulse_rows(0.04)) + "\n").encode(),
@@ -115,7 +125,9 @@ def test_ordinary_data_with_little_in_it(folder: Path, tirelog: Command, name: s
     assert outcome.status == 0, outcome.err
     rows = outcome.out.splitlines()[1:]
     assert len(rows) == {"one revolution": 1, "two revolutions": 2}.get(name, 0)
-    assert all(row.split(",")[-1] != "ok" for row in rows)  # no speed without a neighbour on either side
+    assert all(
+        row.split(",")[-1] != "ok" for row in rows
+    )  # no speed without a neighbour on either side
 
 
 REPAIRED = {
@@ -125,7 +137,9 @@ REPAIRED = {
 
 
 @pytest.mark.parametrize("name", REPAIRED)
-def test_a_clock_that_stumbles_is_repaired_and_said(folder: Path, tirelog: Command, name: str) -> None:
+def test_a_clock_that_stumbles_is_repaired_and_said(
+    folder: Path, tirelog: Command, name: str
+) -> None:
     clean = tirelog("speed", "log.csv").out.splitlines()
     (folder / "log.csv").write_bytes(REPAIRED[name])
     outcome = tirelog("speed", "log.csv")
@@ -147,7 +161,9 @@ def test_a_rate_that_contradicts_the_stamps(folder: Path, tirelog: Command) -> N
 
 
 def test_a_wrong_grating_window(folder: Path, tirelog: Command) -> None:
-    (folder / "log.toml").write_text(SETUP.replace('source = "CH1"', "window_nm = [1500.0, 1502.0]"))
+    (folder / "log.toml").write_text(
+        SETUP.replace('source = "CH1"', "window_nm = [1500.0, 1502.0]")
+    )
     outcome = tirelog("speed", "log.csv")
     assert outcome.status in (0, 3, 4)
     assert "strain_1" in outcome.err
@@ -186,15 +202,23 @@ def test_output_that_cannot_be_written(folder: Path, tirelog: Command, target: s
     ],
 )
 @pytest.mark.parametrize("place", ["nodir/x.png", "log.csv/x.png"])
-def test_a_folder_that_is_not_there_is_told_before_the_work(folder: Path, tirelog: Command, command: str, option: str, place: str) -> None:
+def test_a_folder_that_is_not_there_is_told_before_the_work(
+    folder: Path, tirelog: Command, command: str, option: str, place: str
+) -> None:
     """Even before the logs and models are looked for, which are not there either."""
-    model = ["--model", "none.toml"] if command in ("compare", "diagnose", "ladder", "model fit") else []
+    model = (
+        ["--model", "none.toml"]
+        if command in ("compare", "diagnose", "ladder", "model fit")
+        else []
+    )
     outcome = tirelog(*command.split(), "none.csv", *model, option, place)
     assert outcome.status == 2
     assert message(outcome.err).startswith(f"tirelog: error: {place}: cannot be written (No")
 
 
-def test_a_full_disk_leaves_nothing(folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_nothing(
+    folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
@@ -226,7 +250,9 @@ def test_an_interrupted_ingest_leaves_no_run(folder: Path, how: signal.Signals) 
     assert not (folder / "run.h5").exists()
 
 
-def test_one_log_that_cannot_be_read_does_not_stop_the_others(folder: Path, tirelog: Command) -> None:
+def test_one_log_that_cannot_be_read_does_not_stop_the_others(
+    folder: Path, tirelog: Command
+) -> None:
     (folder / "bad.csv").write_bytes(b"")
     outcome = tirelog("speed", "bad.csv", "log.csv", "--setup", "log.toml")
     assert outcome.status == 3
@@ -254,7 +280,9 @@ def test_usage(folder: Path, tirelog: Command, arguments: list[str], words: str)
 
 @pytest.mark.parametrize("log", [".", "/", "", "..", "x" * 300, "a" * 5000 + ".csv"])
 @pytest.mark.parametrize("command", [["speed"], ["info"], ["ingest", "-o", "run.h5"]])
-def test_a_log_that_is_no_file(folder: Path, tirelog: Command, log: str, command: list[str]) -> None:
+def test_a_log_that_is_no_file(
+    folder: Path, tirelog: Command, log: str, command: list[str]
+) -> None:
     outcome = tirelog(command[0], log, *command[1:])
     assert outcome.status in (2, 4), outcome.err
     message(outcome.err)
@@ -262,25 +290,50 @@ def test_a_log_that_is_no_file(folder: Path, tirelog: Command, log: str, command
 
 
 def test_names_of_a_log_do_not_reach_the_terminal_raw(folder: Path, tirelog: Command) -> None:
-    """Topics and columns that clear the screen, set a title, turn the writing round or begin a message of their own."""
+    """Topics and columns that clear the screen, set a title, turn the writing round or begin a
+    message of their own.
+    """
     hostile = "/\x1b[2J\x9b31m\u202e\ntirelog: error: a lie"
-    write_json(folder / "log.mcap", [(hostile, START_NS + 10**6 * i, {hostile: i, "v": i}) for i in range(99)])
+    write_json(
+        folder / "log.mcap",
+        [(hostile, START_NS + 10**6 * i, {hostile: i, "v": i}) for i in range(99)],
+    )
     first = pulse_rows(0.1)
-    (folder / "cells.csv").write_text(f"time_s,CH1,CH2,\x1b]0;title\x07\x9b\n{chr(10).join(row + ',0' for row in first)}\n", "utf-8")
+    (folder / "cells.csv").write_text(
+        f"time_s,CH1,CH2,\x1b]0;title\x07\x9b\n{chr(10).join(row + ',0' for row in first)}\n",
+        "utf-8",
+    )
     (folder / "log.toml").write_text(SETUP.replace('"CH1"', '"/t:v"'))
     (folder / "cells.toml").write_text(SETUP.replace('"CH1"', '"CH7"').replace('"CH2"', '"CH8"'))
-    (folder / "topic.toml").write_text(f'[channels.v]\nkind = "vehicle_speed"\nsource = {json.dumps(hostile + ":w")}\n')
-    for log, setup in (("log.mcap", "log.toml"), ("cells.csv", "cells.toml"), ("log.mcap", "topic.toml")):
+    (folder / "topic.toml").write_text(
+        f'[channels.v]\nkind = "vehicle_speed"\nsource = {json.dumps(hostile + ":w")}\n'
+    )
+    for log, setup in (
+        ("log.mcap", "log.toml"),
+        ("cells.csv", "cells.toml"),
+        ("log.mcap", "topic.toml"),
+    ):
         outcome = tirelog("speed", log, "--setup", setup)
         assert outcome.status in (2, 3, 4)
         assert r"\x1b" in outcome.err
-        assert all(line.startswith("tirelog: ") and line.isprintable() for line in outcome.err.splitlines())
-        assert not any(line.startswith("tirelog: error: a lie") for line in outcome.err.splitlines())
+        assert all(
+            line.startswith("tirelog: ") and line.isprintable() for line in outcome.err.splitlines()
+        )
+        assert not any(
+            line.startswith("tirelog: error: a lie") for line in outcome.err.splitlines()
+        )
 
 
 @pytest.mark.parametrize("name", ["compare", "diagnose", "ladder"])
-def test_a_model_against_nothing_that_can_be_read(folder: Path, tirelog: Command, name: str) -> None:
-    assert tirelog("model", "new", "--carcass", "beam", "--setup", "log.toml", "-o", "beam.toml").status == 0
+def test_a_model_against_nothing_that_can_be_read(
+    folder: Path, tirelog: Command, name: str
+) -> None:
+    assert (
+        tirelog(
+            "model", "new", "--carcass", "beam", "--setup", "log.toml", "-o", "beam.toml"
+        ).status
+        == 0
+    )
     (folder / "empty.csv").write_text("")
     outcome = tirelog(name, "empty.csv", "--setup", "log.toml", "--model", "beam.toml")
     assert outcome.status == 4
@@ -288,16 +341,29 @@ def test_a_model_against_nothing_that_can_be_read(folder: Path, tirelog: Command
     assert "is empty" in outcome.err
 
 
-def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder: Path, tirelog: Command) -> None:
-    """A short topic from a bus beside the strain: its times are its stamps, and the strain is read as without it."""
+def test_a_few_irregular_stamps_do_not_take_the_log_with_them(
+    folder: Path, tirelog: Command
+) -> None:
+    """A short topic from a bus beside the strain: its times are its stamps, and the strain is read
+    as without it.
+    """
     times_s = np.cumsum(np.random.default_rng(5).uniform(0.01, 0.09, 69))
     cells = [row.split(",") for row in pulse_rows()]
-    strain = [("/s", START_NS + round(float(t) * 1e9), {"a": float(a), "b": float(b)}) for t, a, b in cells]
+    strain = [
+        ("/s", START_NS + round(float(t) * 1e9), {"a": float(a), "b": float(b)})
+        for t, a, b in cells
+    ]
     bus = [("/can", START_NS + round(t * 1e9), {"v": 12.0}) for t in times_s]
     write_json(folder / "log.mcap", sorted(strain + bus, key=lambda m: m[1]))
-    sources = SETUP.replace('"CH1"', '"/s:a"').replace('"CH2"', '"/s:b"').replace('[log]\ntime = "time_s"', "")
+    sources = (
+        SETUP.replace('"CH1"', '"/s:a"')
+        .replace('"CH2"', '"/s:b"')
+        .replace('[log]\ntime = "time_s"', "")
+    )
     (folder / "alone.toml").write_text(sources)
-    (folder / "log.toml").write_text(sources + '[channels.v]\nkind = "vehicle_speed"\nsource = "/can:v"\n')
+    (folder / "log.toml").write_text(
+        sources + '[channels.v]\nkind = "vehicle_speed"\nsource = "/can:v"\n'
+    )
     alone = tirelog("speed", "log.mcap", "--setup", "alone.toml")
     both = tirelog("speed", "log.mcap")
     assert both.status == 0, both.err
@@ -306,8 +372,19 @@ def test_a_few_irregular_stamps_do_not_take_the_log_with_them(folder: Path, tire
 
 
 def test_the_ladder_s_bars_obey_no_name(capsys: pytest.CaptureFixture[str]) -> None:
-    step = SimpleNamespace(step=1, effect="a\x1b[31m", rmse_fit=1e-6, rmse_heldout=None, noise_floor=1e-6, sentence="b\x1b]0;c\x07")
-    _bars(SimpleNamespace(observable="strain", unit="1", steps=[step], remarks=["d\re"], rmse_untouched=None))
+    step = SimpleNamespace(
+        step=1,
+        effect="a\x1b[31m",
+        rmse_fit=1e-6,
+        rmse_heldout=None,
+        noise_floor=1e-6,
+        sentence="b\x1b]0;c\x07",
+    )
+    _bars(
+        SimpleNamespace(
+            observable="strain", unit="1", steps=[step], remarks=["d\re"], rmse_untouched=None
+        )
+    )
     shown = capsys.readouterr().err
     assert "a\\x1b[31m" in shown
     assert "   b\\x1b]0;c\\x07\n   d\\re\n" in shown

@@ -8,15 +8,32 @@ import pytest
 
 from .conftest import Command
 
-#: command lines that would write on their log, setup, model or another input (names that are links end in _link)
+#: command lines that would write on their log, setup, model or another input (names that are links
+#: end in _link)
 OVERWRITES = {
     "the log": ["speed", "log.csv", "-o", "log.csv"],
     "the log by a link": ["footprint", "log.csv", "-o", "log_link", "--format", "csv"],
     "the log by a hard link": ["dissipation", "log.csv", "-o", "log_hard.csv"],
     "the second log": ["speed", "log.csv", "more.csv", "--setup", "log.toml", "-o", "more.csv"],
-    "a log in the tables' folder": ["tables", "made/speed.csv", "--setup", "log.toml", "-o", "made"],
+    "a log in the tables' folder": [
+        "tables",
+        "made/speed.csv",
+        "--setup",
+        "log.toml",
+        "-o",
+        "made",
+    ],
     "the setup beside": ["speed", "log.csv", "-o", "log.toml", "--format", "csv"],
-    "the setup given": ["inflation", "more.csv", "--setup", "log.toml", "-o", "log.toml", "--format", "csv"],
+    "the setup given": [
+        "inflation",
+        "more.csv",
+        "--setup",
+        "log.toml",
+        "-o",
+        "log.toml",
+        "--format",
+        "csv",
+    ],
     "the log by its run": ["ingest", "log.csv", "-o", "log.csv"],
     "the log by a picture": ["footprint", "log.png", "--setup", "log.toml", "--plot", "log.png"],
     "the log by a calibration": ["phase-shift", "log.csv", "--calibrate", "log.csv"],
@@ -25,8 +42,26 @@ OVERWRITES = {
     "the model": ["model", "add", "m.toml", "wear", "-o", "m.toml"],
     "the model by its fit": ["model", "fit", "log.csv", "--model", "m.toml", "-o", "m.toml"],
     "the model by the ladder": ["ladder", "log.csv", "--model", "m.toml", "--save", "m.toml"],
-    "the model by a document": ["compare", "log.csv", "--model", "m.toml", "-o", "m.toml", "--format", "json"],
-    "the model by a diagnosis": ["diagnose", "log.csv", "--model", "m.toml", "-o", "m.toml", "--format", "json"],
+    "the model by a document": [
+        "compare",
+        "log.csv",
+        "--model",
+        "m.toml",
+        "-o",
+        "m.toml",
+        "--format",
+        "json",
+    ],
+    "the model by a diagnosis": [
+        "diagnose",
+        "log.csv",
+        "--model",
+        "m.toml",
+        "-o",
+        "m.toml",
+        "--format",
+        "json",
+    ],
     "the setup by a model": ["model", "new", "--setup", "log.toml", "-o", "log.toml"],
     "the setup by a page": ["report", "log.csv", "-o", "log.toml"],
     "the table checked": ["check", "t.csv", "--against", "u.csv", "-o", "t.csv"],
@@ -66,7 +101,10 @@ def test_an_unreadable_log_leaves_the_older_table(folder: Path, tirelog: Command
     assert tirelog("tables", "log.csv", "-o", "made", "--table", "speed").status == 0
     table = (folder / "t.csv").read_bytes()
     (folder / "log.csv").write_bytes(b"\x00\x01nothing of ours" * 40)
-    for arguments in (["speed", "log.csv", "-o", "t.csv"], ["tables", "log.csv", "-o", "made", "--table", "speed"]):
+    for arguments in (
+        ["speed", "log.csv", "-o", "t.csv"],
+        ["tables", "log.csv", "-o", "made", "--table", "speed"],
+    ):
         outcome = tirelog(*arguments)
         assert outcome.status == 4, outcome.err
         assert outcome.out == ""
@@ -87,7 +125,9 @@ def test_a_log_that_is_not_there_does_not_stop_the_others(folder: Path, tirelog:
 
 
 def test_credentials_are_in_no_message(folder: Path, tirelog: Command) -> None:
-    outcome = tirelog("speed", "nosuch://me:s3cr3t@host/a.csv?X-Amz-Signature=s3cr3t", "--setup", "log.toml")
+    outcome = tirelog(
+        "speed", "nosuch://me:s3cr3t@host/a.csv?X-Amz-Signature=s3cr3t", "--setup", "log.toml"
+    )
     assert outcome.status in (2, 4)
     assert "nosuch://host/a.csv?X-Amz-Signature=***" in outcome.err
     assert "s3cr3t" not in outcome.err + outcome.out
@@ -100,7 +140,9 @@ def test_a_message_is_one_line_without_control_characters(folder: Path, tirelog:
     assert "a\\x1b[31m\\nb\\u202e.csv: cannot be read" in outcome.err
 
 
-def test_a_library_s_warning_is_no_message(folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_s_warning_is_no_message(
+    folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def warns(*_: object) -> None:
         warnings.warn("overflow encountered", RuntimeWarning, stacklevel=1)
 

@@ -1,4 +1,6 @@
-"""Property: a log, its run, standard input and compressed copies give the same rows, and tables flow into other programs."""
+"""Property: a log, its run, standard input and compressed copies give the same rows, and tables
+flow into other programs.
+"""
 
 import gzip
 import hashlib
@@ -16,7 +18,11 @@ import zstandard
 
 from .conftest import Command
 
-COMPRESS = {"gz": gzip.compress, "xz": lzma.compress, "zst": lambda data: zstandard.ZstdCompressor().compress(data)}
+COMPRESS = {
+    "gz": gzip.compress,
+    "xz": lzma.compress,
+    "zst": lambda data: zstandard.ZstdCompressor().compress(data),
+}
 
 
 def frame(text: str) -> pd.DataFrame:
@@ -27,17 +33,24 @@ def frame(text: str) -> pd.DataFrame:
 def test_compressed_logs_give_the_same_rows(folder: Path, tirelog: Command, suffix: str) -> None:
     (folder / f"log.csv.{suffix}").write_bytes(COMPRESS[suffix]((folder / "log.csv").read_bytes()))
     pd.testing.assert_frame_equal(
-        frame(tirelog("speed", f"log.csv.{suffix}").out), frame(tirelog("speed", "log.csv").out), check_exact=True
+        frame(tirelog("speed", f"log.csv.{suffix}").out),
+        frame(tirelog("speed", "log.csv").out),
+        check_exact=True,
     )
 
 
 def test_a_run_and_standard_input_give_the_same_rows(folder: Path, tirelog: Command) -> None:
     want = tirelog("speed", "log.csv")
     assert tirelog("ingest", "log.csv", "-o", "run.h5").status == 0
-    pd.testing.assert_frame_equal(frame(tirelog("speed", "run.h5").out), frame(want.out), check_exact=True)
+    pd.testing.assert_frame_equal(
+        frame(tirelog("speed", "run.h5").out), frame(want.out), check_exact=True
+    )
     with open("log.csv", "rb") as stream:
         piped = subprocess.run(
-            [sys.executable, "-m", "tirelog", "speed", "-", "--setup", "log.toml"], stdin=stream, capture_output=True, check=True
+            [sys.executable, "-m", "tirelog", "speed", "-", "--setup", "log.toml"],
+            stdin=stream,
+            capture_output=True,
+            check=True,
         )
     pd.testing.assert_frame_equal(frame(piped.stdout.decode()), frame(want.out), check_exact=True)
 
@@ -51,9 +64,14 @@ def test_every_format_of_one_table_passes_check(folder: Path, tirelog: Command, 
 
 @pytest.mark.parametrize(
     ("command", "name"),
-    [(["speed", "-o", "t.parquet"], "t.parquet"), (["tables", "--table", "speed", "-o", "f", "--format", "parquet"], "f/speed.parquet")],
+    [
+        (["speed", "-o", "t.parquet"], "t.parquet"),
+        (["tables", "--table", "speed", "-o", "f", "--format", "parquet"], "f/speed.parquet"),
+    ],
 )
-def test_a_parquet_table_and_a_run_carry_the_hash_of_the_log(folder: Path, tirelog: Command, command: list[str], name: str) -> None:
+def test_a_parquet_table_and_a_run_carry_the_hash_of_the_log(
+    folder: Path, tirelog: Command, command: list[str], name: str
+) -> None:
     digest = hashlib.sha256((folder / "log.csv").read_bytes()).hexdigest()
     assert tirelog("ingest", "log.csv", "-o", "run.h5").status == 0
     for log in ("log.csv", "run.h5"):
@@ -69,8 +87,12 @@ def test_check_says_what_moved_and_bless_takes_it(folder: Path, tirelog: Command
     table.to_csv("b.csv", index=False)
     outcome = tirelog("check", "b.csv", "--against", "a.csv")
     assert outcome.status == 1
-    assert outcome.out.splitlines()[1].startswith("log=log.csv channel=strain_1 revolution=3,speed_m_s,12.5")
-    assert tirelog("check", "b.csv", "--against", "a.csv", "--tolerance", "speed_m_s=0.6").status == 0
+    assert outcome.out.splitlines()[1].startswith(
+        "log=log.csv channel=strain_1 revolution=3,speed_m_s,12.5"
+    )
+    assert (
+        tirelog("check", "b.csv", "--against", "a.csv", "--tolerance", "speed_m_s=0.6").status == 0
+    )
     assert tirelog("check", "b.csv", "--against", "a.csv", "--bless").status == 0
     assert tirelog("check", "b.csv", "--against", "a.csv").status == 0
 
@@ -81,16 +103,26 @@ def test_check_does_not_take_another_folder_for_another_log(folder: Path, tirelo
     table.to_csv("b.csv", index=False)
     outcome = tirelog("check", "b.csv", "--against", "a.csv")
     assert (outcome.status, outcome.out) == (0, "")
-    assert outcome.err == "tirelog: note: no row has the path of its log in common; logs are matched by file name\n"
+    assert (
+        outcome.err
+        == "tirelog: note: no row has the path of its log in common; logs are matched by file "
+        "name\n"
+    )
     table.drop(index=2).to_csv("b.csv", index=False)
     outcome = tirelog("check", "b.csv", "--against", "a.csv")
     assert outcome.status == 1
     assert outcome.err.splitlines()[1] == "tirelog: note: 1 rows are missing"
-    assert outcome.out.splitlines()[1:] == ["log=log.csv channel=strain_1 revolution=2,(row),absent,present,inf"]
+    assert outcome.out.splitlines()[1:] == [
+        "log=log.csv channel=strain_1 revolution=2,(row),absent,present,inf"
+    ]
 
 
-@pytest.mark.parametrize("text", ["log,a\nx,1\nx,1,2,3\n", "log,a\nx,1,2\ny,3,4\n", 'log,a\nx,"1\n'])
-def test_a_table_whose_rows_do_not_fit_its_header(folder: Path, tirelog: Command, text: str) -> None:
+@pytest.mark.parametrize(
+    "text", ["log,a\nx,1\nx,1,2,3\n", "log,a\nx,1,2\ny,3,4\n", 'log,a\nx,"1\n']
+)
+def test_a_table_whose_rows_do_not_fit_its_header(
+    folder: Path, tirelog: Command, text: str
+) -> None:
     (folder / "ragged.csv").write_text(text)
     outcome = tirelog("check", "ragged.csv", "--against", "ragged.csv")
     assert outcome.status == 4
@@ -108,18 +140,27 @@ def test_several_logs_make_one_table(folder: Path, tirelog: Command) -> None:
 
 
 def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
-    command = f"{sys.executable} -m tirelog speed log.csv log.csv log.csv | head -1; echo ${{PIPESTATUS[0]}}"
+    command = (
+        f"{sys.executable} -m tirelog speed log.csv log.csv log.csv | head -1; "
+        f"echo ${{PIPESTATUS[0]}}"
+    )
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "0"
     assert "Error" not in done.stderr
 
 
 def test_ndjson_is_one_object_a_line(folder: Path, tirelog: Command) -> None:
-    rows = [json.loads(line) for line in tirelog("speed", "log.csv", "--format", "ndjson").out.splitlines()]
+    rows = [
+        json.loads(line)
+        for line in tirelog("speed", "log.csv", "--format", "ndjson").out.splitlines()
+    ]
     assert rows[2]["revolution"] == 2
     assert rows[2]["quality"] == "ok"
 
 
 def test_info_as_a_table(folder: Path, tirelog: Command) -> None:
     rows = json.loads(tirelog("info", "log.csv", "--format", "json").out)
-    assert [(r["channel"], r["samples"], r["rate_Hz"]) for r in rows] == [("strain_1", 10000, 2500.0), ("temp_1", 10000, 2500.0)]
+    assert [(r["channel"], r["samples"], r["rate_Hz"]) for r in rows] == [
+        ("strain_1", 10000, 2500.0),
+        ("temp_1", 10000, 2500.0),
+    ]

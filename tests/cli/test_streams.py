@@ -18,7 +18,9 @@ HEADER = "time_s,CH1,CH2\n"
 def shell(line: str, **environment: str) -> subprocess.CompletedProcess[bytes]:
     """A command line whose `tirelog` is this one."""
     line = line.replace("tirelog", f"{sys.executable} -m tirelog")
-    return subprocess.run(["bash", "-c", line], capture_output=True, check=False, env={**os.environ, **environment})
+    return subprocess.run(
+        ["bash", "-c", line], capture_output=True, check=False, env={**os.environ, **environment}
+    )
 
 
 @pytest.mark.parametrize(
@@ -41,7 +43,10 @@ def test_standard_output_on_a_full_disk(folder: Path) -> None:
         pytest.skip("no such device here")
     done = shell("tirelog effects > /dev/full")
     assert done.returncode == 2, done.stderr
-    assert b"tirelog: error: standard output: cannot be written (No space left on device)" in done.stderr
+    assert (
+        b"tirelog: error: standard output: cannot be written (No space left on device)"
+        in done.stderr
+    )
     assert done.stderr.count(b"\n") == 1
 
 
@@ -75,7 +80,11 @@ def test_a_signal_sweeps_as_an_interrupt_does(folder: Path, how: signal.Signals)
     process.send_signal(how)
     _, err = process.communicate()
     assert process.returncode == 128 + how
-    assert err == f"tirelog: error: stopped ({how.name}); nothing was left under the result's name; start it again\n".encode()
+    assert (
+        err
+        == f"tirelog: error: stopped ({how.name}); nothing was left under the result's name; "
+        "start it again\n".encode()
+    )
     assert sorted(path.name for path in folder.rglob("*")) == ["log.csv", "log.toml", "tmp"]
 
 
@@ -88,7 +97,9 @@ def test_a_named_pipe_is_read_once(folder: Path) -> None:
         for name, column in (("CH1", 1), ("CH2", 2)):
             file[name] = [float(row.split(",")[column]) for row in pulse_rows(0.5)]
             file[name].attrs["sampling_rate_Hz"] = 2500.0
-    (folder / "pipe.toml").write_text((folder / "log.toml").read_text().replace('time = "time_s"', ""))
+    (folder / "pipe.toml").write_text(
+        (folder / "log.toml").read_text().replace('time = "time_s"', "")
+    )
     done = shell("cat log.h5 > pipe & timeout 60 tirelog info pipe")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(b"pipe: hdf5")
@@ -99,4 +110,6 @@ def test_what_cannot_be_read_is_no_failed_write(folder: Path, tirelog: Command) 
         pytest.skip("no such file here")
     outcome = tirelog("info", "/proc/self/mem", "--setup", "log.toml")
     assert outcome.status == 4
-    assert outcome.err.startswith("tirelog: error: /proc/self/mem: cannot be read (Input/output error)")
+    assert outcome.err.startswith(
+        "tirelog: error: /proc/self/mem: cannot be read (Input/output error)"
+    )

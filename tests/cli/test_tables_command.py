@@ -1,4 +1,6 @@
-"""Property: `tirelog tables` writes what the single commands write, whatever the number of workers; and its refusals."""
+"""Property: `tirelog tables` writes what the single commands write, whatever the number of workers;
+and its refusals.
+"""
 
 from pathlib import Path
 
@@ -14,30 +16,56 @@ GRATINGS = 4
 
 @pytest.fixture
 def several(folder: Path) -> Path:
-    """The folder with a second log of several gratings, the first of them lost, so that no form can be learnt from it."""
+    """The folder with a second log of several gratings, the first of them lost, so that no form can
+    be learnt from it.
+    """
     rows = [row.split(",") for row in pulse_rows(6.0, 13.0)]
     lines = ["time_s," + ",".join(f"G{k}" for k in range(GRATINGS))]
     shift = int(RATE_HZ * 0.03)
     for i in range(GRATINGS * shift, len(rows)):
-        lines.append(",".join([rows[i][0], *("0" if k == 0 else rows[i - k * shift][1] for k in range(GRATINGS))]))
+        lines.append(
+            ",".join(
+                [rows[i][0], *("0" if k == 0 else rows[i - k * shift][1] for k in range(GRATINGS))]
+            )
+        )
     (folder / "more.csv").write_text("\n".join(lines) + "\n")
-    channel = '[channels.G{0}]\nkind = "fbg_strain"\nsource = "G{0}"\nunit = "nm"\nreference_wavelength_nm = 1550.0\n'
-    setup = SETUP[: SETUP.index("[channels")] + '[log]\ntime = "time_s"\n' + "".join(channel.format(k) for k in range(GRATINGS))
+    channel = (
+        '[channels.G{0}]\nkind = "fbg_strain"\nsource = "G{0}"\nunit = "nm"\n'
+        "reference_wavelength_nm = 1550.0\n"
+    )
+    setup = (
+        SETUP[: SETUP.index("[channels")]
+        + '[log]\ntime = "time_s"\n'
+        + "".join(channel.format(k) for k in range(GRATINGS))
+    )
     (folder / "more.toml").write_text(setup)
     return folder
 
 
 @pytest.mark.parametrize("workers", ["1", "3"])
-def test_the_rows_are_those_of_the_single_commands(several: Path, tirelog: Command, workers: str) -> None:
-    assert tirelog("tables", "log.csv", "more.csv", "-o", "made/now", "--workers", workers).status == 0
+def test_the_rows_are_those_of_the_single_commands(
+    several: Path, tirelog: Command, workers: str
+) -> None:
+    assert (
+        tirelog("tables", "log.csv", "more.csv", "-o", "made/now", "--workers", workers).status == 0
+    )
     for name in THREE:
         assert tirelog(name, "log.csv", "more.csv", "-o", f"{name}.csv").status == 0
-        assert (several / "made" / "now" / f"{name}.csv").read_bytes() == (several / f"{name}.csv").read_bytes()
-    assert sorted(p.name for p in (several / "made" / "now").iterdir()) == sorted(f"{name}.csv" for name in THREE)
+        assert (several / "made" / "now" / f"{name}.csv").read_bytes() == (
+            several / f"{name}.csv"
+        ).read_bytes()
+    assert sorted(p.name for p in (several / "made" / "now").iterdir()) == sorted(
+        f"{name}.csv" for name in THREE
+    )
 
 
 def test_one_table_in_another_format(several: Path, tirelog: Command) -> None:
-    assert tirelog("tables", "more.csv", "-o", "made", "--table", "speed", "--format", "parquet").status == 0
+    assert (
+        tirelog(
+            "tables", "more.csv", "-o", "made", "--table", "speed", "--format", "parquet"
+        ).status
+        == 0
+    )
     assert tirelog("speed", "more.csv", "-o", "speed.parquet").status == 0
     assert tirelog("check", "made/speed.parquet", "--against", "speed.parquet").status == 0
     assert [p.name for p in (several / "made").iterdir()] == ["speed.parquet"]
@@ -80,7 +108,9 @@ def test_a_file_where_the_folder_should_be(folder: Path, tirelog: Command) -> No
     assert "it is a file; give the path of a folder" in outcome.err
 
 
-def test_a_channel_that_fails_is_not_waited_for(several: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_channel_that_fails_is_not_waited_for(
+    several: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from tirelog.strain.passages import surface as passage_surface
     from tirelog.strain.passages.find import Passages
 

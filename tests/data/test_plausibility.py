@@ -1,4 +1,6 @@
-"""Faults: a setup or log that cannot be a tire's is refused, with what it probably is, before any command says anything."""
+"""Faults: a setup or log that cannot be a tire's is refused, with what it probably is, before any
+command says anything.
+"""
 
 from __future__ import annotations
 
@@ -51,9 +53,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     xi = (time * SPEED_M_S + 0.3) % around - 0.5 * around
     patch = 0.5 * (np.tanh((xi + 0.055) / 0.02) - np.tanh((xi - 0.055) / 0.02))
     wavelength = 1550.0 - patch + np.random.default_rng(1000).normal(0.0, 0.001, time.size)
-    table = np.column_stack([time, wavelength, np.full(time.size, 2.2e5), np.full(time.size, SPEED_M_S), np.full(time.size, 3434.0)])
+    table = np.column_stack(
+        [
+            time,
+            wavelength,
+            np.full(time.size, 2.2e5),
+            np.full(time.size, SPEED_M_S),
+            np.full(time.size, 3434.0),
+        ]
+    )
     path = tmp_path_factory.mktemp("plausible")
-    np.savetxt(path / "log.csv", table, "%.6f", ",", header="time_s,wavelength,pressure,car,load", comments="")
+    np.savetxt(
+        path / "log.csv",
+        table,
+        "%.6f",
+        ",",
+        header="time_s,wavelength,pressure,car,load",
+        comments="",
+    )
     return path
 
 
@@ -61,7 +78,9 @@ Command = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def command(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Command:
+def command(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Command:
     """(status, standard output, standard error) of a command on the log under a changed setup."""
 
     def call(name: str, *arguments: str, old: str = "", new: str = "") -> tuple[int, str, str]:
@@ -83,18 +102,45 @@ def test_a_plausible_log_is_only_read(command: Command) -> None:
 
 
 WRONG = [
-    ('unit = "nm"', 'unit = "pm"', "wavelengths of 1.55 nm (median) against reference_wavelength_nm = 1550", 'write unit = "nm"'),
-    ('unit = "nm"', 'unit = "um"', "wavelengths of 1.55e+06 nm", 'is the unit nm? write unit = "nm"'),
-    ("= 1550.0", "= 1510.0", "against reference_wavelength_nm = 1510", "allowed is 2 % off; name the grating's own column"),
-    ('unit = "Pa"', 'unit = "bar"', "channel pressure: a median of 2.2e+10 Pa", "allowed for a tire is 20000 to 2e+06"),
+    (
+        'unit = "nm"',
+        'unit = "pm"',
+        "wavelengths of 1.55 nm (median) against reference_wavelength_nm = 1550",
+        'write unit = "nm"',
+    ),
+    (
+        'unit = "nm"',
+        'unit = "um"',
+        "wavelengths of 1.55e+06 nm",
+        'is the unit nm? write unit = "nm"',
+    ),
+    (
+        "= 1550.0",
+        "= 1510.0",
+        "against reference_wavelength_nm = 1510",
+        "allowed is 2 % off; name the grating's own column",
+    ),
+    (
+        'unit = "Pa"',
+        'unit = "bar"',
+        "channel pressure: a median of 2.2e+10 Pa",
+        "allowed for a tire is 20000 to 2e+06",
+    ),
     ('unit = "Pa"', 'unit = "mbar"', "a median of 2.2e+07 Pa", "mend unit or source"),
-    ('source = "car"', 'source = "load"', "channel car: a median speed of 3434 m/s", 'write unit = "km/h"'),
+    (
+        'source = "car"',
+        'source = "load"',
+        "channel car: a median speed of 3434 m/s",
+        'write unit = "km/h"',
+    ),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "what", "do"), WRONG)
 @pytest.mark.parametrize("name", ["speed", "info"])
-def test_a_channel_that_cannot_be_what_its_setup_says(command: Command, name: str, old: str, new: str, what: str, do: str) -> None:
+def test_a_channel_that_cannot_be_what_its_setup_says(
+    command: Command, name: str, old: str, new: str, what: str, do: str
+) -> None:
     status, out, err = command(name, old=old, new=new)
     assert status == 2
     assert ",ok" not in out
@@ -117,19 +163,26 @@ def test_a_strange_strain_is_said(command: Command) -> None:
 
 
 @pytest.mark.parametrize("name", ["speed", "footprint", "tables"])
-def test_a_swapped_surface_is_refused_by_all_tables(command: Command, folder: Path, name: str) -> None:
+def test_a_swapped_surface_is_refused_by_all_tables(
+    command: Command, folder: Path, name: str
+) -> None:
     more = ["-o", "out"] if name == "tables" else []
     status, out, err = command(name, *more, old='"outer"', new='"inner"')
     assert status == 2
     assert "ok" not in out
-    assert "channel strain_1 shows a minimum, as the outer surface (groove) does in the patch" in err
+    assert (
+        "channel strain_1 shows a minimum, as the outer surface (groove) does in the patch" in err
+    )
     assert 'write surface = "outer"' in err
 
 
 def test_a_cutoff_beyond_what_is_sampled(command: Command) -> None:
     status, _, err = command("footprint", "--cutoff", "4000Hz")
     assert status == 2
-    assert "--cutoff 4000Hz: channel strain_1 is sampled at 1000 Hz and holds nothing above 500 Hz" in err
+    assert (
+        "--cutoff 4000Hz: channel strain_1 is sampled at 1000 Hz and holds nothing above 500 Hz"
+        in err
+    )
     assert command("footprint", "--cutoff", "400Hz")[0] == 0
 
 
@@ -137,7 +190,10 @@ def test_a_calibrated_radius_goes_with_the_unloaded_one(command: Command) -> Non
     without = ("rolling_radius_m = 0.305\n", "")
     assert command("speed", "--calibrate-radius", old=without[0], new=without[1])[0] == 0
     status, out, err = command(
-        "speed", "--calibrate-radius", old="unloaded_radius_m = 0.3126\nrolling_radius_m = 0.305", new="unloaded_radius_m = 0.45"
+        "speed",
+        "--calibrate-radius",
+        old="unloaded_radius_m = 0.3126\nrolling_radius_m = 0.305",
+        new="unloaded_radius_m = 0.45",
     )
     assert status == 2
     assert ",ok" not in out
@@ -154,7 +210,14 @@ def test_a_drive_is_no_inflation_test(command: Command) -> None:
 def test_a_log_without_a_passage_says_so(command: Command, folder: Path) -> None:
     table = np.loadtxt(folder / "log.csv", delimiter=",", skiprows=1)
     table[:, 1] = 1550.0 + 1e-4 * np.random.default_rng(1001).normal(size=len(table))
-    np.savetxt(folder / "still.csv", table, "%.6f", ",", header="time_s,wavelength,pressure,car,load", comments="")
+    np.savetxt(
+        folder / "still.csv",
+        table,
+        "%.6f",
+        ",",
+        header="time_s,wavelength,pressure,car,load",
+        comments="",
+    )
     status, _, err = command("speed", "still.csv", "--setup", "log.toml")
     assert status == 0
     assert "still.csv: strain_1: no passage of the patch in this log" in err
@@ -164,7 +227,24 @@ def test_a_speed_below_zero_is_no_speed_of_a_model(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(folder)
-    assert run(["model", "new", "--carcass", "beam", "--set", "load_N=3434", "--set", "radius_m=0.3", "-o", "beam.toml", "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "model",
+                "new",
+                "--carcass",
+                "beam",
+                "--set",
+                "load_N=3434",
+                "--set",
+                "radius_m=0.3",
+                "-o",
+                "beam.toml",
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     assert run(["model", "predict", "beam.toml", "--speed", "-5"]) == 2
     assert "--speed -5; allowed is a speed of 0 m/s or more" in capfd.readouterr().err
 
@@ -174,11 +254,26 @@ NUMBERS = [
     ("inflation_pressure_Pa = 2.2e5", "inflation_pressure_Pa = 32", 7, "32 psi would be 220632"),
     ("load_N = 3434.0", "load_N = 3.4", 6, "3.4 kN would be 3400"),
     ("load_N = 3434.0", "load_N = -3434.0", 6, "a number above 0"),
-    ("unloaded_radius_m = 0.3126", "unloaded_radius_m = 3.126", 2, "allowed for a tire is 0.04 to 2.5"),
-    ("rolling_radius_m = 0.305", "rolling_radius_m = 0.2", 3, "36 % smaller than the unloaded 0.3126 m; allowed is 0.85 to 1.05 of it"),
+    (
+        "unloaded_radius_m = 0.3126",
+        "unloaded_radius_m = 3.126",
+        2,
+        "allowed for a tire is 0.04 to 2.5",
+    ),
+    (
+        "rolling_radius_m = 0.305",
+        "rolling_radius_m = 0.2",
+        3,
+        "36 % smaller than the unloaded 0.3126 m; allowed is 0.85 to 1.05 of it",
+    ),
     ("rolling_radius_m = 0.305", "rolling_radius_m = 0.35", 3, "12 % larger than the unloaded"),
     ("width_m = 0.2\n", "width_m = 0.002\n", 4, "allowed for a tire is 0.01 to 2"),
-    ("reference_wavelength_nm = 1550.0", "reference_wavelength_nm = 155.0", 12, "allowed for a tire is 400 to 2500"),
+    (
+        "reference_wavelength_nm = 1550.0",
+        "reference_wavelength_nm = 155.0",
+        12,
+        "allowed for a tire is 400 to 2500",
+    ),
 ]
 
 
@@ -193,11 +288,21 @@ def test_a_number_that_is_no_tires(old: str, new: str, line: int, said: str) -> 
 
 @pytest.mark.parametrize(
     ("load", "pressure", "unloaded", "rolling"),
-    [(300.0, 1.0e6, 0.34, 0.335), (50_000.0, 8.5e5, 0.52, 0.5), (300_000.0, 1.6e6, 0.66, 0.6), (8_000.0, 4e4, 0.6, 0.55)],
+    [
+        (300.0, 1.0e6, 0.34, 0.335),
+        (50_000.0, 8.5e5, 0.52, 0.5),
+        (300_000.0, 1.6e6, 0.66, 0.6),
+        (8_000.0, 4e4, 0.6, 0.55),
+    ],
     ids=["bicycle", "truck", "aircraft", "farm"],
 )
-def test_tires_of_all_kinds_are_allowed(load: float, pressure: float, unloaded: float, rolling: float) -> None:
+def test_tires_of_all_kinds_are_allowed(
+    load: float, pressure: float, unloaded: float, rolling: float
+) -> None:
     text = (
-        SETUP.replace("3434.0", str(load)).replace("2.2e5", str(pressure)).replace("0.3126", str(unloaded)).replace("0.305", str(rolling))
+        SETUP.replace("3434.0", str(load))
+        .replace("2.2e5", str(pressure))
+        .replace("0.3126", str(unloaded))
+        .replace("0.305", str(rolling))
     )
     assert parse_setup(text).conditions.load_N == load

@@ -65,7 +65,12 @@ def test_temperature_change_of_the_twin() -> None:
 
 
 BAD = [
-    ("strain_gain", "strian_gain", 15, r"unknown key 'strian_gain'.*nearest: strain_gain.*allowed are kind, source"),
+    (
+        "strain_gain",
+        "strian_gain",
+        15,
+        r"unknown key 'strian_gain'.*nearest: strain_gain.*allowed are kind, source",
+    ),
     ('kind = "fbg_strain"', 'kind = "fbg_strian"', 11, r"nearest: fbg_strain"),
     ('unit = "nm"', 'unit = "nanobar"', 13, r"unit 'nanobar' is not one of m, mm"),
     ('unit = "nm"', 'unit = "bar"', 13, r"unit 'bar' is not one of"),
@@ -83,7 +88,9 @@ BAD = [
 
 
 @pytest.mark.parametrize(("old", "new", "line", "message"), BAD)
-def test_a_bad_setup_is_refused_with_file_line_and_advice(old: str, new: str, line: int, message: str) -> None:
+def test_a_bad_setup_is_refused_with_file_line_and_advice(
+    old: str, new: str, line: int, message: str
+) -> None:
     with pytest.raises(SetupError, match=message) as caught:
         parse_setup(GOOD.replace(old, new, 1), "s.toml")
     assert caught.value.line == line
@@ -116,9 +123,21 @@ def test_the_setup_beside_a_compressed_log(tmp_path: Path, name: str) -> None:
 
 
 def test_the_road_of_a_log() -> None:
-    road = parse_setup(GOOD + '[road]\nkind = "cleat"\nheight_m = 0.01\nlength_m = 0.04\nposition_m = 12.5\n').road
-    assert (road.kind, road.height_m, road.length_m, road.position_m, road.time_s) == ("cleat", 0.01, 0.04, 12.5, None)
+    road = parse_setup(
+        GOOD + '[road]\nkind = "cleat"\nheight_m = 0.01\nlength_m = 0.04\nposition_m = 12.5\n'
+    ).road
+    assert (road.kind, road.height_m, road.length_m, road.position_m, road.time_s) == (
+        "cleat",
+        0.01,
+        0.04,
+        12.5,
+        None,
+    )
     assert parse_setup(GOOD).road.kind == "flat"
-    for text, said in (('kind = "cleet"', "nearest: cleat"), ("heigth_m = 0.1", "nearest: height_m"), ("length_m = 0.0", "above 0")):
+    for text, said in (
+        ('kind = "cleet"', "nearest: cleat"),
+        ("heigth_m = 0.1", "nearest: height_m"),
+        ("length_m = 0.0", "above 0"),
+    ):
         with pytest.raises(SetupError, match=said):
             parse_setup(f"{GOOD}[road]\n{text}\n")

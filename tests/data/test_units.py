@@ -35,7 +35,10 @@ def test_unit_becomes_si(unit: str) -> None:
     assert factor * value + offset == pytest.approx(si, rel=1e-12)
 
 
-@pytest.mark.parametrize(("written", "name"), [("µε", "microstrain"), ("°C", "degC"), ("KM/H", "km/h"), (" nm ", "nm"), ("m/s²", "m/s^2")])
+@pytest.mark.parametrize(
+    ("written", "name"),
+    [("µε", "microstrain"), ("°C", "degC"), ("KM/H", "km/h"), (" nm ", "nm"), ("m/s²", "m/s^2")],
+)
 def test_spellings(written: str, name: str) -> None:
     assert canonical(written) == name
 
@@ -52,13 +55,20 @@ def test_unit_of_another_quantity_is_refused_with_what_is_allowed() -> None:
 
 
 def test_one_gravity() -> None:
-    """Models and estimators share one g; the catalogue's 9.81 is a scale with a name of its own; the simulator keeps its own."""
+    """Models and estimators share one g; the catalogue's 9.81 is a scale with a name of its own;
+    the simulator keeps its own.
+    """
     package = Path(__file__).parents[2] / "tirelog"
     found = {
         (path.relative_to(package).as_posix(), node.value)
         for path in package.rglob("*.py")
         if "simulation" not in path.parts
         for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.Constant) and isinstance(node.value, float) and 9.75 < node.value < 9.85
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, float)
+        and 9.75 < node.value < 9.85
     }
-    assert found == {("units.py", STANDARD_GRAVITY_M_S2), ("physics/effects/base.py", CATALOGUE_G_M_S2)}
+    assert found == {
+        ("units.py", STANDARD_GRAVITY_M_S2),
+        ("physics/effects/base.py", CATALOGUE_G_M_S2),
+    }

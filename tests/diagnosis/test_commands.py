@@ -18,9 +18,24 @@ pytestmark = pytest.mark.xdist_group("hidden logs")  # one worker makes what the
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("logs")
-    for i, scenario in enumerate(case(("rough_contact",), seed=301, how=Case(plan="short", logs=2))):
+    for i, scenario in enumerate(
+        case(("rough_contact",), seed=301, how=Case(plan="short", logs=2))
+    ):
         write_log(simulate(scenario), path / f"log_{i}.csv")
-    assert run(["model", "new", "--setup", str(path / "log_0.toml"), "-o", str(path / "beam.toml"), "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "model",
+                "new",
+                "--setup",
+                str(path / "log_0.toml"),
+                "-o",
+                str(path / "beam.toml"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     return path
 
 
@@ -30,10 +45,14 @@ def command(folder, name, *more):
 
 
 def test_compare_as_json_table_and_picture(folder, capfd):
-    assert command(folder, "compare", "--format", "json", "--plot", str(folder / "compare.png")) == 0
+    assert (
+        command(folder, "compare", "--format", "json", "--plot", str(folder / "compare.png")) == 0
+    )
     answer = json.loads(capfd.readouterr().out)
     assert answer["noise_floor"] < answer["rmse_heldout"]
-    assert answer["excess"] == pytest.approx((answer["rmse"] ** 2 - answer["noise_floor"] ** 2) ** 0.5)
+    assert answer["excess"] == pytest.approx(
+        (answer["rmse"] ** 2 - answer["noise_floor"] ** 2) ** 0.5
+    )
     assert (folder / "compare.png").stat().st_size > 10_000
     assert command(folder, "compare", "--by", "regime") == 0
     rows = list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
@@ -49,11 +68,24 @@ def test_diagnose_prints_a_page_with_the_next_command(folder, capfd):
 
 
 def test_ladder_keeps_its_history_beside_the_model(folder, capfd):
-    assert command(folder, "ladder", "--plot", str(folder / "ladder.png"), "--save", str(folder / "top.toml")) == 0
+    assert (
+        command(
+            folder,
+            "ladder",
+            "--plot",
+            str(folder / "ladder.png"),
+            "--save",
+            str(folder / "top.toml"),
+        )
+        == 0
+    )
     rows = list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
     assert rows[0]["effect"] == "base"
     assert float(rows[1]["excess_heldout"]) < 0.5 * float(rows[0]["excess_heldout"])
-    assert "rough_contact" in (folder / "top.toml").read_text() or "gauge_length" in (folder / "top.toml").read_text()
+    assert (
+        "rough_contact" in (folder / "top.toml").read_text()
+        or "gauge_length" in (folder / "top.toml").read_text()
+    )
     kept = json.loads((folder / "beam.ladder.json").read_text())["ladders"]
     assert [step["effect"] for step in kept[-1]["steps"]] == [row["effect"] for row in rows]
 
@@ -61,12 +93,42 @@ def test_ladder_keeps_its_history_beside_the_model(folder, capfd):
 def test_numbers_per_revolution_go_the_same_way(folder, capfd):
     model = folder / "length.toml"
     setup = str(folder / "log_0.toml")
-    assert run(["model", "new", "--observable", "patch_length", "--setup", setup, "-o", str(model), "--quiet"]) == 0
-    assert run(["compare", str(folder / "log_0.csv"), "--model", str(model), "--format", "json", "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "model",
+                "new",
+                "--observable",
+                "patch_length",
+                "--setup",
+                setup,
+                "-o",
+                str(model),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
+    assert (
+        run(
+            [
+                "compare",
+                str(folder / "log_0.csv"),
+                "--model",
+                str(model),
+                "--format",
+                "json",
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     answer = json.loads(capfd.readouterr().out)
     assert answer["unit"] == "m"
     assert 0.0 < answer["rmse_heldout"] < 0.02
-    assert any("lengths are marked form_unclear" in said for said in answer["remarks"])  # its pulses have an effect of no tire's form
+    assert any(
+        "lengths are marked form_unclear" in said for said in answer["remarks"]
+    )  # its pulses have an effect of no tire's form
 
 
 def test_an_unknown_table_is_refused(folder, capfd):

@@ -8,17 +8,31 @@ from tirelog.physics.effects import BY_ID
 
 
 def conditions(**values: object) -> Conditions:
-    return Conditions.of(4, **{"inflation_pressure_Pa": 2.2e5, "distance_km": 100.0, "water_depth_mm": 0.5, **values})
+    return Conditions.of(
+        4, **{"inflation_pressure_Pa": 2.2e5, "distance_km": 100.0, "water_depth_mm": 0.5, **values}
+    )
 
 
 def test_the_same_and_the_unknown_are_said_apart() -> None:
     said = not_varied(
-        conditions(load_N=3434.0, water_depth_mm=np.nan), [BY_ID["stiffening"], BY_ID["water_film"], BY_ID["viscous_damping"]]
+        conditions(load_N=3434.0, water_depth_mm=np.nan),
+        [BY_ID["stiffening"], BY_ID["water_film"], BY_ID["viscous_damping"]],
     )
-    assert said.startswith("The same throughout: load 3434 N; not known: water depth. What follows them (stiffening, water_film)")
+    assert said.startswith(
+        "The same throughout: load 3434 N; not known: water depth. What follows them "
+        "(stiffening, water_film)"
+    )
 
 
 def test_what_varies_and_what_nothing_follows_is_not_said() -> None:
-    varied = conditions(load_N=np.array([3000.0, 3100.0, 3300.0, 3434.0]), water_depth_mm=np.array([0.0, 0.0, 0.0, 1.0]))
-    assert not_varied(varied, [BY_ID["stiffening"], BY_ID["water_film"], BY_ID["viscous_damping"]]) == ""
-    assert "load" in not_varied(conditions(load_N=np.array([3400.0, 3410.0, 3420.0, 3434.0])), [BY_ID["stiffening"]])
+    varied = conditions(
+        load_N=np.array([3000.0, 3100.0, 3300.0, 3434.0]),
+        water_depth_mm=np.array([0.0, 0.0, 0.0, 1.0]),
+    )
+    assert (
+        not_varied(varied, [BY_ID["stiffening"], BY_ID["water_film"], BY_ID["viscous_damping"]])
+        == ""
+    )
+    assert "load" in not_varied(
+        conditions(load_N=np.array([3400.0, 3410.0, 3420.0, 3434.0])), [BY_ID["stiffening"]]
+    )

@@ -21,7 +21,9 @@ from tirelog.simulation.scenario.schema import Manoeuvre
 
 def recordings(manoeuvres, **more):
     logs = case((), seed=201, how=Case(plan="short", logs=1))
-    return [to_recording(simulate(replace(log, manoeuvres=manoeuvres, **more)), "log") for log in logs]
+    return [
+        to_recording(simulate(replace(log, manoeuvres=manoeuvres, **more)), "log") for log in logs
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,9 @@ def test_one_manoeuvre_is_too_few_and_ranks(one_cruise, model):
 
 def test_model_of_another_observable(one_cruise, model):
     with pytest.raises(UsageError, match="predicts radial_acceleration"):
-        compare(stacks_from_logs(one_cruise), Model.new("beam", "radial_acceleration", radius_m=0.305))
+        compare(
+            stacks_from_logs(one_cruise), Model.new("beam", "radial_acceleration", radius_m=0.305)
+        )
 
 
 def test_no_channel_for_the_observable(one_cruise):
@@ -58,7 +62,10 @@ def test_no_channel_for_the_observable(one_cruise):
 
 
 def test_surface_swapped_is_found_and_said(one_cruise):
-    swapped = [replace(r, channels={name: replace(c, surface="inner") for name, c in r.channels.items()}) for r in one_cruise]
+    swapped = [
+        replace(r, channels={name: replace(c, surface="inner") for name, c in r.channels.items()})
+        for r in one_cruise
+    ]
     with pytest.raises(UsageError, match='write surface = "outer"'):
         stacks_from_logs(swapped)
 
@@ -71,7 +78,9 @@ def test_a_condition_that_is_not_known_leaves_its_effects_untested(one_cruise, m
     assert "viscous_damping" in [c.effect for c in result.effects]
 
 
-def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(one_cruise, model, monkeypatch):
+def test_a_candidate_whose_fit_fails_is_reported_and_the_others_go_on(
+    one_cruise, model, monkeypatch
+):
     from tirelog.diagnosis import naming
 
     def refuse(base, few, candidate):

@@ -1,4 +1,7 @@
-"""A small part of the self-test: planted effects, from the scenario to the verdict.  The truth is solved apart from the models."""
+"""A small part of the self-test: planted effects, from the scenario to the verdict.
+
+The truth is solved apart from the models.
+"""
 
 import json
 
@@ -46,7 +49,10 @@ def test_a_hidden_effect_is_named_and_the_error_falls_to_the_floor(model):
     strength = result.effects[0].strengths["amplitude"]
     assert strength["value"] == pytest.approx(0.7, rel=0.05)
     answer = json.loads(json.dumps(result.to_json()))
-    keys = "verdict selected effects ambiguous_groups separating_manoeuvres unexplained rmse_heldout_before "
+    keys = (
+        "verdict selected effects ambiguous_groups separating_manoeuvres unexplained "
+        "rmse_heldout_before "
+    )
     keys += "rmse_heldout_after noise_floor revolutions"
     assert set(keys.split()) <= set(answer)
 
@@ -74,8 +80,13 @@ def test_ladder_and_comparison_tell_the_same(model):
     assert [step.effect for step in climbed.steps][:2] == ["base", "water_film"]
     assert climbed.steps[1].rmse_heldout < climbed.steps[0].rmse_heldout
     assert climbed.verdict == "at_the_floor"
-    assert climbed.manoeuvres_locked > 0  # so the first step is no comparison on all manoeuvres, and it says so
-    assert any(f"{climbed.manoeuvres_locked} of {climbed.manoeuvres + climbed.manoeuvres_locked}" in r for r in climbed.remarks)
+    assert (
+        climbed.manoeuvres_locked > 0
+    )  # so the first step is no comparison on all manoeuvres, and it says so
+    assert any(
+        f"{climbed.manoeuvres_locked} of {climbed.manoeuvres + climbed.manoeuvres_locked}" in r
+        for r in climbed.remarks
+    )
     after = compare(given, climbed.model)
     assert after.rmse_heldout < 1.05 * after.noise_floor
     assert {row["angle"] for row in after.tables["angle"]} == {"entry", "patch", "exit", "away"}

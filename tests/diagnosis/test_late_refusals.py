@@ -1,4 +1,6 @@
-"""Faults: what cannot be written or drawn in the end is refused before the work, and a channel of another kind at once."""
+"""Faults: what cannot be written or drawn in the end is refused before the work, and a channel of
+another kind at once.
+"""
 
 from importlib import util
 from pathlib import Path
@@ -36,9 +38,18 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 @pytest.mark.usefixtures("no_work")
-def test_what_cannot_be_written_is_refused_first(folder: Path, tirelog: Command, command: str, option: str, path: str, said: str) -> None:
+def test_what_cannot_be_written_is_refused_first(
+    folder: Path, tirelog: Command, command: str, option: str, path: str, said: str
+) -> None:
     words = ["model", "fit"] if command == "fit" else [command]
-    result = tirelog(*words, str(folder / "log.csv"), "--model", str(folder / "m.toml"), option, str(folder / path))
+    result = tirelog(
+        *words,
+        str(folder / "log.csv"),
+        "--model",
+        str(folder / "m.toml"),
+        option,
+        str(folder / path),
+    )
     assert result.status == 2
     assert said in result.err
     assert path in result.err
@@ -51,7 +62,16 @@ def test_a_picture_without_matplotlib_is_refused_first(
     folder: Path, tirelog: Command, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = util.find_spec
-    monkeypatch.setattr(util, "find_spec", lambda name, *more: None if name == "matplotlib" else found(name, *more))
-    result = tirelog(command, str(folder / "log.csv"), "--model", str(folder / "m.toml"), "--plot", str(folder / "x.png"))
+    monkeypatch.setattr(
+        util, "find_spec", lambda name, *more: None if name == "matplotlib" else found(name, *more)
+    )
+    result = tirelog(
+        command,
+        str(folder / "log.csv"),
+        "--model",
+        str(folder / "m.toml"),
+        "--plot",
+        str(folder / "x.png"),
+    )
     assert result.status == 2
     assert "--plot needs matplotlib" in result.err

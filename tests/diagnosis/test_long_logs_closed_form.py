@@ -47,7 +47,12 @@ def test_passages_refined_in_chunks_are_those_refined_at_once(size, monkeypatch)
     values[4000:4100] = np.nan
     toy = replace(toy, samples=lambda start, stop: values[start:stop])
     rough = truth + 1e-3 * np.random.default_rng(5).standard_normal(truth.size)
-    np.testing.assert_allclose(refine(Samples(toy), rough), refined_at_once(toy.axis.time(), values, rough), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        refine(Samples(toy), rough),
+        refined_at_once(toy.axis.time(), values, rough),
+        rtol=0,
+        atol=1e-12,
+    )
 
 
 @pytest.mark.parametrize("explicit", [False, True])
@@ -57,7 +62,9 @@ def test_samples_are_found_by_their_times(explicit):
     time = axis.time()
     if explicit:
         axis = TimeAxis.of_times(time)
-    asked = np.concatenate([[-1.0, 100.0, 4.2, 4.5], time[[0, 8191, 8192, 8999, 9000, 29_999]], time[::997] + 1e-4])
+    asked = np.concatenate(
+        [[-1.0, 100.0, 4.2, 4.5], time[[0, 8191, 8192, 8999, 9000, 29_999]], time[::997] + 1e-4]
+    )
     found = Samples(Channel.of_array("a", "strain", np.zeros(30_000), axis)).before(asked)
     np.testing.assert_array_equal(found, np.searchsorted(time, asked))
 
@@ -74,7 +81,9 @@ def test_bins_hold_the_samples_of_their_revolution_and_angle(recording, monkeypa
     assert len(stacks) > 3
     stack, toy = joined(stacks), recording.channels["toy"]
     time, values = toy.axis.time(), toy.read()
-    theta = WheelAngle.through(stack.conditions.time_s).theta(time)  # of the revolutions' own passages
+    theta = WheelAngle.through(stack.conditions.time_s).theta(
+        time
+    )  # of the revolutions' own passages
     turn, phi = split_turns(theta)
     for i in range(3, len(stack) - 3):
         for b in range(0, 32, 5):
@@ -89,10 +98,22 @@ def test_stretches_of_a_log_are_its_stack_to_the_bit(recording):
     whole, parts = stacks_from_logs([recording]), stacks_from_logs([recording], most=30)
     assert len(whole) == 1
     assert max(len(part) for part in parts) <= 30
-    for name in ("values", "phi_mean", "phi_variance", "count", "noise", "log", "manoeuvre", "revolution", "regime"):
+    for name in (
+        "values",
+        "phi_mean",
+        "phi_variance",
+        "count",
+        "noise",
+        "log",
+        "manoeuvre",
+        "revolution",
+        "regime",
+    ):
         np.testing.assert_array_equal(getattr(joined(parts), name), getattr(whole[0], name))
     for name in ("speed_m_s", "acceleration_m_s2", "time_s"):
-        np.testing.assert_array_equal(getattr(joined(parts).conditions, name), getattr(whole[0].conditions, name))
+        np.testing.assert_array_equal(
+            getattr(joined(parts).conditions, name), getattr(whole[0].conditions, name)
+        )
 
 
 def test_mean_of_a_channel_in_blocks_is_the_mean_of_its_samples():
@@ -108,18 +129,27 @@ def test_mean_of_a_channel_in_blocks_is_the_mean_of_its_samples():
     for i, (c, h) in enumerate(zip(centre, half, strict=True)):
         mine = (time >= c - h) & (time < c + h) & good
         expected[i] = values[mine].mean() if mine.any() else np.interp(c, time[good], values[good])
-    found = _channel_mean(Channel.of_array("load", "vertical_load", values, TimeAxis.of_times(time)), centre)
+    found = _channel_mean(
+        Channel.of_array("load", "vertical_load", values, TimeAxis.of_times(time)), centre
+    )
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
 
 
 def test_mean_of_an_empty_channel_is_not_known():
     axis = TimeAxis.uniform(100, 10.0)
-    assert np.isnan(_channel_mean(Channel.of_array("load", "vertical_load", np.full(100, np.nan), axis), np.arange(1.0, 4.0))).all()
+    assert np.isnan(
+        _channel_mean(
+            Channel.of_array("load", "vertical_load", np.full(100, np.nan), axis),
+            np.arange(1.0, 4.0),
+        )
+    ).all()
 
 
 def test_losses_of_some_manoeuvres_at_a_time_are_those_of_all(monkeypatch):
     logs = case((), seed=204, how=Case(plan="short", logs=2))
-    stacks = stacks_from_logs([to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)])
+    stacks = stacks_from_logs(
+        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)]
+    )
     base = prepare(cells_of(pieces_of_all(stacks)), Model.new("beam", radius_m=0.305))
     more = np.cos(base.cells.phi[..., None] * np.arange(1, 12))
     cells, left = base.cells, np.nan_to_num(base.cells.values - base.fit.prediction)
@@ -136,6 +166,8 @@ def test_losses_of_some_manoeuvres_at_a_time_are_those_of_all(monkeypatch):
     assert cells.manoeuvres > 10
     for size in (1, 10, 10_000):
         monkeypatch.setattr(floor, "_SOME_CELLS", size)
-        found = held_out_losses(cells, base.white, base.plain, base.fit, more[..., :9], more[..., 9:])
+        found = held_out_losses(
+            cells, base.white, base.plain, base.fit, more[..., :9], more[..., 9:]
+        )
         for part, expected in zip(found, whole, strict=True):
             np.testing.assert_allclose(part, expected.loss(*solution), rtol=1e-8)

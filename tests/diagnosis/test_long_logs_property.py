@@ -37,13 +37,24 @@ def two_logs(in_memory=None):
     stacks = Stacks(in_memory)
     for seed in (1, 2):
         whole = stack(seed, manoeuvres=4, m=64)
-        stacks.add(f"log_{seed}", (replace(whole.take(rows), logs=(f"log_{seed}",)) for rows in (slice(0, 30), slice(30, 48))))
+        stacks.add(
+            f"log_{seed}",
+            (
+                replace(whole.take(rows), logs=(f"log_{seed}",))
+                for rows in (slice(0, 30), slice(30, 48))
+            ),
+        )
     return stacks
 
 
 def test_stacks_in_a_file_are_those_in_memory_to_the_bit():
     kept, aside = two_logs(), two_logs(in_memory=40_000)
-    assert aside.outlines()[0].values.size == aside.outlines()[-1].values.size == 0 < kept.outlines()[0].values.size
+    assert (
+        aside.outlines()[0].values.size
+        == aside.outlines()[-1].values.size
+        == 0
+        < kept.outlines()[0].values.size
+    )
     for _ in range(2):  # read again, in any order
         for i in (3, 0, 2, 1):
             same(kept[i], aside[i])
@@ -133,14 +144,19 @@ def test_a_comparison_hardly_knows_of_manoeuvres_that_were_cut(recordings, model
     rows, expected = parted.tables["revolution"], whole.tables["revolution"]
     for name in ("log", "revolution", "time_s", "speed_m_s", "regime", "manoeuvre"):
         assert [row[name] for row in rows] == [row[name] for row in expected]
-    np.testing.assert_allclose([row["rmse"] for row in rows], [row["rmse"] for row in expected], rtol=0.05)
+    np.testing.assert_allclose(
+        [row["rmse"] for row in rows], [row["rmse"] for row in expected], rtol=0.05
+    )
 
 
 def driven(seed: int, **more) -> Stack:
     """Forty cruises at two speeds in turn."""
     made = stack(seed, manoeuvres=40, revolutions=10, **more)
     speed = np.where(made.manoeuvre % 2, 12.0, 17.0)
-    return replace(made, conditions=replace(made.conditions, speed_m_s=speed + 0.01 * np.arange(len(made)) % 0.3))
+    return replace(
+        made,
+        conditions=replace(made.conditions, speed_m_s=speed + 0.01 * np.arange(len(made)) % 0.3),
+    )
 
 
 def check_all_there(pieces: Pieces, stacks) -> None:
@@ -152,7 +168,9 @@ def check_all_there(pieces: Pieces, stacks) -> None:
     np.testing.assert_array_equal(pieces.regime[pieces.cell], one.regime)
     assert np.abs(pieces.conditions.speed_m_s[pieces.cell] - one.conditions.speed_m_s).max() < 1.6
     assert pieces.count.sum() == one.count.sum()
-    np.testing.assert_array_equal(np.unique(pieces.manoeuvre), np.arange(pieces.manoeuvre.max() + 1))
+    np.testing.assert_array_equal(
+        np.unique(pieces.manoeuvre), np.arange(pieces.manoeuvre.max() + 1)
+    )
 
 
 def test_gathered_pieces_hold_every_revolution():
@@ -177,20 +195,28 @@ def test_gathered_pieces_show_the_waveform_and_the_scatter_that_were_put_in():
     assert len(cells) <= 8
     single = cells.random_cov[0, 0, 0] * cells.revolutions[0]
     assert np.sqrt(single) == pytest.approx(0.02, rel=0.25)
-    assert np.nanmedian(cells.sd * np.sqrt(cells.revolutions)[:, None]) == pytest.approx(0.01, rel=0.05)
+    assert np.nanmedian(cells.sd * np.sqrt(cells.revolutions)[:, None]) == pytest.approx(
+        0.01, rel=0.05
+    )
     fine = cells_of(pieces_of(whole))
-    assert np.sqrt(np.nanmean(cells.within)) == pytest.approx(np.sqrt(np.nanmean(fine.within)), rel=0.03)
+    assert np.sqrt(np.nanmean(cells.within)) == pytest.approx(
+        np.sqrt(np.nanmean(fine.within)), rel=0.03
+    )
 
 
 def test_a_comparison_of_gathered_pieces_finds_the_same_excess(recordings, model, whole):
     stacks = stacks_from_logs(recordings)
     pieces = pieces_of_all(stacks)
-    few = pieces_of_all(stacks, len(pieces) * 2 // 3)  # here that takes all manoeuvres of a regime together
+    few = pieces_of_all(
+        stacks, len(pieces) * 2 // 3
+    )  # here that takes all manoeuvres of a regime together
     assert len(few) < len(pieces)
     gathered = compare(few, model)
     assert gathered.revolutions == whole.revolutions
     assert gathered.excess_heldout == pytest.approx(whole.excess_heldout, rel=0.02)
-    assert gathered.noise_floor == pytest.approx(whole.noise_floor, rel=0.15)  # what tells two manoeuvres of a kind apart is scatter now
+    assert gathered.noise_floor == pytest.approx(
+        whole.noise_floor, rel=0.15
+    )  # what tells two manoeuvres of a kind apart is scatter now
 
 
 def test_pieces_of_several_campaign_logs_are_numbered_through():
@@ -207,7 +233,9 @@ def test_an_obstacle_is_found_in_a_log_of_several_stretches():
         stacks = stacks_from_logs([met], most=most)
         assert (len(stacks) > 2) == (most == 12)
         answers.append(measured([met], most=most))
-    (steady, (hits,)), (steady_parts, (hits_parts,)) = ((found.stacks, found.obstacles) for found in answers)
+    (steady, (hits,)), (steady_parts, (hits_parts,)) = (
+        (found.stacks, found.obstacles) for found in answers
+    )
     same(joined(steady), joined(steady_parts))
     np.testing.assert_array_equal(hits.hits_s, hits_parts.hits_s)
     assert len(joined(steady)) < len(joined(stacks))

@@ -1,4 +1,6 @@
-"""One door from logs to measured revolutions: every command gives the same number, and says what was set apart."""
+"""One door from logs to measured revolutions: every command gives the same number, and says what
+was set apart.
+"""
 
 import json
 import shutil
@@ -28,7 +30,10 @@ from tirelog.report.diagnosed import model_story
 from tirelog.runs.ingest import open_recording
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
-HIT = "2 hits on an obstacle; 10 of 17 revolutions are disturbed by them and kept apart from the steady ones"
+HIT = (
+    "2 hits on an obstacle; 10 of 17 revolutions are disturbed by them and kept apart from the "
+    "steady ones"
+)
 MANIFEST = """[campaign]
 output = "results"
 [[logs]]
@@ -50,7 +55,9 @@ def cleat():
 def beam(cleat):
     held = Model.new("beam", radius_m=cleat.setup.tire.radius_m, load_N=3434.0)
     few = ("patch_half_length_m", "lever_arm_m")
-    return held.with_parameters({name: p if name in few else p.fixed() for name, p in held.parameters.items()})
+    return held.with_parameters(
+        {name: p if name in few else p.fixed() for name, p in held.parameters.items()}
+    )
 
 
 @pytest.fixture(scope="module")
@@ -58,13 +65,20 @@ def compared(cleat, beam):
     return compare(measured([cleat]).stacks, beam)
 
 
-def test_every_command_gives_one_number_on_a_log_with_an_obstacle(cleat, beam, compared, tmp_path, monkeypatch):
-    monkeypatch.setattr(runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks))
+def test_every_command_gives_one_number_on_a_log_with_an_obstacle(
+    cleat, beam, compared, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(
+        runner, "_on_processes", lambda tasks, workers: (make_tables(task) for task in tasks)
+    )
     stacks = measured([cleat]).stacks
     assert compared.revolutions == 7
     assert HIT in compared.remarks[0]
     climbed = ladder(stacks, beam)
-    assert (climbed.steps[0].rmse_fit, climbed.steps[0].noise_floor) == (compared.rmse, compared.noise_floor)
+    assert (climbed.steps[0].rmse_fit, climbed.steps[0].noise_floor) == (
+        compared.rmse,
+        compared.noise_floor,
+    )
     assert climbed.revolutions == 7
     story = model_story([cleat], beam, None, Asked((cleat.log,)), {}, lambda text: None)
     assert "7 revolutions" in " ".join(story.before_ladder[1].text)  # the diagnosis
@@ -103,9 +117,28 @@ def test_fit_and_compare_are_one_fit(cleat, beam, compared):
 
 
 def test_fit_and_compare_of_a_number_per_revolution_are_one_fit(tmp_path, capfd):
-    log, model, fitted = str(SAMPLES / "drive.csv.gz"), str(tmp_path / "m.toml"), tmp_path / "f.toml"
+    log, model, fitted = (
+        str(SAMPLES / "drive.csv.gz"),
+        str(tmp_path / "m.toml"),
+        tmp_path / "f.toml",
+    )
     setup = str(SAMPLES / "drive.toml")
-    assert run(["model", "new", "--observable", "patch_length", "--setup", setup, "-o", model, "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "model",
+                "new",
+                "--observable",
+                "patch_length",
+                "--setup",
+                setup,
+                "-o",
+                model,
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     assert run(["compare", log, "--model", model, "--format", "json", "--quiet"]) == 0
     said = json.loads(capfd.readouterr().out)
     assert run(["model", "fit", log, "--model", model, "-o", str(fitted)]) == 0
@@ -125,7 +158,9 @@ def test_one_manoeuvre_has_no_error_held_out(cleat, beam, compared):
 
 
 def test_the_floor_within_manoeuvres_is_the_same_for_every_model(cleat, beam, compared):
-    worse = beam.with_values({"foundation_stiffness_N_m2": 3.0 * beam.values["foundation_stiffness_N_m2"]})
+    worse = beam.with_values(
+        {"foundation_stiffness_N_m2": 3.0 * beam.values["foundation_stiffness_N_m2"]}
+    )
     other = compare(measured([cleat]).stacks, worse)
     assert abs(other.rmse / compared.rmse - 1.0) > 0.02
     assert other.noise_floor_within == pytest.approx(compared.noise_floor_within, rel=1e-9)
@@ -137,7 +172,16 @@ def several(sizes):
     for seed, manoeuvres in enumerate(sizes):
         made = stack(seed, manoeuvres=manoeuvres, revolutions=6, m=32)
         speed = 9.0 + made.manoeuvre % 3 + 0.1 * seed
-        stacks.add(f"log_{seed}", [replace(made, conditions=replace(made.conditions, speed_m_s=speed), logs=(f"log_{seed}",))])
+        stacks.add(
+            f"log_{seed}",
+            [
+                replace(
+                    made,
+                    conditions=replace(made.conditions, speed_m_s=speed),
+                    logs=(f"log_{seed}",),
+                )
+            ],
+        )
     return stacks
 
 
@@ -149,7 +193,13 @@ def test_a_campaign_s_pieces_are_those_of_its_logs_together(most, monkeypatch):
     files = {}
     for number, log in enumerate(stacks.logs):
         own = Stacks()
-        own.add(log, [replace(part, manoeuvre=part.manoeuvre - part.manoeuvre.min()) for part in stacks.of_log(number)])
+        own.add(
+            log,
+            [
+                replace(part, manoeuvre=part.manoeuvre - part.manoeuvre.min())
+                for part in stacks.of_log(number)
+            ],
+        )
         files[pieces_name("strain", log)] = pieces_bytes(pieces_of_all(own, most))
     tasks = [SimpleNamespace(name=log) for log in stacks.logs]
     ledger = SimpleNamespace(folder=SimpleNamespace(read=files.get, root="results"))
@@ -184,5 +234,8 @@ def test_a_log_that_gives_no_piece_has_revolutions_without_one():
 
 
 def test_a_channel_of_another_kind_is_refused(cleat):
-    with pytest.raises(Exception, match=r"channel strain_1 is of the kind fbg_strain, the model predicts radial_acceleration; .* allowed"):
+    with pytest.raises(
+        Exception,
+        match=r"channel strain_1 is of the kind fbg_strain, the model predicts radial_acceleration; .* allowed",
+    ):
         measured([cleat], "radial_acceleration", "strain_1")

@@ -17,7 +17,10 @@ def test_whitener_is_the_inverse_root_of_noise_and_random_effects():
     m = cells.values.shape[1]
     operator = white(np.broadcast_to(np.eye(m), (len(cells), m, m)).copy())
     for c in range(len(cells)):
-        covariance = np.diag(cells.sd[c] ** 2 + 1e-6) + cells.random[c] @ cells.random_cov[c] @ cells.random[c].T
+        covariance = (
+            np.diag(cells.sd[c] ** 2 + 1e-6)
+            + cells.random[c] @ cells.random_cov[c] @ cells.random[c].T
+        )
         covariance += 0.05**2 * np.outer(cells.shift[c], cells.shift[c])
         np.testing.assert_allclose(operator[c] @ covariance @ operator[c].T, np.eye(m), atol=1e-6)
 
@@ -39,17 +42,28 @@ def test_left_out_solutions_are_those_of_the_other_manoeuvres_with_an_offset_a_l
     random = np.random.default_rng(0)
     columns, residual = random.standard_normal((12, 5, 3)), random.standard_normal((12, 5))
     offset = 1.0 + 0.2 * random.standard_normal((12, 5))
-    manoeuvre, log = np.repeat(np.arange(6), 2), np.repeat([4, 4, 7], 4)  # numbers as they come, two manoeuvres or more each
+    manoeuvre, log = (
+        np.repeat(np.arange(6), 2),
+        np.repeat([4, 4, 7], 4),
+    )  # numbers as they come, two manoeuvres or more each
     levelled = Levelled.of(columns, residual, offset, manoeuvre, log)
     theta, level = levelled.left_out()
     loss = levelled.loss(theta, level)
-    dense = np.concatenate([columns, offset[..., None] * (log[:, None, None] == np.unique(log))], axis=-1)
+    dense = np.concatenate(
+        [columns, offset[..., None] * (log[:, None, None] == np.unique(log))], axis=-1
+    )
     for m in range(6):
         keep, out = manoeuvre != m, manoeuvre == m
-        wanted = np.linalg.lstsq(dense[keep].reshape(-1, 5), residual[keep].reshape(-1), rcond=None)[0]
+        wanted = np.linalg.lstsq(
+            dense[keep].reshape(-1, 5), residual[keep].reshape(-1), rcond=None
+        )[0]
         np.testing.assert_allclose(theta[m], wanted[:3], rtol=1e-9)
-        np.testing.assert_allclose(level[m], wanted[3 + np.searchsorted([4, 7], log[out][0])], rtol=1e-9)
-        np.testing.assert_allclose(loss[m], ((residual[out] - dense[out] @ wanted) ** 2).sum(), rtol=1e-9)
+        np.testing.assert_allclose(
+            level[m], wanted[3 + np.searchsorted([4, 7], log[out][0])], rtol=1e-9
+        )
+        np.testing.assert_allclose(
+            loss[m], ((residual[out] - dense[out] @ wanted) ** 2).sum(), rtol=1e-9
+        )
 
 
 def test_the_step_of_all_data_is_that_of_dense_least_squares_with_an_offset_a_log():
@@ -78,15 +92,24 @@ def test_offsets_are_projected_out_like_a_column_a_log():
     random = np.random.default_rng(5)
     cells = make_cells(stack(1, manoeuvres=4, m=32))
     cells = replace(cells, log=cells.manoeuvre // 2)
-    white = whitener(cells).with_manoeuvres(cells.manoeuvre, random.standard_normal((*cells.phi.shape, 2)), np.array([0.1, 0.2]))
+    white = whitener(cells).with_manoeuvres(
+        cells.manoeuvre, random.standard_normal((*cells.phi.shape, 2)), np.array([0.1, 0.2])
+    )
     dense = white(np.repeat((cells.log[:, None, None] == np.arange(2)).astype(float), 32, axis=1))
-    other, x = random.standard_normal((*cells.phi.shape, 3)), random.standard_normal(cells.phi.shape)
+    other, x = (
+        random.standard_normal((*cells.phi.shape, 3)),
+        random.standard_normal(cells.phi.shape),
+    )
     offsets = Offsets.of(cells, white)
     np.testing.assert_allclose(offsets.without(x), without(orthonormal(dense), x), atol=1e-10)
     level = np.linalg.lstsq(dense.reshape(-1, 2), x.reshape(-1), rcond=None)[0]
     np.testing.assert_allclose(offsets.fit(x), level, rtol=1e-8)
     both = without(orthonormal(np.concatenate([dense, other], axis=-1)), x)
-    np.testing.assert_allclose(Nuisance.of(offsets, np.concatenate([other, dense[..., :1]], axis=-1)).without(x), both, atol=1e-9)
+    np.testing.assert_allclose(
+        Nuisance.of(offsets, np.concatenate([other, dense[..., :1]], axis=-1)).without(x),
+        both,
+        atol=1e-9,
+    )
 
 
 def test_projection_leaves_nothing_in_the_span_and_ignores_scale():

@@ -1,4 +1,6 @@
-"""The sign-flip test keeps its rate where revolutions are correlated inside manoeuvres, and sees what repeats."""
+"""The sign-flip test keeps its rate where revolutions are correlated inside manoeuvres, and sees
+what repeats.
+"""
 
 import numpy as np
 import pytest
@@ -7,11 +9,17 @@ from tirelog.diagnosis.sign_flips import Scores, flip_signs, flip_test, gain_and
 
 
 def scores_of(random, manoeuvres, candidates, level=0.0):
-    """Candidates whose scores share what a manoeuvre does to all of them; `level` is what repeats in the first."""
+    """Candidates whose scores share what a manoeuvre does to all of them; `level` is what repeats
+    in the first.
+    """
     shared = random.standard_normal((manoeuvres, 1))
     result = []
     for i in range(candidates):
-        own = 0.7 * shared + 0.7 * random.standard_normal((manoeuvres, 1)) + (level if i == 0 else 0.0)
+        own = (
+            0.7 * shared
+            + 0.7 * random.standard_normal((manoeuvres, 1))
+            + (level if i == 0 else 0.0)
+        )
         result.append(Scores(own, np.array([[1.0]])))
     return result
 
@@ -30,7 +38,11 @@ def test_what_repeats_in_every_manoeuvre_is_seen_and_named():
 
 
 def test_more_revolutions_of_one_manoeuvre_prove_nothing():
-    scores = [Scores(np.array([[1e6], [0.0], [0.0], [0.0], [0.0], [0.0], [0.0], [0.0]]), np.array([[1.0]]))]
+    scores = [
+        Scores(
+            np.array([[1e6], [0.0], [0.0], [0.0], [0.0], [0.0], [0.0], [0.0]]), np.array([[1.0]])
+        )
+    ]
     assert flip_test(scores, 8)[1][0] == 1.0
 
 

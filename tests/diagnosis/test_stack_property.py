@@ -35,7 +35,13 @@ def test_a_drive_falls_into_its_regimes():
     time = np.arange(0.0, 40.0, 0.1)
     speed = np.interp(time, [0, 10, 15, 25, 30, 40], [10, 10, 20, 20, 8, 8])
     number, regime = segment(regimes(accelerations(time, speed)), np.r_[True, np.zeros(399, bool)])
-    assert [regime[number == k][0] for k in np.unique(number)] == ["cruise", "drive", "cruise", "brake", "cruise"]
+    assert [regime[number == k][0] for k in np.unique(number)] == [
+        "cruise",
+        "drive",
+        "cruise",
+        "brake",
+        "cruise",
+    ]
 
 
 def test_a_coast_is_no_brake():
@@ -53,10 +59,14 @@ def test_short_stretches_join_their_neighbours_and_gaps_part():
 
 
 def test_scatter_of_revolutions_comes_back_as_it_was_put_in():
-    cells = make_cells(stack(3, manoeuvres=8, revolutions=40, amplitude=0.02, baseline=0.0, noise=0.01))
+    cells = make_cells(
+        stack(3, manoeuvres=8, revolutions=40, amplitude=0.02, baseline=0.0, noise=0.01)
+    )
     single = cells.random_cov[0, 0, 0] * cells.revolutions[0]
     assert np.sqrt(single) == pytest.approx(0.02, rel=0.25)
-    assert np.nanmedian(cells.sd * np.sqrt(cells.revolutions)[:, None]) == pytest.approx(0.01, rel=0.05)
+    assert np.nanmedian(cells.sd * np.sqrt(cells.revolutions)[:, None]) == pytest.approx(
+        0.01, rel=0.05
+    )
 
 
 def test_cell_means_lie_on_the_waveform_at_their_own_angles():
@@ -71,7 +81,13 @@ def test_cell_means_lie_on_the_waveform_at_their_own_angles():
 
 @settings(deadline=None, max_examples=200)
 @given(
-    st.lists(st.tuples(st.integers(1, 9), st.sampled_from(["cruise", "drive", "coast", "brake"]), st.booleans()), min_size=1, max_size=12)
+    st.lists(
+        st.tuples(
+            st.integers(1, 9), st.sampled_from(["cruise", "drive", "coast", "brake"]), st.booleans()
+        ),
+        min_size=1,
+        max_size=12,
+    )
 )
 def test_every_revolution_is_in_one_manoeuvre_however_short_the_stretches(stretches):
     regime = np.repeat([word for _, word, _ in stretches], [n for n, _, _ in stretches])
@@ -88,9 +104,15 @@ def test_every_revolution_is_in_one_manoeuvre_however_short_the_stretches(stretc
     assert all(np.unique(found[number == k]).size == 1 for k in range(counts.size))
     long = np.flatnonzero(given_breaks & (np.arange(regime.size) >= SHORTEST))
     for gap in long:  # a gap parts what is long enough on both sides
-        if (given_regime[gap - SHORTEST : gap] == given_regime[gap - 1]).all() and not given_breaks[gap - SHORTEST + 1 : gap].any():
+        if (given_regime[gap - SHORTEST : gap] == given_regime[gap - 1]).all() and not given_breaks[
+            gap - SHORTEST + 1 : gap
+        ].any():
             ahead = given_regime[gap : gap + SHORTEST]
-            if ahead.size == SHORTEST and (ahead == ahead[0]).all() and not given_breaks[gap + 1 : gap + SHORTEST].any():
+            if (
+                ahead.size == SHORTEST
+                and (ahead == ahead[0]).all()
+                and not given_breaks[gap + 1 : gap + SHORTEST].any()
+            ):
                 assert number[gap] == number[gap - 1] + 1
     np.testing.assert_array_equal(regime, given_regime)
     np.testing.assert_array_equal(breaks, given_breaks)

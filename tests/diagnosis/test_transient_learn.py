@@ -1,4 +1,6 @@
-"""Masses and damping out of the answer to an obstacle: what was put in is found from a start that is off."""
+"""Masses and damping out of the answer to an obstacle: what was put in is found from a start that
+is off.
+"""
 
 from dataclasses import replace
 
@@ -11,11 +13,15 @@ from tirelog.inference.motion import held, motion_names
 
 
 def freed(*names):
-    return MODEL.with_parameters({name: replace(MODEL.parameters[name], free=True) for name in names})
+    return MODEL.with_parameters(
+        {name: replace(MODEL.parameters[name], free=True) for name in names}
+    )
 
 
 def test_a_line_mass_that_is_off_is_found():
-    start = freed("line_mass_kg_m").with_values({"line_mass_kg_m": 1.08 * MODEL.values["line_mass_kg_m"]})
+    start = freed("line_mass_kg_m").with_values(
+        {"line_mass_kg_m": 1.08 * MODEL.values["line_mass_kg_m"]}
+    )
     learned = learn([made(1.61, 3)], start)
     mass = learned.model.parameters["line_mass_kg_m"]
     assert learned.names == ("line_mass_kg_m",)
@@ -33,5 +39,8 @@ def test_the_steady_waveform_is_fitted_without_them():
 
 
 def test_nothing_free_is_said():
-    with pytest.raises(UsageError, match=r"no free parameter that a motion tells; allowed are hub_mass_kg.*; free one"):
+    with pytest.raises(
+        UsageError,
+        match=r"no free parameter that a motion tells; allowed are hub_mass_kg.*; free one",
+    ):
         learn([], MODEL)

@@ -1,4 +1,6 @@
-"""What holds for every comparison on an obstacle: bands add up, a hit that was put in is found with the error that is said."""
+"""What holds for every comparison on an obstacle: bands add up, a hit that was put in is found with
+the error that is said.
+"""
 
 from dataclasses import replace
 from functools import cache
@@ -60,11 +62,18 @@ def noiseless(hit_s: float, phase: float = 0.7) -> TransientLog:
     first, last = motion.time_s[[0, -1]]
     steady = np.minimum(when - first, 0.0) + np.maximum(when - last, 0.0)
     angle = np.interp(when, motion.time_s, motion.psi_rad) + theta + SPIN * steady
-    passages = np.interp(2.0 * np.pi * np.arange(np.ceil(angle[0] / 6.3), np.floor(angle[-1] / 6.3)), angle, time)
+    passages = np.interp(
+        2.0 * np.pi * np.arange(np.ceil(angle[0] / 6.3), np.floor(angle[-1] / 6.3)), angle, time
+    )
     values = MODEL.predict(transient.conditions, np.mod(angle + np.pi, 2.0 * np.pi) - np.pi)[0]
     inside = (when >= first) & (when <= last)
     values[inside] = transient.sensed("strain", theta, when[inside])
-    flat = replace(flat, passages_s=passages, turns=np.arange(passages.size) * 1.0, wheel=WheelAngle.through(passages))
+    flat = replace(
+        flat,
+        passages_s=passages,
+        turns=np.arange(passages.size) * 1.0,
+        wheel=WheelAngle.through(passages),
+    )
     calm = (time < hit_s - 0.15) | (time > hit_s + 0.65)
     return replace(flat, values=values, calm=calm)
 
@@ -79,7 +88,9 @@ def test_a_hit_that_was_put_in_is_found_with_the_error_that_is_said():
         assert hit.time_s == pytest.approx(true, abs=5e-6)
         assert abs(hit.phase_rad) < 3e-4
         assert np.std(hit.missed) < 1.3 * NOISE < 0.1 * np.std(hit.added)
-    assert np.sqrt(np.mean(np.square(misses))) < 4.0  # the wheel's swing is not the motion's to the last
+    assert (
+        np.sqrt(np.mean(np.square(misses))) < 4.0
+    )  # the wheel's swing is not the motion's to the last
 
 
 def test_what_the_model_covers_and_the_floor():
@@ -111,7 +122,10 @@ def recording(values: np.ndarray, road: RoadSetup) -> tuple[Recording, Channel, 
     channel = Channel.of_array("groove", "strain", values, TimeAxis.uniform(values.size, RATE))
     passages = (np.arange(27) * 2.0 * np.pi + 0.7) / SPIN
     n, m = passages.size, 4
-    empty, conditions = np.zeros((n, m)), replace(Conditions.of(n, speed_m_s=0.305 * SPIN, load_N=3434.0), time_s=passages)
+    empty, conditions = (
+        np.zeros((n, m)),
+        replace(Conditions.of(n, speed_m_s=0.305 * SPIN, load_N=3434.0), time_s=passages),
+    )
     stack = Stack("strain", "groove", "outer", 0.305, empty, np.zeros(m), empty, empty, empty.astype(int), np.ones(n), conditions,
                   np.zeros(n, int), np.zeros(n, int), np.arange(n), np.array(["cruise"] * n), ("made.csv",))  # fmt: skip
     return Recording("made.csv", {"groove": channel}, Setup(road=road)), channel, stack
@@ -131,17 +145,25 @@ def test_a_place_that_the_setup_gives_is_taken():
     log = made(1.61, 22)
     for road in (replace(ROAD, time_s=1.0), replace(ROAD, position_m=1.0 * SPIN * 0.305)):
         assert transient_log(*recording(log.values, road)).hits_s == pytest.approx([1.0], abs=1e-3)
-    twice = transient_log(*recording(log.values, replace(ROAD, time_s=0.81, spacing_m=0.8 * SPIN * 0.305))).hits_s
+    twice = transient_log(
+        *recording(log.values, replace(ROAD, time_s=0.81, spacing_m=0.8 * SPIN * 0.305))
+    ).hits_s
     assert twice == pytest.approx([0.81, 1.61, 2.41], abs=0.03)
 
 
 def test_a_log_without_an_obstacle_or_without_calm():
     calm = made(3.3, 23).values[: round(3.0 * RATE)]
-    with pytest.raises(UsageError, match=r"no obstacle in channel groove .*cleat; .*needed; give time_s"):
+    with pytest.raises(
+        UsageError, match=r"no obstacle in channel groove .*cleat; .*needed; give time_s"
+    ):
         transient_log(*recording(calm, ROAD))
     log = made(1.61, 24)
-    with pytest.raises(UsageError, match=r"steady revolutions beside the obstacles .*needed .*; give a log"):
-        transient_log(*recording(log.values, replace(ROAD, time_s=0.3, spacing_m=0.55 * SPIN * 0.305)))
+    with pytest.raises(
+        UsageError, match=r"steady revolutions beside the obstacles .*needed .*; give a log"
+    ):
+        transient_log(
+            *recording(log.values, replace(ROAD, time_s=0.3, spacing_m=0.55 * SPIN * 0.305))
+        )
 
 
 def test_passages_that_an_obstacle_hid_are_counted_on():
@@ -150,5 +172,7 @@ def test_passages_that_an_obstacle_hid_are_counted_on():
     hidden = (stack.conditions.time_s > 1.6) & (stack.conditions.time_s < 2.2)
     found = transient_log(recorded, channel, stack.take(~hidden))
     assert np.diff(found.turns).max() == 1 + hidden.sum()
-    assert found.wheel.theta(np.array([0.7 / SPIN, 2.9]))[1] == pytest.approx(2.9 * SPIN - 0.7, abs=1e-6)
+    assert found.wheel.theta(np.array([0.7 / SPIN, 2.9]))[1] == pytest.approx(
+        2.9 * SPIN - 0.7, abs=1e-6
+    )
     assert found.hits_s == pytest.approx([1.61], abs=0.03)

@@ -1,7 +1,8 @@
-"""`compare` of a coupled ring with logs of a tire that moved, simulated by finite elements: from the outside.
+"""`compare` of a coupled ring with logs of a tire that moved, simulated by finite elements: from
+the outside.
 
-The model has the truth's numbers but for what the steady fit moves; what it misses of the obstacle is the difference of two solutions and
-what the fit leaves.
+The model has the truth's numbers but for what the steady fit moves; what it misses of the obstacle
+is the difference of two solutions and what the fit leaves.
 """
 
 import csv
@@ -32,7 +33,13 @@ def scenario(**road) -> Scenario:
             "truth": "coupled_ring",
             "tire": TIRE,
             "vehicle": {"suspension_damping_N_s_m": 1500.0},
-            "road": {"kind": "cleat", "height_m": 0.008, "length_m": 0.04, "position_m": 31.0, **road},
+            "road": {
+                "kind": "cleat",
+                "height_m": 0.008,
+                "length_m": 0.04,
+                "position_m": 31.0,
+                **road,
+            },
             "manoeuvres": [{"duration_s": 4.5, "speed_m_s": 15.0}],
             "channels": {"groove": {"kind": "strain", "angle_deg": 70.0}},
         }
@@ -64,7 +71,18 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("cleat")
     write_log(simulate(scenario(spacing_m=24.5)), path / "log.csv")
     sets = [word for pair in KNOWN for word in ("--set", pair)]
-    made = ["model", "new", "--carcass", "coupled_ring", "--setup", str(path / "log.toml"), *sets, "-o", str(path / "m.toml"), "--quiet"]
+    made = [
+        "model",
+        "new",
+        "--carcass",
+        "coupled_ring",
+        "--setup",
+        str(path / "log.toml"),
+        *sets,
+        "-o",
+        str(path / "m.toml"),
+        "--quiet",
+    ]
     assert run(made) == 0
     return path
 
@@ -74,7 +92,20 @@ def answer(folder):
     out = folder / "answer.json"
     picture = folder / "compare.png"
     assert (
-        run(["compare", str(folder / "log.csv"), "--model", str(folder / "m.toml"), "-o", str(out), "--plot", str(picture), "--quiet"]) == 0
+        run(
+            [
+                "compare",
+                str(folder / "log.csv"),
+                "--model",
+                str(folder / "m.toml"),
+                "-o",
+                str(out),
+                "--plot",
+                str(picture),
+                "--quiet",
+            ]
+        )
+        == 0
     )
     assert picture.with_name("compare_transient.png").stat().st_size > 20_000
     return json.loads(out.read_text())
@@ -94,12 +125,27 @@ def test_the_answer_is_covered_and_the_errors_stand_in_order(answer):
     assert total["rmse_steady"] < total["rmse"]
     assert total["excess"] == pytest.approx((total["rmse"] ** 2 - total["noise_floor"] ** 2) ** 0.5)
     assert total["nuisance_parameters"] == 8
-    assert answer["rmse"] < 0.2 * total["added"]  # the revolutions on the obstacle are not among the steady ones
+    assert (
+        answer["rmse"] < 0.2 * total["added"]
+    )  # the revolutions on the obstacle are not among the steady ones
 
 
 def rows(folder, capfd, by):
     capfd.readouterr()
-    assert run(["compare", str(folder / "log.csv"), "--model", str(folder / "m.toml"), "--by", by, "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "compare",
+                str(folder / "log.csv"),
+                "--model",
+                str(folder / "m.toml"),
+                "--by",
+                by,
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     return list(csv.DictReader(io.StringIO(capfd.readouterr().out)))
 
 
@@ -107,22 +153,56 @@ def test_tables_by_frequency_and_time_add_up_to_the_hit(folder, answer, capfd):
     hit = answer["transients"]["hits"][0]
     bands = [row for row in rows(folder, capfd, "frequency") if row["hit"] == "0"]
     for name in ("rmse", "added", "missed"):
-        assert sum(float(row[name]) ** 2 for row in bands) == pytest.approx(hit[name] ** 2, rel=0.02)
-    assert [float(row["high_Hz"]) for row in bands[:-1]] == [float(row["low_Hz"]) for row in bands[1:]]
+        assert sum(float(row[name]) ** 2 for row in bands) == pytest.approx(
+            hit[name] ** 2, rel=0.02
+        )
+    assert [float(row["high_Hz"]) for row in bands[:-1]] == [
+        float(row["low_Hz"]) for row in bands[1:]
+    ]
     assert float(bands[-1]["high_Hz"]) == 1250.0
     time = [row for row in rows(folder, capfd, "time") if row["hit"] == "0"]
     weight = np.array([int(row["samples"]) for row in time])
-    assert np.sum(weight * [float(row["rmse"]) ** 2 for row in time]) / weight.sum() == pytest.approx(hit["rmse"] ** 2, rel=1e-6)
+    assert np.sum(
+        weight * [float(row["rmse"]) ** 2 for row in time]
+    ) / weight.sum() == pytest.approx(hit["rmse"] ** 2, rel=1e-6)
     assert float(time[-1]["added"]) < 0.1 * float(time[1]["added"])  # it rings down
 
 
 def test_another_carcass_leaves_the_obstacle_alone(folder, capfd):
     ring = folder / "ring.toml"
-    assert run(["model", "new", "--carcass", "ring", "--setup", str(folder / "log.toml"), "-o", str(ring), "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "model",
+                "new",
+                "--carcass",
+                "ring",
+                "--setup",
+                str(folder / "log.toml"),
+                "-o",
+                str(ring),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     assert run(["compare", str(folder / "log.csv"), "--model", str(ring), "--format", "json"]) == 0
     said = capfd.readouterr()
     assert "2 hits on an obstacle" in said.err
     assert 'carcass = "coupled_ring" does' in said.err
     assert "transients" not in json.loads(said.out)
-    assert run(["compare", str(folder / "log.csv"), "--model", str(ring), "--by", "frequency", "--quiet"]) == 2
+    assert (
+        run(
+            [
+                "compare",
+                str(folder / "log.csv"),
+                "--model",
+                str(ring),
+                "--by",
+                "frequency",
+                "--quiet",
+            ]
+        )
+        == 2
+    )
     assert "--by frequency is for a coupled_ring model" in capfd.readouterr().err

@@ -1,4 +1,6 @@
-"""A verdict is true as a sentence: "the noise floor" only where held-out error and chi-square say so.  Truth by `simulate`."""
+"""A verdict is true as a sentence: "the noise floor" only where held-out error and chi-square say
+so. Truth by `simulate`.
+"""
 
 from dataclasses import replace
 
@@ -25,7 +27,13 @@ MODEL = Model.new("beam", radius_m=0.305)
 
 def fitted(scenarios, angles):
     """The model fitted to the logs of some scenarios."""
-    return start(stacks_from_logs([to_recording(simulate(log), f"log_{i}") for i, log in enumerate(scenarios)], angles=angles), MODEL)
+    return start(
+        stacks_from_logs(
+            [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(scenarios)],
+            angles=angles,
+        ),
+        MODEL,
+    )
 
 
 def diagnosed(base):
@@ -73,26 +81,39 @@ def test_a_patch_that_follows_the_pressure_is_not_the_noise_floor(two_pressures)
 
 def test_a_load_that_wanders_on_the_road_is_scatter_and_said_with_its_size():
     logs = case((), seed=212, how=Case(plan="short", logs=2, duration=0.7))
-    result = diagnosed(fitted([replace(log, road=Road(roughness=0.03, correlation_m=48.0)) for log in logs], angles=128))
+    result = diagnosed(
+        fitted(
+            [replace(log, road=Road(roughness=0.03, correlation_m=48.0)) for log in logs],
+            angles=128,
+        )
+    )
     assert result.selected == ()
     assert result.verdict == "scatter"
-    assert result.rmse_heldout_before > 1.05 * result.noise_floor or result.reduced_chi2_before > 1.2
+    assert (
+        result.rmse_heldout_before > 1.05 * result.noise_floor or result.reduced_chi2_before > 1.2
+    )
     assert result.unexplained["scatter"]["size"] > 0.0
     assert "microstrain" in result.sentence
     assert "noise floor" not in result.sentence
-    assert "follows nothing" in result.sentence  # which log it is goes with the load wanders by chance
+    assert (
+        "follows nothing" in result.sentence
+    )  # which log it is goes with the load wanders by chance
 
 
 def test_tension_over_inertia_is_found_and_what_stands_at_a_bound_stays_there(tight, tension_found):
     assert "flexural_stiffness_N_m2" in tight.fit.held
-    assert tight.square_held > 0.98 * tight.square_fit  # left out, the data fit no better than when they are in
+    assert (
+        tight.square_held > 0.98 * tight.square_fit
+    )  # left out, the data fit no better than when they are in
     result = conclude(tension_found, ())
     assert result.verdict in ("missing", "partial", "ambiguous")
     assert result.selected == ("belt_tension",)
     shown = {c.effect: c for c in result.effects}
     assert shown["belt_tension"].excess_removed > 0.9
     # EJ, k, y and T share a scale: the one of the values given
-    assert shown["belt_tension"].strengths["tension_mass_kg_m"]["value"] == pytest.approx(9.0, rel=0.05)
+    assert shown["belt_tension"].strengths["tension_mass_kg_m"]["value"] == pytest.approx(
+        9.0, rel=0.05
+    )
     assert not set(shown) & set(result.not_tested)
 
 
@@ -106,7 +127,9 @@ def test_the_last_effect_that_is_looked_for_is_in_the_model_too(tight, tension_f
 
 def test_a_fit_short_of_a_bound_stands_at_it_and_leaving_data_out_does_not_help_it(tight):
     names, values = tight.fit.names, tight.model.values
-    near = tight.model.with_values({"flexural_stiffness_N_m2": 99.8, "lever_arm_m": 1.3 * values["lever_arm_m"]})
+    near = tight.model.with_values(
+        {"flexural_stiffness_N_m2": 99.8, "lever_arm_m": 1.3 * values["lever_arm_m"]}
+    )
     fit = finish(Problem(tight.fit.cells, tight.white), near, names, True)
     assert "flexural_stiffness_N_m2" in fit.held
     _, plain = held_out_losses(fit.cells, tight.white, tight.plain, fit)
@@ -133,7 +156,12 @@ def test_a_factor_that_falls_with_speed_names_no_effect_whose_strength_is_nothin
         count=np.ones((64, 1), np.int64),
         noise=np.full(64, 1e-6),
         conditions=Conditions.of(
-            64, speed_m_s=speed, acceleration_m_s2=0.0, time_s=np.arange(64) * 0.2, load_N=3434.0, inflation_pressure_Pa=2.2e5
+            64,
+            speed_m_s=speed,
+            acceleration_m_s2=0.0,
+            time_s=np.arange(64) * 0.2,
+            load_N=3434.0,
+            inflation_pressure_Pa=2.2e5,
         ),
         log=np.zeros(64, np.int64),
         manoeuvre=manoeuvre,
@@ -150,13 +178,36 @@ def test_a_factor_that_falls_with_speed_names_no_effect_whose_strength_is_nothin
 
 
 def test_what_one_effect_would_explain_is_not_said_to_be_explained_by_none():
-    facts = {"verdict": "unknown", "selected": (), "share": 0.0, "before": 5.0, "floor": 1.0, "enough": 0.7, "unestablished": ("wear",)}
+    facts = {
+        "verdict": "unknown",
+        "selected": (),
+        "share": 0.0,
+        "before": 5.0,
+        "floor": 1.0,
+        "enough": 0.7,
+        "unestablished": ("wear",),
+    }
     for name, share, said in (
-        ("wear", 0.99, "wear would explain 99.0 % of the excess, but its strength cannot be told from nothing here"),
-        ("aero_load", 0.99, "aero_load would explain 99.0 % of the excess, but that is not beyond doubt"),
-        ("wear", 0.3, "that no effect of the catalogue explains; the nearest, wear, explains 30.0 %"),
+        (
+            "wear",
+            0.99,
+            "wear would explain 99.0 % of the excess, but its strength cannot be told from "
+            "nothing here",
+        ),
+        (
+            "aero_load",
+            0.99,
+            "aero_load would explain 99.0 % of the excess, but that is not beyond doubt",
+        ),
+        (
+            "wear",
+            0.3,
+            "that no effect of the catalogue explains; the nearest, wear, explains 30.0 %",
+        ),
     ):
-        assert said in sentence_of(facts | {"unexplained": {"nearest_effect": name, "nearest_share": share}})
+        assert said in sentence_of(
+            facts | {"unexplained": {"nearest_effect": name, "nearest_share": share}}
+        )
 
 
 def test_tension_of_inflation_grows_with_the_pressure_of_the_log(two_pressures):
@@ -164,14 +215,18 @@ def test_tension_of_inflation_grows_with_the_pressure_of_the_log(two_pressures):
     tight = MODEL.with_effect("belt_tension", tension_N=1000.0)
     phi = np.linspace(-0.5, 0.5, 64)
     soft = replace(conditions, inflation_pressure_Pa=np.full(2, 1.1e5))
-    assert tight.predict(soft, phi) == pytest.approx(MODEL.with_effect("belt_tension", tension_N=500.0).predict(conditions, phi), rel=1e-12)
+    assert tight.predict(soft, phi) == pytest.approx(
+        MODEL.with_effect("belt_tension", tension_N=500.0).predict(conditions, phi), rel=1e-12
+    )
 
 
 def test_what_the_logs_hold_is_not_advised(two_pressures):
     conditions = two_pressures.cells.conditions
     cruising = np.abs(conditions.acceleration_m_s2) < 0.2
     near = {m.name: driven(two_pressures, m) for m in ALLOWED}
-    assert near["cruise at 15 m/s"] == bool(np.any((np.abs(conditions.speed_m_s - 15.0) < 1.5) & cruising))
+    assert near["cruise at 15 m/s"] == bool(
+        np.any((np.abs(conditions.speed_m_s - 15.0) < 1.5) & cruising)
+    )
     assert not near["brake 25 to 9 m/s at 4 m/s^2"]
     assert not near["cruise at 15 m/s with 40 % more load"]
     assert not near["cruise at 15 m/s after ten minutes"]

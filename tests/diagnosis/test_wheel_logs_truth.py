@@ -1,4 +1,6 @@
-"""The shipped logs of encoder and in-tire accelerometer: what their truth holds is named, and gravity is not taken for an effect."""
+"""The shipped logs of encoder and in-tire accelerometer: what their truth holds is named, and
+gravity is not taken for an effect.
+"""
 
 import json
 from pathlib import Path
@@ -11,13 +13,40 @@ SAMPLES = Path(__file__).parents[2] / "sample_data"
 def test_load_transfer_is_what_these_logs_lack(tmp_path):
     model, answer = tmp_path / "beam.toml", tmp_path / "answer.json"
     setup = SAMPLES / "encoder.toml"
-    made = ["model", "new", "--observable", "radial_acceleration", "--setup", str(setup), "-o", str(model), "--quiet"]
+    made = [
+        "model",
+        "new",
+        "--observable",
+        "radial_acceleration",
+        "--setup",
+        str(setup),
+        "-o",
+        str(model),
+        "--quiet",
+    ]
     assert run(made) == 0
     logs = [str(SAMPLES / name) for name in ("encoder.h5", "encoder_ramp.h5")]
-    assert run(["diagnose", *logs, "--model", str(model), "--format", "json", "-o", str(answer), "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "diagnose",
+                *logs,
+                "--model",
+                str(model),
+                "--format",
+                "json",
+                "-o",
+                str(answer),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     said = json.loads(answer.read_text())
     truth = json.loads((SAMPLES / "encoder.h5.truth.json").read_text())
-    planted = {effect["name"]: effect["parameters"] for effect in truth["effects"]}["load_transfer"]["coefficient"]
+    planted = {effect["name"]: effect["parameters"] for effect in truth["effects"]}[
+        "load_transfer"
+    ]["coefficient"]
     assert (said["verdict"], said["selected"]) == ("missing", ["load_transfer"])
     found = said["effects"][0]["strengths"]["coefficient"]
     assert abs(found["value"] - planted) < 2.0 * found["se"] < 0.1 * planted

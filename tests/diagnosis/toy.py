@@ -1,4 +1,6 @@
-"""A measurement with known truth that shares nothing with the models: revolutions of a made-up waveform with every kind of scatter."""
+"""A measurement with known truth that shares nothing with the models: revolutions of a made-up
+waveform with every kind of scatter.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ def waveform(phi: FloatArray, width: FloatArray | float = 0.25) -> FloatArray:
     return (x**2 - 1.0) * np.exp(-(x**2) / 2)
 
 
-def channel(seed: int, seconds: float = 12.0, rate_Hz: float = 2500.0, noise: float = 0.01) -> tuple[Channel, FloatArray]:
+def channel(
+    seed: int, seconds: float = 12.0, rate_Hz: float = 2500.0, noise: float = 0.01
+) -> tuple[Channel, FloatArray]:
     """A channel with a wheel that speeds up, and the true passage times."""
     random = np.random.default_rng(seed)
     time = np.arange(0.0, seconds, 1.0 / rate_Hz)
@@ -55,7 +59,9 @@ def stack(
         phi_variance=np.zeros((n, m)),
         count=np.ones((n, m), np.int64),
         noise=np.full(n, noise),
-        conditions=Conditions.of(n, speed_m_s=10.0 + number, acceleration_m_s2=0.0, time_s=np.arange(n) * 0.2),
+        conditions=Conditions.of(
+            n, speed_m_s=10.0 + number, acceleration_m_s2=0.0, time_s=np.arange(n) * 0.2
+        ),
         log=np.zeros(n, np.int64),
         manoeuvre=number,
         revolution=np.arange(n),

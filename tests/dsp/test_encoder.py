@@ -1,4 +1,6 @@
-"""Tooth passages, counted teeth and the pitch table against a sine whose phase is known in closed form, and properties of both."""
+"""Tooth passages, counted teeth and the pitch table against a sine whose phase is known in closed
+form, and properties of both.
+"""
 
 import numpy as np
 import pytest
@@ -18,13 +20,22 @@ def reader(values):
 def passages(values, **more):
     found = probe(reader(values), values.size)
     pieces = list(crossings(reader(values), values.size, RATE, found, **more))
-    return found, Crossings(*(np.concatenate(part) for part in zip(*(piece.parts for piece in pieces), strict=True)))
+    return found, Crossings(
+        *(np.concatenate(part) for part in zip(*(piece.parts for piece in pieces), strict=True))
+    )
 
 
 def teeth(values):
     found = probe(reader(values), values.size)
-    pieces = list(count_teeth(reader(values), found, crossings(reader(values), values.size, RATE, found), RATE, STEPS))
-    arrays = (np.concatenate([getattr(p, name) for p in pieces]) for name in ("index", "count", "stretch", "forward"))
+    pieces = list(
+        count_teeth(
+            reader(values), found, crossings(reader(values), values.size, RATE, found), RATE, STEPS
+        )
+    )
+    arrays = (
+        np.concatenate([getattr(p, name) for p in pieces])
+        for name in ("index", "count", "stretch", "forward")
+    )
     return Teeth(*arrays, sum(p.missing for p in pieces), sum(p.extra for p in pieces))
 
 
@@ -78,7 +89,9 @@ def test_repairs_keep_the_count(kind):
         values = np.where(tooth == 7, np.sin(4 * np.pi * STEPS * turns), values)
     else:
         for start in random.integers(2000, values.size - 2000, 25):
-            values[start : start + (4 if kind == "glitch" else 60)] = -1.6 if kind == "glitch" else 0.0
+            values[start : start + (4 if kind == "glitch" else 60)] = (
+                -1.6 if kind == "glitch" else 0.0
+            )
     found = teeth(values + 0.02 * random.standard_normal(values.size))
     true = 2 * STEPS * np.interp(found.index, np.arange(turns.size), turns)
     offset = np.median(true - found.count)
@@ -91,7 +104,10 @@ def test_standstill_begins_a_new_stretch_and_keeps_the_parity():
     time = np.arange(0, 20, 1 / RATE)
     speed = np.interp(time, [0, 5, 8, 12, 15, 20], [5, 5, 0, 0, 5, 5])
     turns = np.cumsum(speed) / RATE
-    found = teeth(np.sin(2 * np.pi * STEPS * turns) + 0.02 * np.random.default_rng(4).standard_normal(time.size))
+    found = teeth(
+        np.sin(2 * np.pi * STEPS * turns)
+        + 0.02 * np.random.default_rng(4).standard_normal(time.size)
+    )
     assert found.stretch[-1] >= 1
     true = 2 * STEPS * np.interp(found.index, np.arange(turns.size), turns)
     error = true - found.count
@@ -100,12 +116,17 @@ def test_standstill_begins_a_new_stretch_and_keeps_the_parity():
 
 @pytest.mark.parametrize("start", [0.1, 0.25, 0.75, 0.85])
 def test_a_turning_point_away_from_the_peak_is_inferred(start):
-    """A wheel that stops, rolls back 5 turns and comes forward again, turning at the share `start` of a half tooth, then at another."""
+    """A wheel that stops, rolls back 5 turns and comes forward again, turning at the share `start`
+    of a half tooth, then at another.
+    """
     time = np.arange(0, 32, 1 / RATE)
     speed = np.interp(time, [0, 6, 9, 12, 15, 18, 32], [5, 5, 0, -1.6, 0, 5, 5])
     turns = np.cumsum(speed) / RATE
     turns += (start - (2 * STEPS * turns[90_000]) % 1) / (2 * STEPS)
-    found = teeth(np.sin(2 * np.pi * STEPS * turns) + 0.01 * np.random.default_rng(5).standard_normal(time.size))
+    found = teeth(
+        np.sin(2 * np.pi * STEPS * turns)
+        + 0.01 * np.random.default_rng(5).standard_normal(time.size)
+    )
     back = found.index[~found.forward] / RATE
     assert back.size > 2 * STEPS * 3
     assert back.min() > 8.7
@@ -119,7 +140,9 @@ def test_a_hole_is_told():
     assert passages(values)[1].breaks.tolist() == [100_000]
 
 
-@pytest.mark.parametrize("values", [np.full(50_000, 1.3), 1.3 + 0.01 * np.random.default_rng(6).standard_normal(50_000)])
+@pytest.mark.parametrize(
+    "values", [np.full(50_000, 1.3), 1.3 + 0.01 * np.random.default_rng(6).standard_normal(50_000)]
+)
 def test_a_signal_without_teeth_is_dead(values):
     assert probe(reader(values), values.size).form == "dead"
 
@@ -146,7 +169,9 @@ def test_pitch_table_is_found_on_a_changing_speed():
 
 
 def test_motions_of_the_third_order_are_no_pitch_errors():
-    """A wheel whose time is a cubic of its count, within 12 turns from 6 to 12 turns a second: nothing of it is left in the table."""
+    """A wheel whose time is a cubic of its count, within 12 turns from 6 to 12 turns a second:
+    nothing of it is left in the table.
+    """
     count = np.arange(2 * STEPS * 12)
     turns = count / (2 * STEPS)
     table = learn(turns / 6 - 0.006 * turns**2 + 1e-4 * turns**3, count)

@@ -1,4 +1,6 @@
-"""The compiled kernels against a plain reference that shares nothing with them: loops, scipy's filters, root finding, splines."""
+"""The compiled kernels against a plain reference that shares nothing with them: loops, scipy's
+filters, root finding, splines.
+"""
 
 import numpy as np
 import pytest
@@ -30,7 +32,9 @@ def drive():
 
 
 def thresholds(x, found):
-    """Upper and lower level of every sample, by the definition: extremes of chunks without glitches, over the time that is followed."""
+    """Upper and lower level of every sample, by the definition: extremes of chunks without
+    glitches, over the time that is followed.
+    """
     count = -(-x.size // CHUNK)
     reach = int(np.ceil(0.5 * found.follow_s * RATE / CHUNK))
     levels = []
@@ -39,7 +43,10 @@ def thresholds(x, found):
         far = [top[np.clip(np.arange(count) + k, 0, count - 1)] for k in (-3, -2, 2, 3)]
         top = np.minimum(top, np.max(far, axis=0))
         levels.append(sign * maximum_filter1d(top, 2 * reach + 1, mode="nearest"))
-    middle, half = (levels[0] + levels[1]) / 2, encoder_signal.HYSTERESIS * (levels[0] - levels[1]) / 2
+    middle, half = (
+        (levels[0] + levels[1]) / 2,
+        encoder_signal.HYSTERESIS * (levels[0] - levels[1]) / 2,
+    )
     return (np.repeat(level, CHUNK)[: x.size] for level in (middle + half, middle - half))
 
 
@@ -57,7 +64,9 @@ def plain_crossings(x, found):
 
 
 def plain_places(x, changes):
-    """Each change placed by the sine whose samples have the measured ratio of sum to difference, found by bisection."""
+    """Each change placed by the sine whose samples have the measured ratio of sum to difference,
+    found by bisection.
+    """
     coarse = np.array([(a + b) / 2 for a, b in changes])
     area = np.concatenate([[0], np.cumsum(x)])
     rough, levels = [], []
@@ -95,7 +104,9 @@ def test_crossings_are_those_of_the_plain_reference():
     assert rising.tolist() == [bool(values[after] > values[before]) for before, after in changes]
     inner = np.abs(index[:, None] - glitches).min(axis=1) > 100  # beside a glitch there is no sine
     inner[[0, -1]] = False  # at the ends the one neighbour's half period is taken twice
-    np.testing.assert_allclose(index[inner], plain_places(values, changes)[inner], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        index[inner], plain_places(values, changes)[inner], rtol=0, atol=1e-8
+    )
 
 
 @pytest.mark.parametrize("size", [1, 63, 64, 65, 1000])
@@ -110,7 +121,9 @@ def test_extremes_of_chunks(size):
 @pytest.mark.parametrize("reach", [1, 3, 24, 500])
 def test_sliding_maximum(reach):
     x = np.random.default_rng(reach).standard_normal(777)
-    assert np.array_equal(sliding_maximum(x, reach), maximum_filter1d(x, 2 * reach + 1, mode="nearest"))
+    assert np.array_equal(
+        sliding_maximum(x, reach), maximum_filter1d(x, 2 * reach + 1, mode="nearest")
+    )
 
 
 def test_a_glitch_is_no_extreme_and_a_tooth_is():
@@ -130,7 +143,9 @@ def test_the_angle_is_the_spline_through_the_knots(order):
     function = AngleFunction(time, count, 0.07, rate, np.zeros(200, np.int32), 1e-4)
     at = random.uniform(time[0], time[-1], 3000)
     at = np.sort(at) if order == "ascending" else at
-    np.testing.assert_allclose(function.at(at), CubicHermiteSpline(time, 0.07 * count, rate.astype(float))(at), atol=1e-8)
+    np.testing.assert_allclose(
+        function.at(at), CubicHermiteSpline(time, 0.07 * count, rate.astype(float))(at), atol=1e-8
+    )
     outside = function.at(np.array([time[0] - 1e-9, time[0], time[-1], time[-1] + 1e-9, np.nan]))
     assert np.isfinite(outside).tolist() == [False, True, True, False, False]
 
@@ -142,4 +157,6 @@ def test_the_local_cubics_weights_reproduce_cubics_and_no_more():
             assert value @ place**power == pytest.approx(true_value, abs=1e-9)
             assert slope @ place**power == pytest.approx(true_slope, abs=1e-9)
     # Savitzky and Golay's numbers for seven points
-    np.testing.assert_allclose(21 * VALUE[3, MOST_REACH - 3 : MOST_REACH + 4], [-2, 3, 6, 7, 6, 3, -2], atol=1e-9)
+    np.testing.assert_allclose(
+        21 * VALUE[3, MOST_REACH - 3 : MOST_REACH + 4], [-2, 3, 6, 7, 6, 3, -2], atol=1e-9
+    )

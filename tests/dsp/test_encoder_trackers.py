@@ -1,4 +1,6 @@
-"""P4's frequency trackers against a known frequency, and against the speed that the tooth passages give."""
+"""P4's frequency trackers against a known frequency, and against the speed that the tooth passages
+give.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,10 @@ def test_a_long_sine_has_its_frequency(tracker, omega):
 @pytest.mark.parametrize("tracker", [quinn_fernandes, notch])
 def test_noise_does_not_bias(tracker):
     random = np.random.default_rng(1000)
-    found = [tracker(np.sin(0.4 * np.arange(2000) + p) + 0.2 * random.standard_normal(2000)) for p in np.arange(40)]
+    found = [
+        tracker(np.sin(0.4 * np.arange(2000) + p) + 0.2 * random.standard_normal(2000))
+        for p in np.arange(40)
+    ]
     assert np.mean(found) == pytest.approx(0.4, abs=3 * np.std(found) / np.sqrt(40) + 1e-4)
 
 
@@ -27,7 +32,9 @@ def test_what_does_not_swing_has_no_frequency():
 
 
 def test_the_passages_follow_the_speed_better():
-    """P4's reference is right to a percent; counted passages on the same low-pass are an order better."""
+    """P4's reference is right to a percent; counted passages on the same low-pass are an order
+    better.
+    """
     drive = Drive(*DYNAMIC)
     signal = Encoder(pitch_deg=0.2, wobble=0.0, grows=False).signal(drive)
     times, speed = track(signal, 10_000.0, 48)

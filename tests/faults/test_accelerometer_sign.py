@@ -1,4 +1,6 @@
-"""Faults: an accelerometer glued in inward, and one without its mean level, before a model of the acceleration is asked."""
+"""Faults: an accelerometer glued in inward, and one without its mean level, before a model of the
+acceleration is asked.
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,13 +26,17 @@ def recording():
 
 
 def with_values(recording, values):
-    made = Channel.of_array("acceleration", "radial_acceleration", values, TimeAxis.uniform(values.size, RATE_HZ))
+    made = Channel.of_array(
+        "acceleration", "radial_acceleration", values, TimeAxis.uniform(values.size, RATE_HZ)
+    )
     return replace(recording, channels={"acceleration": made})
 
 
 def test_an_inward_positive_accelerometer_is_turned_and_said(recording):
     read, values = recording
-    outward, inward = (measured([with_values(read, sign * values)], "radial_acceleration") for sign in (1.0, -1.0))
+    outward, inward = (
+        measured([with_values(read, sign * values)], "radial_acceleration") for sign in (1.0, -1.0)
+    )
     assert outward.notes == ()
     (note,) = inward.notes
     assert "acceleration was recorded inward positive" in note
@@ -42,8 +48,14 @@ def test_an_inward_positive_accelerometer_is_turned_and_said(recording):
 def test_a_stored_accelerometer_is_turned_to_the_bit(recording):
     read, _ = recording
     stored = read.channels["acceleration"]
-    turned = replace(stored, samples=replace(stored.samples, scale=-stored.samples.scale, offset=-stored.samples.offset))
-    (one,), (other,) = (measured([replace(read, channels={"acceleration": c})], "radial_acceleration").stacks for c in (stored, turned))
+    turned = replace(
+        stored,
+        samples=replace(stored.samples, scale=-stored.samples.scale, offset=-stored.samples.offset),
+    )
+    (one,), (other,) = (
+        measured([replace(read, channels={"acceleration": c})], "radial_acceleration").stacks
+        for c in (stored, turned)
+    )
     np.testing.assert_array_equal(one.values, other.values)
 
 
@@ -58,7 +70,10 @@ AC = {
 @pytest.mark.parametrize("how", AC)
 def test_an_accelerometer_without_its_level_is_refused(recording, how):
     read, values = recording
-    with pytest.raises(UsageError, match=r"outside the patch \(median\) and a turning sensor reads -v\^2/R = -.*; allowed is 30 % off"):
+    with pytest.raises(
+        UsageError,
+        match=r"outside the patch \(median\) and a turning sensor reads -v\^2/R = -.*; allowed is 30 % off",
+    ):
         measured([with_values(read, AC[how](values))], "radial_acceleration")
 
 

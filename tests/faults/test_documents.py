@@ -32,15 +32,20 @@ HOSTILE = {
     "a list of such integers": "[phase_shift]\ncovariance = [[1" + "0" * 400 + "]]",
     "not TOML": "a = = 1",
     "two megabytes": "#" * (2 << 20),
-    "a value where a table is expected": "tire = 1\nconditions = 1\nchannels = []\nmodel = 3\nparameters = 4\nphase_shift = 5",
-    "a value where a list is expected": 'effects = 1\nmanoeuvres = [{}]\nchannels = {a = {kind = "strain"}}',
-    "a table where a word is expected": "[model]\ncarcass = {a = 1}\nobservable = [1]\n[channels.a]\nkind = []\nsource = {}",
+    "a value where a table is expected": "tire = 1\nconditions = 1\nchannels = []\n"
+    "model = 3\nparameters = 4\nphase_shift = 5",
+    "a value where a list is expected": "effects = 1\nmanoeuvres = [{}]\n"
+    'channels = {a = {kind = "strain"}}',
+    "a table where a word is expected": "[model]\ncarcass = {a = 1}\nobservable = [1]\n"
+    "[channels.a]\nkind = []\nsource = {}",
 }
 
 
 @pytest.mark.parametrize("what", HOSTILE)
 @pytest.mark.parametrize("kind", FILES)
-def test_every_file_of_tables_is_refused_with_its_name(tmp_path: Path, kind: str, what: str) -> None:
+def test_every_file_of_tables_is_refused_with_its_name(
+    tmp_path: Path, kind: str, what: str
+) -> None:
     path = tmp_path / "x.toml"
     path.write_text(HOSTILE[what])
     with pytest.raises((SetupError, UsageError, ModelError)) as caught:
@@ -63,7 +68,10 @@ def test_the_line_of_what_is_no_toml() -> None:
     assert (caught.value.file, caught.value.line) == ("s.toml", 2)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"ladders": ' * 500, '{"ladders": [1' + "0" * 400 + "]}", "[" * 40 + "]" * 40])
+@pytest.mark.parametrize(
+    "text",
+    ["[" * 100_000, '{"ladders": ' * 500, '{"ladders": [1' + "0" * 400 + "]}", "[" * 40 + "]" * 40],
+)
 def test_a_history_that_goes_too_far(tmp_path: Path, text: str) -> None:
     (tmp_path / "m.ladder.json").write_text(text)
     with pytest.raises(ModelError, match="no history"):
@@ -74,7 +82,10 @@ def test_what_is_as_deep_as_allowed_is_read() -> None:
     assert json_value("[" * DEEPEST + "]" * DEEPEST)
     with pytest.raises(ValueError, match="nested"):
         json_value("[" * (DEEPEST + 1) + "]" * (DEEPEST + 1))
-    assert toml_tables(f"a = {2**63 - 1}\nb = {-(2**63)}", SetupError, file="s.toml") == {"a": 2**63 - 1, "b": -(2**63)}
+    assert toml_tables(f"a = {2**63 - 1}\nb = {-(2**63)}", SetupError, file="s.toml") == {
+        "a": 2**63 - 1,
+        "b": -(2**63),
+    }
 
 
 @pytest.mark.parametrize(

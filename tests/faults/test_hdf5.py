@@ -1,4 +1,6 @@
-"""Hostile and damaged HDF5 files: refused or read in part, always in a sentence, never beyond bounded memory."""
+"""Hostile and damaged HDF5 files: refused or read in part, always in a sentence, never beyond
+bounded memory.
+"""
 
 import resource
 
@@ -14,7 +16,11 @@ GOOD = np.arange(20_000.0)
 
 
 def setup_of(*sources):
-    return parse_setup("\n".join(f'[channels.c{i}]\nkind = "temperature"\nsource = "{s}"' for i, s in enumerate(sources)))
+    return parse_setup(
+        "\n".join(
+            f'[channels.c{i}]\nkind = "temperature"\nsource = "{s}"' for i, s in enumerate(sources)
+        )
+    )
 
 
 def read(path, *sources):
@@ -39,7 +45,13 @@ def chunked(path):
     """Twenty chunks with checksums, behind a small contiguous dataset."""
     with h5py.File(path, "w") as file:
         file["small"] = np.arange(100.0)
-        file.create_dataset("x", data=np.random.default_rng(3).permutation(GOOD), chunks=(1000,), compression="gzip", fletcher32=True)
+        file.create_dataset(
+            "x",
+            data=np.random.default_rng(3).permutation(GOOD),
+            chunks=(1000,),
+            compression="gzip",
+            fletcher32=True,
+        )
     return path
 
 
@@ -191,7 +203,12 @@ def test_a_wrong_path_names_the_nearest(path):
 
 
 @pytest.mark.parametrize(
-    ("content", "says"), [(b"", "is empty"), (b"time,x\n1,2\n" * 100, "no readable HDF5"), (b"\x89HDF\r\n\x1a\n", "HDF5")]
+    ("content", "says"),
+    [
+        (b"", "is empty"),
+        (b"time,x\n1,2\n" * 100, "no readable HDF5"),
+        (b"\x89HDF\r\n\x1a\n", "HDF5"),
+    ],
 )
 def test_what_is_no_hdf5_file(path, content, says):
     path.write_bytes(content)
@@ -221,7 +238,9 @@ def test_a_flipped_bit_loses_its_chunk_and_no_other(chunked):
 def test_damage_to_the_first_stamps_leaves_the_others(path):
     with h5py.File(path, "w") as file:
         file["x"] = GOOD
-        file.create_dataset("time", data=5.0 + GOOD / 100, chunks=(1000,), compression="gzip", fletcher32=True)
+        file.create_dataset(
+            "time", data=5.0 + GOOD / 100, chunks=(1000,), compression="gzip", fletcher32=True
+        )
     content = bytearray(path.read_bytes())
     content[place(path, "time", 0).byte_offset + 50] ^= 4
     path.write_bytes(content)
@@ -278,7 +297,9 @@ def test_200_flips_and_cuts_end_in_a_sentence_or_in_data(chunked, tmp_path):
         if trial % 4 == 0:
             del damaged[rng.integers(len(damaged)) :]
         else:
-            reach = 1_500 if trial % 2 else len(damaged)  # half of them in the metadata at the start
+            reach = (
+                1_500 if trial % 2 else len(damaged)
+            )  # half of them in the metadata at the start
             for at in rng.integers(min(reach, len(damaged)), size=1 + trial % 3):
                 damaged[at] ^= 1 << rng.integers(8)
         target = tmp_path / f"damaged_{trial}.h5"
@@ -294,10 +315,15 @@ def test_200_flips_and_cuts_end_in_a_sentence_or_in_data(chunked, tmp_path):
 
 def test_types_that_are_whole_and_cannot_be_read_here(tmp_path):
     with h5py.File(tmp_path / "log.h5", "w") as file:
-        file.create_dataset("a", shape=(20,), dtype=np.dtype(("f8", (10,))))[...] = np.ones((20, 10))
+        file.create_dataset("a", shape=(20,), dtype=np.dtype(("f8", (10,))))[...] = np.ones(
+            (20, 10)
+        )
         space = h5py.h5s.create_simple((20,))
         h5py.h5d.create(file.id, b"t", h5py.h5t.UNIX_D32LE, space)
-    for source, why in (("/a", "holds arrays of shape .10,. as its elements"), ("/t", "cannot be read here")):
+    for source, why in (
+        ("/a", "holds arrays of shape .10,. as its elements"),
+        ("/t", "cannot be read here"),
+    ):
         with pytest.raises(ReadError, match=why) as caught:
             open_hdf5(tmp_path / "log.h5", setup_of(source), "log.h5")
         assert "damaged" not in str(caught.value)

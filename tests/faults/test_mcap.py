@@ -1,4 +1,6 @@
-"""Damaged and foreign MCAP files: good chunks are kept, what is lost is named, and nothing but our own errors comes out."""
+"""Damaged and foreign MCAP files: good chunks are kept, what is lost is named, and nothing but our
+own errors comes out.
+"""
 
 import io
 import re
@@ -44,7 +46,9 @@ def messages(n=N):
 
 def chunks(path):
     with path.open("rb") as stream:
-        return sorted(make_reader(stream).get_summary().chunk_indexes, key=lambda c: c.chunk_start_offset)
+        return sorted(
+            make_reader(stream).get_summary().chunk_indexes, key=lambda c: c.chunk_start_offset
+        )
 
 
 def flip(path, at, bit=3):
@@ -76,7 +80,9 @@ def test_a_flipped_bit_loses_its_chunk_by_name_and_no_other(path, compression, w
 
 
 @pytest.mark.parametrize(("ahead", "as_stream"), [(1 << 25, True), (1000, False)])
-def test_definitions_lost_with_the_first_chunk_come_from_the_end_of_the_file(path, monkeypatch, ahead, as_stream):
+def test_definitions_lost_with_the_first_chunk_come_from_the_end_of_the_file(
+    path, monkeypatch, ahead, as_stream
+):
     monkeypatch.setattr("tirelog.readers.mcap.reader.READ_AHEAD_BYTES", ahead)
     write_json(path, messages())
     flip(path, chunks(path)[0].chunk_start_offset + 200)
@@ -108,7 +114,9 @@ def test_a_flip_between_the_chunks_is_seen_by_the_checksum_of_the_whole(path):
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=5000, enable_data_crcs=True)
         writer.start()
-        channel = writer.register_channel("/t", "json", writer.register_schema("a", "jsonschema", b"{}"))
+        channel = writer.register_channel(
+            "/t", "json", writer.register_schema("a", "jsonschema", b"{}")
+        )
         writer.add_attachment(START_NS, START_NS, "note", "text/plain", b"a" * 3000)
         for i in range(100):
             writer.add_message(channel, START_NS + i, b'{"x": 1}', START_NS + i)
@@ -148,7 +156,12 @@ def test_a_file_without_its_end_record(path):
 
 
 @pytest.mark.parametrize(
-    ("content", "says"), [(b"", "is empty"), (b"time,x\n1,2\n" * 9, "does not begin as an MCAP"), (b"\x89MCAP0\r\n", "cut off")]
+    ("content", "says"),
+    [
+        (b"", "is empty"),
+        (b"time,x\n1,2\n" * 9, "does not begin as an MCAP"),
+        (b"\x89MCAP0\r\n", "cut off"),
+    ],
 )
 def test_what_is_no_mcap_file(content, says):
     with pytest.raises(ReadError, match=says):
@@ -162,15 +175,31 @@ def test_a_missing_file(path):
 
 def test_a_wrong_topic_or_field_names_the_nearest_and_leaves_the_others(path):
     write_json(path, [("/front_left/strain", t, m) for _, t, m in messages(50)])
-    with pytest.raises(ReadError, match=r"'/front_left/strains' is not in the log \(nearest: /front_left/strain\)"):
+    with pytest.raises(
+        ReadError, match=r"'/front_left/strains' is not in the log \(nearest: /front_left/strain\)"
+    ):
         read(path, {"x": "/front_left/strains:x"})
-    values, _, reader = read(path, {"a": "/front_left/strain:x", "b": "/front_left/strain:yy", "c": "/rear:x", "d": "nonsense"})
+    values, _, reader = read(
+        path,
+        {
+            "a": "/front_left/strain:x",
+            "b": "/front_left/strain:yy",
+            "c": "/rear:x",
+            "d": "nonsense",
+        },
+    )
     assert set(values) == {"a"}
-    assert [next(c for c in "bcd" if f"channel {c}" in loss) for loss in reader.report.losses] == ["d", "b", "c"]
+    assert [next(c for c in "bcd" if f"channel {c}" in loss) for loss in reader.report.losses] == [
+        "d",
+        "b",
+        "c",
+    ]
     assert "has no field 'yy' (nearest: y); it has x, y" in reader.report.losses[1]
 
 
-@pytest.mark.parametrize("source", ["/t", "/t:", "/t:a..b", "/t:a[", "/t:a[-1]", "/t:a[1 2]", "/t:[", ":x", "/t:a[::0]"])
+@pytest.mark.parametrize(
+    "source", ["/t", "/t:", "/t:a..b", "/t:a[", "/t:a[-1]", "/t:a[1 2]", "/t:[", ":x", "/t:a[::0]"]
+)
 def test_sources_that_do_not_parse(path, source):
     write_json(path, messages(5))
     with pytest.raises(ReadError, match="allowed"):
@@ -178,13 +207,30 @@ def test_sources_that_do_not_parse(path, source):
 
 
 def test_text_where_a_number_is_expected(path):
-    write_json(path, [("/t", t, {"x": "high" if i == 7 else i}) for i, (_, t, _) in enumerate(messages(50))])
+    write_json(
+        path,
+        [("/t", t, {"x": "high" if i == 7 else i}) for i, (_, t, _) in enumerate(messages(50))],
+    )
     values, _, reader = read(path, {"x": "/t:x"})
     assert np.flatnonzero(np.isnan(values["x"])).tolist() == [7]
-    assert ["1 messages of /t: x holds text where a number is expected" in loss for loss in reader.report.losses] == [True]
+    assert [
+        "1 messages of /t: x holds text where a number is expected" in loss
+        for loss in reader.report.losses
+    ] == [True]
 
 
-@pytest.mark.parametrize("bad", [b"{", b"", b"[1]", b"\xff\xfe", b'{"x": {"deep": 1}}', b'{"x": 1}\n{"x": 2}', b'{"x":' + b"[" * 5000])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        b"{",
+        b"",
+        b"[1]",
+        b"\xff\xfe",
+        b'{"x": {"deep": 1}}',
+        b'{"x": 1}\n{"x": 2}',
+        b'{"x":' + b"[" * 5000,
+    ],
+)
 def test_a_message_that_does_not_decode_is_one_lost_sample(path, bad):
     rows = [("/t", t, bad if i == 20 else {"x": i}) for i, (_, t, _) in enumerate(messages(50))]
     values, _, reader = read(write_json(path, rows), {"x": "/t:x"})
@@ -196,7 +242,9 @@ def test_foreign_channels_and_broken_schemas_stop_nothing(path):
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
-        broken = writer.register_schema("pkg/srv/Thing_Event", "ros2msg", b"\xff\xfe not a definition ===")
+        broken = writer.register_schema(
+            "pkg/srv/Thing_Event", "ros2msg", b"\xff\xfe not a definition ==="
+        )
         foreign = writer.register_channel("/thing/_service_event", "cdr", broken)
         odd = writer.register_channel("/odd", "morse", 0)
         good = writer.register_channel("/t", "json", 0)
@@ -245,14 +293,22 @@ def all_kinds(tmp_path):
     yield write_json(tmp_path / "n", messages(300), chunk_size=3000, compression=NONE), SOURCES
     yield write_json(tmp_path / "u", messages(300), use_chunking=False), SOURCES
     ros = [("/j", t, "my_msgs/msg/Joint", STAMPED, m) for t, m in zip(times, joints, strict=True)]
-    yield write_ros2(tmp_path / "r", ros, compression=NONE, chunk_size=3000), {"a": "/j:position[1]", "b": "/j:counts", "c": "/j:last"}
+    yield (
+        write_ros2(tmp_path / "r", ros, compression=NONE, chunk_size=3000),
+        {"a": "/j:position[1]", "b": "/j:counts", "c": "/j:last"},
+    )
     proto = [protobuf_class()[0](strain=rng.normal(), steps=i, batch=[1.0, i]) for i in range(300)]
     tire = [("/p", t, m) for t, m in zip(times, proto, strict=True)]
-    yield write_protobuf(tmp_path / "p", tire, compression=LZ4, chunk_size=3000), {"a": "/p:strain", "b": "/p:batch", "c": "/p:steps"}
+    yield (
+        write_protobuf(tmp_path / "p", tire, compression=LZ4, chunk_size=3000),
+        {"a": "/p:strain", "b": "/p:batch", "c": "/p:steps"},
+    )
 
 
 def test_flips_and_cuts_end_in_a_sentence_or_in_data(tmp_path):
-    """Any damage, 60 times an encoding: an error of ours or samples, never another exception, and bounded memory."""
+    """Any damage, 60 times an encoding: an error of ours or samples, never another exception, and
+    bounded memory.
+    """
     rng = np.random.default_rng(12)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     outcomes = {"refused": 0, "whole": 0, "loss": 0}
@@ -293,7 +349,11 @@ def record(opcode, body=b""):
 def packed(records):
     """A chunk record of these records, compressed."""
     stored = zstandard.ZstdCompressor().compress(records)
-    head = struct.pack("<QQQI", 0, 1, len(records), zlib.crc32(records)) + struct.pack("<I", 4) + b"zstd"
+    head = (
+        struct.pack("<QQQI", 0, 1, len(records), zlib.crc32(records))
+        + struct.pack("<I", 4)
+        + b"zstd"
+    )
     return record(Opcode.CHUNK, head + struct.pack("<Q", len(stored)) + stored)
 
 
@@ -302,29 +362,47 @@ def prefixed(text):
 
 
 def schema(number, data):
-    return record(Opcode.SCHEMA, struct.pack("<H", number) + prefixed(b"a") + prefixed(b"jsonschema") + prefixed(data))
+    return record(
+        Opcode.SCHEMA,
+        struct.pack("<H", number) + prefixed(b"a") + prefixed(b"jsonschema") + prefixed(data),
+    )
 
 
-CHANNEL = record(Opcode.CHANNEL, struct.pack("<HH", 1, 1) + prefixed(b"/t") + prefixed(b"json") + struct.pack("<I", 0))
+CHANNEL = record(
+    Opcode.CHANNEL,
+    struct.pack("<HH", 1, 1) + prefixed(b"/t") + prefixed(b"json") + struct.pack("<I", 0),
+)
 
 
 def message(data, number=0):
-    return record(Opcode.MESSAGE, struct.pack("<HIQQ", 1, number, START_NS + 10**6 * number, 0) + data)
+    return record(
+        Opcode.MESSAGE, struct.pack("<HIQQ", 1, number, START_NS + 10**6 * number, 0) + data
+    )
 
 
-GOOD = packed(schema(1, b"{}") + CHANNEL + b"".join(message(b'{"x": %d}' % i, i) for i in range(50)))
+GOOD = packed(
+    schema(1, b"{}") + CHANNEL + b"".join(message(b'{"x": %d}' % i, i) for i in range(50))
+)
 SWOLLEN = {
     "a chunk of empty records": (record(Opcode.STATISTICS) * 40_000, "lost (it holds more than"),
     "a chunk of empty messages": (message(b"") * 40_000, "lost (it holds more than"),
     "a large schema": (schema(2, b" " * 3000), "cannot be used (it is larger than"),
-    "many schemas": (b"".join(schema(i, b" " * 500) for i in range(2, 20)), "cannot be used (with it there are more than"),
-    "one list of numbers": (message(b'{"x": [' + b"0," * 30_000 + b"0]}"), "of /t: larger than|no message that decodes and is at most"),
+    "many schemas": (
+        b"".join(schema(i, b" " * 500) for i in range(2, 20)),
+        "cannot be used (with it there are more than",
+    ),
+    "one list of numbers": (
+        message(b'{"x": [' + b"0," * 30_000 + b"0]}"),
+        "of /t: larger than|no message that decodes and is at most",
+    ),
 }
 
 
 @pytest.mark.parametrize("alone", [False, True])
 @pytest.mark.parametrize("what", SWOLLEN)
-def test_a_small_file_that_unpacks_to_much_costs_that_chunk_and_no_memory(path, monkeypatch, what, alone):
+def test_a_small_file_that_unpacks_to_much_costs_that_chunk_and_no_memory(
+    path, monkeypatch, what, alone
+):
     for module in ("walk", "records"):
         monkeypatch.setattr(f"tirelog.readers.mcap.{module}.LARGEST_DEFINITION_BYTES", 2000)
     monkeypatch.setattr("tirelog.readers.mcap.records.MOST_DEFINITION_BYTES", 4000)
@@ -348,7 +426,16 @@ def test_a_message_of_many_structures_is_not_decoded(path):
     """A byte each in the file, and an object of Python each in memory."""
     definition = "my_msgs/Sub[] subs\nfloat64 x\n" + "=" * 80 + "\nMSG: my_msgs/Sub\nuint8 a\n"
     wide = {"subs": [{"a": 1}] * 40_000, "x": 2.0}
-    plain = [("/t", START_NS + 10**6 * i, "my_msgs/M", definition, {"subs": [{"a": 1}] * 3, "x": float(i)}) for i in range(20)]
+    plain = [
+        (
+            "/t",
+            START_NS + 10**6 * i,
+            "my_msgs/M",
+            definition,
+            {"subs": [{"a": 1}] * 3, "x": float(i)},
+        )
+        for i in range(20)
+    ]
     write_ros2(path, [*plain, ("/t", START_NS + 10**8, "my_msgs/M", definition, wide)])
     values, _, reader = read(path, {"x": "/t:x"})
     np.testing.assert_array_equal(values["x"], [*range(20), np.nan])
@@ -357,8 +444,15 @@ def test_a_message_of_many_structures_is_not_decoded(path):
 
 def test_a_chunk_is_let_go_before_the_next_is_unpacked(path):
     rows = b"".join(message(b'{"x": %d}' % i, i) for i in range(2000))
-    head = b"\x89MCAP0\r\n" + record(Opcode.HEADER, prefixed(b"") + prefixed(b"")) + schema(1, b"{}") + CHANNEL
-    path.write_bytes(head + b"".join(packed(rows + record(Opcode.STATISTICS, bytes(20 << 20))) for _ in range(4)))
+    head = (
+        b"\x89MCAP0\r\n"
+        + record(Opcode.HEADER, prefixed(b"") + prefixed(b""))
+        + schema(1, b"{}")
+        + CHANNEL
+    )
+    path.write_bytes(
+        head + b"".join(packed(rows + record(Opcode.STATISTICS, bytes(20 << 20))) for _ in range(4))
+    )
     read(path, {"x": "/t:x"})
     tracemalloc.start()
     read(path, {"x": "/t:x"})

@@ -46,7 +46,9 @@ def test_a_name_as_long_as_the_system_allows(tmp_path: Path, size: int) -> None:
         assert (tmp_path / name).read_text() == "1"
 
 
-def test_the_temporary_name_is_new_each_time_and_a_planted_link_is_not_followed(tmp_path: Path) -> None:
+def test_the_temporary_name_is_new_each_time_and_a_planted_link_is_not_followed(
+    tmp_path: Path,
+) -> None:
     victim = tmp_path / "victim"
     victim.write_text("untouched")
     (tmp_path / f".t.csv.{os.getpid()}.part").symlink_to(victim)  # the name that was chosen once
@@ -56,15 +58,25 @@ def test_the_temporary_name_is_new_each_time_and_a_planted_link_is_not_followed(
     assert victim.read_text() == "untouched"
 
 
-def test_what_a_killed_process_left_is_swept_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_killed_process_left_is_swept_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     temporary = tmp_path / "tmp"
     temporary.mkdir()
     killed(tmp_path / "t.csv", temporary)
     left = list(tmp_path.glob(".t.csv.*.part"))
     assert len(left) == 1
     assert len(list(temporary.iterdir())) == 1
-    elsewhere = ".t.csv.00000000-" + left[0].name.split("-", 1)[1]  # another machine's: nobody here knows its processes
-    others = [".download.part", ".t.csv.4711.part", ".x.csv.zz-1-1.part", elsewhere, part_name("t.csv").name]
+    elsewhere = (
+        ".t.csv.00000000-" + left[0].name.split("-", 1)[1]
+    )  # another machine's: nobody here knows its processes
+    others = [
+        ".download.part",
+        ".t.csv.4711.part",
+        ".x.csv.zz-1-1.part",
+        elsewhere,
+        part_name("t.csv").name,
+    ]
     for name in others:
         (tmp_path / name).write_text("another program's")
     (temporary / "tirelog-abcdefgh").mkdir()
@@ -107,7 +119,9 @@ def test_a_pipe_is_written_through(tmp_path: Path) -> None:
 
 
 def device(path: Path, minor: int) -> Path:
-    """An own device of the memory driver's (3 is null, 7 is full): a fault of ours must not meet the machine's."""
+    """An own device of the memory driver's (3 is null, 7 is full): a fault of ours must not meet
+    the machine's.
+    """
     try:
         os.mknod(path, 0o666 | stat.S_IFCHR, os.makedev(1, minor))
         path.open("wb").close()
@@ -134,7 +148,9 @@ def test_a_device_that_is_full(tmp_path: Path) -> None:
 def test_an_input_is_no_output(tmp_path: Path, how: str) -> None:
     log = tmp_path / "log.csv"
     log.write_text("recorded")
-    other = {"itself": log, "dots": tmp_path / "sub" / ".." / "log.csv"}.get(how, tmp_path / "other.csv")
+    other = {"itself": log, "dots": tmp_path / "sub" / ".." / "log.csv"}.get(
+        how, tmp_path / "other.csv"
+    )
     (tmp_path / "sub").mkdir()
     if how == "link":
         other.symlink_to(log)
@@ -142,7 +158,10 @@ def test_an_input_is_no_output(tmp_path: Path, how: str) -> None:
         other.hardlink_to(log)
     with inputs_kept():
         taken_as_input(log)
-        with pytest.raises(UsageError, match="no output takes the place of an input"), whole_file(other):
+        with (
+            pytest.raises(UsageError, match="no output takes the place of an input"),
+            whole_file(other),
+        ):
             pass
         with pytest.raises(UsageError, match="is an input of this command"):
             refuse_inputs(tmp_path / "new.csv", other)
@@ -176,4 +195,7 @@ def test_several_files_take_their_names_together(tmp_path: Path) -> None:
         write(fail=True)
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.csv", "older")]
     write(fail=False)
-    assert sorted((p.name, p.read_text()) for p in tmp_path.iterdir()) == [("a.csv", "new"), ("b.csv", "new")]
+    assert sorted((p.name, p.read_text()) for p in tmp_path.iterdir()) == [
+        ("a.csv", "new"),
+        ("b.csv", "new"),
+    ]

@@ -40,11 +40,22 @@ def write(path: Path, times: np.ndarray | None = None) -> None:
     rng = np.random.default_rng(1)
     groups = (Group("g", ("s",), decimals={"s": 4}), Group("h", ("v",)))
     with RunWriter(path, parse_setup(SETUP), groups, compress=True) as writer:
-        writer.append(RawBlock("g", {"s": np.round(rng.standard_normal(SIZE), 4)}, flags=(("s", 3, 5, "spike"),)))
+        writer.append(
+            RawBlock(
+                "g", {"s": np.round(rng.standard_normal(SIZE), 4)}, flags=(("s", 3, 5, "spike"),)
+            )
+        )
         writer.append(RawBlock("h", {"v": rng.random(2000)}))
         axis = TimeAxis.uniform(2000, 100.0) if times is None else TimeAxis.of_times(times)
-        about = {"losses": ["3 rows are damaged"], "remarks": ["no twin"], "counts": {"bad_rows": 3}, "repairs": {}}
-        writer.finish({"g": TimeAxis.uniform(SIZE, 2500.0), "h": axis}, {"h": [(7, 9, "gap")]}, about)
+        about = {
+            "losses": ["3 rows are damaged"],
+            "remarks": ["no twin"],
+            "counts": {"bad_rows": 3},
+            "repairs": {},
+        }
+        writer.finish(
+            {"g": TimeAxis.uniform(SIZE, 2500.0), "h": axis}, {"h": [(7, 9, "gap")]}, about
+        )
 
 
 @pytest.fixture(scope="module")
@@ -58,18 +69,30 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 def told(path: Path) -> dict[str, object]:
     """All that a recording says, and its samples' bytes."""
     with open_run(path, "r.h5") as read:
-        out: dict[str, object] = {"setup": read.setup.text, "about": str(read.provenance), "remarks": read.remarks}
+        out: dict[str, object] = {
+            "setup": read.setup.text,
+            "about": str(read.provenance),
+            "remarks": read.remarks,
+        }
         for name, channel in read.channels.items():
-            out[name] = (channel.read().tobytes(), channel.axis.time(0, channel.axis.size).tobytes(), channel.flags)
+            out[name] = (
+                channel.read().tobytes(),
+                channel.axis.time(0, channel.axis.size).tobytes(),
+                channel.flags,
+            )
         return out | {"losses": list(read.losses)}
 
 
 def test_nothing_lies_in_the_heap(tmp_path: Path) -> None:
     write(tmp_path / "r.h5", np.linspace(0.0, 20.0, 2000) ** 1.1)
-    assert b"GCOL" not in (tmp_path / "r.h5").read_bytes()  # where HDF5 keeps what is of variable length
+    assert (
+        b"GCOL" not in (tmp_path / "r.h5").read_bytes()
+    )  # where HDF5 keeps what is of variable length
     kinds = set()
     with h5py.File(tmp_path / "r.h5") as file:
-        file.visititems(lambda _, item: kinds.update(item.attrs.get_id(name).dtype.kind for name in item.attrs))
+        file.visititems(
+            lambda _, item: kinds.update(item.attrs.get_id(name).dtype.kind for name in item.attrs)
+        )
         assert check_columns(file) == []
     assert kinds <= set("iufS")
 
@@ -81,13 +104,21 @@ def _flip(clean: bytes, path: Path, at: int, bit: int) -> None:
 
 
 def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
-    """Everywhere, and in the texts that stand in a run: a radius of 0.305 must not become one of 0.315."""
+    """Everywhere, and in the texts that stand in a run: a radius of 0.305 must not become one of
+    0.315.
+    """
     path = tmp_path / "r.h5"
     write(path, np.linspace(0.0, 20.0, 2000) ** 1.1)
     truth, clean = told(path), path.read_bytes()
     rng = random.Random(5)
     places = [rng.randrange(len(clean)) for _ in range(20)]
-    for text in (b"rolling_radius_m = 0.305", b"rows are damaged", b"contents_sha256", b"rate_Hz", b"decimals"):
+    for text in (
+        b"rolling_radius_m = 0.305",
+        b"rows are damaged",
+        b"contents_sha256",
+        b"rate_Hz",
+        b"decimals",
+    ):
         start = clean.index(text)
         places += [rng.randrange(start, start + len(text) + 8) for _ in range(8)]
     noticed = 0
@@ -102,7 +133,9 @@ def test_a_flipped_bit_is_noticed_or_changes_nothing(tmp_path: Path) -> None:
             continue
         noticed += 1
         assert any("damaged (checksum)" in loss for loss in found["losses"])
-        assert {key: found[key] for key in ("setup", "about", "remarks")} == {key: truth[key] for key in ("setup", "about", "remarks")}
+        assert {key: found[key] for key in ("setup", "about", "remarks")} == {
+            key: truth[key] for key in ("setup", "about", "remarks")
+        }
     assert noticed > len(places) // 2
 
 
@@ -130,7 +163,13 @@ def _replaced(file: h5py.File, path: str, **dataset: object) -> None:
 
 def _raw_storage(file: h5py.File, folder: Path) -> None:
     (folder / "secret.bin").write_bytes(bytes(4 * SIZE))
-    _replaced(file, "channels/s", shape=(SIZE,), dtype="i4", external=[(str(folder / "secret.bin"), 0, 4 * SIZE)])
+    _replaced(
+        file,
+        "channels/s",
+        shape=(SIZE,),
+        dtype="i4",
+        external=[(str(folder / "secret.bin"), 0, 4 * SIZE)],
+    )
 
 
 def _virtual(file: h5py.File, folder: Path) -> None:
@@ -170,22 +209,44 @@ HOSTILE: dict[str, Callable[[h5py.File, Path], None]] = {
     "link for a group": _soft_groups,
     "raw storage of another file": _raw_storage,
     "virtual over another file": _virtual,
-    "a chunk of 2 GB": lambda f, d: _replaced(f, "channels/s", shape=(SIZE,), maxshape=(None,), dtype="i4", chunks=(1 << 29,), **FILTERS),
+    "a chunk of 2 GB": lambda f, d: _replaced(
+        f, "channels/s", shape=(SIZE,), maxshape=(None,), dtype="i4", chunks=(1 << 29,), **FILTERS
+    ),
     "a chunk that grows": _inflating_chunk,
-    "a chunk of 2 GB of text": lambda f, d: _replaced(f, "setup", shape=(1 << 31,), dtype="u1", chunks=(1 << 31,), **FILTERS),
+    "a chunk of 2 GB of text": lambda f, d: _replaced(
+        f, "setup", shape=(1 << 31,), dtype="u1", chunks=(1 << 31,), **FILTERS
+    ),
     "a size of 1e15": _attribute("groups/g", "size", 1e15),
     "half of the size": _attribute("groups/g", "size", SIZE // 2),
     "an infinite rate": _attribute("groups/g", "rate_Hz", np.inf),
     "no rate": lambda f, d: f["groups/g"].attrs.__delitem__("rate_Hz"),
-    "samples of text": lambda f, d: _replaced(f, "channels/s", data=np.array([b"a"] * SIZE), chunks=(CHUNK,)),
-    "complex samples": lambda f, d: _replaced(f, "channels/s", data=np.zeros(SIZE, complex), chunks=(CHUNK,)),
-    "samples of two axes": lambda f, d: _replaced(f, "channels/s", data=np.zeros((SIZE, 2)), chunks=(CHUNK, 2)),
-    "lists for samples": lambda f, d: _replaced(f, "channels/s", shape=(SIZE,), dtype=h5py.vlen_dtype("i4"), chunks=(CHUNK,)),
-    "no samples": lambda f, d: _replaced(f, "channels/s", shape=(0,), maxshape=(None,), dtype="i4", chunks=(CHUNK,)),
-    "a start beyond all time": lambda f, d: _replaced(f, "groups/g/start_s", data=[1e300], chunks=True),
-    "a period of nothing": lambda f, d: _replaced(f, "groups/g/period_s", data=[np.nan], chunks=True),
-    "no start": lambda f, d: _replaced(f, "groups/g/start_s", data=np.zeros(0), chunks=(1,), maxshape=(None,)),
-    "flags from nowhere": lambda f, d: _replaced(f, "flags/s/start", data=np.array([-5]), chunks=True),
+    "samples of text": lambda f, d: _replaced(
+        f, "channels/s", data=np.array([b"a"] * SIZE), chunks=(CHUNK,)
+    ),
+    "complex samples": lambda f, d: _replaced(
+        f, "channels/s", data=np.zeros(SIZE, complex), chunks=(CHUNK,)
+    ),
+    "samples of two axes": lambda f, d: _replaced(
+        f, "channels/s", data=np.zeros((SIZE, 2)), chunks=(CHUNK, 2)
+    ),
+    "lists for samples": lambda f, d: _replaced(
+        f, "channels/s", shape=(SIZE,), dtype=h5py.vlen_dtype("i4"), chunks=(CHUNK,)
+    ),
+    "no samples": lambda f, d: _replaced(
+        f, "channels/s", shape=(0,), maxshape=(None,), dtype="i4", chunks=(CHUNK,)
+    ),
+    "a start beyond all time": lambda f, d: _replaced(
+        f, "groups/g/start_s", data=[1e300], chunks=True
+    ),
+    "a period of nothing": lambda f, d: _replaced(
+        f, "groups/g/period_s", data=[np.nan], chunks=True
+    ),
+    "no start": lambda f, d: _replaced(
+        f, "groups/g/start_s", data=np.zeros(0), chunks=(1,), maxshape=(None,)
+    ),
+    "flags from nowhere": lambda f, d: _replaced(
+        f, "flags/s/start", data=np.array([-5]), chunks=True
+    ),
     "decimals without end": _attribute("channels/s", "decimals", 1e9),
     "another group": _attribute("channels/s", "group", np.bytes_(b"nowhere")),
     "a group in the heap": _attribute("channels/s", "group", "g"),
@@ -201,7 +262,9 @@ HOSTILE: dict[str, Callable[[h5py.File, Path], None]] = {
 
 @pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path: Path, written: bytes, name: str, signed: bool) -> None:
+def test_a_run_of_somebody_else_is_checked_as_any_file(
+    tmp_path: Path, written: bytes, name: str, signed: bool
+) -> None:
     """Also if its digest is one of its own contents: what is no good is refused for what it is."""
     path = tmp_path / "r.h5"
     path.write_bytes(written)
@@ -217,7 +280,9 @@ def test_a_run_of_somebody_else_is_checked_as_any_file(tmp_path: Path, written: 
         pass
 
 
-def test_columns_that_were_exchanged_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_columns_that_were_exchanged_are_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     write(tmp_path / "r.h5")
     with h5py.File(tmp_path / "r.h5", "r+") as file:
         file["channels/s"][7] = 1
@@ -229,12 +294,17 @@ def test_columns_that_were_exchanged_are_told(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_a_closed_recording_says_so(tmp_path: Path) -> None:
-    """Kept longer than it is open: a run, a log that went through a temporary run, and times of their own."""
+    """Kept longer than it is open: a run, a log that went through a temporary run, and times of
+    their own.
+    """
     write(tmp_path / "r.h5", np.linspace(0.0, 20.0, 2000) ** 1.1)
     rows = [f"{k / 100 + 0.003 * (k % 3)},{k % 7}" for k in range(3000)]
     (tmp_path / "log.csv").write_text("time_s,c\n" + "\n".join(rows) + "\n")
     (tmp_path / "log.toml").write_text('[channels.v]\nkind = "vehicle_speed"\nsource = "c"\n')
-    with suppress(typer.Exit), Session(None, quiet=True) as session:  # the run says that it has lost rows
+    with (
+        suppress(typer.Exit),
+        Session(None, quiet=True) as session,
+    ):  # the run says that it has lost rows
         kept = list(session.recordings([str(tmp_path / "r.h5"), str(tmp_path / "log.csv")]))
     assert len(kept) == 2
     for recording in kept:
@@ -246,10 +316,15 @@ def test_a_closed_recording_says_so(tmp_path: Path) -> None:
 
 
 def test_an_ingested_log_is_what_was_read(tmp_path: Path) -> None:
-    (tmp_path / "log.csv").write_text("time_s,c\n" + "\n".join(f"{k / 100:.2f},{k % 7}" for k in range(3000)) + "\n")
+    (tmp_path / "log.csv").write_text(
+        "time_s,c\n" + "\n".join(f"{k / 100:.2f},{k % 7}" for k in range(3000)) + "\n"
+    )
     (tmp_path / "log.toml").write_text('[channels.v]\nkind = "vehicle_speed"\nsource = "c"\n')
     write_run(str(tmp_path / "log.csv"), None, tmp_path / "r.h5")
-    with open_recording(str(tmp_path / "log.csv")) as log, open_recording(str(tmp_path / "r.h5")) as stored:
+    with (
+        open_recording(str(tmp_path / "log.csv")) as log,
+        open_recording(str(tmp_path / "r.h5")) as stored,
+    ):
         assert np.array_equal(log.channels["v"].read(), stored.channels["v"].read())
     with h5py.File(tmp_path / "r.h5") as file:
         assert check_columns(file) == []

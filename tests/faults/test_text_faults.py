@@ -37,7 +37,10 @@ NOTHING = {
     "prose": (b"Dear Sir,\nthe log is lost.\n" * 20, "holds no rows of numbers"),
     "binary": (bytes(range(256)) * 100, "is not text"),
     "control characters": (b"\x01\x02\x03\x04abc\n" * 100, "is not text"),
-    "nul in every row": (log().replace(",1542", ",15\x0042").encode(), "is not text .a NUL byte at"),
+    "nul in every row": (
+        log().replace(",1542", ",15\x0042").encode(),
+        "is not text .a NUL byte at",
+    ),
     "nothing but nul": (HEADER.encode() + b"\0" * 4096, "is not text .a NUL byte at"),
     "utf-16": (log().encode("utf-16"), "UTF-16.*iconv"),
     "utf-16 without its mark": (log().encode("utf-16-le"), "UTF-16.*iconv"),
@@ -63,18 +66,48 @@ def test_nothing_can_be_read(name: str) -> None:
 LOST = {
     "cut in a row": (log()[:-12], 199, "line 201: the last row is cut off"),
     "cut in the last number": (log()[:-3], 199, "line 201: the last row is cut off"),
-    "cut behind the last separator": (log()[: -len("1542.0000") - 1], 199, "line 201: the last row is cut off"),
-    "a short row": (log({100: "0.0400,1550.1"}), 200, "1 rows do not parse (first in line 102: not 3 cells)"),
-    "a long row": (log({100: "0.0400,1550.1,1542.0,9,9"}), 200, "1 rows do not parse (first in line 102: not 3 cells)"),
-    "text for a number": (log({7: "0.0028,ERR,1542.0", 9: "0.0036,ERR,1542.0"}), 200, "2 cells are no numbers (first in line 9: 'ERR')"),
-    "text for a stamp": (log({7: "noon,1550.0,1542.0"}), 199, "1 rows do not parse (first in line 9: no readable time)"),
-    "two rows run together": (log({7: rows()[7] + rows()[8]}), 200, "1 rows do not parse (first in line 9: not 3 cells)"),
-    "nul bytes inside": (log({150: "\0" * 50}, 9000).replace("\0", "", 0), 8999, "1 rows do not parse"),
+    "cut behind the last separator": (
+        log()[: -len("1542.0000") - 1],
+        199,
+        "line 201: the last row is cut off",
+    ),
+    "a short row": (
+        log({100: "0.0400,1550.1"}),
+        200,
+        "1 rows do not parse (first in line 102: not 3 cells)",
+    ),
+    "a long row": (
+        log({100: "0.0400,1550.1,1542.0,9,9"}),
+        200,
+        "1 rows do not parse (first in line 102: not 3 cells)",
+    ),
+    "text for a number": (
+        log({7: "0.0028,ERR,1542.0", 9: "0.0036,ERR,1542.0"}),
+        200,
+        "2 cells are no numbers (first in line 9: 'ERR')",
+    ),
+    "text for a stamp": (
+        log({7: "noon,1550.0,1542.0"}),
+        199,
+        "1 rows do not parse (first in line 9: no readable time)",
+    ),
+    "two rows run together": (
+        log({7: rows()[7] + rows()[8]}),
+        200,
+        "1 rows do not parse (first in line 9: not 3 cells)",
+    ),
+    "nul bytes inside": (
+        log({150: "\0" * 50}, 9000).replace("\0", "", 0),
+        8999,
+        "1 rows do not parse",
+    ),
 }
 
 
 @pytest.mark.parametrize("name", LOST)
-def test_what_is_lost_is_told_and_the_rest_is_kept(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_lost_is_told_and_the_rest_is_kept(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("tirelog.readers.text.source.HEAD_BYTES", 2000)
     text, kept, message = LOST[name]
     reader, block = read(text, SETUP)
@@ -83,23 +116,47 @@ def test_what_is_lost_is_told_and_the_rest_is_kept(name: str, monkeypatch: pytes
     assert message in reader.report.losses[0]
     good = ~np.isnan(block.values["a"])
     assert good.sum() >= kept - 2
-    np.testing.assert_allclose(block.values["a"][good], 1550 + np.round(block.stamps_s[good] * 2500) / 1000, atol=1e-9)
+    np.testing.assert_allclose(
+        block.values["a"][good], 1550 + np.round(block.stamps_s[good] * 2500) / 1000, atol=1e-9
+    )
 
 
 NUL = {
-    "a byte in a row": (log({100: "0.0400,15\x0050.1,1542.0"}), 200, "1 cells are no numbers (first in line 102"),
-    "a byte in a stamp": (log({100: "0.04\x0000,1550.1,1542.0"}), 199, "1 rows do not parse (first in line 102: no readable"),
-    "a hole in the middle": (log({100: "0.04" + "\0" * 3000 + "1,1542.0"}), 199, "1 rows do not parse (first in line 102"),
+    "a byte in a row": (
+        log({100: "0.0400,15\x0050.1,1542.0"}),
+        200,
+        "1 cells are no numbers (first in line 102",
+    ),
+    "a byte in a stamp": (
+        log({100: "0.04\x0000,1550.1,1542.0"}),
+        199,
+        "1 rows do not parse (first in line 102: no readable",
+    ),
+    "a hole in the middle": (
+        log({100: "0.04" + "\0" * 3000 + "1,1542.0"}),
+        199,
+        "1 rows do not parse (first in line 102",
+    ),
     "a padded tail": (log() + "\0" * 4096, 200, "line 202: the last row is cut off"),
-    "a padded tail behind half a row": (log()[:-8] + "\0" * 4096, 199, "line 201: the last row is cut off"),
+    "a padded tail behind half a row": (
+        log()[:-8] + "\0" * 4096,
+        199,
+        "line 201: the last row is cut off",
+    ),
     "a byte in the first row": (log({0: "0.0000,1550.0,15\x0042"}), 199, "line 2 holds NUL bytes"),
-    "a byte in a header that stands twice": ("time_s,A\0,B\n" + log(), 200, "line 1 holds NUL bytes"),
+    "a byte in a header that stands twice": (
+        "time_s,A\0,B\n" + log(),
+        200,
+        "line 1 holds NUL bytes",
+    ),
 }
 
 
 @pytest.mark.parametrize("name", NUL)
 def test_nul_bytes_cost_their_row_and_no_other(name: str) -> None:
-    """What a power cut leaves: a block that was never written, in the part of the log by which its layout is told."""
+    """What a power cut leaves: a block that was never written, in the part of the log by which its
+    layout is told.
+    """
     text, kept, message = NUL[name]
     reader, block = read(text, SETUP)
     assert block.values["a"].size == kept
@@ -107,7 +164,9 @@ def test_nul_bytes_cost_their_row_and_no_other(name: str) -> None:
     good = ~np.isnan(block.values["a"])
     assert good.sum() >= kept - 1
     first = 1551.0 / 1000 - 1.55 if "first" in name else 0.0
-    np.testing.assert_allclose(block.values["a"][good], 1550 + first + block.stamps_s[good] * 2.5, atol=1e-9)
+    np.testing.assert_allclose(
+        block.values["a"][good], 1550 + first + block.stamps_s[good] * 2.5, atol=1e-9
+    )
 
 
 def test_a_header_with_a_byte_that_no_encoding_knows() -> None:
@@ -142,11 +201,15 @@ def flipped(data: bytes) -> bytes:
 @pytest.mark.parametrize("kind", CUT)
 def test_a_damaged_compressed_log_gives_what_came_before(kind: str) -> None:
     noise = np.random.default_rng(5).random(60_000)
-    text = HEADER + "".join(f"{i / 2500:.4f},{1550 + x:.4f},1542.0000\n" for i, x in enumerate(noise))
+    text = HEADER + "".join(
+        f"{i / 2500:.4f},{1550 + x:.4f},1542.0000\n" for i, x in enumerate(noise)
+    )
     reader = open_text(Pipe(CUT[kind](text.encode())), SETUP, "-")
     block = joined(list(reader.blocks()), reader)
     size = block.values["a"].size
-    assert 1000 < size <= (90_000 if "bit" in kind else 60_000)  # a flipped bit may repeat what came before
+    assert (
+        1000 < size <= (90_000 if "bit" in kind else 60_000)
+    )  # a flipped bit may repeat what came before
     assert any("stream is" in loss for loss in reader.report.losses)
     if "bit" not in kind:
         np.testing.assert_array_equal(block.values["a"], np.round(1550 + noise[:size], 4))
@@ -156,7 +219,9 @@ def test_one_channel_of_two_is_missing() -> None:
     reader, block = read(log(), setup_of({"a": {"source": "A"}, "c": {"source": "AX"}}))
     assert list(block.values) == ["a"]
     assert reader.groups[0].channels == ("a",)
-    assert reader.report.losses == ["channel c: no column 'AX' (nearest: A); the log's columns are time_s, A, B"]
+    assert reader.report.losses == [
+        "channel c: no column 'AX' (nearest: A); the log's columns are time_s, A, B"
+    ]
 
 
 def test_a_channel_without_one_reading_and_a_constant_one() -> None:
@@ -167,7 +232,9 @@ def test_a_channel_without_one_reading_and_a_constant_one() -> None:
 
 
 def test_no_grating_in_its_window_leaves_the_others() -> None:
-    text = "Timestamp\tWL 1[nm]\n" + "".join(f"{i / 10}\t1550.0\t1560.0" + "\t1570.0" * (i % 2) + "\n" for i in range(50))
+    text = "Timestamp\tWL 1[nm]\n" + "".join(
+        f"{i / 10}\t1550.0\t1560.0" + "\t1570.0" * (i % 2) + "\n" for i in range(50)
+    )
     wrong = {"window_nm": [1500.0, 1501.0], "source": ""}
     reader, block = read(text, setup_of({"a": {"source": "peak"}, "w": wrong}))
     assert not np.isnan(block.values["a"]).any()
@@ -221,7 +288,11 @@ def test_a_small_file_that_unpacks_to_much_stays_small() -> None:
 def test_zeros_that_a_few_bytes_unpack_to_are_not_all_held(monkeypatch: pytest.MonkeyPatch) -> None:
     packer = zstandard.ZstdCompressor().compressobj()
     zeros = bytes(1 << 22)
-    data = packer.compress(log().encode()) + b"".join(packer.compress(zeros) for _ in range(48)) + packer.flush()
+    data = (
+        packer.compress(log().encode())
+        + b"".join(packer.compress(zeros) for _ in range(48))
+        + packer.flush()
+    )
     assert len(data) < 20_000
     held = []
 

@@ -1,6 +1,9 @@
-"""Golden: the tables of the sample logs, by each column's own tolerance.  A golden that is missing fails; one changes on purpose only:
+"""Golden: the tables of the sample logs, by each column's own tolerance.
 
-    cd sample_data; tirelog speed drive.csv.gz -o /tmp/now.csv; tirelog check /tmp/now.csv --against ../tests/golden/speed.csv --bless
+A golden that is missing fails; one changes on purpose only:
+
+    cd sample_data; tirelog speed drive.csv.gz -o /tmp/now.csv; tirelog check /tmp/now.csv --against
+    ../tests/golden/speed.csv --bless
 
 and the change then stands in CHANGELOG.md under "Numbers changed".
 """
@@ -38,5 +41,7 @@ def test_the_sample_logs_tables_have_not_moved(
 def test_text_and_mcap_of_one_drive_give_the_same_speeds() -> None:
     import pandas as pd
 
-    text, messages = (pd.read_csv(GOLDEN / f"{name}.csv").drop(columns="log") for name in ("speed", "speed_mcap"))
+    text, messages = (
+        pd.read_csv(GOLDEN / f"{name}.csv").drop(columns="log") for name in ("speed", "speed_mcap")
+    )
     pd.testing.assert_frame_equal(text, messages, check_exact=False, rtol=1e-6, atol=1e-6)

@@ -1,7 +1,9 @@
-"""Literature: radial acceleration on an inner liner at 80 km/h, as O. Jousimaa (Aalto 2016) shows a recording of Niskanen and Tuononen.
+"""Literature: radial acceleration on an inner liner at 80 km/h, as O. Jousimaa (Aalto 2016) shows a
+recording of Niskanen and Tuononen.
 
-The mean of eight turns over the wheel angle, and how far the turns scatter at each angle [g], are facts of that recording; the log here
-is made of them by interpolation.  Its sensor is AC-coupled, so that the level outside the patch is near zero and the patch is not.
+The mean of eight turns over the wheel angle, and how far the turns scatter at each angle [g], are
+facts of that recording; the log here is made of them by interpolation. Its sensor is AC-coupled, so
+that the level outside the patch is near zero and the patch is not.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ import pytest
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.find import find_passages
 
-#: angle from the patch centre [degrees]: mean [g] with the patch shifted to 0, standard deviation between turns [g]
+#: angle from the patch centre [degrees]: mean [g] with the patch shifted to 0, standard deviation
+#: between turns [g]
 TURN = """-120 -156.8 2.7  -90 -155.6 2.5  -60 -162.6 5.3  -45 -177.3 5.2  -40 -181.0 10  -35 -186.6 12  -30 -207.6 12  -25 -176.6 13
 -22 -175.6 26  -20 -261.5 14  -18 -234.6 24  -16 -247.2 37  -14 -190.6 28  -12 -219.0 65  -11 -137.3 64  -10 -49.2 23  -9 -21.0 16
 -8 -3.6 3.3  -6 -1.2 3.8  -4 -1.1 0.9  0 -1.1 1.1  4 -1.8 0.8  6 -0.8 1.2  8 3.6 2.2  9 -4.6 6.7  10 -39.5 29  11 -135.9 36  12 -201.7 22
@@ -32,17 +35,24 @@ def log_of(passages: int, seed: int) -> tuple[np.ndarray, float]:
     spread = np.interp(angle, degrees, scatter, period=360.0)
     # what scatters between turns is ringing: some hundred hertz of another phase in each
     phase = rng.uniform(0, 2 * np.pi, passages + 1)[np.floor(turned + 0.5).astype(int)]
-    values = level + spread * np.sqrt(2) * np.sin(2 * np.pi * 440.0 * np.arange(angle.size) / RATE_HZ + phase)
+    values = level + spread * np.sqrt(2) * np.sin(
+        2 * np.pi * 440.0 * np.arange(angle.size) / RATE_HZ + phase
+    )
     values += rng.normal(0.0, 0.1, angle.size)
     return (values - np.median(values)) * STANDARD_GRAVITY, 22.2
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("offset_g", [0.0, -157.0, 157.0], ids=["AC-coupled", "DC restored", "shifted the other way"])
+@pytest.mark.parametrize(
+    "offset_g", [0.0, -157.0, 157.0], ids=["AC-coupled", "DC restored", "shifted the other way"]
+)
 def test_every_passage_is_found_whichever_way_the_sensor_counts(sign, offset_g):
     values, speed = log_of(10, 1000)
     channel = Channel.of_array(
-        "z", "radial_acceleration", sign * (values + offset_g * STANDARD_GRAVITY), TimeAxis.uniform(values.size, RATE_HZ)
+        "z",
+        "radial_acceleration",
+        sign * (values + offset_g * STANDARD_GRAVITY),
+        TimeAxis.uniform(values.size, RATE_HZ),
     )
     found = find_passages(channel, RADIUS_M)
     assert len(found) == 10
@@ -53,9 +63,19 @@ def test_every_passage_is_found_whichever_way_the_sensor_counts(sign, offset_g):
 
 def test_a_spike_is_told_from_the_ringing():
     values, _ = log_of(20, 1001)
-    clean = find_passages(Channel.of_array("z", "radial_acceleration", values, TimeAxis.uniform(values.size, RATE_HZ)), RADIUS_M)
+    clean = find_passages(
+        Channel.of_array(
+            "z", "radial_acceleration", values, TimeAxis.uniform(values.size, RATE_HZ)
+        ),
+        RADIUS_M,
+    )
     at = int(clean.index[7]) + 40
     values[at] += 100.0 * STANDARD_GRAVITY  # within the flat patch, where turns scatter by 1 g
-    found = find_passages(Channel.of_array("z", "radial_acceleration", values, TimeAxis.uniform(values.size, RATE_HZ)), RADIUS_M)
+    found = find_passages(
+        Channel.of_array(
+            "z", "radial_acceleration", values, TimeAxis.uniform(values.size, RATE_HZ)
+        ),
+        RADIUS_M,
+    )
     assert "spike" in found.quality[7]
     assert "spike" not in clean.quality[7]

@@ -1,7 +1,9 @@
-"""P1 Fig. 11: the measured dissipation factor falls almost linearly with speed; P1's own model does not do that.
+"""P1 Fig. 11: the measured dissipation factor falls almost linearly with speed; P1's own model does
+not do that.
 
-The first example of a model that fails on a measurement: with P1's Table 1 (mu corrected) the factor *rises* 1.15 x from 3 to 24 m/s at
-light damping, and falls only above a damping of about beta = 1 (errata).
+The first example of a model that fails on a measurement: with P1's Table 1 (mu corrected) the
+factor *rises* 1.15 x from 3 to 24 m/s at light damping, and falls only above a damping of about
+beta = 1 (errata).
 """
 
 from __future__ import annotations
@@ -16,7 +18,12 @@ EJ, K, MU = 5e7 * 1.66e-8, 7.79e6, 0.676
 
 def factor(speed, beta):
     return Beam(
-        half_length_m=0.05, stiffness=EJ, foundation=K, line_mass=MU, load_N=400 * 9.81, damping_1_s=beta * np.sqrt(K / MU)
+        half_length_m=0.05,
+        stiffness=EJ,
+        foundation=K,
+        line_mass=MU,
+        load_N=400 * 9.81,
+        damping_1_s=beta * np.sqrt(K / MU),
     ).dissipation_factor(speed)
 
 

@@ -1,7 +1,9 @@
-"""P4: every sentence of section V, and the numbers of section IV, on drives with known forces (rear-wheel drive, as in P4 section II).
+"""P4: every sentence of section V, and the numbers of section IV, on drives with known forces
+(rear-wheel drive, as in P4 section II).
 
-Wheels, forces and trends are those of the test's own car: the shift is wind-up in proportion to F_x, the width follows the square root of
-F_z, both carry one trend with speed for front and rear, and the load leaks a little into the shift, as P4 found.
+Wheels, forces and trends are those of the test's own car: the shift is wind-up in proportion to
+F_x, the width follows the square root of F_z, both carry one trend with speed for front and rear,
+and the load leaks a little into the shift, as P4 found.
 """
 
 import numpy as np
@@ -30,38 +32,66 @@ def longitudinal(wheel, a):
 
 def tread(wheel, bar, seed, noise_g=1.2):
     def width(v, a):
-        return WIDTH_DEG[bar] * np.sqrt(vertical(wheel, a) / STATIC_N[wheel]) - 0.045 * (v - 10) - 0.001 * (v - 10) ** 2
+        return (
+            WIDTH_DEG[bar] * np.sqrt(vertical(wheel, a) / STATIC_N[wheel])
+            - 0.045 * (v - 10)
+            - 0.001 * (v - 10) ** 2
+        )
 
     def shift(v, a):
         load = WIDTH_DEG[bar] * (np.sqrt(vertical(wheel, a) / STATIC_N[wheel]) - 1)
-        return WIND_UP_DEG_N * longitudinal(wheel, a) + 0.02 * (v - 10) + 0.002 * (v - 10) ** 2 - CROSSTALK * load
+        return (
+            WIND_UP_DEG_N * longitudinal(wheel, a)
+            + 0.02 * (v - 10)
+            + 0.002 * (v - 10) ** 2
+            - CROSSTALK * load
+        )
 
     return Tread(shift=shift, width=width, seed=seed, noise_g=noise_g)
 
 
 def drive(wheel, bar, seed, corners=DYNAMIC):
     road = Drive(*corners)
-    found = recording(road, Encoder(seed=seed).signal(road), tread(wheel, bar, seed).signal(road), driven=str(wheel == "rear").lower())
+    found = recording(
+        road,
+        Encoder(seed=seed).signal(road),
+        tread(wheel, bar, seed).signal(road),
+        driven=str(wheel == "rear").lower(),
+    )
     return next(measure(found))
 
 
 @pytest.fixture(scope="module")
 def calibration():
-    """From the quasi-static tests of both wheels and the front wheel's dynamic test, at the nominal pressure only."""
+    """From the quasi-static tests of both wheels and the front wheel's dynamic test, at the nominal
+    pressure only.
+    """
     return calibrate(
-        [drive("front", 2.0, 31_000, RAMP), drive("rear", 2.0, 31_100, RAMP), drive("front", 2.0, 31_200), drive("rear", 2.0, 31_300)]
+        [
+            drive("front", 2.0, 31_000, RAMP),
+            drive("rear", 2.0, 31_100, RAMP),
+            drive("front", 2.0, 31_200),
+            drive("rear", 2.0, 31_300),
+        ]
     )
 
 
 @pytest.fixture(scope="module", params=[2.0, 1.6])
 def results(request, calibration):
-    """wheel -> (corrected shift, detrended width) of each phase of a new dynamic test, as (mean, standard error)."""
+    """wheel -> (corrected shift, detrended width) of each phase of a new dynamic test, as (mean,
+    standard error).
+    """
     out = {}
     for wheel, seed in (("front", 32_000), ("rear", 33_000)):
         passages = drive(wheel, request.param, seed + round(request.param * 10))
         cleaned = clean(passages, calibration)
         phases = {}
-        for name, (start, stop) in {"low": (0.5, 7.5), "accelerating": (8.3, 12.7), "high": (13.5, 20.5), "braking": (21.2, 23.3)}.items():
+        for name, (start, stop) in {
+            "low": (0.5, 7.5),
+            "accelerating": (8.3, 12.7),
+            "high": (13.5, 20.5),
+            "braking": (21.2, 23.3),
+        }.items():
             rows = (passages.time_s > start) & (passages.time_s < stop) & passages.good
             values = np.stack([cleaned.corrected_deg[rows], cleaned.width_deg[rows]])
             phases[name] = values.mean(axis=1), values.std(axis=1) / np.sqrt(rows.sum())
@@ -121,9 +151,11 @@ def test_braking_the_rear_wheel_is_narrower(results):
 
 
 def test_noise_depends_on_the_forward_speed(calibration):
-    """Section V: the noise of two windows differs "simply due to the change of the forward speed".  P4 saw more of it at the higher speed,
-    where its fronts fell on fewer samples; between samples the level, which grows with speed squared, stands further out of the sensor's
-    noise, so here the low speed is the noisy one."""
+    """Section V: the noise of two windows differs "simply due to the change of the forward speed".
+    P4 saw more of it at the higher speed, where its fronts fell on fewer samples; between samples
+    the level, which grows with speed squared, stands further out of the sensor's noise, so here the
+    low speed is the noisy one.
+    """
     passages = drive("rear", 2.0, 34_000)
     low, high = passages.time_s < 7.5, (passages.time_s > 14) & (passages.time_s < 20)
     assert np.median(passages.width_se_deg[low]) > 1.5 * np.median(passages.width_se_deg[high])
@@ -146,7 +178,12 @@ def test_low_pressure_varies_like_nominal_pressure(calibration):
         cleaned = clean(passages, calibration)
         braking = (passages.time_s > 21.2) & (passages.time_s < 23.3)
         calm = passages.steady >= 0
-        variations.append([np.mean(x[braking]) - np.mean(x[calm]) for x in (cleaned.corrected_deg, cleaned.width_deg)])
+        variations.append(
+            [
+                np.mean(x[braking]) - np.mean(x[calm])
+                for x in (cleaned.corrected_deg, cleaned.width_deg)
+            ]
+        )
     np.testing.assert_allclose(variations[0], variations[1], rtol=0.1, atol=0.03)
 
 
@@ -154,7 +191,9 @@ def test_low_pressure_varies_like_nominal_pressure(calibration):
 
 
 def test_after_trend_removal_every_constant_speed_has_the_same_values(results):
-    """Section IV C: phase shift 0 and one width in every constant-speed condition (25 degrees at 2.0 bar)."""
+    """Section IV C: phase shift 0 and one width in every constant-speed condition (25 degrees at
+    2.0 bar).
+    """
     bar, _ = results
     for wheel in ("front", "rear"):
         for phase in ("low", "high"):

@@ -1,6 +1,8 @@
-"""An independent solution of linear differential equations on a closed line: Chebyshev collocation of the first-order system.
+"""An independent solution of linear differential equations on a closed line: Chebyshev collocation
+of the first-order system.
 
-It shares the differential equation with the package and nothing of its solution: no roots, no Fourier modes, no transfer functions.
+It shares the differential equation with the package and nothing of its solution: no roots, no
+Fourier modes, no transfer functions.
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ import numpy as np
 def chebyshev(n: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes on [-1, 1], ascending, and the differentiation matrix (n + 1, n + 1)."""
     x = np.cos(np.pi * np.arange(n + 1) / n)[::-1]
-    c = np.where((np.arange(n + 1) == 0) | (np.arange(n + 1) == n), 2.0, 1.0) * (-1.0) ** np.arange(n + 1)
+    c = np.where((np.arange(n + 1) == 0) | (np.arange(n + 1) == n), 2.0, 1.0) * (-1.0) ** np.arange(
+        n + 1
+    )
     gap = x[:, None] - x[None, :] + np.eye(n + 1)
     matrix = np.outer(c, 1.0 / c) / gap
     matrix -= np.diag(matrix.sum(axis=1))
@@ -21,10 +25,11 @@ def chebyshev(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def solve_closed_line(coefficients, edges, load, scale=1.0, n=48):
-    """u and its derivatives below the order, periodic from edges[0] to edges[-1]:  sum_j coefficients[j] u^(j) = load(x, piece).
+    """u and its derivatives below the order, periodic from edges[0] to edges[-1]: sum_j
+    coefficients[j] u^(j) = load(x, piece).
 
-    `edges` split the line where the load has a kink; `scale` [1/length] balances the derivatives.  Returns x (pieces, n + 1) and
-    u (order, pieces, n + 1).
+    `edges` split the line where the load has a kink; `scale` [1/length] balances the derivatives.
+    Returns x (pieces, n + 1) and u (order, pieces, n + 1).
     """
     order, pieces = len(coefficients) - 1, len(edges) - 1
     nodes, d = chebyshev(n)
@@ -40,7 +45,9 @@ def solve_closed_line(coefficients, edges, load, scale=1.0, n=48):
         for derivative in range(order):
             for node in range(1, n + 1):
                 row = at(piece, derivative, node)
-                system[row, at(piece, derivative, 0) : at(piece, derivative, 0) + n + 1] = slope[node]
+                system[row, at(piece, derivative, 0) : at(piece, derivative, 0) + n + 1] = slope[
+                    node
+                ]
                 if derivative < order - 1:
                     system[row, at(piece, derivative + 1, node)] -= 1.0
                     continue

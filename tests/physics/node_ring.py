@@ -1,14 +1,18 @@
-"""A rolling tire as a chain of point masses in space: another road to the coupled ring's motion, without modes and without small angles.
+"""A rolling tire as a chain of point masses in space: another road to the coupled ring's motion,
+without modes and without small angles.
 
-N nodes (complex s + i z) joined by stiff springs that may turn (bending), under inflation pressure that follows them, each held by springs
-and dampers to its place on a hub that turns; road springs where a node goes below the road.  Velocity Verlet, no friction.
+N nodes (complex s + i z) joined by stiff springs that may turn (bending), under inflation pressure
+that follows them, each held by springs and dampers to its place on a hub that turns; road springs
+where a node goes below the road. Velocity Verlet, no friction.
 """
 
 import numpy as np
 
 
 class NodeRing:
-    def __init__(self, tire, load_N, speed_m_s, road, *, nodes=360, stretch_N=1e7, step_s=2e-6, height_m=None):
+    def __init__(
+        self, tire, load_N, speed_m_s, road, *, nodes=360, stretch_N=1e7, step_s=2e-6, height_m=None
+    ):
         self.tire, self.load, self.road, self.step = tire, load_N, road, step_s
         self.rest = tire.R * np.exp(1j * (2.0 * np.pi * np.arange(nodes) / nodes - 0.5 * np.pi))
         self.length = abs(self.rest[1] - self.rest[0])
@@ -37,14 +41,17 @@ class NodeRing:
         bend = tire.EI / self.pitch * (np.angle(unit / np.roll(unit, 1)) - self.corner)
         across = (bend - np.roll(bend, -1)) * 1j * unit / long
         force = force + across - np.roll(across, 1)
-        # pressure times half of the neighbouring segments, outward: -i times the direction of growing angle
+        # pressure times half of the neighbouring segments, outward: -i times the direction of
+        # growing angle
         force += -0.5j * tire.pb * (along + np.roll(along, 1))
         place = self.rest * np.exp(1j * self.angle)
         radial = place / tire.R
         arm = at - self.hub
         yielded = (arm - place) * radial.conj()
         moving = (self.rate - self.hub_rate - 1j * self.spin * arm) * radial.conj()
-        hold = (tire.k_w * yielded.real + tire.c_w * moving.real) + 1j * (tire.k_v * yielded.imag + tire.c_v * moving.imag)
+        hold = (tire.k_w * yielded.real + tire.c_w * moving.real) + 1j * (
+            tire.k_v * yielded.imag + tire.c_v * moving.imag
+        )
         hold = -self.pitch * hold * radial
         height, slope = self.road.profile(-at.real)
         depth = np.maximum(height - at.imag, 0.0)

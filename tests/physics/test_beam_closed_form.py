@@ -1,4 +1,6 @@
-"""The beam against its exact roots and against collocation, 1e-6 relative; refusal at the critical speed."""
+"""The beam against its exact roots and against collocation, 1e-6 relative; refusal at the critical
+speed.
+"""
 
 import numpy as np
 import pytest
@@ -61,7 +63,9 @@ def test_surfaces_have_opposite_signs_and_the_groove_a_minimum():
 
 
 def test_damping_lags_behind_in_the_direction_of_passing():
-    w = BEAM.with_effect("viscous_damping", damping_rate_1_s=60.0).predict(Conditions.of(1, speed_m_s=20.0), PHI, observable="displacement")
+    w = BEAM.with_effect("viscous_damping", damping_rate_1_s=60.0).predict(
+        Conditions.of(1, speed_m_s=20.0), PHI, observable="displacement"
+    )
     assert R * PHI[np.argmax(w[0])] > 1e-3
 
 
@@ -77,8 +81,10 @@ def test_bins_with_a_variance_read_the_mean_over_their_samples():
 
 @pytest.mark.parametrize("ahead", [0.0, 4.0, -6.0])
 def test_radial_acceleration_is_the_specific_force_at_a_point_of_the_tread(ahead):
-    """A point of the inextensible belt, at (R + w) e_r + v e_t with v' = -w from a centre that accelerates, differenced twice in time,
-    less gravity, projected outward.  In the plane s + i z: s backwards, as the tread passes through the patch, z up."""
+    """A point of the inextensible belt, at (R + w) e_r + v e_t with v' = -w from a centre that
+    accelerates, differenced twice in time, less gravity, projected outward. In the plane s + i z: s
+    backwards, as the tread passes through the patch, z up.
+    """
     speed, step, g = 12.0, 2e-3, 9.80665
     omega = speed / R
     model = Model.new("beam", "radial_acceleration", radius_m=R, load_N=20.0)
@@ -109,7 +115,13 @@ def test_above_the_critical_speed_the_beam_refuses():
 
 
 def test_belt_tension_adds_to_the_hoop_term():
-    """T - mu c^2 is one term: tension mu (c1^2 - c2^2) at c1 is the beam at c2 (without the baseline)."""
+    """T - mu c^2 is one term: tension mu (c1^2 - c2^2) at c1 is the beam at c2 (without the
+    baseline).
+    """
     tension = MU * (20.0**2 - 7.0**2)
-    with_tension = BEAM.with_effect("belt_tension", tension_N=tension).predict(Conditions.of(1, speed_m_s=20.0), PHI)
-    assert np.allclose(with_tension, BEAM.predict(Conditions.of(1, speed_m_s=7.0), PHI), rtol=1e-10, atol=1e-15)
+    with_tension = BEAM.with_effect("belt_tension", tension_N=tension).predict(
+        Conditions.of(1, speed_m_s=20.0), PHI
+    )
+    assert np.allclose(
+        with_tension, BEAM.predict(Conditions.of(1, speed_m_s=7.0), PHI), rtol=1e-10, atol=1e-15
+    )

@@ -38,7 +38,9 @@ def test_brush_is_the_whole_patch_at_full_slip_and_continuous_at_the_limit():
     gamma = 0.75 * M / L**3
     before = traction(x - 1e-9, M * ONE, L * ONE, 0.15 * ONE).item()
     assert before == pytest.approx(0.8 * gamma * (L**2 - x.item() ** 2), rel=1e-6)
-    assert traction(x + 1e-9, M * ONE, L * ONE, 0.15 * ONE).item() == pytest.approx(before * 0.6 / 0.8, rel=1e-6)
+    assert traction(x + 1e-9, M * ONE, L * ONE, 0.15 * ONE).item() == pytest.approx(
+        before * 0.6 / 0.8, rel=1e-6
+    )
 
 
 def test_largest_displacement_of_fig_11():
@@ -48,12 +50,16 @@ def test_largest_displacement_of_fig_11():
     model = table_1().with_effect("traction", lever_m=H)
     free = model.predict(rolling, phi, observable="displacement").max()
     assert free == pytest.approx(6.6e-3, abs=5e-5)
-    assert model.predict(braking, phi, observable="displacement").max() == pytest.approx(7.1e-3, abs=5e-5)
+    assert model.predict(braking, phi, observable="displacement").max() == pytest.approx(
+        7.1e-3, abs=5e-5
+    )
 
 
 def test_first_derivative_extrema_lie_well_inside_the_patch():
     phi = np.linspace(-0.3, 0.3, 60001)
-    slope = np.gradient(table_1().predict(Conditions.of(1, speed_m_s=C), phi, surface="outer")[0], R * phi)
+    slope = np.gradient(
+        table_1().predict(Conditions.of(1, speed_m_s=C), phi, surface="outer")[0], R * phi
+    )
     inside = np.abs(R * phi) < L
     assert R * phi[inside][np.argmax(slope[inside])] == pytest.approx(0.0356, abs=1e-4)
     assert R * phi[inside][np.argmin(slope[inside])] == pytest.approx(-0.0356, abs=1e-4)
@@ -65,7 +71,16 @@ def test_braking_moves_the_extremum_towards_the_entry_edge():
 
     def place(slip, lever):
         model = table_1().with_effect("traction", lever_m=lever)
-        return R * phi[np.argmax(model.predict(Conditions.of(1, speed_m_s=C, slip=slip), phi, observable="displacement"))]
+        return (
+            R
+            * phi[
+                np.argmax(
+                    model.predict(
+                        Conditions.of(1, speed_m_s=C, slip=slip), phi, observable="displacement"
+                    )
+                )
+            ]
+        )
 
     places = [place(slip, H) for slip in (0.0, 0.05, 0.15, 0.3)]
     assert places[0] == pytest.approx(0.0, abs=1e-4)
@@ -82,7 +97,8 @@ def test_slip_onset_bends_the_strain_where_adhesion_ends():
     assert abs(jump[0]) > 3 * abs(jump[1])
 
 
-# ---- P1: light damping, printed and corrected, against the exact roots (s > 0 lies ahead of the load: s = -lambda xi) --------------------
+# ---- P1: light damping, printed and corrected, against the exact roots (s > 0 lies ahead of the
+# load: s = -lambda xi) --------------------
 
 
 def undamped(s, a, b):
@@ -94,8 +110,12 @@ def printed_7_to_9(s, alpha, beta):
     a1, a2 = (np.sqrt(1 + alpha**2 + sign * 2 * alpha * beta / b) for sign in (1, -1))
     d1, d3 = a1 * b, a2 * b
     d2, d4 = b**2 - (a1**2 - a2**2) / 4, b**2 + (a1**2 - a2**2) / 4
-    ahead = 2 / (a1 * (d1**2 + d2**2)) * np.exp(-b * s) * (d1 * np.cos(a1 * s) + d2 * np.sin(a1 * s))
-    behind = 2 / (a2 * (d3**2 + d4**2)) * np.exp(b * s) * (d3 * np.cos(a2 * s) - d4 * np.sin(a2 * s))
+    ahead = (
+        2 / (a1 * (d1**2 + d2**2)) * np.exp(-b * s) * (d1 * np.cos(a1 * s) + d2 * np.sin(a1 * s))
+    )
+    behind = (
+        2 / (a2 * (d3**2 + d4**2)) * np.exp(b * s) * (d3 * np.cos(a2 * s) - d4 * np.sin(a2 * s))
+    )
     return np.where(s >= 0, ahead, behind)
 
 
@@ -103,12 +123,20 @@ def first_order(s, alpha, beta, sign):
     """P1 (11) with the bracket's sign: +1 as printed, -1 corrected."""
     a, b = np.sqrt(1 + alpha**2), np.sqrt(1 - alpha**2)
     wave = undamped(s, a, b)
-    slanted = (1 + b * np.abs(s)) / b * np.exp(-b * np.abs(s)) / (a * b) * (b * np.cos(a * s) - a * np.sin(a * np.abs(s)))
+    slanted = (
+        (1 + b * np.abs(s))
+        / b
+        * np.exp(-b * np.abs(s))
+        / (a * b)
+        * (b * np.cos(a * s) - a * np.sin(a * np.abs(s)))
+    )
     return wave - np.sign(s) * alpha * beta / (a * b) * (wave / a + sign * slanted)
 
 
 def exact_point_load(s, alpha, beta):
-    """The package's roots at a short patch: EJ = 1, k = 4, mu = 1 makes lambda = 1, c_cr = 2, and w_0 = 1 at 8 N."""
+    """The package's roots at a short patch: EJ = 1, k = 4, mu = 1 makes lambda = 1, c_cr = 2, and
+    w_0 = 1 at 8 N.
+    """
     return exact_displacement(
         -s, load_N=8.0, half_length_m=1e-3, circumference_m=200.0, flexural_stiffness_N_m2=1.0, foundation_stiffness_N_m2=4.0,
         line_mass_kg_m=1.0, speed_m_s=2 * alpha, damping_rate_1_s=2 * beta,
@@ -131,7 +159,9 @@ def test_undamped_formula_10():
 @pytest.mark.parametrize(("alpha", "factor"), [(0.13, 0.013), (0.8, 3.5)])
 def test_light_damping_formulas_7_to_9_are_correct_to_beta_squared(alpha, factor):
     beta = 0.01
-    assert miss(printed_7_to_9(S, alpha, beta), alpha, beta) == pytest.approx(factor * beta**2, rel=0.35, abs=2e-6)
+    assert miss(printed_7_to_9(S, alpha, beta), alpha, beta) == pytest.approx(
+        factor * beta**2, rel=0.35, abs=2e-6
+    )
 
 
 def test_printed_psi_misses_and_the_corrected_one_is_of_order_beta_squared():

@@ -39,8 +39,15 @@ def test_new_takes_what_the_setup_knows(here, capsys):
     assert run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml"]) == 0
     ring = load_model(here / "r.toml")
     assert ring.contact == "flat_road"
-    assert {ring.values[n] for n in ("load_N", "inflation_pressure_Pa", "width_m", "radius_m")} == {3434.0, 2.2e5, 0.215, 0.305}
-    assert run(["model", "new", "--setup", "s.toml", "--set", "line_mass_kg_m=5", "-o", "b.toml"]) == 0
+    assert {ring.values[n] for n in ("load_N", "inflation_pressure_Pa", "width_m", "radius_m")} == {
+        3434.0,
+        2.2e5,
+        0.215,
+        0.305,
+    }
+    assert (
+        run(["model", "new", "--setup", "s.toml", "--set", "line_mass_kg_m=5", "-o", "b.toml"]) == 0
+    )
     beam = load_model(here / "b.toml")
     assert beam.values["patch_half_length_m"] == 0.063
     assert beam.values["reference_load_N"] == 3434.0
@@ -50,9 +57,25 @@ def test_new_takes_what_the_setup_knows(here, capsys):
 
 def test_add_remove_and_show(here, capsys):
     run(["model", "new", "--setup", "s.toml", "-o", "b.toml"])
-    assert run(["model", "add", "b.toml", "viscous_damping", "--set", "damping_rate_1_s=30", "-o", "b2.toml"]) == 0
+    assert (
+        run(
+            [
+                "model",
+                "add",
+                "b.toml",
+                "viscous_damping",
+                "--set",
+                "damping_rate_1_s=30",
+                "-o",
+                "b2.toml",
+            ]
+        )
+        == 0
+    )
     assert load_model(here / "b2.toml").values["viscous_damping.damping_rate_1_s"] == 30.0
-    assert run(["model", "add", "b2.toml", "gauge_length", "--setup", "s.toml", "-o", "b3.toml"]) == 0
+    assert (
+        run(["model", "add", "b2.toml", "gauge_length", "--setup", "s.toml", "-o", "b3.toml"]) == 0
+    )
     gauge = load_model(here / "b3.toml").parameters["gauge_length.length_m"]
     assert gauge.value == 0.02
     assert not gauge.free
@@ -63,16 +86,24 @@ def test_add_remove_and_show(here, capsys):
     assert "viscous_damping: damping of the foundation" in capsys.readouterr().out
     assert run(["model", "show", "b2.toml", "-o", "p.json"]) == 0
     rows = json.loads((here / "p.json").read_text())
-    assert [r["value"] for r in rows if r["parameter"] == "viscous_damping.damping_rate_1_s"] == [30.0]
+    assert [r["value"] for r in rows if r["parameter"] == "viscous_damping.damping_rate_1_s"] == [
+        30.0
+    ]
     assert run(["model", "show", "b2.toml", "--against", "b.toml"]) == 0
     assert "difference in sigma" in capsys.readouterr().out
 
 
 def test_predict_gives_the_contracts_columns(here):
     run(["model", "new", "--setup", "s.toml", "-o", "b.toml"])
-    assert run(["model", "predict", "b.toml", "--setup", "s.toml", "--speed", "14", "-o", "w.csv"]) == 0
+    assert (
+        run(["model", "predict", "b.toml", "--setup", "s.toml", "--speed", "14", "-o", "w.csv"])
+        == 0
+    )
     header, *lines = (here / "w.csv").read_text().splitlines()
-    assert header == "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m,shear_traction_N_m"
+    assert (
+        header
+        == "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m,shear_traction_N_m"
+    )
     table = np.array([[float(x) for x in line.split(",")] for line in lines])
     assert np.all(np.diff(table[:, 1]) > 0)
     assert abs(table[np.argmax(table[:, 3]), 0]) < 0.063  # inner surface: a maximum in the patch
@@ -101,37 +132,72 @@ def test_bar_taken_for_pascal_is_refused(here, capsys):
         assert says in capsys.readouterr().err
         assert not (here / "r.toml").exists()
     run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml", "--quiet"])
-    assert run(["model", "predict", "r.toml", "--setup", "bar.toml", "--speed", "9", "-o", "w.csv"]) == 2
-    (here / "r.toml").write_text((here / "r.toml").read_text().replace("inflation_pressure_Pa = 220000.0", "inflation_pressure_Pa = 2.2"))
+    assert (
+        run(["model", "predict", "r.toml", "--setup", "bar.toml", "--speed", "9", "-o", "w.csv"])
+        == 2
+    )
+    (here / "r.toml").write_text(
+        (here / "r.toml")
+        .read_text()
+        .replace("inflation_pressure_Pa = 220000.0", "inflation_pressure_Pa = 2.2")
+    )
     assert run(["model", "predict", "r.toml", "--speed", "9", "-o", "w.csv"]) == 2
     assert not (here / "w.csv").exists()
 
 
 def test_new_says_what_it_had_to_guess(here, capsys):
     run(["model", "new", "-o", "b.toml"])
-    assert "neither the setup nor --set gives load_N = 3600, radius_m = 0.3126: a guess" in capsys.readouterr().err
+    assert (
+        "neither the setup nor --set gives load_N = 3600, radius_m = 0.3126: a guess"
+        in capsys.readouterr().err
+    )
     run(["model", "new", "--carcass", "ring", "--setup", "s.toml", "-o", "r.toml"])
     run(["model", "new", "--set", "load_N=3000", "--set", "radius_m=0.3", "-o", "c.toml"])
     assert "guess" not in capsys.readouterr().err
 
 
 def test_new_predicts_what_the_setups_channels_measure(here):
-    wheel = SETUP[: SETUP.index("[channels")] + '[channels.a]\nkind = "radial_acceleration"\nsource = "a"\nunit = "g"\n'
+    wheel = (
+        SETUP[: SETUP.index("[channels")]
+        + '[channels.a]\nkind = "radial_acceleration"\nsource = "a"\nunit = "g"\n'
+    )
     (here / "wheel.toml").write_text(wheel)
     run(["model", "new", "--setup", "wheel.toml", "-o", "a.toml", "--quiet"])
-    run(["model", "new", "--setup", "wheel.toml", "--observable", "strain", "-o", "s1.toml", "--quiet"])
+    run(
+        [
+            "model",
+            "new",
+            "--setup",
+            "wheel.toml",
+            "--observable",
+            "strain",
+            "-o",
+            "s1.toml",
+            "--quiet",
+        ]
+    )
     run(["model", "new", "--setup", "s.toml", "-o", "s2.toml", "--quiet"])
-    assert [load_model(here / f).observable for f in ("a.toml", "s1.toml", "s2.toml")] == ["radial_acceleration", "strain", "strain"]
+    assert [load_model(here / f).observable for f in ("a.toml", "s1.toml", "s2.toml")] == [
+        "radial_acceleration",
+        "strain",
+        "strain",
+    ]
 
 
 def test_a_users_effect_on_nothing_is_refused_with_what_acts(here, capsys):
     run(["model", "new", "--observable", "radial_acceleration", "-o", "a.toml", "--quiet"])
     with (here / "a.toml").open("a") as text:
-        text.write('\n[[effects]]\nname = "mine"\nacts_on = "baseline"\nexpression = "q"\nparameters = { q = 0.1 }\n')
+        text.write(
+            '\n[[effects]]\nname = "mine"\nacts_on = "baseline"\nexpression = "q"\n'
+            "parameters = { q = 0.1 }\n"
+        )
     assert run(["model", "show", "a.toml"]) == 2
     told = capsys.readouterr().err
     assert "a.toml:" in told
-    assert "what acts on radial_acceleration: load, contact_pressure, structure (foundation_stiffness), sensor, radial_acceleration" in told
+    assert (
+        "what acts on radial_acceleration: load, contact_pressure, structure "
+        "(foundation_stiffness), sensor, radial_acceleration" in told
+    )
     run(["model", "new", "--observable", "patch_length", "-o", "l.toml", "--quiet"])
     assert run(["model", "add", "l.toml", "viscous_damping", "-o", "l2.toml"]) == 2
     assert "does nothing to patch_length" in capsys.readouterr().err
@@ -144,7 +210,9 @@ def test_effects_lists_the_catalogue(here, capsys):
     assert run(["effects", "wear"]) == 0
     assert "distance_km" in capsys.readouterr().out
     assert run(["effects", "-o", "e.json"]) == 0
-    assert [row["effect"] for row in json.loads((here / "e.json").read_text())] == [e.id for e in CATALOGUE]
+    assert [row["effect"] for row in json.loads((here / "e.json").read_text())] == [
+        e.id for e in CATALOGUE
+    ]
     pytest.importorskip("matplotlib")
     assert run(["effects", "traction", "--plot", "t.png"]) == 0
     assert (here / "t.png").read_bytes().startswith(b"\x89PNG")

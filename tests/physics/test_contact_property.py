@@ -1,4 +1,6 @@
-"""One-sided contact with a flat road: carries the load, never pulls, and what it presses follows its own law."""
+"""One-sided contact with a flat road: carries the load, never pulls, and what it presses follows
+its own law.
+"""
 
 import numpy as np
 import pytest
@@ -10,7 +12,9 @@ from tirelog.physics.carcass.contact import solve_contact
 from tirelog.physics.carcass.ring import RingCarcass
 
 R, STEP = 0.3, 2 * np.pi / 3072
-CARCASS = RingCarcass(EI=2.0, k_w=6.3e5, k_v=6.3e5, c_w=0.0, c_v=0.0, pb=1.2e5 * 0.14, R=R, k_t=8.75e7)
+CARCASS = RingCarcass(
+    EI=2.0, k_w=6.3e5, k_v=6.3e5, c_w=0.0, c_v=0.0, pb=1.2e5 * 0.14, R=R, k_t=8.75e7
+)
 
 
 @pytest.mark.parametrize("load", [20.0, 250.0, 1000.0, 3500.0, 9000.0])
@@ -45,7 +49,9 @@ def test_the_loaded_ring_touches_the_road_and_nowhere_passes_it():
 
 
 def test_half_length_is_as_in_the_errata():
-    """4.6 deg at 1000 N and 11.3 deg at 3500 N in space; the edge's material angle is smaller by the belt's own shift v / R."""
+    """4.6 deg at 1000 N and 11.3 deg at 3500 N in space; the edge's material angle is smaller by
+    the belt's own shift v / R.
+    """
     for load, wanted in ((1000.0, 4.6), (3500.0, 11.3)):
         angle = np.degrees(solve_contact(CARCASS, load).half_length_m / R)
         assert angle == pytest.approx(wanted, rel=0.05)
@@ -64,7 +70,11 @@ def test_loads_in_between_are_interpolated_to_a_part_in_a_thousand():
 
 
 def test_pressure_of_the_model_carries_the_load():
-    model = Model.new("ring", radius_m=R).with_effect("wear", amplitude=0.4).with_effect("pressure_offset", offset=0.2)
+    model = (
+        Model.new("ring", radius_m=R)
+        .with_effect("wear", amplitude=0.4)
+        .with_effect("pressure_offset", offset=0.2)
+    )
     conditions = Conditions.of(2, speed_m_s=10.0, load_N=[1000.0, 4000.0], distance_km=20000.0)
     phi = np.arange(3072) * STEP - np.pi
     carried = model.predict(conditions, phi, observable="contact_pressure").sum(axis=1) * R * STEP

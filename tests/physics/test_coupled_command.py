@@ -28,13 +28,30 @@ CLEAT = ("--road", "cleat,height_m=0.008,length_m=0.04,position_m=0.5", "--durat
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "s.toml").write_text(SETUP)
-    assert run(["model", "new", "--carcass", "coupled_ring", "--setup", "s.toml", "-o", "m.toml", "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "model",
+                "new",
+                "--carcass",
+                "coupled_ring",
+                "--setup",
+                "s.toml",
+                "-o",
+                "m.toml",
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     return tmp_path
 
 
 def table(capsys, *arguments, speed="20"):
     capsys.readouterr()
-    assert run(["model", "predict", "m.toml", "--setup", "s.toml", "--speed", speed, *arguments]) == 0
+    assert (
+        run(["model", "predict", "m.toml", "--setup", "s.toml", "--speed", speed, *arguments]) == 0
+    )
     return pandas.read_csv(io.StringIO(capsys.readouterr().out))
 
 
@@ -61,7 +78,9 @@ def test_a_cleat(folder, capsys):
 
 def test_the_road_of_the_setup_and_of_a_file(folder, capsys):
     (folder / "bump.txt").write_text("0 0\n0.02 0.008\n0.04 0.0\n")
-    (folder / "s.toml").write_text(SETUP + '[road]\nkind = "profile"\nfile = "bump.txt"\nposition_m = 0.5\n')
+    (folder / "s.toml").write_text(
+        SETUP + '[road]\nkind = "profile"\nfile = "bump.txt"\nposition_m = 0.5\n'
+    )
     by_setup = table(capsys, "--road", "setup", "--duration", "0.05")
     by_words = table(capsys, "--road", "profile,file=bump.txt,position_m=0.5", "--duration", "0.05")
     assert by_setup.equals(by_words)
@@ -69,7 +88,9 @@ def test_the_road_of_the_setup_and_of_a_file(folder, capsys):
 
 
 def test_a_step_of_load_and_a_ramp_of_speed(folder, capsys):
-    both = table(capsys, "--load-step", "0.05:4000", "--speed-ramp", "0.05:0.1:21", "--duration", "0.15")
+    both = table(
+        capsys, "--load-step", "0.05:4000", "--speed-ramp", "0.05:0.1:21", "--duration", "0.15"
+    )
     assert both.load_N.iloc[0] == 3434.0
     assert both.load_N.iloc[-1] == 4000.0
     assert both.speed_m_s.iloc[-1] == 21.0
@@ -79,8 +100,14 @@ def test_a_step_of_load_and_a_ramp_of_speed(folder, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--road", "cleat,height_m=0.01,length_m=0.04", "--step", "1e-3"), "step of 0.001 s is not stable for this tire"),
-        (("--road", "cleat,height_m=0.4,length_m=0.9"), "rises 0.4 m within one tire diameter; up to 0.061 m is allowed"),
+        (
+            ("--road", "cleat,height_m=0.01,length_m=0.04", "--step", "1e-3"),
+            "step of 0.001 s is not stable for this tire",
+        ),
+        (
+            ("--road", "cleat,height_m=0.4,length_m=0.9"),
+            "rises 0.4 m within one tire diameter; up to 0.061 m is allowed",
+        ),
         (("--road", "step,height_m=0.02,ramp_m=0.001"), "slope of 20; up to 3 is allowed"),
         (("--road", "cleat,height_m=0.01"), "cleat without length_m"),
         (("--road", "cleet,height_m=0.01"), "nearest: cleat"),
@@ -96,7 +123,9 @@ def test_a_step_of_load_and_a_ramp_of_speed(folder, capsys):
     ],
 )
 def test_what_cannot_be_driven(folder, capsys, arguments, said):
-    assert run(["model", "predict", "m.toml", "--setup", "s.toml", "--speed", "20", *arguments]) == 2
+    assert (
+        run(["model", "predict", "m.toml", "--setup", "s.toml", "--speed", "20", *arguments]) == 2
+    )
     assert re.search(r"tirelog: error: .*" + said + ".*; ", capsys.readouterr().err)
 
 
@@ -108,7 +137,10 @@ def test_a_speed_beyond_the_critical_one_and_a_mass_that_is_none(folder, capsys)
         name = mass.split()[0]
         (folder / "none.toml").write_text(text.replace(mass, f"{name} = 0.0"))
         assert run(["model", "predict", "none.toml", "--speed", "20", "--road", "flat"]) == 2
-        assert re.search(rf"none\.toml:\d+: {name} = 0 .*lies outside its bounds; allowed is", capsys.readouterr().err)
+        assert re.search(
+            rf"none\.toml:\d+: {name} = 0 .*lies outside its bounds; allowed is",
+            capsys.readouterr().err,
+        )
 
 
 def test_a_ring_does_not_move(folder, capsys):

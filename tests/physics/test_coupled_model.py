@@ -1,4 +1,6 @@
-"""`carcass = "coupled_ring"` in model files: the ring where it rolls steadily, with a hub of its own beside."""
+"""`carcass = "coupled_ring"` in model files: the ring where it rolls steadily, with a hub of its
+own beside.
+"""
 
 import numpy as np
 import pytest
@@ -14,11 +16,17 @@ RING = {"radial_damping_N_s_m2": 60.0, "tangential_damping_N_s_m2": 60.0}
 @pytest.mark.parametrize("observable", ["strain", "radial_acceleration", "patch_length"])
 def test_steady_rolling_is_the_ring(observable):
     phi = None if observable == "patch_length" else np.linspace(-np.pi, np.pi, 400)
-    conditions = Conditions.of(3, speed_m_s=[5.0, 20.0, 30.0], load_N=[2000.0, 3000.0, 4000.0], temperature_K=20.0)
+    conditions = Conditions.of(
+        3, speed_m_s=[5.0, 20.0, 30.0], load_N=[2000.0, 3000.0, 4000.0], temperature_K=20.0
+    )
     ring, coupled = (Model.new(name, observable, **RING) for name in ("ring", "coupled_ring"))
     for effect in (None, "viscous_damping", "pressure_offset", "gauge_length"):
         if effect is not None and observable != "patch_length":
-            own = {"viscous_damping": {"damping_rate_1_s": 20.0}, "pressure_offset": {"offset": 0.2}, "gauge_length": {"length_m": 0.02}}
+            own = {
+                "viscous_damping": {"damping_rate_1_s": 20.0},
+                "pressure_offset": {"offset": 0.2},
+                "gauge_length": {"length_m": 0.02},
+            }
             ring, coupled = (m.with_effect(effect, **own[effect]) for m in (ring, coupled))
         assert np.array_equal(ring.predict(conditions, phi), coupled.predict(conditions, phi))
 
@@ -43,9 +51,16 @@ def test_the_file_keeps_it(tmp_path):
     ],
 )
 def test_files_that_cannot_be(line, said):
-    text = "\n".join(f"{name} = {p.value}" for name, p in Model.new("coupled_ring").parameters.items() if not line.startswith(name))
+    text = "\n".join(
+        f"{name} = {p.value}"
+        for name, p in Model.new("coupled_ring").parameters.items()
+        if not line.startswith(name)
+    )
     with pytest.raises(ModelError, match=said):
-        parse(f'[model]\nobservable = "strain"\ncarcass = "coupled_ring"\n[parameters]\n{text}\n{line}\n')
+        parse(
+            f'[model]\nobservable = "strain"\ncarcass = "coupled_ring"\n[parameters]\n{text}\n'
+            f"{line}\n"
+        )
 
 
 def test_a_coupled_ring_is_a_ring_to_the_catalogue():

@@ -1,6 +1,8 @@
-"""The coupled ring against a chain of masses in space (`node_ring`), dropped on a road as it rolls: transients by another discretisation.
+"""The coupled ring against a chain of masses in space (`node_ring`), dropped on a road as it rolls:
+transients by another discretisation.
 
-At a small load, where the ring's linear kinematics hold: at 100 N the spindle's force differs by 0.5 % rms, at 1000 N (20 mm) by 13 %.
+At a small load, where the ring's linear kinematics hold: at 100 N the spindle's force differs by
+0.5 % rms, at 1000 N (20 mm) by 13 %.
 """
 
 from dataclasses import replace
@@ -13,7 +15,19 @@ from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, cleat
 
-TIRE = CoupledRing(EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, c_x=0.0, modes=40)
+TIRE = CoupledRing(
+    EI=2.0,
+    k_w=6.3e5,
+    k_v=5.1e5,
+    c_w=60.0,
+    c_v=60.0,
+    pb=1.2e5 * 0.14,
+    R=0.3,
+    k_t=8.75e7,
+    rho_A=3.15,
+    c_x=0.0,
+    modes=40,
+)
 LOAD, SPEED, DURATION = 100.0, 20.0, 0.04
 
 
@@ -25,21 +39,32 @@ def test_a_rolling_tire_that_is_dropped(road):
     start.V = 0.0 * start.V
     stepper = Stepper(tire, start, Drive(lambda time: LOAD, lambda time: SPEED), road, step_s=5e-5)
     motion = simulate(stepper, DURATION + 5e-5, every=3)
-    time, spindle = NodeRing(tire, LOAD, SPEED, road, nodes=300, step_s=3e-6, stretch_N=1e7).run(DURATION, 10)
+    time, spindle = NodeRing(tire, LOAD, SPEED, road, nodes=300, step_s=3e-6, stretch_N=1e7).run(
+        DURATION, 10
+    )
     up = np.interp(motion.time_s, time, spindle.imag)[10:]
     assert np.std(up) > 0.4 * LOAD
     assert np.std(motion.spindle_z_N[10:] - up) < 0.015 * np.std(up)
 
 
 def test_a_turning_belt_that_was_bent_rings_alike():
-    """In the air, n = 3 pressed in at 20 m/s: the waves split and drift as the gyroscopic term says."""
+    """In the air, n = 3 pressed in at 20 m/s: the waves split and drift as the gyroscopic term
+    says.
+    """
     start = State.rolling(TIRE, LOAD, SPEED)
     start.hub = start.centre = 1j
     start.V = np.zeros_like(start.V)
     start.V[1] = 1e-4
-    nodes = NodeRing(TIRE, 0.0, SPEED, FlatRoad(), nodes=300, step_s=3e-6, stretch_N=1e7, height_m=1.0)
+    nodes = NodeRing(
+        TIRE, 0.0, SPEED, FlatRoad(), nodes=300, step_s=3e-6, stretch_N=1e7, height_m=1.0
+    )
     phi = np.angle(nodes.rest * 1j)
-    nodes.at = nodes.at + (2.0 * 3.0 * 1e-4 * np.sin(3.0 * phi) + 2j * 1e-4 * np.cos(3.0 * phi)) * nodes.rest / TIRE.R
+    nodes.at = (
+        nodes.at
+        + (2.0 * 3.0 * 1e-4 * np.sin(3.0 * phi) + 2j * 1e-4 * np.cos(3.0 * phi))
+        * nodes.rest
+        / TIRE.R
+    )
     # at rest in space: the material passes through the shape
     shape = nodes.at - nodes.hub - nodes.rest
     slope = np.fft.ifft(1j * np.fft.fftfreq(phi.size, 1.0 / phi.size) * np.fft.fft(shape))

@@ -1,4 +1,6 @@
-"""The coupled ring in time against closed forms: the belt's free vibration, rest and steady rolling on the road, momentum and torque."""
+"""The coupled ring in time against closed forms: the belt's free vibration, rest and steady rolling
+on the road, momentum and torque.
+"""
 
 from dataclasses import replace
 
@@ -15,23 +17,49 @@ from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
 from tirelog.physics.moving.ring import CoupledRing
 
 TIRE = CoupledRing(
-    EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=600.0, c_v=600.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, m_h=1.0, J_h=0.1, c_x=0.0, modes=40
+    EI=2.0,
+    k_w=6.3e5,
+    k_v=5.1e5,
+    c_w=600.0,
+    c_v=600.0,
+    pb=1.2e5 * 0.14,
+    R=0.3,
+    k_t=8.75e7,
+    rho_A=3.15,
+    m_h=1.0,
+    J_h=0.1,
+    c_x=0.0,
+    modes=40,
 )
 LOAD, SPEED = 1000.0, 20.0
 
 
-def rolling(tire: CoupledRing, speed: float = SPEED, torque: float = 0.0, nodes: int = 3072, start: State | None = None) -> Stepper:
+def rolling(
+    tire: CoupledRing,
+    speed: float = SPEED,
+    torque: float = 0.0,
+    nodes: int = 3072,
+    start: State | None = None,
+) -> Stepper:
     drive = Drive(lambda time: LOAD, lambda time: speed, lambda time: torque)
     return Stepper(tire, start or State.rolling(tire, LOAD, speed), drive, step_s=1e-4, nodes=nodes)
 
 
 def steady_ring(tire: CoupledRing, omega: float) -> tuple[np.ndarray, np.ndarray]:
-    """(pressure, V_2...) of the damped steady ring that carries the load, by active sets on the errata's impedance, with all modes."""
+    """(pressure, V_2...) of the damped steady ring that carries the load, by active sets on the
+    errata's impedance, with all modes.
+    """
     phi = np.arange(-300, 301) * contact.STEP
     n = np.arange(1025)
     inverse = 1.0 / modal_impedance(n.astype(float), tire.carcass, omega)
     n_s, cos, sin = n[:, None], np.cos(phi), np.sin(phi)
-    unit = np.exp(-1j * n_s * phi) * contact.STEP / (2.0 * np.pi) * inverse[:, None] * (sin - 1j * n_s * cos)
+    unit = (
+        np.exp(-1j * n_s * phi)
+        * contact.STEP
+        / (2.0 * np.pi)
+        * inverse[:, None]
+        * (sin - 1j * n_s * cos)
+    )
     unit[0] = 0.0  # the hub turns freely: no wind-up
     shape = np.where(n_s > 0, 2.0, 1.0) * np.exp(1j * n_s * phi) * (sin + 1j * n_s * cos)
     gives = -(shape.T @ unit).real
@@ -62,7 +90,9 @@ def test_free_vibration_in_the_air_is_the_matrix_exponential():
         air.step()
     M, damping, stiffness = matrices(tire, SPEED / tire.R)
     size = M.size
-    system = np.block([[np.zeros((size, size)), np.eye(size)], [-stiffness / M[:, None], -damping / M[:, None]]])
+    system = np.block(
+        [[np.zeros((size, size)), np.eye(size)], [-stiffness / M[:, None], -damping / M[:, None]]]
+    )
     q = np.zeros(2 * size)
     q[6:size:2], q[7:size:2] = V.real, V.imag
     q = expm(0.02 * system) @ q
@@ -71,12 +101,16 @@ def test_free_vibration_in_the_air_is_the_matrix_exponential():
 
 def test_rest_on_the_road_is_the_contact_with_the_flat_road():
     tire = replace(TIRE, modes=60)
-    rest = Stepper(tire, State.rolling(tire, LOAD, 0.0), Drive(lambda time: LOAD), step_s=5e-5, nodes=3072)
+    rest = Stepper(
+        tire, State.rolling(tire, LOAD, 0.0), Drive(lambda time: LOAD), step_s=5e-5, nodes=3072
+    )
     motion = simulate(rest, 0.5)
     touching = contact.solve_contact(tire.carcass, LOAD)
     pressure = np.interp(touching.phi_rad, rest.road_forces.phi, rest.road_forces.pressure)
     assert motion.force_z_N[-1] == pytest.approx(LOAD, rel=1e-6)
-    assert pressure == pytest.approx(touching.pressure_N_m, abs=2e-3 * touching.pressure_N_m.max())  # 60 modes of 1536
+    assert pressure == pytest.approx(
+        touching.pressure_N_m, abs=2e-3 * touching.pressure_N_m.max()
+    )  # 60 modes of 1536
     assert tire.R - rest.state.hub.imag == pytest.approx(touching.drop_m, rel=1e-4)
 
 
@@ -112,7 +146,9 @@ def test_the_ring_under_its_own_load_is_the_steady_ring():
 
 
 def test_a_brake_torque_is_the_road_force_times_the_radius_of_a_belt_that_does_not_stretch():
-    free, braked = (rolling(replace(TIRE, c_x=1.9e6), torque=torque, nodes=1536) for torque in (0.0, -60.0))
+    free, braked = (
+        rolling(replace(TIRE, c_x=1.9e6), torque=torque, nodes=1536) for torque in (0.0, -60.0)
+    )
     forces = []
     for stepper in (free, braked):
         simulate(stepper, 0.5)
@@ -135,7 +171,9 @@ def test_what_tows_the_tire_is_what_it_dissipates():
 
 
 def test_strain_through_a_turn_is_what_the_steady_model_predicts():
-    """One grating on the liner through the patch, against `Model.predict` of a ring of the same numbers."""
+    """One grating on the liner through the patch, against `Model.predict` of a ring of the same
+    numbers.
+    """
     tire = replace(TIRE, c_w=2.0, c_v=2.0, m_h=20.0, J_h=1e3, modes=60)
     model = Model.new(
         "ring", load_N=LOAD, radius_m=tire.R, flexural_stiffness_N_m2=tire.EI, radial_stiffness_N_m2=tire.k_w, width_m=0.14,
@@ -143,8 +181,14 @@ def test_strain_through_a_turn_is_what_the_steady_model_predicts():
         radial_damping_N_s_m2=2.0, tangential_damping_N_s_m2=2.0, lever_arm_m=2e-3,
     )  # fmt: skip
     drive = Drive(lambda time: LOAD, lambda time: SPEED)
-    motion = simulate(Stepper(tire, State.rolling(tire, LOAD, SPEED), drive, step_s=5e-5, nodes=3072), 0.06, every=4)
+    motion = simulate(
+        Stepper(tire, State.rolling(tire, LOAD, SPEED), drive, step_s=5e-5, nodes=3072),
+        0.06,
+        every=4,
+    )
     measured = motion.strain(-2.0, 2e-3)
-    predicted = model.predict(Conditions.of(1, speed_m_s=SPEED), motion.psi_rad - 2.0, surface="inner")[0]
+    predicted = model.predict(
+        Conditions.of(1, speed_m_s=SPEED), motion.psi_rad - 2.0, surface="inner"
+    )[0]
     assert predicted.max() > 2e-4
     assert np.abs(measured - predicted).max() < 0.02 * np.ptp(predicted)

@@ -1,4 +1,6 @@
-"""Tires, roads, speeds and steps that the coupled ring cannot take: one sentence each, with what is allowed."""
+"""Tires, roads, speeds and steps that the coupled ring cannot take: one sentence each, with what is
+allowed.
+"""
 
 from dataclasses import replace
 
@@ -11,11 +13,27 @@ from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import MeasuredRoad, SineRoad, cleat, load_road, step
 
-TIRE = CoupledRing(EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, modes=30)
+TIRE = CoupledRing(
+    EI=2.0,
+    k_w=6.3e5,
+    k_v=5.1e5,
+    c_w=60.0,
+    c_v=60.0,
+    pb=1.2e5 * 0.14,
+    R=0.3,
+    k_t=8.75e7,
+    rho_A=3.15,
+    modes=30,
+)
 
 
 def stepper(tire=TIRE, speed=20.0, **more):
-    return Stepper(tire, State.rolling(tire, 1000.0, speed), Drive(lambda time: 1000.0, lambda time: speed), **more)
+    return Stepper(
+        tire,
+        State.rolling(tire, 1000.0, speed),
+        Drive(lambda time: 1000.0, lambda time: speed),
+        **more,
+    )
 
 
 @pytest.mark.parametrize("name", ["rho_A", "m_h", "J_h", "EI", "k_w", "k_t", "R"])
@@ -32,7 +50,9 @@ def test_negative_damping():
 
 @pytest.mark.parametrize("step_s", [0.0, -1e-4, 1e-3, np.nan])
 def test_an_unstable_step(step_s):
-    with pytest.raises(ModelError, match=r"not stable for this tire; .*allowed; give a shorter step"):
+    with pytest.raises(
+        ModelError, match=r"not stable for this tire; .*allowed; give a shorter step"
+    ):
         stepper(step_s=step_s)
 
 
@@ -56,7 +76,9 @@ def test_no_range_of_frequencies():
 
 def test_an_obstacle_larger_than_the_tire_takes():
     for road in (step(1.0, 0.4, 0.3), cleat(1.0, 0.1, 0.3, 0.1), SineRoad(0.05, 0.7)):
-        with pytest.raises(ModelError, match=r"rises .* m within one tire diameter; up to .*; give a lower"):
+        with pytest.raises(
+            ModelError, match=r"rises .* m within one tire diameter; up to .*; give a lower"
+        ):
             stepper(road=road)
     stepper(road=cleat(1.0, 0.02, 0.05))
 
@@ -70,7 +92,11 @@ def test_a_wall():
 
 @pytest.mark.parametrize(
     ("points", "said"),
-    [(((0.0,), (0.0,)), "two points"), (((0.0, 0.0), (0.0, 1.0)), "does not grow"), (((0.0, 1.0), (0.0, np.nan)), "finite")],
+    [
+        (((0.0,), (0.0,)), "two points"),
+        (((0.0, 0.0), (0.0, 1.0)), "does not grow"),
+        (((0.0, 1.0), (0.0, np.nan)), "finite"),
+    ],
 )
 def test_profiles_that_are_none(points, said):
     with pytest.raises(ModelError, match=said):

@@ -1,4 +1,6 @@
-"""What holds for every motion of the coupled ring: energy, friction's limit, the answer to a cleat; and that steps converge."""
+"""What holds for every motion of the coupled ring: energy, friction's limit, the answer to a cleat;
+and that steps converge.
+"""
 
 from dataclasses import replace
 
@@ -9,12 +11,25 @@ from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, SineRoad, cleat, step
 
-TIRE = CoupledRing(EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, modes=40)
+TIRE = CoupledRing(
+    EI=2.0,
+    k_w=6.3e5,
+    k_v=5.1e5,
+    c_w=60.0,
+    c_v=60.0,
+    pb=1.2e5 * 0.14,
+    R=0.3,
+    k_t=8.75e7,
+    rho_A=3.15,
+    modes=40,
+)
 LOAD, SPEED, CLEAT = 1000.0, 20.0, cleat(0.5, 0.01, 0.03)
 
 
 def test_energy_stays_for_ten_seconds_without_damping():
-    """A rolling tire that bounces, twists and whirls, its load a weight: kinetic, elastic and potential energy together."""
+    """A rolling tire that bounces, twists and whirls, its load a weight: kinetic, elastic and
+    potential energy together.
+    """
     tire = replace(TIRE, c_w=0.0, c_v=0.0, c_x=0.0, modes=20)
     start = State.rolling(tire, LOAD, SPEED)
     start.hub, start.centre = start.hub + 0.001j, start.centre + 0.0005 + 0.001j
@@ -28,7 +43,9 @@ def test_energy_stays_for_ten_seconds_without_damping():
 
 
 def test_what_spin_and_belt_exchange_is_accounted_for():
-    """A thousandth of the vibration's 1 J at a short step: without P or the belt's share of the road's torque it is a sixth."""
+    """A thousandth of the vibration's 1 J at a short step: without P or the belt's share of the
+    road's torque it is a sixth.
+    """
     tire = replace(TIRE, c_w=0.0, c_v=0.0, c_x=0.0, modes=20)
     start = State.rolling(tire, LOAD, SPEED)
     start.hub, start.centre = start.hub + 0.0005j, start.centre + 0.001 + 0.0005j
@@ -51,7 +68,13 @@ def test_damping_only_takes():
 
 
 def passage(step_s: float, road=CLEAT, duration: float = 0.2, tire: CoupledRing = TIRE):
-    stepper = Stepper(tire, State.rolling(tire, LOAD, SPEED), Drive(lambda time: LOAD, lambda time: SPEED), road, step_s=step_s)
+    stepper = Stepper(
+        tire,
+        State.rolling(tire, LOAD, SPEED),
+        Drive(lambda time: LOAD, lambda time: SPEED),
+        road,
+        step_s=step_s,
+    )
     return simulate(stepper, duration, every=round(1e-3 / step_s))
 
 
@@ -77,7 +100,9 @@ def test_a_step_lifts_the_tire_by_its_height():
 
 
 def test_friction_stays_within_its_limit():
-    drive = Drive(lambda time: LOAD, lambda time: SPEED, lambda time: -600.0 * min(time / 0.05, 1.0))
+    drive = Drive(
+        lambda time: LOAD, lambda time: SPEED, lambda time: -600.0 * min(time / 0.05, 1.0)
+    )
     stepper = Stepper(TIRE, State.rolling(TIRE, LOAD, SPEED), drive, FlatRoad(), step_s=1e-4)
     motion = simulate(stepper, 0.2)
     assert np.all(np.abs(motion.force_s_N) <= TIRE.mu * motion.force_z_N * (1.0 + 1e-9))

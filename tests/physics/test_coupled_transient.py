@@ -1,4 +1,6 @@
-"""What holds for every transient of a coupled ring model: where nothing happens it is the steady ring, and sensors read one motion."""
+"""What holds for every transient of a coupled ring model: where nothing happens it is the steady
+ring, and sensors read one motion.
+"""
 
 import numpy as np
 import pytest
@@ -12,13 +14,18 @@ from tirelog.physics.moving.steady import steady_rolling
 from tirelog.physics.moving.transient import Course, Schedule, drive
 
 SPEED, LOAD = 20.0, 3434.0
-MODEL = Model.new("coupled_ring", load_N=LOAD, radius_m=0.305, inflation_pressure_Pa=2.2e5, width_m=0.215)
+MODEL = Model.new(
+    "coupled_ring", load_N=LOAD, radius_m=0.305, inflation_pressure_Pa=2.2e5, width_m=0.215
+)
 AT_20 = Conditions.of(1, speed_m_s=SPEED)
 CLEAT = road_of(RoadSetup(kind="cleat", height_m=0.008, length_m=0.04), 0.5)
 
 
 def course(road=None, duration=0.12, speed=SPEED, load=LOAD):
-    schedules = (value if isinstance(value, Schedule) else Schedule.constant(value) for value in (speed, load))
+    schedules = (
+        value if isinstance(value, Schedule) else Schedule.constant(value)
+        for value in (speed, load)
+    )
     return Course(*schedules, road or FlatRoad(), duration)
 
 
@@ -28,20 +35,30 @@ def steady_at(transient, model, theta, observable):
 
 
 def test_a_flat_road_gives_the_steady_ring():
-    """4e-5 of the waveform's range rms; at single samples 2e-4, where nodes of the tread step on the road."""
+    """4e-5 of the waveform's range rms; at single samples 2e-4, where nodes of the tread step on
+    the road.
+    """
     model = MODEL.with_effect("pressure_offset", offset=0.1)
     transient = drive(model, AT_20, course())
     read, steady = transient.sensed("strain", -1.2), steady_at(transient, model, -1.2, "strain")
     assert np.ptp(steady) > 5e-4
     assert np.std(read - steady) < 1e-4 * np.ptp(steady)
     assert np.abs(read - steady).max() < 2e-4 * np.ptp(steady)
-    assert transient.remarks == ("pressure_offset acts on the steady waveform alone; what the road adds is computed without it",)
-    read, steady = (f("radial_acceleration", -1.2) for f in (transient.sensed, lambda o, a: steady_at(transient, model, a, o)))
+    assert transient.remarks == (
+        "pressure_offset acts on the steady waveform alone; what the road adds is computed "
+        "without it",
+    )
+    read, steady = (
+        f("radial_acceleration", -1.2)
+        for f in (transient.sensed, lambda o, a: steady_at(transient, model, a, o))
+    )
     assert np.std(read - steady) < 2e-3 * np.ptp(steady)
 
 
 def test_acceleration_is_the_motion_of_the_sensor():
-    """Second differences of the place r = C + (R + w) e_r + v e_t, along e_r, less those of steady rolling."""
+    """Second differences of the place r = C + (R + w) e_r + v e_t, along e_r, less those of steady
+    rolling.
+    """
     transient = drive(MODEL, AT_20, course(CLEAT), step_s=5e-5)
     m, n, R, theta = transient.motion, transient.motion.tire.n, 0.305, -1.0
     phi = m.psi_rad + theta
@@ -62,8 +79,14 @@ def test_acceleration_is_the_motion_of_the_sensor():
 
 
 def test_a_step_of_load_ends_in_the_steady_ring_of_that_load():
-    model = MODEL.with_values({"hub_mass_kg": 1.0, "radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0})
-    ends = drive(model, AT_20, course(duration=0.8, load=Schedule((0.0, 0.1, 0.11), (LOAD, LOAD, 1.2 * LOAD))))
+    model = MODEL.with_values(
+        {"hub_mass_kg": 1.0, "radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0}
+    )
+    ends = drive(
+        model,
+        AT_20,
+        course(duration=0.8, load=Schedule((0.0, 0.1, 0.11), (LOAD, LOAD, 1.2 * LOAD))),
+    )
     last = ends.motion.time_s > 0.7
     heavy = steady_rolling(ends.motion.tire, 1.2 * LOAD, SPEED)
     mean = ends.motion.V[last].mean(axis=0)
@@ -72,13 +95,20 @@ def test_a_step_of_load_ends_in_the_steady_ring_of_that_load():
     assert np.abs(mean - heavy.V).max() < 2e-3 * np.abs(heavy.V).max()
     assert ends.motion.spindle_z_N[last].mean() == pytest.approx(1.2 * LOAD, rel=1e-3)
     phi = np.mod(ends.motion.psi_rad - 1.0 + np.pi, 2.0 * np.pi) - np.pi
-    expected, before = (model.predict(Conditions.of(1, speed_m_s=SPEED, load_N=F), phi)[0] for F in (1.2 * LOAD, LOAD))
+    expected, before = (
+        model.predict(Conditions.of(1, speed_m_s=SPEED, load_N=F), phi)[0]
+        for F in (1.2 * LOAD, LOAD)
+    )
     # 40 modes of 1024 follow the load
-    assert np.std((ends.sensed("strain", -1.0) - expected)[last]) < 0.15 * np.std((expected - before)[last])
+    assert np.std((ends.sensed("strain", -1.0) - expected)[last]) < 0.15 * np.std(
+        (expected - before)[last]
+    )
 
 
 def test_a_ramp_of_speed_spins_the_wheel():
-    transient = drive(MODEL, AT_20, course(duration=0.7, speed=Schedule((0.0, 0.1, 0.3), (SPEED, SPEED, 22.0))))
+    transient = drive(
+        MODEL, AT_20, course(duration=0.7, speed=Schedule((0.0, 0.1, 0.3), (SPEED, SPEED, 22.0)))
+    )
     omega = transient.motion.omega_rad_s
     assert omega[-1] / omega[0] == pytest.approx(1.1, rel=2e-3)
     level = np.abs(transient.sensed("radial_acceleration", 3.0))
@@ -93,29 +123,43 @@ def test_a_ramp_of_speed_spins_the_wheel():
 def test_sensor_effects_act_on_the_whole_reading():
     plain, long, late = (
         drive(m, AT_20, course(CLEAT)).sensed("strain", -1.7)
-        for m in (MODEL, MODEL.with_effect("gauge_length", length_m=0.06), MODEL.with_effect("sensor_lag", lag_s=1e-3))
+        for m in (
+            MODEL,
+            MODEL.with_effect("gauge_length", length_m=0.06),
+            MODEL.with_effect("sensor_lag", lag_s=1e-3),
+        )
     )
     steady = drive(MODEL, AT_20, course())
     added = np.abs(plain - steady.sensed("strain", -1.7)).max()
     assert added > 5e-5
     gauged = MODEL.with_effect("gauge_length", length_m=0.06)
-    assert 0.2 * added < np.abs(long - steady_at(steady, gauged, -1.7, "strain")).max() < 0.95 * added
-    shift = np.argmax(np.correlate(late - late.mean(), plain - plain.mean(), "full")) - (plain.size - 1)
+    assert (
+        0.2 * added < np.abs(long - steady_at(steady, gauged, -1.7, "strain")).max() < 0.95 * added
+    )
+    shift = np.argmax(np.correlate(late - late.mean(), plain - plain.mean(), "full")) - (
+        plain.size - 1
+    )
     assert 0 < shift * 2e-4 < 2e-3
 
 
 def test_a_longer_lag_is_no_echo_from_the_end():
-    late = drive(MODEL.with_effect("sensor_lag", lag_s=5e-3), AT_20, course(CLEAT)).sensed("strain", -1.7)
+    late = drive(MODEL.with_effect("sensor_lag", lag_s=5e-3), AT_20, course(CLEAT)).sensed(
+        "strain", -1.7
+    )
     steady = MODEL.with_effect("sensor_lag", lag_s=5e-3)
     flat = drive(steady, AT_20, course()).sensed("strain", -1.7)
     begin = slice(0, 50)
     assert np.abs(late - flat)[begin].max() < 1e-3 * np.ptp(flat)
 
 
-@pytest.mark.parametrize("effect", [("hysteresis", {"loss_factor": 0.1}), ("stiffening", {"cubic_1_m2": 1e3})])
+@pytest.mark.parametrize(
+    "effect", [("hysteresis", {"loss_factor": 0.1}), ("stiffening", {"cubic_1_m2": 1e3})]
+)
 def test_what_has_no_linear_motion_is_refused(effect):
     name, values = effect
-    with pytest.raises(ModelError, match=f"{name}.*no linear motion in time; .*allowed.*; leave it out"):
+    with pytest.raises(
+        ModelError, match=f"{name}.*no linear motion in time; .*allowed.*; leave it out"
+    ):
         drive(MODEL.with_effect(name, **values), AT_20, course())
 
 
@@ -129,7 +173,10 @@ def test_effects_on_the_structure_change_the_tire_that_moves():
 
 def test_courses_that_cannot_be_driven():
     for made, said in (
-        (course(road_of(parse_road("cleat,height_m=0.01,length_m=0.04"), 0.05)), "begins under the standing tire"),
+        (
+            course(road_of(parse_road("cleat,height_m=0.01,length_m=0.04"), 0.05)),
+            "begins under the standing tire",
+        ),
         (course(speed=Schedule((0.0, 0.1), (SPEED, 500.0))), "beyond the critical one"),
         (course(load=Schedule((0.0, 0.1), (LOAD, -1.0))), "zero and above"),
     ):

@@ -1,9 +1,12 @@
-"""The coupled ring of the models against the simulator's tire in motion: modes in space against finite elements that turn with the belt.
+"""The coupled ring of the models against the simulator's tire in motion: modes in space against
+finite elements that turn with the belt.
 
-Property.  They share no formula: modal amplitudes in the frame that does not turn, exact between kicks, against quintic splines in
-the wheel's frame, implicit midpoint, found by virtual work.  What stands behind the limits (range of the waveform, 0.15 s from 0.5 m
-ahead of a 5 mm cleat, 20 m/s, 3000 N): with both at half the step and a finer grid they come together to 0.6 % (spindle), 0.5 % (strain
-below 300 Hz) and 0.6 % (below 600 Hz).  Above that the tread's own ringing against the road, 840 Hz, runs out of step.
+Property. They share no formula: modal amplitudes in the frame that does not turn, exact between
+kicks, against quintic splines in the wheel's frame, implicit midpoint, found by virtual work. What
+stands behind the limits (range of the waveform, 0.15 s from 0.5 m ahead of a 5 mm cleat, 20 m/s,
+3000 N): with both at half the step and a finer grid they come together to 0.6 % (spindle), 0.5 %
+(strain below 300 Hz) and 0.6 % (below 600 Hz). Above that the tread's own ringing against the road,
+840 Hz, runs out of step.
 """
 
 from functools import cache
@@ -12,7 +15,20 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from tests.simulation.rolls import EI, K_V, K_W, LEVEL, LINE_MASS, PB, RADIUS, belt, moved, orders, rolling, strain_rider
+from tests.simulation.rolls import (
+    EI,
+    K_V,
+    K_W,
+    LEVEL,
+    LINE_MASS,
+    PB,
+    RADIUS,
+    belt,
+    moved,
+    orders,
+    rolling,
+    strain_rider,
+)
 from tirelog.physics.moving.modes import natural_modes
 from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
 from tirelog.physics.moving.ring import CoupledRing
@@ -39,7 +55,9 @@ def loads(time: float) -> float:
 def truth(what: str, seconds: float):
     """Motion from where the hub stands at 0 m, settled before."""
     of = belt(192, radial_damping_N_s_m2=DAMPING, tangential_damping_N_s_m2=DAMPING)
-    rolled = rolling(of, speed=SPEED, load=LOAD, profile=CLEAT if what == "cleat" else LEVEL, step=STEP)
+    rolled = rolling(
+        of, speed=SPEED, load=LOAD, profile=CLEAT if what == "cleat" else LEVEL, step=STEP
+    )
     start = -SPEED * STEP * SETTLING
     rolled.state[5] = start
     rolled.damp_hub(3000.0)
@@ -48,7 +66,9 @@ def truth(what: str, seconds: float):
     drive = orders(round(seconds / STEP), speed=SPEED, load=LOAD)
     if what == "load step":
         drive[:, 2] = [loads(STEP * i) for i in range(drive.shape[0])]
-    return moved(rolled, rolled.run(drive, riders=(strain_rider(of, THETA - rolled.angle_rad, LEVER),)))
+    return moved(
+        rolled, rolled.run(drive, riders=(strain_rider(of, THETA - rolled.angle_rad, LEVER),))
+    )
 
 
 @cache
@@ -56,7 +76,14 @@ def model(what: str, seconds: float):
     of = tire()
     road = cleat(BEGIN, HEIGHT, LENGTH) if what == "cleat" else FlatRoad()
     load = loads if what == "load step" else lambda time: LOAD
-    stepper = Stepper(of, State.rolling(of, LOAD, SPEED), Drive(load, lambda time: SPEED), road, step_s=STEP, nodes=2304)
+    stepper = Stepper(
+        of,
+        State.rolling(of, LOAD, SPEED),
+        Drive(load, lambda time: SPEED),
+        road,
+        step_s=STEP,
+        nodes=2304,
+    )
     return simulate(stepper, seconds, every=1)
 
 
@@ -77,7 +104,10 @@ def apart(what: str, seconds: float, frequency_Hz: float | None = None) -> dict[
     out = {}
     for name, (a, b) in pairs.items():
         if frequency_Hz is not None:
-            a, b = below(frequency_Hz, a, STEP), below(frequency_Hz, b, modal.time_s[1] - modal.time_s[0])
+            a, b = (
+                below(frequency_Hz, a, STEP),
+                below(frequency_Hz, b, modal.time_s[1] - modal.time_s[0]),
+            )
         b = np.interp(true.time_s, modal.time_s, b)
         out[name] = float(np.std((a - b)[inside]) / np.std(b[inside]))
     return out
@@ -118,14 +148,18 @@ def test_load_step():
 
 def test_natural_frequencies():
     """In the air at rest, hub free: every vibration up to 250 Hz."""
-    found = sorted(f["frequency_Hz"] for f in belt(96).natural_frequencies() if f["frequency_Hz"] < 250.0)
+    found = sorted(
+        f["frequency_Hz"] for f in belt(96).natural_frequencies() if f["frequency_Hz"] < 250.0
+    )
     modal = sorted(m.frequency_Hz for m in natural_modes(tire(damping=0.0), to_Hz=250.0))
     assert len(modal) > 15
     assert found == pytest.approx(modal, rel=1e-5)
 
 
 def test_waves_on_the_turning_belt():
-    """At 30 m/s: what is heard beside the tire of the waves of 2 to 6 lobes, which the truth counts on the belt itself."""
+    """At 30 m/s: what is heard beside the tire of the waves of 2 to 6 lobes, which the truth counts
+    on the belt itself.
+    """
     spin = 30.0 / RADIUS
     values, shapes = belt(64).vibrations(spin)
     share = np.abs(np.fft.fft(shapes, axis=0)) / np.linalg.norm(np.fft.fft(shapes, axis=0), axis=0)
@@ -133,4 +167,6 @@ def test_waves_on_the_turning_belt():
     for lobes in range(2, 7):
         felt = values[share[lobes] > 0.9].imag
         heard = sorted(np.abs(felt - lobes * spin) / (2 * np.pi))
-        assert heard == pytest.approx(sorted(m.frequency_Hz for m in modal if m.lobes == lobes), rel=2e-4)
+        assert heard == pytest.approx(
+            sorted(m.frequency_Hz for m in modal if m.lobes == lobes), rel=2e-4
+        )

@@ -1,4 +1,6 @@
-"""One shared test for every effect of the catalogue: off is the base, slopes, bounds, units, conditions, order, load carried."""
+"""One shared test for every effect of the catalogue: off is the base, slopes, bounds, units,
+conditions, order, load carried.
+"""
 
 from dataclasses import replace
 
@@ -26,7 +28,11 @@ def base_for(effect, carcass="beam"):
     observable = "strain" if "strain" in effect.observables else effect.observables[0]
     contact = "prescribed" if carcass == "ring" else None
     model = Model.new(carcass, observable, contact)
-    return model.with_effect("load_transfer") if observable == "phase_shift" and effect.id != "load_transfer" else model
+    return (
+        model.with_effect("load_transfer")
+        if observable == "phase_shift" and effect.id != "load_transfer"
+        else model
+    )
 
 
 def probed(model, effect):
@@ -48,7 +54,9 @@ def test_off_is_the_base_model_to_the_last_bit(effect):
 
 @by_id(CATALOGUE)
 def test_slopes_agree_with_differences_of_the_prediction(effect):
-    """Richardson's extrapolation of the whole prediction, at the probe and (where it may be zero) at zero strength."""
+    """Richardson's extrapolation of the whole prediction, at the probe and (where it may be zero)
+    at zero strength.
+    """
     names = [f"{effect.id}.{p.name}" for p in effect.parameters if p.free]
     on = probed(base_for(effect).with_effect(effect), effect)
     names += [n for n in on.free if "." not in n]
@@ -62,7 +70,10 @@ def test_slopes_agree_with_differences_of_the_prediction(effect):
             return (up - down) / (2 * h)
 
         wanted = (4 * central(step / 2) - central(step)) / 3
-        assert np.abs(slope - wanted).max() <= 1e-5 * np.abs(wanted).max() + 1e-12 * np.abs(slope).max(), name
+        assert (
+            np.abs(slope - wanted).max()
+            <= 1e-5 * np.abs(wanted).max() + 1e-12 * np.abs(slope).max()
+        ), name
 
 
 @by_id(CATALOGUE)
@@ -73,7 +84,9 @@ def test_slope_at_zero_strength_is_the_one_from_above(effect):
     zero = on.with_values({f"{effect.id}.{s}": 0.0 for s in effect.strength})
     slope = zero.jacobian(DRIVE, PHI, [name])[0]
     wanted = (zero.predict(DRIVE, PHI, values={name: step}) - zero.predict(DRIVE, PHI)) / step
-    size = np.ptp(zero.predict(DRIVE, PHI)) / abs(on.parameters[name].probe)  # what is even in its strength has no slope at zero
+    size = np.ptp(zero.predict(DRIVE, PHI)) / abs(
+        on.parameters[name].probe
+    )  # what is even in its strength has no slope at zero
     assert np.abs(slope - wanted).max() <= 2e-3 * np.abs(wanted).max() + 2e-4 * size
 
 
@@ -106,7 +119,10 @@ def test_conditions_that_it_lacks_are_named(effect):
     for field in effect.needs:
         lacking = replace(DRIVE, **{field: np.full(N, np.nan)})
         if field in effect.instead:
-            assert model.missing_conditions(lacking).get(effect.id) is None or np.isnan(getattr(lacking, effect.instead[field])).all()
+            assert (
+                model.missing_conditions(lacking).get(effect.id) is None
+                or np.isnan(getattr(lacking, effect.instead[field])).all()
+            )
             lacking = replace(lacking, **{effect.instead[field]: np.full(N, np.nan)})
         assert model.missing_conditions(lacking)[effect.id] == [field]
         with pytest.raises(ModelError, match=field):
@@ -126,7 +142,9 @@ def test_pressure_still_carries_the_load(effect):
 def test_it_works_on_a_ring_and_for_radial_acceleration(effect):
     base = base_for(effect, "ring")
     on = probed(base.with_effect(effect), effect)
-    without = (*effect.strength, "slip_per_g") if effect.id == "traction" else effect.strength  # a ring feels the shear without a lever
+    without = (
+        (*effect.strength, "slip_per_g") if effect.id == "traction" else effect.strength
+    )  # a ring feels the shear without a lever
     off = on.with_values({f"{effect.id}.{name}": 0.0 for name in without})
     assert np.array_equal(off.predict(DRIVE, PHI), base.predict(DRIVE, PHI))
     assert not np.array_equal(on.predict(DRIVE, PHI), base.predict(DRIVE, PHI))
@@ -142,7 +160,9 @@ def test_effects_compose_in_any_order_to_the_last_bit():
         model = Model.new("beam")
         for name in order:
             model = model.with_effect(name)
-            model = model.with_values({f"{name}.{p.name}": p.probe for p in model.effects[-1].parameters})
+            model = model.with_values(
+                {f"{name}.{p.name}": p.probe for p in model.effects[-1].parameters}
+            )
         predictions.append(model.predict(DRIVE, PHI))
     assert np.array_equal(predictions[0], predictions[1])
     assert np.array_equal(predictions[0], predictions[2])
@@ -169,15 +189,32 @@ def test_angles_of_their_own_give_the_same_as_common_angles():
     assert np.isfinite(model.predict(DRIVE, gap)).sum() == gap.size - 1
 
 
-# ---- the contract's forms, by quadrature on the tread ----------------------------------------------------------------------------------
+# ---- the contract's forms, by quadrature on the tread
+# ----------------------------------------------------------------------------------
 
 FORMS = {
     "pressure_offset": lambda p, xi, F, L, v, c: p * (1 - 0.1 * xi / L),
-    "edge_impact": lambda p, xi, F, L, v, c: p + 0.5 * F / (2 * L) * (v / 20) * np.exp(-(((xi + L) / (0.05 * L)) ** 2) / 2),
-    "water_film": lambda p, xi, F, L, v, c: (
-        p + 0.1 * F / (2 * L) * (v / 20) ** 2 * 1.5 * np.where(xi < -L, (-L - xi) / (0.4 * L) * np.exp(1 - (-L - xi) / (0.4 * L)), 0.0)
+    "edge_impact": lambda p, xi, F, L, v, c: (
+        p + 0.5 * F / (2 * L) * (v / 20) * np.exp(-(((xi + L) / (0.05 * L)) ** 2) / 2)
     ),
-    "wear": lambda p, xi, F, L, v, c: p + 0.3 * c.distance_km[0] / 40000 * F / (2 * L) * np.exp(-(((xi - 0.85 * L) / (0.18 * L)) ** 2) / 2),
+    "water_film": lambda p, xi, F, L, v, c: (
+        p
+        + 0.1
+        * F
+        / (2 * L)
+        * (v / 20) ** 2
+        * 1.5
+        * np.where(xi < -L, (-L - xi) / (0.4 * L) * np.exp(1 - (-L - xi) / (0.4 * L)), 0.0)
+    ),
+    "wear": lambda p, xi, F, L, v, c: (
+        p
+        + 0.3
+        * c.distance_km[0]
+        / 40000
+        * F
+        / (2 * L)
+        * np.exp(-(((xi - 0.85 * L) / (0.18 * L)) ** 2) / 2)
+    ),
 }
 
 
@@ -189,12 +226,21 @@ def test_contact_pressure_has_the_contracts_form(name):
     F, v, R = one.load_N[0], one.speed_m_s[0], model.parameters["radius_m"].value
     L = 0.055 * (F / 3600.0) ** 0.5
     xi = np.linspace(-np.pi * R, np.pi * R, 400001)
-    wanted = FORMS[name](np.where(np.abs(xi) < L, 0.75 * F / L**3 * (L**2 - xi**2), 0.0), xi, F, L, v, one)
+    wanted = FORMS[name](
+        np.where(np.abs(xi) < L, 0.75 * F / L**3 * (L**2 - xi**2), 0.0), xi, F, L, v, one
+    )
     wanted *= F / np.trapezoid(wanted, xi)
     for n in (0, 1, 5, 40, 300):
         mode = np.trapezoid(wanted * np.exp(-1j * n * xi / R), xi)
         phi = (np.arange(4096) + 0.5) * (2 * np.pi / 4096) - np.pi
-        got = (model.predict(one, phi, observable="contact_pressure")[0] * np.exp(-1j * n * phi)).mean() * 2 * np.pi * R
+        got = (
+            (
+                model.predict(one, phi, observable="contact_pressure")[0] * np.exp(-1j * n * phi)
+            ).mean()
+            * 2
+            * np.pi
+            * R
+        )
         assert abs(got - mode) < 2e-4 * F
 
 
@@ -208,7 +254,9 @@ def test_rough_contact_is_the_convolution_and_gauge_length_the_mean():
         ("gauge_length", np.clip(0.5 + (0.01 / 2 - np.abs(phi * R)) / step, 0.0, 1.0), "strain"),
     ):
         plain = base.predict(one, phi, observable=observable)[0]
-        around = np.convolve(np.tile(plain, 3), kernel / kernel.sum(), mode="same")[4096 + 1 : 2 * 4096 + 1]
+        around = np.convolve(np.tile(plain, 3), kernel / kernel.sum(), mode="same")[
+            4096 + 1 : 2 * 4096 + 1
+        ]
         got = base.with_effect(effect).predict(one, phi, observable=observable)[0]
         assert np.abs(got - around).max() < 2e-3 * np.abs(plain).max()
         assert np.abs(got - plain).max() > 2e-3 * np.abs(plain).max()
@@ -233,13 +281,17 @@ def test_sensor_lag_is_the_first_order_filter_in_time():
 
 
 def test_stiffening_balances_the_hardened_foundation():
-    """p - EJ w'''' - mu c^2 w'' - k (1 + k3 w^2) w = 0 by differences of the predicted displacement."""
+    """p - EJ w'''' - mu c^2 w'' - k (1 + k3 w^2) w = 0 by differences of the predicted
+    displacement.
+    """
     k3, k, EJ, mu = 3e3, 2e6, 4.0, 4.5
     one = Conditions.of(1, speed_m_s=15.0)
     model = Model.new("beam").with_effect("stiffening", cubic_1_m2=k3)
     step = 0.02
     phi = np.array([-0.6, -0.08, 0.0, 0.1, 0.5])
-    w = np.stack([model.predict(one, phi + j * step, observable="displacement")[0] for j in range(-3, 4)])
+    w = np.stack(
+        [model.predict(one, phi + j * step, observable="displacement")[0] for j in range(-3, 4)]
+    )
     h = step * 0.3126
     fourth = np.tensordot([-1, 12, -39, 56, -39, 12, -1], w, 1) / (6 * h**4)
     second = np.tensordot([2, -27, 270, -490, 270, -27, 2], w, 1) / (180 * h**2)
@@ -261,8 +313,16 @@ def test_thermal_drift_follows_temperature_where_it_varies_and_time_where_not():
 
 
 def test_load_effects_move_load_and_patch_length():
-    model = Model.new("beam").with_effect("load_transfer", coefficient=0.2).with_effect("aero_load", coefficient=0.1)
-    load = DRIVE.load_N * (1 + 0.2 * DRIVE.acceleration_m_s2 / 9.81) * (1 + 0.1 * (DRIVE.speed_m_s / 30) ** 2)
+    model = (
+        Model.new("beam")
+        .with_effect("load_transfer", coefficient=0.2)
+        .with_effect("aero_load", coefficient=0.1)
+    )
+    load = (
+        DRIVE.load_N
+        * (1 + 0.2 * DRIVE.acceleration_m_s2 / 9.81)
+        * (1 + 0.1 * (DRIVE.speed_m_s / 30) ** 2)
+    )
     assert np.allclose(model.half_length_m(DRIVE), 0.055 * np.sqrt(load / 3600.0), rtol=1e-12)
 
 
@@ -282,8 +342,16 @@ def test_users_effects_are_off_at_zero_and_do_what_they_say():
     q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
     base, xi = Model.new("beam"), 0.3126 * PHI
     wanted = {
-        "baseline": ("q * speed", 1e-6, lambda p: 1e-6 * DRIVE.speed_m_s[:, None] * np.ones_like(p)),
-        "strain": ("q * exp(-(xi / 0.1)**2)", 1e-6, lambda p: 1e-6 * np.exp(-((xi / 0.1) ** 2)) * np.ones_like(p)),
+        "baseline": (
+            "q * speed",
+            1e-6,
+            lambda p: 1e-6 * DRIVE.speed_m_s[:, None] * np.ones_like(p),
+        ),
+        "strain": (
+            "q * exp(-(xi / 0.1)**2)",
+            1e-6,
+            lambda p: 1e-6 * np.exp(-((xi / 0.1) ** 2)) * np.ones_like(p),
+        ),
         "sensor": ("q * acceleration", 0.01, lambda p: 0.01 * DRIVE.acceleration_m_s2[:, None] * p),
     }
     for place, (text, value, change) in wanted.items():
@@ -294,15 +362,26 @@ def test_users_effects_are_off_at_zero_and_do_what_they_say():
         got = model.with_values({"mine.q": value}).predict(DRIVE, PHI)
         assert np.allclose(got - plain, change(plain), atol=1e-12)
     load = base.with_effect(effect_by_expression("mine", "load", "q * time", (q,)))
-    assert np.allclose(load.with_values({"mine.q": 10.0}).half_length_m(DRIVE), 0.055 * np.sqrt((DRIVE.load_N + 10 * DRIVE.time_s) / 3600))
-    softer = base.with_effect(effect_by_expression("mine", "foundation_stiffness", "q", (q,))).with_values({"mine.q": 5e5})
+    assert np.allclose(
+        load.with_values({"mine.q": 10.0}).half_length_m(DRIVE),
+        0.055 * np.sqrt((DRIVE.load_N + 10 * DRIVE.time_s) / 3600),
+    )
+    softer = base.with_effect(
+        effect_by_expression("mine", "foundation_stiffness", "q", (q,))
+    ).with_values({"mine.q": 5e5})
     stiff = base.with_values({"foundation_stiffness_N_m2": 2.5e6})
     assert np.allclose(softer.predict(DRIVE, PHI), stiff.predict(DRIVE, PHI), rtol=1e-12)
 
 
 REACHED = {
     "strain": {"contact_pressure", "foundation_stiffness", "strain", "baseline", "load", "sensor"},
-    "radial_acceleration": {"contact_pressure", "foundation_stiffness", "radial_acceleration", "load", "sensor"},
+    "radial_acceleration": {
+        "contact_pressure",
+        "foundation_stiffness",
+        "radial_acceleration",
+        "load",
+        "sensor",
+    },
     "dissipation_factor": {"contact_pressure", "foundation_stiffness", "load", "sensor"},
     "patch_length": {"load"},
     "patch_width": {"load"},
@@ -315,14 +394,20 @@ def test_a_users_effect_moves_what_it_acts_on_or_is_refused(observable, acts_on)
     from tirelog.physics.parameters import Parameter
 
     q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
-    effect = effect_by_expression("mine", acts_on, "q", (q,)) if acts_on != "contact_pressure" else None
+    effect = (
+        effect_by_expression("mine", acts_on, "q", (q,)) if acts_on != "contact_pressure" else None
+    )
     effect = effect or effect_by_expression("mine", acts_on, "q * exp(-(xi / 0.1)**2)", (q,))
     base = Model.new("beam", observable)
     if acts_on not in REACHED[observable]:
-        with pytest.raises(ModelError, match=f"does nothing to {observable}.*what acts on {observable}: load"):
+        with pytest.raises(
+            ModelError, match=f"does nothing to {observable}.*what acts on {observable}: load"
+        ):
             base.with_effect(effect)
         return
-    moved = base.with_effect(effect).with_values({"mine.q": 1e-3 if acts_on in ("strain", "baseline", "sensor") else 100.0})
+    moved = base.with_effect(effect).with_values(
+        {"mine.q": 1e-3 if acts_on in ("strain", "baseline", "sensor") else 100.0}
+    )
     assert not np.allclose(moved.predict(DRIVE, PHI), base.predict(DRIVE, PHI), rtol=1e-6, atol=0.0)
 
 
@@ -334,48 +419,76 @@ def test_a_users_acceleration_is_added_and_a_sensors_factor_multiplies_all_of_it
     mine, more = (base.with_effect(effect_by_expression("mine", on, "q * cos(phi)" if on != "sensor" else "q", (q,)))
                   for on in ("radial_acceleration", "sensor"))  # fmt: skip
     read = base.predict(DRIVE, PHI)
-    assert np.allclose(mine.with_values({"mine.q": 2.0}).predict(DRIVE, PHI), read + 2.0 * np.cos(PHI), rtol=1e-12)
-    assert np.allclose(more.with_values({"mine.q": 0.1}).predict(DRIVE, PHI), 1.1 * read, rtol=1e-12)
+    assert np.allclose(
+        mine.with_values({"mine.q": 2.0}).predict(DRIVE, PHI), read + 2.0 * np.cos(PHI), rtol=1e-12
+    )
+    assert np.allclose(
+        more.with_values({"mine.q": 0.1}).predict(DRIVE, PHI), 1.1 * read, rtol=1e-12
+    )
 
 
 def test_wear_shortens_the_lever_of_a_grating_and_leaves_an_accelerometer_alone():
-    base = Model.new("beam", "radial_acceleration").with_effect("wear", amplitude=0.0, lever_loss=0.5)
+    base = Model.new("beam", "radial_acceleration").with_effect(
+        "wear", amplitude=0.0, lever_loss=0.5
+    )
     assert np.array_equal(base.predict(DRIVE, PHI), base.without_effect("wear").predict(DRIVE, PHI))
-    strain, worn = (model.predict(DRIVE, PHI, observable="strain") for model in (base.without_effect("wear"), base))
-    assert np.allclose(worn, strain * (1.0 - 0.5 * DRIVE.distance_km[:, None] / 40000.0), rtol=1e-12)
+    strain, worn = (
+        model.predict(DRIVE, PHI, observable="strain")
+        for model in (base.without_effect("wear"), base)
+    )
+    assert np.allclose(
+        worn, strain * (1.0 - 0.5 * DRIVE.distance_km[:, None] / 40000.0), rtol=1e-12
+    )
 
 
 def test_a_users_wedge_is_the_catalogues_wedge():
     from tirelog.physics.parameters import Parameter
 
     parameters = tuple(Parameter(n, "", "own", 0.1, -10.0, 10.0, probe=0.1) for n in ("a",))
-    text = "a * load / (2 * L) * (speed / 20)**2 * water * (-L - xi) / (0.4 * L) * exp(1 - (-L - xi) / (0.4 * L)) * (xi < -L)"
-    mine = Model.new("beam").with_effect(effect_by_expression("mine", "contact_pressure", text, parameters))
+    text = (
+        "a * load / (2 * L) * (speed / 20)**2 * water * (-L - xi) / (0.4 * L) * exp(1 - (-L - "
+        "xi) / (0.4 * L)) * (xi < -L)"
+    )
+    mine = Model.new("beam").with_effect(
+        effect_by_expression("mine", "contact_pressure", text, parameters)
+    )
     catalogue = Model.new("beam").with_effect("water_film", amplitude=0.1)
     a, b = mine.predict(DRIVE, PHI), catalogue.predict(DRIVE, PHI)
     assert np.abs(a - b).max() < 1e-4 * np.abs(b - Model.new("beam").predict(DRIVE, PHI)).max()
 
 
 def test_regressors_add_their_terms():
-    model = Model.new("beam", "phase_shift").with_values({"offset_rad": 0.01, "per_acceleration_rad_s2_m": 0.003})
-    model = model.with_effect("speed_trend", linear_rad=0.02, quadratic_rad=-0.005).with_effect("telemetry_delay", delay_s=1e-3)
+    model = Model.new("beam", "phase_shift").with_values(
+        {"offset_rad": 0.01, "per_acceleration_rad_s2_m": 0.003}
+    )
+    model = model.with_effect("speed_trend", linear_rad=0.02, quadratic_rad=-0.005).with_effect(
+        "telemetry_delay", delay_s=1e-3
+    )
     v, a = DRIVE.speed_m_s, DRIVE.acceleration_m_s2
     wanted = 0.01 + 0.003 * a + 0.02 * v / 20 - 0.005 * (v / 20) ** 2 + 1e-3 * v / 0.3126
     assert np.allclose(model.predict(DRIVE)[:, 0], wanted, rtol=1e-12)
     width = Model.new("beam", "patch_width")
-    assert np.allclose(width.predict(DRIVE)[:, 0], 2 * width.half_length_m(DRIVE) / 0.3126, rtol=1e-12)
+    assert np.allclose(
+        width.predict(DRIVE)[:, 0], 2 * width.half_length_m(DRIVE) / 0.3126, rtol=1e-12
+    )
     length = Model.new("beam", "patch_length")
     assert np.allclose(length.predict(DRIVE)[:, 0], 2 * length.half_length_m(DRIVE), rtol=1e-12)
 
 
 @pytest.mark.parametrize("acts_on", ["strain", "contact_pressure"])
 def test_bins_without_a_sample_have_no_value_and_spoil_no_other(acts_on):
-    """An angle bin that no sample fell into has no angle (NaN); a user's formula must not be blamed for it."""
+    """An angle bin that no sample fell into has no angle (NaN); a user's formula must not be blamed
+    for it.
+    """
     from tirelog.physics.parameters import Parameter
 
     q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
     effect = effect_by_expression("mine", acts_on, "q * exp(-(xi / 0.1)**2)", (q,))
-    model = Model.new("beam").with_effect(effect).with_values({"mine.q": 1e-6 if acts_on == "strain" else 100.0})
+    model = (
+        Model.new("beam")
+        .with_effect(effect)
+        .with_values({"mine.q": 1e-6 if acts_on == "strain" else 100.0})
+    )
     phi = np.tile(PHI, (N, 1))
     full = model.predict(DRIVE, phi)
     phi[2, 5] = np.nan

@@ -1,4 +1,5 @@
-"""Fits: the truth comes back within its errors, from several logs and channels; what cannot be known is said.
+"""Fits: the truth comes back within its errors, from several logs and channels; what cannot be
+known is said.
 
 The truth is collocation (no formula of the package) plus noise.
 """
@@ -41,8 +42,13 @@ def collocated_strain(speed):
     values = np.empty(M)
     for piece in range(5):
         inside = (edges[piece] <= R * PHI) & (edges[piece + 1] >= R * PHI)
-        middle, half = 0.5 * (edges[piece] + edges[piece + 1]), 0.5 * (edges[piece + 1] - edges[piece])
-        polynomial = np.polynomial.chebyshev.Chebyshev.fit((x[piece] - middle) / half, u[2, piece], 40, domain=[-1, 1])
+        middle, half = (
+            0.5 * (edges[piece] + edges[piece + 1]),
+            0.5 * (edges[piece + 1] - edges[piece]),
+        )
+        polynomial = np.polynomial.chebyshev.Chebyshev.fit(
+            (x[piece] - middle) / half, u[2, piece], 40, domain=[-1, 1]
+        )
         values[inside] = polynomial((R * PHI[inside] - middle) / half)
     return y * values
 
@@ -96,7 +102,9 @@ def test_strain_and_radial_acceleration_together(waves):
     strain = measured(waves, 1102)
     truth = START.with_values(TRUTH)
     rng = np.random.default_rng(1103)
-    values = truth.predict(strain.conditions, PHI, observable="radial_acceleration") + rng.standard_normal((len(strain), M))
+    values = truth.predict(
+        strain.conditions, PHI, observable="radial_acceleration"
+    ) + rng.standard_normal((len(strain), M))
     acceleration = replace(
         strain, observable="radial_acceleration", channel="a", values=values, count=np.ones((len(strain), M), int),
         phi_mean=np.tile(PHI, (len(strain), 1)), noise=np.full(len(strain), 1.0),
@@ -108,11 +116,17 @@ def test_strain_and_radial_acceleration_together(waves):
 
 
 def test_nuisances_of_every_revolution_are_taken_out(waves):
-    """Offsets and amplitudes that scatter from revolution to revolution leave the other parameters alone."""
+    """Offsets and amplitudes that scatter from revolution to revolution leave the other parameters
+    alone.
+    """
     clean = measured(waves, 1104)
     rng = np.random.default_rng(1105)
     n = len(clean)
-    moved = clean.values + 3e-5 * rng.standard_normal((n, 1)) + 0.02 * rng.standard_normal((n, 1)) * (clean.values - 2e-5)
+    moved = (
+        clean.values
+        + 3e-5 * rng.standard_normal((n, 1))
+        + 0.02 * rng.standard_normal((n, 1)) * (clean.values - 2e-5)
+    )
     plain = fit(START, [replace(clean, values=moved)])
     cleared = fit(START, [replace(clean, values=moved)], nuisances=("offset", "amplitude"))
     assert plain.reduced_chi2 > 5.0
@@ -125,7 +139,10 @@ def test_nuisances_of_every_revolution_are_taken_out(waves):
 def test_correlations_bounds_and_the_shared_scale_are_said(waves):
     stack = measured(waves, 1106)
     result = fit(START, [stack])
-    assert any("share one scale" in sentence and "line_mass_kg_m and load_N are held" in sentence for sentence in result.degenerate)
+    assert any(
+        "share one scale" in sentence and "line_mass_kg_m and load_N are held" in sentence
+        for sentence in result.degenerate
+    )
     pairs = {frozenset(pair[:2]): pair[2] for pair in result.correlations}
     assert all(abs(r) > 0.9 for r in pairs.values())
     i, j = result.names.index("flexural_stiffness_N_m2"), result.names.index("lever_arm_m")
@@ -158,7 +175,10 @@ def test_fits_that_cannot_be(waves):
     with pytest.raises(ModelError, match="no revolution"):
         fit(START, [])
     with pytest.raises(ModelError, match="no free parameter"):
-        fit(START.with_parameters({name: p.fixed() for name, p in START.parameters.items()}), [stack])
+        fit(
+            START.with_parameters({name: p.fixed() for name, p in START.parameters.items()}),
+            [stack],
+        )
     with pytest.raises(ModelError, match="predicts patch_length"):
         fit(Model.new("beam", "patch_length"), [stack])
     with pytest.raises(ModelError, match="measure strain"):
@@ -182,14 +202,20 @@ def test_design_gives_prediction_slopes_and_columns(waves):
 
 
 def test_scatter_of_the_load_is_learnt_and_the_errors_hold(waves):
-    """Load that scatters from revolution to revolution and from manoeuvre to manoeuvre: without it in the metric the errors are feigned."""
+    """Load that scatters from revolution to revolution and from manoeuvre to manoeuvre: without it
+    in the metric the errors are feigned.
+    """
     truth, inside, plain_chi2, chi2 = START.with_values(TRUTH), [], [], []
     for seed in range(1200, 1216):
         rng = np.random.default_rng(seed)
         still = measured(waves, seed, noise=2e-6)
         n, groups = len(still), 8
         manoeuvre = np.arange(n) * groups // n
-        load = 1.0 + 0.01 * rng.standard_normal((n, 1)) + 0.006 * rng.standard_normal(groups)[manoeuvre][:, None]
+        load = (
+            1.0
+            + 0.01 * rng.standard_normal((n, 1))
+            + 0.006 * rng.standard_normal(groups)[manoeuvre][:, None]
+        )
         by_load = truth.load_slope(still.conditions, PHI)
         stack = replace(still, values=still.values + (load - 1.0) * by_load, manoeuvre=manoeuvre)
         result = fit(START, [stack], scatter=True, starts=1)
@@ -202,13 +228,17 @@ def test_scatter_of_the_load_is_learnt_and_the_errors_hold(waves):
 
 
 def test_a_load_that_scatters_far_does_not_bend_the_stiffness(waves):
-    """Strain is no straight line in the load: 4 % of scatter leaves 0.08 % of curvature, whose mean would pass for a stiffness."""
+    """Strain is no straight line in the load: 4 % of scatter leaves 0.08 % of curvature, whose mean
+    would pass for a stiffness.
+    """
     truth, pulls = START.with_values(TRUTH), []
     for seed in range(1300, 1308):
         still = measured(waves, seed, noise=2e-6, repeats=16)
         rng = np.random.default_rng(seed)
         load = 1.0 + 0.04 * rng.standard_normal(len(still))
-        noise = still.values - np.where(still.count > 0, 2e-5 + waves[np.repeat(np.arange(SPEEDS.size), 16)], np.nan)
+        noise = still.values - np.where(
+            still.count > 0, 2e-5 + waves[np.repeat(np.arange(SPEEDS.size), 16)], np.nan
+        )
         values = truth.predict(truth.loaded(still.conditions, load), PHI) + noise
         result = fit(START, [replace(still, values=values)], scatter=True, starts=1)
         pulls.append(((result.values - list(TRUTH.values())) / result.se)[:2])
@@ -228,11 +258,22 @@ def test_numbers_per_revolution_are_fitted():
     rng = np.random.default_rng(1400)
     n = 120
     drive = Conditions.of(
-        n, speed_m_s=rng.uniform(10.0, 25.0, n), acceleration_m_s2=rng.normal(0.0, 2.0, n), time_s=np.arange(n) * 0.1, load_N=F
+        n,
+        speed_m_s=rng.uniform(10.0, 25.0, n),
+        acceleration_m_s2=rng.normal(0.0, 2.0, n),
+        time_s=np.arange(n) * 0.1,
+        load_N=F,
     )
-    wanted = {"offset_rad": 0.011, "per_acceleration_rad_s2_m": 0.004, "speed_trend.linear_rad": 0.03, "speed_trend.quadratic_rad": -0.012}
+    wanted = {
+        "offset_rad": 0.011,
+        "per_acceleration_rad_s2_m": 0.004,
+        "speed_trend.linear_rad": 0.03,
+        "speed_trend.quadratic_rad": -0.012,
+    }
     model = Model.new("beam", "phase_shift", radius_m=R).with_effect("speed_trend")
-    model = model.with_parameters({"patch_half_length_m": model.parameters["patch_half_length_m"].fixed()})
+    model = model.with_parameters(
+        {"patch_half_length_m": model.parameters["patch_half_length_m"].fixed()}
+    )
     values = model.predict(drive, values=wanted) + 1e-3 * rng.standard_normal((n, 1))
     column, zero = np.zeros((n, 1)), np.zeros(n, int)
     stack = Stack(

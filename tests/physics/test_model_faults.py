@@ -63,7 +63,15 @@ def test_unknown_effects_and_parameters_name_the_nearest():
 
 @pytest.mark.parametrize(
     "text",
-    ["not toml [", "[model]\nobservable = 3", "", "[[effects]]\n", "effects = 3\n[model]\n", "\x00", "[parameters]\nload_N = {}\n"],
+    [
+        "not toml [",
+        "[model]\nobservable = 3",
+        "",
+        "[[effects]]\n",
+        "effects = 3\n[model]\n",
+        "\x00",
+        "[parameters]\nload_N = {}\n",
+    ],
 )
 def test_files_that_are_no_model(text, tmp_path):
     path = tmp_path / "m.toml"
@@ -89,7 +97,7 @@ def test_files_that_cannot_be_read(tmp_path):
     "text",
     [
         "__import__('os').system('true')", "(lambda: 1)()", "[x for x in (1, 2)]", "speed.real", "speed[0]", "open('x')", "exec('1')",
-        "'text'", "True", "1j", "speed if", "speed := 3", "exp(*speed)", "exp(x=speed)", "f'{speed}'", "q; q", "while True: pass",
+        "'text'", "True", "1j", "speed if", "speed := 3", "exp(*speed)", "exp(x=speed)", "f'{speed}'", "q; q", "while " "True: " "pass",
         "for x in speed: x", "import os", "sin", "().__class__", "1e999", "sin()", "exp(1, 2, 3, 4)", "a", "speed @ speed", "speed << 2",
         "10 ** 10 ** 10 ** 10 + 'x'", "(" * 5000 + "1" + ")" * 5000, "+".join(["speed"] * 400), "-" * 200 + "1",
     ],
@@ -135,7 +143,9 @@ def test_impossible_conditions():
         with pytest.raises(ModelError, match="above zero"):
             model.predict(Conditions.of(1, speed_m_s=8.0, load_N=load), PHI)
     with pytest.raises(ModelError, match="longer than the circumference"):
-        model.with_values({"radius_m": 0.06, "patch_half_length_m": 0.2}).predict(Conditions.of(1, speed_m_s=8.0), PHI)
+        model.with_values({"radius_m": 0.06, "patch_half_length_m": 0.2}).predict(
+            Conditions.of(1, speed_m_s=8.0), PHI
+        )
     with pytest.raises(ModelError, match="no speed"):
         model.predict(Conditions.of(1), PHI)
     with pytest.raises(ModelError, match="surface"):
@@ -182,7 +192,9 @@ def test_a_users_python_file(tmp_path):
     effect = effects_of_file(path)["mine"]
     model = Model.new("beam").with_effect(effect, a=2e-6)
     conditions = Conditions.of(1, speed_m_s=10.0)
-    assert np.allclose(model.predict(conditions, PHI) - Model.new("beam").predict(conditions, PHI), 2e-5)
+    assert np.allclose(
+        model.predict(conditions, PHI) - Model.new("beam").predict(conditions, PHI), 2e-5
+    )
     save_model(model, tmp_path / "m.toml")
     with pytest.raises(ModelError, match="unknown effect 'mine'"):
         load_model(tmp_path / "m.toml")
@@ -190,7 +202,14 @@ def test_a_users_python_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["1 / 0", "def", "x = 3", OWN.replace('"mine"', '"wear"'), OWN.replace('strength=("a",)', 'strength=("b",)')]
+    "text",
+    [
+        "1 / 0",
+        "def",
+        "x = 3",
+        OWN.replace('"mine"', '"wear"'),
+        OWN.replace('strength=("a",)', 'strength=("b",)'),
+    ],
 )
 def test_python_files_that_give_no_effect(text, tmp_path):
     path = tmp_path / "mine.py"
@@ -205,9 +224,14 @@ def test_what_a_users_python_raises_is_the_users_with_its_line(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(OWN.replace('v["a"]', 'v["b"]'))
     model = Model.new("beam").with_effect(effects_of_file(path)["mine"], a=2e-6)
-    with pytest.raises(ModelError, match=r"mine\.py:6: baseline of the effect 'mine': KeyError: 'b'; .*correct it"):
+    with pytest.raises(
+        ModelError, match=r"mine\.py:6: baseline of the effect 'mine': KeyError: 'b'; .*correct it"
+    ):
         model.predict(Conditions.of(1, speed_m_s=10.0), PHI)
-    for text, says in (("import sys\nsys.exit(0)", r"mine\.py:2: calls sys.exit"), ("\n1 / 0", r"mine\.py:2: ZeroDivisionError")):
+    for text, says in (
+        ("import sys\nsys.exit(0)", r"mine\.py:2: calls sys.exit"),
+        ("\n1 / 0", r"mine\.py:2: ZeroDivisionError"),
+    ):
         path.write_text(text)
         with pytest.raises(ModelError, match=says):
             effects_of_file(path)
@@ -219,8 +243,21 @@ def test_a_model_with_a_users_effect_asks_for_its_file(tmp_path):
         load_model(tmp_path / "m.toml")
 
 
-@pytest.mark.parametrize("text", ["where(xi)", "where(xi < 0, 1)", "minimum(xi, L, xi)", "sinc(xi, 1)", "exp()", "abs(xi, L)", "clip(xi)"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "where(xi)",
+        "where(xi < 0, 1)",
+        "minimum(xi, L, xi)",
+        "sinc(xi, 1)",
+        "exp()",
+        "abs(xi, L)",
+        "clip(xi)",
+    ],
+)
 def test_a_function_with_another_number_of_arguments(text: str) -> None:
-    """numpy's where() of one argument gives places, and a third one of minimum() would be written into."""
+    """numpy's where() of one argument gives places, and a third one of minimum() would be written
+    into.
+    """
     with pytest.raises(ModelError, match=r"arguments; allowed are \d"):
         parse_expression(text, {"xi", "L"})

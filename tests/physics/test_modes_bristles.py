@@ -1,4 +1,6 @@
-"""Modes on a road with friction against the motion in time, whose bristles, contact and steps are its own; what friction does."""
+"""Modes on a road with friction against the motion in time, whose bristles, contact and steps are
+its own; what friction does.
+"""
 
 from dataclasses import replace
 
@@ -24,7 +26,11 @@ def test_a_small_wind_up_swings_as_the_linear_system_says(speed):
     for wound in (0.0, WOUND):
         start = State.rolling(TIRE, LOAD, speed)
         start.psi_hub += wound
-        spins.append(simulate(Stepper(TIRE, start, Drive(lambda time: LOAD), step_s=STEP), 0.05, every=1).omega_rad_s)
+        spins.append(
+            simulate(
+                Stepper(TIRE, start, Drive(lambda time: LOAD), step_s=STEP), 0.05, every=1
+            ).omega_rad_s
+        )
     swing = spins[1] - spins[0]
 
     def linear(tire):
@@ -42,7 +48,9 @@ def test_a_small_wind_up_swings_as_the_linear_system_says(speed):
 
 def test_the_road_holds_the_rotation():
     """At rest hub and ring swing against the bristles: a mode more below the free ones."""
-    clinging, free = (natural_modes(replace(TIRE, mu=mu), load_N=LOAD, to_Hz=60.0) for mu in (0.8, 0.0))
+    clinging, free = (
+        natural_modes(replace(TIRE, mu=mu), load_N=LOAD, to_Hz=60.0) for mu in (0.8, 0.0)
+    )
     assert [mode.shape for mode in free] == ["rigid vertical"]
     assert [mode.shape for mode in clinging] == ["rigid vertical", "rotational"]
 

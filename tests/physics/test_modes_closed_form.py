@@ -9,7 +9,19 @@ from tirelog.physics.carcass import contact
 from tirelog.physics.moving.modes import natural_modes
 from tirelog.physics.moving.ring import CoupledRing
 
-TIRE = CoupledRing(EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=0.0, c_v=0.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, m_h=20.0, J_h=0.8)
+TIRE = CoupledRing(
+    EI=2.0,
+    k_w=6.3e5,
+    k_v=5.1e5,
+    c_w=0.0,
+    c_v=0.0,
+    pb=1.2e5 * 0.14,
+    R=0.3,
+    k_t=8.75e7,
+    rho_A=3.15,
+    m_h=20.0,
+    J_h=0.8,
+)
 TWO_PI = 2.0 * np.pi
 
 
@@ -22,9 +34,15 @@ def test_rigid_modes_are_two_masses_on_the_sidewall():
     ring = TWO_PI * 0.3 * 3.15
     vertical = np.sqrt(np.pi * 0.3 * (6.3e5 + 5.1e5) * (1.0 / ring + 1.0 / 20.0)) / TWO_PI
     turning = np.sqrt(TWO_PI * 0.3**3 * 5.1e5 * (1.0 / (ring * 0.3**2) + 1.0 / 0.8)) / TWO_PI
-    assert [m.frequency_Hz for m in by_shape(modes, "rigid vertical")] == pytest.approx([vertical], rel=1e-6)
-    assert [m.frequency_Hz for m in by_shape(modes, "rigid longitudinal")] == pytest.approx([vertical], rel=1e-6)
-    assert [m.frequency_Hz for m in by_shape(modes, "rotational")] == pytest.approx([turning], rel=1e-6)
+    assert [m.frequency_Hz for m in by_shape(modes, "rigid vertical")] == pytest.approx(
+        [vertical], rel=1e-6
+    )
+    assert [m.frequency_Hz for m in by_shape(modes, "rigid longitudinal")] == pytest.approx(
+        [vertical], rel=1e-6
+    )
+    assert [m.frequency_Hz for m in by_shape(modes, "rotational")] == pytest.approx(
+        [turning], rel=1e-6
+    )
 
 
 def test_a_bare_ring_rings_as_hoppe_and_love_say():
@@ -33,17 +51,26 @@ def test_a_bare_ring_rings_as_hoppe_and_love_say():
     modes = natural_modes(bare, to_Hz=300.0)
     for n in range(2, 6):
         expected = np.sqrt(100.0 / (3.15 * 0.3**4) * n**2 * (n**2 - 1) ** 2 / (n**2 + 1)) / TWO_PI
-        assert [m.frequency_Hz for m in by_shape(modes, f"{n}-lobe")] == pytest.approx([expected, expected], rel=1e-6)
+        assert [m.frequency_Hz for m in by_shape(modes, f"{n}-lobe")] == pytest.approx(
+            [expected, expected], rel=1e-6
+        )
 
 
 @pytest.mark.parametrize("speed", [5.0, 40.0])
 def test_a_turning_ring_splits_as_in_the_papers_own_frame(speed):
-    """m nu^2 - 4 rho A n Omega nu = k_n with P3's k_n (errata) on the belt; beside the tire it is nu - n Omega."""
+    """m nu^2 - 4 rho A n Omega nu = k_n with P3's k_n (errata) on the belt; beside the tire it is
+    nu - n Omega.
+    """
     omega, R, rho_A = speed / 0.3, 0.3, 3.15
     modes = natural_modes(TIRE, speed_m_s=speed, to_Hz=300.0)
     for n in (2.0, 3.0, 5.0):
         sigma_a = TIRE.pb * R + rho_A * R**2 * omega**2
-        k_n = (TIRE.EI / R**4 * n**2 + sigma_a / R**2) * (1 - n**2) ** 2 - TIRE.pb / R * (1 - n**2) + TIRE.k_v + TIRE.k_w * n**2
+        k_n = (
+            (TIRE.EI / R**4 * n**2 + sigma_a / R**2) * (1 - n**2) ** 2
+            - TIRE.pb / R * (1 - n**2)
+            + TIRE.k_v
+            + TIRE.k_w * n**2
+        )
         k_n -= rho_A * (1 + n**2) * omega**2
         nu = np.roots([-rho_A * (1 + n**2), 4 * rho_A * n * omega, k_n])
         seen = nu - n * omega
@@ -76,9 +103,17 @@ def test_the_critical_speed_is_where_the_whirl_loses_its_damping():
 
 
 def test_on_the_road_a_load_on_a_stiff_belt_bounces_on_tread_and_sidewall_in_series():
-    """With a belt that does not bend, the slowest upright mode is the mass of all on 1/k_s + 1/(tread under the patch), the ring light."""
+    """With a belt that does not bend, the slowest upright mode is the mass of all on 1/k_s +
+    1/(tread under the patch), the ring light.
+    """
     stiff = replace(TIRE, EI=1e7, rho_A=1e-3)
-    patch = contact.solve_contact(stiff.carcass, 1000.0).phi_rad.size * contact.STEP * 0.3 * stiff.k_t
+    patch = (
+        contact.solve_contact(stiff.carcass, 1000.0).phi_rad.size * contact.STEP * 0.3 * stiff.k_t
+    )
     series = 1.0 / (1.0 / stiff.k_s + 1.0 / patch)
-    slowest = next(mode for mode in natural_modes(stiff, load_N=1000.0, to_Hz=100.0) if mode.shape == "rigid vertical")
+    slowest = next(
+        mode
+        for mode in natural_modes(stiff, load_N=1000.0, to_Hz=100.0)
+        if mode.shape == "rigid vertical"
+    )
     assert slowest.frequency_Hz == pytest.approx(np.sqrt(series / 20.0) / TWO_PI, rel=1e-3)

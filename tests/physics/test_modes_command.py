@@ -11,7 +11,21 @@ from tirelog.cli import run
 @pytest.fixture
 def ring(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run(["model", "new", "--carcass", "ring", "--set", "load_N=1000", "--set", "radius_m=0.3", "-o", "ring.toml", "--quiet"])
+    run(
+        [
+            "model",
+            "new",
+            "--carcass",
+            "ring",
+            "--set",
+            "load_N=1000",
+            "--set",
+            "radius_m=0.3",
+            "-o",
+            "ring.toml",
+            "--quiet",
+        ]
+    )
     return "ring.toml"
 
 
@@ -23,10 +37,21 @@ def rows(capsys, *arguments):
 
 def test_in_the_air_and_on_the_road(ring, capsys):
     table = rows(capsys, ring)
-    assert list(table[0]) == ["support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction", "share"]
+    assert list(table[0]) == [
+        "support",
+        "speed_m_s",
+        "frequency_Hz",
+        "damping_ratio",
+        "shape",
+        "lobes",
+        "direction",
+        "share",
+    ]
     air = [row for row in table if row["support"] == "air"]
     road = [row for row in table if row["support"] == "road"]
-    assert {"rigid vertical", "rigid longitudinal", "rotational", "2-lobe", "3-lobe"} <= {row["shape"] for row in air}
+    assert {"rigid vertical", "rigid longitudinal", "rotational", "2-lobe", "3-lobe"} <= {
+        row["shape"] for row in air
+    }
     assert road[0]["shape"] == "rigid vertical"
     assert road[0]["frequency_Hz"] < air[0]["frequency_Hz"]
     assert all(row["frequency_Hz"] <= 300.0 for row in table)
@@ -34,10 +59,16 @@ def test_in_the_air_and_on_the_road(ring, capsys):
 
 
 def test_speed_splits_and_load_stiffens(ring, capsys):
-    turning = [r for r in rows(capsys, ring, "--speed", "20") if r["support"] == "air" and r["shape"] == "2-lobe"]
+    turning = [
+        r
+        for r in rows(capsys, ring, "--speed", "20")
+        if r["support"] == "air" and r["shape"] == "2-lobe"
+    ]
     assert [r["direction"] for r in turning] == ["against", "with"]
     light, heavy = (rows(capsys, ring, "--load", load) for load in ("500", "4000"))
-    first = [next(r["frequency_Hz"] for r in table if r["support"] == "road") for table in (light, heavy)]
+    first = [
+        next(r["frequency_Hz"] for r in table if r["support"] == "road") for table in (light, heavy)
+    ]
     assert first[0] < first[1]
 
 
@@ -66,6 +97,18 @@ def test_a_beam_has_none_and_a_ring_without_tread_only_the_air(tmp_path, monkeyp
     run(["model", "new", "-o", "beam.toml", "--quiet"])
     assert run(["model", "modes", "beam.toml"]) == 2
     assert "a beam has no natural modes" in capsys.readouterr().err
-    run(["model", "new", "--carcass", "ring", "--contact", "prescribed", "-o", "bare.toml", "--quiet"])
+    run(
+        [
+            "model",
+            "new",
+            "--carcass",
+            "ring",
+            "--contact",
+            "prescribed",
+            "-o",
+            "bare.toml",
+            "--quiet",
+        ]
+    )
     assert {row["support"] for row in rows(capsys, "bare.toml")} == {"air"}
     assert run(["model", "modes", "bare.toml", "--load", "1000"]) == 2

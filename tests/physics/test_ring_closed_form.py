@@ -33,12 +33,19 @@ def test_rigid_modes_feel_the_foundation_alone_at_every_speed():
 
 
 def test_rotation_cancels_mode_by_mode():
-    """P3's k_n (units as in the errata) with pre-tension, inertia and Coriolis terms, against the form without rotation."""
+    """P3's k_n (units as in the errata) with pre-tension, inertia and Coriolis terms, against the
+    form without rotation.
+    """
     carcass = RingCarcass(EI, KW, KV, 0.0, 0.0, P0 * B, R)
     n = np.arange(1.0, 60.0)
     for omega in (10.0, 150.0):
         sigma_a = P0 * B * R + RHO_A * R**2 * omega**2
-        k_n = (EI / R**4 * n**2 + sigma_a / R**2) * (1 - n**2) ** 2 - P0 * B / R * (1 - n**2) + KV + KW * n**2
+        k_n = (
+            (EI / R**4 * n**2 + sigma_a / R**2) * (1 - n**2) ** 2
+            - P0 * B / R * (1 - n**2)
+            + KV
+            + KW * n**2
+        )
         k_n -= RHO_A * (1 + n**2) * omega**2
         z = k_n - (n * omega) ** 2 * RHO_A * (1 + n**2) + 4 * RHO_A * n**2 * omega**2
         assert np.allclose(z, modal_impedance(n, carcass, omega).real, rtol=1e-9)
@@ -76,7 +83,9 @@ def collocated(load, extra_damping=0.0, omega=0.0):
     coefficients = [KV, omega * 0.0, -KW - e, -extra_damping * omega, t - 2 * e, 0.0, -e]
     coefficients[2] += t
     edge = L / R
-    phi, v = solve_closed_line(coefficients, [-np.pi, -0.9, -edge, edge, 0.9, np.pi], load, scale=12.0, n=56)
+    phi, v = solve_closed_line(
+        coefficients, [-np.pi, -0.9, -edge, edge, 0.9, np.pi], load, scale=12.0, n=56
+    )
     return phi.ravel(), [u.ravel() for u in v]
 
 
@@ -101,13 +110,18 @@ def test_ring_against_collocation(damping, speed):
 
 
 def test_ring_against_finite_differences():
-    """Dense matrices of eighth-order differences on a closed grid, static, 1e-4 (pressure averaged over its cells)."""
+    """Dense matrices of eighth-order differences on a closed grid, static, 1e-4 (pressure averaged
+    over its cells).
+    """
     n = 720
     h = 2 * np.pi / n
     phi = np.arange(n) * h - np.pi
     first = [1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]
     second = [-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560]
-    D, D2 = (sum(c * np.roll(np.eye(n), k, axis=1) for k, c in zip(range(-4, 5), s, strict=True)) for s in (first, second))
+    D, D2 = (
+        sum(c * np.roll(np.eye(n), k, axis=1) for k, c in zip(range(-4, 5), s, strict=True))
+        for s in (first, second)
+    )
     D, D2 = D / h, D2 / h**2
     fine = (np.arange(64) + 0.5) / 64 - 0.5
     around = phi[:, None] + h * fine
@@ -123,11 +137,25 @@ def test_ring_against_finite_differences():
 
 
 def test_ring_is_the_beam_where_it_is_stiffly_bedded_and_large():
-    """The same waveform near the patch once bending is short against the radius: the beam that has no speed term."""
-    big = {"radius_m": 3.0, "load_N": F, "patch_half_length_m": L, "reference_load_N": F, "flexural_stiffness_N_m2": EI, "lever_arm_m": Y}
+    """The same waveform near the patch once bending is short against the radius: the beam that has
+    no speed term.
+    """
+    big = {
+        "radius_m": 3.0,
+        "load_N": F,
+        "patch_half_length_m": L,
+        "reference_load_N": F,
+        "flexural_stiffness_N_m2": EI,
+        "lever_arm_m": Y,
+    }
     beam = Model.new("beam", foundation_stiffness_N_m2=5e6, **big)
     closed = Model.new(
-        "ring", contact="prescribed", radial_stiffness_N_m2=5e6, tangential_stiffness_N_m2=1e3, inflation_pressure_Pa=0.0, **big
+        "ring",
+        contact="prescribed",
+        radial_stiffness_N_m2=5e6,
+        tangential_stiffness_N_m2=1e3,
+        inflation_pressure_Pa=0.0,
+        **big,
     )
     phi = np.linspace(-0.1, 0.1, 201)
     a, b = beam.predict(drive(0.0), phi), closed.predict(drive(0.0), phi)
@@ -135,9 +163,18 @@ def test_ring_is_the_beam_where_it_is_stiffly_bedded_and_large():
 
 
 def test_ring_curvature_turns_the_beam_into_the_ring():
-    values = {"radius_m": R, "load_N": F, "patch_half_length_m": L, "reference_load_N": F, "flexural_stiffness_N_m2": EI, "lever_arm_m": Y}
+    values = {
+        "radius_m": R,
+        "load_N": F,
+        "patch_half_length_m": L,
+        "reference_load_N": F,
+        "flexural_stiffness_N_m2": EI,
+        "lever_arm_m": Y,
+    }
     beam = Model.new("beam", foundation_stiffness_N_m2=KW, line_mass_kg_m=RHO_A, **values)
-    bent = beam.with_effect("ring_curvature", fraction=1.0, tangential_stiffness_N_m2=KV).predict(drive(20.0), PHI)
+    bent = beam.with_effect("ring_curvature", fraction=1.0, tangential_stiffness_N_m2=KV).predict(
+        drive(20.0), PHI
+    )
     closed = ring(inflation_pressure_Pa=0.0).predict(drive(20.0), PHI)
     # the ring's road load has a tangential part, of order phi at the edges
     assert np.abs(bent - closed).max() < 0.03 * np.abs(closed).max()

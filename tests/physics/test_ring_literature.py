@@ -18,7 +18,14 @@ TABLE_2 = {
 
 def prescribed(load, half_angle_deg):
     half = R * np.radians(half_angle_deg)
-    return Model.new("ring", contact="prescribed", patch_half_length_m=half, load_N=load, reference_load_N=load, **TABLE_2)
+    return Model.new(
+        "ring",
+        contact="prescribed",
+        patch_half_length_m=half,
+        load_N=load,
+        reference_load_N=load,
+        **TABLE_2,
+    )
 
 
 def drive(**more):
@@ -38,7 +45,9 @@ def ripple(values):
 
 
 def test_ten_modes_ring_visibly_and_a_hundred_do_not():
-    """Fig. 3, F_z = 1000 N: the modes are summed as they stand, so a mode-limited strain is the truncated waveform."""
+    """Fig. 3, F_z = 1000 N: the modes are summed as they stand, so a mode-limited strain is the
+    truncated waveform.
+    """
     strain = prescribed(1000.0, 4.6).predict(drive(), PHI, surface="inner")[0]
     assert np.argmax(strain) == pytest.approx(PHI.size / 2, abs=1)
     span = np.ptp(strain)
@@ -50,7 +59,9 @@ def test_ten_modes_ring_visibly_and_a_hundred_do_not():
 
 
 def test_slip_makes_the_lower_peaks_unequal():
-    """Fig. 4, 250 N, slip of -0.2, 0, 0.2 (driving is P3's positive): the side lobes change places with the sign."""
+    """Fig. 4, 250 N, slip of -0.2, 0, 0.2 (driving is P3's positive): the side lobes change places
+    with the sign.
+    """
     model = prescribed(250.0, 2.3).with_effect("traction", lever_m=0.005)
     lobes = {}
     for slip in (-0.2, 0.0, 0.2):
@@ -62,7 +73,9 @@ def test_slip_makes_the_lower_peaks_unequal():
 
 
 def test_wear_sets_the_trailing_edge_apart():
-    """Figs. 5 and 6: the difference between trailing and leading edge grows with wear, the strain shrinks with the lever arm."""
+    """Figs. 5 and 6: the difference between trailing and leading edge grows with wear, the strain
+    shrinks with the lever arm.
+    """
     model = prescribed(1000.0, 4.6).with_effect("wear", amplitude=0.5, lever_loss=0.2)
     gaps, spans = [], []
     for distance in (0.0, 20000.0, 40000.0):

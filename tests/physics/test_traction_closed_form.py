@@ -1,4 +1,6 @@
-"""Pressure and shear under traction against P2 (13), and a ring that is pulled along by the shear itself."""
+"""Pressure and shear under traction against P2 (13), and a ring that is pulled along by the shear
+itself.
+"""
 
 from dataclasses import replace
 
@@ -22,10 +24,15 @@ def test_pressure_and_shear_under_traction_are_told_apart(carcass, sigma):
     F, R = one.load_N[0], base.values["radius_m"]
     L = 0.055 * (F / 3600.0) ** 0.5
     phi = np.linspace(-0.9, 0.9, 301) * L / R
-    p, tau = (model.predict(one, phi, observable=name)[0] for name in ("contact_pressure", "shear_traction"))
+    p, tau = (
+        model.predict(one, phi, observable=name)[0]
+        for name in ("contact_pressure", "shear_traction")
+    )
     assert np.allclose(p, base.predict(one, phi, observable="contact_pressure")[0], rtol=1e-12)
     wanted = brush.traction(phi * R, np.array([F]), np.array([L]), np.array([sigma]))
-    steep = np.abs(phi * R - brush.transition(np.array([sigma]), np.array([L]))) < 0.06 * L  # the jump at x_s ripples
+    steep = (
+        np.abs(phi * R - brush.transition(np.array([sigma]), np.array([L]))) < 0.06 * L
+    )  # the jump at x_s ripples
     assert np.abs(tau - wanted)[~steep].max() < 0.02 * np.abs(wanted).max()
     assert np.sign(np.median(tau)) == np.sign(sigma)
     assert not base.predict(one, phi, observable="shear_traction").any()
@@ -37,5 +44,9 @@ def test_a_ring_is_pulled_by_the_road_whatever_the_lever():
     free = base.predict(one, PHI)[0]
     none, hair, beam = (m.with_effect("traction", lever_m=h).predict(one, PHI)[0] for m, h in
                         ((base, 0.0), (base, 1e-9), (Model.new("beam"), 0.0)))  # fmt: skip
-    assert np.abs(none - hair).max() < 1e-5 * np.abs(free).max() < 1e-3 * np.abs(none - free).max() * 100.0
+    assert (
+        np.abs(none - hair).max()
+        < 1e-5 * np.abs(free).max()
+        < 1e-3 * np.abs(none - free).max() * 100.0
+    )
     assert np.array_equal(beam, Model.new("beam").predict(one, PHI)[0])

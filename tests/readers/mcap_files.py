@@ -50,7 +50,15 @@ NONE, LZ4, ZSTD = CompressionType.NONE, CompressionType.LZ4, CompressionType.ZST
 
 def setup_of(sources, kind="temperature", log="", more=""):
     return parse_setup(
-        "\n".join([*(f'[channels.{k}]\nkind = "{kind}"\nsource = "{v}"\n{more}' for k, v in sources.items()), f"[log]\n{log}"])
+        "\n".join(
+            [
+                *(
+                    f'[channels.{k}]\nkind = "{kind}"\nsource = "{v}"\n{more}'
+                    for k, v in sources.items()
+                ),
+                f"[log]\n{log}",
+            ]
+        )
     )
 
 
@@ -63,7 +71,11 @@ def read(source, sources, **more):
         for name, part in block.values.items():
             assert part.shape == block.stamps_s.shape
             values.setdefault(name, []).append(part)
-    return {k: np.concatenate(v) for k, v in values.items()}, {k: np.concatenate(v) for k, v in stamps.items()}, reader
+    return (
+        {k: np.concatenate(v) for k, v in values.items()},
+        {k: np.concatenate(v) for k, v in stamps.items()},
+        reader,
+    )
 
 
 def write_json(path, messages, *, compression=ZSTD, chunk_size=20_000, **options):
@@ -98,7 +110,9 @@ def write_ros2(path, messages, *, compression=ZSTD, chunk_size=20_000):
 
 
 def protobuf_class():
-    """tire.Sample: stamp {seconds, nanos}, doubles, a signed varint, a text, packed doubles, unpacked sub-messages."""
+    """tire.Sample: stamp {seconds, nanos}, doubles, a signed varint, a text, packed doubles,
+    unpacked sub-messages.
+    """
     file = descriptor_pb2.FileDescriptorProto(name="tire.proto", package="tire", syntax="proto3")
     F = descriptor_pb2.FieldDescriptorProto
 
@@ -107,7 +121,9 @@ def protobuf_class():
         for number, (field, kind, *rest) in enumerate(fields, 1):
             repeated = F.LABEL_REPEATED if "repeated" in rest else F.LABEL_OPTIONAL
             type_name = next((r for r in rest if r.startswith(".")), None)
-            made.field.add(name=field, number=number, type=kind, label=repeated, type_name=type_name)
+            made.field.add(
+                name=field, number=number, type=kind, label=repeated, type_name=type_name
+            )
 
     message("Stamp", ("seconds", F.TYPE_INT64), ("nanos", F.TYPE_INT32))
     message(
@@ -122,7 +138,9 @@ def protobuf_class():
     )
     pool = descriptor_pool.DescriptorPool()
     pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName("tire.Sample")), descriptor_pb2.FileDescriptorSet(file=[file])
+    return message_factory.GetMessageClass(
+        pool.FindMessageTypeByName("tire.Sample")
+    ), descriptor_pb2.FileDescriptorSet(file=[file])
 
 
 def write_protobuf(path, messages, *, compression=ZSTD, chunk_size=20_000):
@@ -136,6 +154,8 @@ def write_protobuf(path, messages, *, compression=ZSTD, chunk_size=20_000):
         for number, (topic, time_ns, message) in enumerate(messages):
             if topic not in channels:
                 channels[topic] = writer.register_channel(topic, "protobuf", schema)
-            writer.add_message(channels[topic], time_ns, message.SerializeToString(), time_ns, number)
+            writer.add_message(
+                channels[topic], time_ns, message.SerializeToString(), time_ns, number
+            )
         writer.finish()
     return path

@@ -1,7 +1,9 @@
-"""HDF5 logs of every layout: the values, rates, stamps, units and groups that come out are those that were written.
+"""HDF5 logs of every layout: the values, rates, stamps, units and groups that come out are those
+that were written.
 
-`data/pandas_layouts.h5` was written by pandas 3.0 through PyTables: 20 rows a millisecond apart, CH1_FBG1 = 1549 + row / 16,
-CH1_FBG2 = 1540 + row / 32, n = row, as `fixed`, `table`, `columns` (data_columns), `series`, `float_index`, `objects` (pickles).
+`data/pandas_layouts.h5` was written by pandas 3.0 through PyTables: 20 rows a millisecond apart,
+CH1_FBG1 = 1549 + row / 16, CH1_FBG2 = 1540 + row / 32, n = row, as `fixed`, `table`, `columns`
+(data_columns), `series`, `float_index`, `objects` (pickles).
 """
 
 from pathlib import Path
@@ -18,7 +20,10 @@ PANDAS = Path(__file__).parent / "data" / "pandas_layouts.h5"
 
 def setup_of(sources, kind="temperature", log="", unit="K"):
     extra = "reference_wavelength_nm = 1550.0" if kind.startswith("fbg") else ""
-    tables = [f'[channels.{k}]\nkind = "{kind}"\nsource = "{v}"\nunit = "{unit}"\n{extra}' for k, v in sources.items()]
+    tables = [
+        f'[channels.{k}]\nkind = "{kind}"\nsource = "{v}"\nunit = "{unit}"\n{extra}'
+        for k, v in sources.items()
+    ]
     return parse_setup("\n".join([*tables, f"[log]\n{log}"]))
 
 
@@ -33,7 +38,11 @@ def read(path, sources, **more):
             values.setdefault(name, []).append(part)
         if block.stamps_s is not None:
             stamps.setdefault(block.group, []).append(block.stamps_s)
-    return {k: np.concatenate(v) for k, v in values.items()}, {k: np.concatenate(v) for k, v in stamps.items()}, reader
+    return (
+        {k: np.concatenate(v) for k, v in values.items()},
+        {k: np.concatenate(v) for k, v in stamps.items()},
+        reader,
+    )
 
 
 @pytest.fixture
@@ -72,7 +81,11 @@ def test_columns_of_arrays(path, shape, source, expected):
 
 def test_columns_of_a_compound(path):
     rows = np.zeros(30, [("time", "f8"), ("wl", "f4", (3,)), ("steps", "i2")])
-    rows["time"], rows["wl"], rows["steps"] = np.arange(30) / 100, np.arange(90).reshape(30, 3), np.arange(30)
+    rows["time"], rows["wl"], rows["steps"] = (
+        np.arange(30) / 100,
+        np.arange(90).reshape(30, 3),
+        np.arange(30),
+    )
     with h5py.File(path, "w") as file:
         file["t"] = rows
     values, stamps, reader = read(path, {"a": "/t:steps", "b": "/t:wl[2]"})
@@ -82,7 +95,9 @@ def test_columns_of_a_compound(path):
     np.testing.assert_allclose(stamps["clock_1"], np.arange(30) / 100, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["sampling_rate_Hz", "fs", "Fs", "FS", "sample_rate", "SampleRate"])
+@pytest.mark.parametrize(
+    "name", ["sampling_rate_Hz", "fs", "Fs", "FS", "sample_rate", "SampleRate"]
+)
 @pytest.mark.parametrize("where", ["dataset", "group", "file"])
 def test_the_rate_by_alias_and_place(path, name, where):
     with h5py.File(path, "w") as file:
@@ -139,7 +154,13 @@ def test_lost_peaks_and_fill_values_are_lost(path):
         file["peaks"] = [1550.0, 0.0, -1.0, np.nan, 1551.0]
         file["words"] = np.array([1, 2, -999, 4], "i4")
         file["words"].attrs["_FillValue"] = np.array([-999], "i4")
-    assert np.isnan(read(path, {"x": "/peaks"}, kind="fbg_strain", unit="nm")[0]["x"]).tolist() == [False, True, True, True, False]
+    assert np.isnan(read(path, {"x": "/peaks"}, kind="fbg_strain", unit="nm")[0]["x"]).tolist() == [
+        False,
+        True,
+        True,
+        True,
+        False,
+    ]
     assert np.isnan(read(path, {"x": "/words"})[0]["x"]).tolist() == [False, False, True, False]
 
 
@@ -175,7 +196,9 @@ def test_stamps_in_nanoseconds_since_1970_keep_their_nanoseconds(path):
 
 
 def test_matlab_7_3(path):
-    """MATLAB keeps a 512-byte user block, vectors as (1, n) or (n, 1), and the rate as a variable beside the data."""
+    """MATLAB keeps a 512-byte user block, vectors as (1, n) or (n, 1), and the rate as a variable
+    beside the data.
+    """
     with h5py.File(path, "w", userblock_size=512) as file:
         file["log/strain"] = np.arange(60.0).reshape(1, 60)
         file["log/all"] = np.arange(120.0).reshape(2, 60)
@@ -227,7 +250,11 @@ def test_channels_of_one_clock_form_one_group(path):
             file[name] = np.arange(float(size))
             file[name].attrs["fs"] = rate
     groups = read(path, {n: f"/{n}" for n in "abcd"})[2].groups
-    assert [(g.channels, g.rate_Hz) for g in groups] == [(("a", "b"), 100.0), (("c",), 200.0), (("d",), 100.0)]
+    assert [(g.channels, g.rate_Hz) for g in groups] == [
+        (("a", "b"), 100.0),
+        (("c",), 200.0),
+        (("d",), 100.0),
+    ]
 
 
 def test_a_unit_that_contradicts_the_setup_is_said(path):

@@ -35,7 +35,9 @@ def path(tmp_path):
 def slow(monkeypatch):
     """The library alone decodes."""
     monkeypatch.setattr(mcap_decode, "MOST_FAILURES", 0)
-    monkeypatch.setattr("tirelog.readers.mcap.json_messages.JsonReader.read", lambda self, messages, wants: None)
+    monkeypatch.setattr(
+        "tirelog.readers.mcap.json_messages.JsonReader.read", lambda self, messages, wants: None
+    )
 
 
 def times(n=N, step=STEP_NS):
@@ -45,7 +47,11 @@ def times(n=N, step=STEP_NS):
 @pytest.mark.parametrize("compression", [NONE, LZ4, ZSTD])
 def test_json_one_sample_a_message(path, compression):
     wl = 1550 + np.random.default_rng(1).normal(size=(N, 3)).round(4)
-    write_json(path, [("/fbg", t, {"wl": row.tolist(), "ok": True}) for t, row in zip(times(), wl, strict=True)], compression=compression)
+    write_json(
+        path,
+        [("/fbg", t, {"wl": row.tolist(), "ok": True}) for t, row in zip(times(), wl, strict=True)],
+        compression=compression,
+    )
     values, stamps, reader = read(path, {"a": "/fbg:wl[0]", "b": "/fbg:wl[2]", "c": "/fbg:ok"})
     np.testing.assert_array_equal(values["a"], wl[:, 0])
     np.testing.assert_array_equal(values["b"], wl[:, 2])
@@ -68,13 +74,18 @@ def test_a_stream_that_cannot_seek_gives_the_same(path):
             return self.data.readinto(memoryview(buffer)[:777])
 
     write_json(path, [("/t", t, {"x": i}) for i, t in enumerate(times())])
-    np.testing.assert_array_equal(read(io.BufferedReader(Pipe(path.read_bytes())), {"x": "/t:x"})[0]["x"], np.arange(N))
+    np.testing.assert_array_equal(
+        read(io.BufferedReader(Pipe(path.read_bytes())), {"x": "/t:x"})[0]["x"], np.arange(N)
+    )
 
 
 def stamped(i, rng):
     stamp = START_NS + 5_000_000 + i * STEP_NS
     return {
-        "header": {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ("tire", "wheel_of_the_car")[i // 700 % 2]},
+        "header": {
+            "stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9},
+            "frame_id": ("tire", "wheel_of_the_car")[i // 700 % 2],
+        },
         "names": ["a", "bc"][: 1 + i // 400 % 2],
         "position": rng.normal(size=2).tolist(),
         "on": bool(i % 2),
@@ -94,7 +105,13 @@ ROS_SOURCES = {
 def test_ros2_of_every_kind_with_its_own_stamp(path):
     rng = np.random.default_rng(2)
     messages = [stamped(i, rng) for i in range(N)]
-    write_ros2(path, [("/joint", t, "my_msgs/msg/Joint", STAMPED, m) for t, m in zip(times(), messages, strict=True)])
+    write_ros2(
+        path,
+        [
+            ("/joint", t, "my_msgs/msg/Joint", STAMPED, m)
+            for t, m in zip(times(), messages, strict=True)
+        ],
+    )
     values, stamps, reader = read(path, ROS_SOURCES)
     np.testing.assert_array_equal(values["position"], [m["position"][1] for m in messages])
     np.testing.assert_array_equal(values["on"], np.arange(N) % 2)
@@ -106,14 +123,21 @@ def test_ros2_of_every_kind_with_its_own_stamp(path):
     assert reader.report.start.startswith("2023-11-14T22:13:20.005")
     decoder = next(iter(reader.decoders.values()))
     assert decoder.failures == 0
-    assert 4 <= len(decoder.plans) <= 12  # two frames, one or two names, one or two subs: no message by the library
+    assert (
+        4 <= len(decoder.plans) <= 12
+    )  # two frames, one or two names, one or two subs: no message by the library
 
 
 def sample(i, rng, kind):
     stamp = START_NS + i * STEP_NS
     made = protobuf_class()[0]()
     made.stamp.seconds, made.stamp.nanos = stamp // 10**9, stamp % 10**9
-    made.strain, made.load, made.steps, made.note = (0.0 if i % 97 == 0 else rng.normal()), float(i % 50), i % 300 - 150, "x" * (i // 400)
+    made.strain, made.load, made.steps, made.note = (
+        (0.0 if i % 97 == 0 else rng.normal()),
+        float(i % 50),
+        i % 300 - 150,
+        "x" * (i // 400),
+    )
     made.count = -1 if i % 200 == 0 else i
     made.batch.extend(rng.normal(size=kind))
     return made
@@ -123,7 +147,9 @@ def test_protobuf_of_every_kind_with_its_own_stamp(path):
     rng = np.random.default_rng(3)
     messages = [sample(i, rng, 5) for i in range(N)]
     write_protobuf(path, [("/tire", t + 99, m) for t, m in zip(times(), messages, strict=True)])
-    sources = {name: f"/tire:{name}" for name in ("strain", "load", "steps", "count")} | {"third": "/tire:batch[2]"}
+    sources = {name: f"/tire:{name}" for name in ("strain", "load", "steps", "count")} | {
+        "third": "/tire:batch[2]"
+    }
     values, stamps, reader = read(path, sources)
     for name in ("strain", "load", "steps", "count"):
         np.testing.assert_array_equal(values[name], [getattr(m, name) for m in messages])
@@ -136,14 +162,33 @@ def test_protobuf_of_every_kind_with_its_own_stamp(path):
 def test_the_fast_and_the_plain_path_give_the_same_rows(path, encoding, request):
     rng = np.random.default_rng(4)
     if encoding == "json":
-        write_json(path, [("/t", t, {"a": {"x": i / 7, "y": None if i % 50 == 0 else -i}, "b": [i, 2 * i]}) for i, t in enumerate(times())])
+        write_json(
+            path,
+            [
+                ("/t", t, {"a": {"x": i / 7, "y": None if i % 50 == 0 else -i}, "b": [i, 2 * i]})
+                for i, t in enumerate(times())
+            ],
+        )
         sources = {"x": "/t:a.x", "y": "/t:a.y", "b": "/t:b", "b1": "/t:b[1]"}
     elif encoding == "ros2":
-        write_ros2(path, [("/joint", t, "my_msgs/msg/Joint", STAMPED, stamped(i, rng)) for i, t in enumerate(times())])
+        write_ros2(
+            path,
+            [
+                ("/joint", t, "my_msgs/msg/Joint", STAMPED, stamped(i, rng))
+                for i, t in enumerate(times())
+            ],
+        )
         sources = ROS_SOURCES | {"all": "/joint:position", "some": "/joint:fixed[1::2]"}
     else:
-        write_protobuf(path, [("/tire", t, sample(i, rng, 3 + i // 600)) for i, t in enumerate(times())])
-        sources = {"strain": "/tire:strain", "steps": "/tire:steps", "all": "/tire:batch", "count": "/tire:count"}
+        write_protobuf(
+            path, [("/tire", t, sample(i, rng, 3 + i // 600)) for i, t in enumerate(times())]
+        )
+        sources = {
+            "strain": "/tire:strain",
+            "steps": "/tire:steps",
+            "all": "/tire:batch",
+            "count": "/tire:count",
+        }
     fast, fast_stamps, fast_reader = read(path, sources)
     request.getfixturevalue("slow")
     plain, plain_stamps, plain_reader = read(path, sources)
@@ -161,7 +206,13 @@ def test_batches_begin_at_their_stamp_and_go_on_at_the_rate(path, log):
     """250 samples a message at 2.5 kHz; without a rate the median step between batches gives it."""
     batches = np.random.default_rng(5).normal(size=(40, 250))
     messages = [
-        ("/fbg", t, "std_msgs/msg/Float64MultiArray", MULTI_ARRAY, {"layout": {"dim": [], "data_offset": 0}, "data": row.tolist()})
+        (
+            "/fbg",
+            t,
+            "std_msgs/msg/Float64MultiArray",
+            MULTI_ARRAY,
+            {"layout": {"dim": [], "data_offset": 0}, "data": row.tolist()},
+        )
         for t, row in zip(times(40, 100_000_000), batches, strict=True)
     ]
     write_ros2(path, messages)
@@ -180,8 +231,18 @@ def test_the_rate_is_read_from_a_field_of_the_message(path):
 
 def test_rows_of_gratings_laid_end_to_end_and_lists_of_lists(path):
     data = np.arange(40 * 10 * 4.0).reshape(40, 10, 4)
-    write_json(path, [("/t", t, {"flat": m.ravel().tolist(), "rows": m.tolist()}) for t, m in zip(times(40), data, strict=True)])
-    values, _, reader = read(path, {"a": "/t:flat[1::4]", "b": "/t:flat[3::4]", "c": "/t:rows[:][3]"}, log="sampling_rate_Hz = 25000.0")
+    write_json(
+        path,
+        [
+            ("/t", t, {"flat": m.ravel().tolist(), "rows": m.tolist()})
+            for t, m in zip(times(40), data, strict=True)
+        ],
+    )
+    values, _, reader = read(
+        path,
+        {"a": "/t:flat[1::4]", "b": "/t:flat[3::4]", "c": "/t:rows[:][3]"},
+        log="sampling_rate_Hz = 25000.0",
+    )
     np.testing.assert_array_equal(values["a"], data[:, :, 1].ravel())
     np.testing.assert_array_equal(values["b"], data[:, :, 3].ravel())
     np.testing.assert_array_equal(values["c"], data[:, :, 3].ravel())
@@ -190,14 +251,19 @@ def test_rows_of_gratings_laid_end_to_end_and_lists_of_lists(path):
 
 def test_batches_of_unlike_lengths(path):
     sizes = [3, 5, 0, 4, 1] * 60
-    write_json(path, [("/t", t, {"x": list(range(k))}) for t, k in zip(times(300), sizes, strict=True)])
+    write_json(
+        path, [("/t", t, {"x": list(range(k))}) for t, k in zip(times(300), sizes, strict=True)]
+    )
     values, stamps, _ = read(path, {"x": "/t:x"}, log="sampling_rate_Hz = 100000.0")
     np.testing.assert_array_equal(values["x"], np.concatenate([np.arange(k) for k in sizes]))
     assert stamps["clock_1"][3] == pytest.approx(STEP_NS * 1e-9, abs=1e-12)
 
 
 def test_the_time_that_the_setup_names(path):
-    write_json(path, [("/t", t + i % 7, {"x": i, "clock_ms": 5.0 + 0.4 * i}) for i, t in enumerate(times())])
+    write_json(
+        path,
+        [("/t", t + i % 7, {"x": i, "clock_ms": 5.0 + 0.4 * i}) for i, t in enumerate(times())],
+    )
     _, stamps, reader = read(path, {"x": "/t:x"}, log='time = "clock_ms"\ntime_unit = "ms"')
     np.testing.assert_allclose(stamps["clock_1"], 0.4e-3 * np.arange(N), rtol=0, atol=2e-9)
     assert ["another origin" in remark for remark in reader.report.remarks] == [True]
@@ -217,7 +283,9 @@ def test_topics_are_groups_with_one_origin(path):
 
 def test_messages_out_of_order_across_chunks_are_put_in_order(path):
     order = np.random.default_rng(6).permutation(N)
-    write_json(path, [("/t", START_NS + STEP_NS * int(i), {"x": int(i)}) for i in order], chunk_size=2000)
+    write_json(
+        path, [("/t", START_NS + STEP_NS * int(i), {"x": int(i)}) for i in order], chunk_size=2000
+    )
     values, stamps, reader = read(path, {"x": "/t:x"})
     np.testing.assert_array_equal(values["x"], np.arange(N))
     assert (np.diff(stamps["clock_1"]) > 0).all()
@@ -237,35 +305,58 @@ def test_what_comes_too_late_for_bounded_memory_is_said(path, monkeypatch):
 @pytest.mark.parametrize("chunk_size", [100, 5000, 1 << 20])
 def test_blocks_of_any_size_give_the_same_samples(path, monkeypatch, held, chunk_size):
     monkeypatch.setattr(mcap_order, "HELD_VALUES", held)
-    write_json(path, [("/t", t, {"x": [i, -i]}) for i, t in enumerate(times(300))], chunk_size=chunk_size)
+    write_json(
+        path, [("/t", t, {"x": [i, -i]}) for i, t in enumerate(times(300))], chunk_size=chunk_size
+    )
     values, stamps, _ = read(path, {"x": "/t:x", "y": "/t:x[1]"}, log="sampling_rate_Hz = 5000.0")
-    np.testing.assert_array_equal(values["x"], np.stack([np.arange(300), -np.arange(300)], 1).ravel())
+    np.testing.assert_array_equal(
+        values["x"], np.stack([np.arange(300), -np.arange(300)], 1).ravel()
+    )
     np.testing.assert_array_equal(values["y"], -np.arange(300))
     np.testing.assert_allclose(stamps["clock_1"], np.arange(600) / 5000, atol=1e-12)
 
 
 def test_a_topic_that_begins_late_is_not_lost(path, monkeypatch):
     monkeypatch.setattr("tirelog.readers.mcap.reader.READ_AHEAD_BYTES", 5000)
-    messages = [("/t", t, {"x": i}) for i, t in enumerate(times())] + [("/late", times()[-1], {"y": [i, i + 1]}) for i in range(10)]
+    messages = [("/t", t, {"x": i}) for i, t in enumerate(times())] + [
+        ("/late", times()[-1], {"y": [i, i + 1]}) for i in range(10)
+    ]
     write_json(path, messages, chunk_size=2000)
     values, _, reader = read(path, {"x": "/t:x", "y": "/late:y", "z": "/late:y[0]"})
     assert len(reader.groups) == 3
     np.testing.assert_array_equal(values["x"], np.arange(N))
-    np.testing.assert_array_equal(values["y"], np.stack([np.arange(10), np.arange(1, 11)], 1).ravel())
+    np.testing.assert_array_equal(
+        values["y"], np.stack([np.arange(10), np.arange(1, 11)], 1).ravel()
+    )
     np.testing.assert_array_equal(values["z"], np.arange(10))
 
 
 @pytest.mark.parametrize("checked", [False, True])
 def test_messages_outside_of_chunks(path, checked):
-    write_json(path, [("/t", t, {"x": i}) for i, t in enumerate(times())], use_chunking=False, enable_data_crcs=checked)
+    write_json(
+        path,
+        [("/t", t, {"x": i}) for i, t in enumerate(times())],
+        use_chunking=False,
+        enable_data_crcs=checked,
+    )
     values, _, reader = read(path, {"x": "/t:x"})
     np.testing.assert_array_equal(values["x"], np.arange(N))
-    assert ["no checksum" in remark for remark in reader.report.remarks] == ([] if checked else [True])
+    assert ["no checksum" in remark for remark in reader.report.remarks] == (
+        [] if checked else [True]
+    )
 
 
 def test_lost_peaks_are_lost(path):
-    write_json(path, [("/t", t, {"wl": w}) for t, w in zip(times(5), [1550.0, 0, -1, None, 1551.0], strict=True)])
-    values, _, _ = read(path, {"a": "/t:wl"}, kind="fbg_strain", more="reference_wavelength_nm = 1550.0")
+    write_json(
+        path,
+        [
+            ("/t", t, {"wl": w})
+            for t, w in zip(times(5), [1550.0, 0, -1, None, 1551.0], strict=True)
+        ],
+    )
+    values, _, _ = read(
+        path, {"a": "/t:wl"}, kind="fbg_strain", more="reference_wavelength_nm = 1550.0"
+    )
     np.testing.assert_array_equal(values["a"], [1550.0, np.nan, np.nan, np.nan, 1551.0])
 
 
@@ -289,19 +380,32 @@ def test_sources(source, topic, tokens):
     [
         ['{"a": %d, "b": %d}', '{"b": %d, "a": %d}'],
         ['{"c1": %d, "c2": %d, "a": 7, "b": 8}', '{"c2": %d, "c1": %d, "a": 7, "b": 8}'],
-        ['{"a": %d, "b": %d, "c": []}', '{"a": %d, "b": %d, "c": {}}', '{"a": %d, "c": null, "b": %d}'],
+        [
+            '{"a": %d, "b": %d, "c": []}',
+            '{"a": %d, "b": %d, "c": {}}',
+            '{"a": %d, "c": null, "b": %d}',
+        ],
         ['{"a": %d, "b": %d.5}', '{"a": %d, "b": null, "z": %d}', '{"a": %de-1, "b": %dE2}'],
         ['{"z": {"a": %d}, "b": %d}', '{"a": %d, "b": %d}', '{"z": [1], "a": %d, "b": %d}'],
-        ['{"s": "x,y", "a": %d, "b": %d}', '{"s": "x:y", "a": %d, "b": %d}', '{"s": "1", "a": %d, "b": %d}'],
+        [
+            '{"s": "x,y", "a": %d, "b": %d}',
+            '{"s": "x:y", "a": %d, "b": %d}',
+            '{"s": "1", "a": %d, "b": %d}',
+        ],
         ['{"a": %d, "a": 3, "b": %d}', '{"a": %d, "b": %d}'],
         ['{"a": %d, "b": [%d]}', '{"a": %d, "b": %d}'],
     ],
 )
 @pytest.mark.parametrize("run", [1, 40])
 def test_json_of_changing_shapes_is_read_as_the_library_reads_it(path, shapes, run, request):
-    rows = [("/t", t, (shapes[i // run % len(shapes)] % (i, 1000 - i)).encode()) for i, t in enumerate(times(240))]
+    rows = [
+        ("/t", t, (shapes[i // run % len(shapes)] % (i, 1000 - i)).encode())
+        for i, t in enumerate(times(240))
+    ]
     write_json(path, rows, chunk_size=3000)
-    sources = {"a": "/t:a", "b": "/t:b"} if "c1" not in shapes[0] else {"c1": "/t:c1", "c2": "/t:c2"}
+    sources = (
+        {"a": "/t:a", "b": "/t:b"} if "c1" not in shapes[0] else {"c1": "/t:c1", "c2": "/t:c2"}
+    )
     fast = read(path, sources)[0]
     request.getfixturevalue("slow")
     plain = read(path, sources)[0]
@@ -312,7 +416,9 @@ def test_json_of_changing_shapes_is_read_as_the_library_reads_it(path, shapes, r
 
 @pytest.mark.parametrize("kinds", [((3, 300), (300, 3)), ((9000, 0), (3, 3))])
 def test_varints_that_trade_bytes_do_not_share_a_layout(path, kinds):
-    """Messages of one size, in which one varint grows by the bytes that another gives up, or by a field that is left out."""
+    """Messages of one size, in which one varint grows by the bytes that another gives up, or by a
+    field that is left out.
+    """
     pairs = [kinds[i % 2] for i in range(100)]
     made = [protobuf_class()[0](strain=1.0, steps=steps, count=count) for steps, count in pairs]
     assert len({len(m.SerializeToString()) for m in made}) == 1
@@ -322,6 +428,11 @@ def test_varints_that_trade_bytes_do_not_share_a_layout(path, kinds):
 
 
 def test_the_decimals_of_numbers_in_text_are_told(path):
-    rows = [("/t", t, {"nm": 1550 + i / 10_000, "steps": i % 48, "noise": 1 / (i + 3)}) for i, t in enumerate(times(50))]
-    reader = read(write_json(path, rows), {"nm": "/t:nm", "steps": "/t:steps", "noise": "/t:noise"})[2]
+    rows = [
+        ("/t", t, {"nm": 1550 + i / 10_000, "steps": i % 48, "noise": 1 / (i + 3)})
+        for i, t in enumerate(times(50))
+    ]
+    reader = read(
+        write_json(path, rows), {"nm": "/t:nm", "steps": "/t:steps", "noise": "/t:noise"}
+    )[2]
     assert reader.groups[0].decimals == {"nm": 4, "steps": 0, "noise": None}

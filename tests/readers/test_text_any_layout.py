@@ -1,4 +1,6 @@
-"""Property: any mixture of separator, decimal sign, header, units, preamble, stamps, encoding and line end reads back the same numbers."""
+"""Property: any mixture of separator, decimal sign, header, units, preamble, stamps, encoding and
+line end reads back the same numbers.
+"""
 
 import numpy as np
 from hypothesis import given, settings
@@ -28,7 +30,11 @@ PREAMBLES = [
 def layouts(draw: st.DrawFn) -> dict:
     separator = draw(st.sampled_from([",", ";", "\t", ", ", " "]))
     decimal = draw(st.sampled_from([".", ","])) if separator in (";", "\t") else "."
-    stamps = draw(st.sampled_from([name for name in STAMPS if separator != " " or name in ("none", "seconds", "epoch")]))
+    stamps = draw(
+        st.sampled_from(
+            [name for name in STAMPS if separator != " " or name in ("none", "seconds", "epoch")]
+        )
+    )
     return {
         "separator": separator,
         "decimal": decimal,
@@ -52,14 +58,26 @@ def written(layout: dict, values: np.ndarray) -> bytes:
     if layout["header"]:
         names = ["t_stamp"] * (stamp is not None) + ["A", "Bé", "C"]
         units = [""] * (stamp is not None) + ["nm", "nm", "nm"]
-        rows.append([n + (f"[{u}]" if layout["units"] == "suffix" and u else "") for n, u in zip(names, units)])
+        rows.append(
+            [
+                n + (f"[{u}]" if layout["units"] == "suffix" and u else "")
+                for n, u in zip(names, units)
+            ]
+        )
         if layout["units"] == "row" and layout["separator"] != " ":
             rows.append([u or "s" for u in units])
     for i, row in enumerate(values):
-        cells = [layout["lost"] if np.isnan(x) else f"{x:.4f}".replace(".", layout["decimal"]) for x in row]
+        cells = [
+            layout["lost"] if np.isnan(x) else f"{x:.4f}".replace(".", layout["decimal"])
+            for x in row
+        ]
         rows.append(([stamp(i, layout["decimal"])] if stamp else []) + cells)
-    text = layout["preamble"] + "\n".join(layout["separator"].join(r) + layout["separator"] * layout["trailing"] for r in rows)
-    return (text + "\n" * layout["last_end"]).replace("\n", layout["end"]).encode(layout["encoding"])
+    text = layout["preamble"] + "\n".join(
+        layout["separator"].join(r) + layout["separator"] * layout["trailing"] for r in rows
+    )
+    return (
+        (text + "\n" * layout["last_end"]).replace("\n", layout["end"]).encode(layout["encoding"])
+    )
 
 
 @given(layouts(), st.integers(0, 10**6))
@@ -71,12 +89,21 @@ def test_any_layout(layout: dict, seed: int) -> None:
     values[:3] = np.round(1550 + rng.standard_normal((3, 3)), 4)
     if not layout["last_end"] and layout["lost"] == "" and not layout["trailing"]:
         values[-1, 2] = 1550.1234  # blank at the very end, it would be a row that is cut off
-    names = ["A", "Bé", "C"] if layout["header"] else [f"#{k + 1 + (layout['stamps'] != 'none')}" for k in range(3)]
-    reader, block = read(written(layout, values), setup_of({f"c{k}": {"source": name} for k, name in enumerate(names)}))
+    names = (
+        ["A", "Bé", "C"]
+        if layout["header"]
+        else [f"#{k + 1 + (layout['stamps'] != 'none')}" for k in range(3)]
+    )
+    reader, block = read(
+        written(layout, values),
+        setup_of({f"c{k}": {"source": name} for k, name in enumerate(names)}),
+    )
     for k in range(3):
         np.testing.assert_array_equal(block.values[f"c{k}"], values[:, k])
     assert reader.report.losses == []
     if layout["stamps"] == "none":
         assert block.stamps_s is None
     else:
-        np.testing.assert_allclose(block.stamps_s, np.arange(layout["rows"]) / 2500, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            block.stamps_s, np.arange(layout["rows"]) / 2500, rtol=0, atol=1e-9
+        )

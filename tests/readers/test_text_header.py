@@ -1,4 +1,6 @@
-"""Property: a name is read from its own column or from none; and what the header says of units is heeded."""
+"""Property: a name is read from its own column or from none; and what the header says of units is
+heeded.
+"""
 
 from pathlib import Path
 
@@ -58,7 +60,8 @@ MISFITS = {
     "two separators missing": "time,straintempload\n" + rows(),
     "a separator too many": "time,,strain,temp,load\n" + rows(),
     "a separator too many in front": ",time,strain,temp,load\n" + rows(),
-    "a separator missing behind a counter that has a name": "no,time,straintemp,load\n" + rows(front="1"),
+    "a separator missing behind a counter that has a name": "no,time,straintemp,load\n"
+    + rows(front="1"),
     "a separator missing and separators behind": "time,straintemp,load,\n" + rows(behind=","),
     "numpy, one name missing": "# strain temp load\n" + rows(" "),
     "a comma in a quoted name": 'time,"strain, outer",temp,load\n' + rows(),
@@ -99,10 +102,16 @@ def test_the_header_s_unit_is_that_of_a_channel_without_one(kind: str, encoding:
     reader, _ = read(text.encode(encoding), other)
     assert reader.setup.channels["x"].unit == other.channels["x"].unit
     assert "the setup's is used" in reader.report.remarks[0]
-    reader, _ = read(text.replace(header, f"{source} [{wrong}]"), setup_of({"x": {"kind": kind, "source": source}}))
+    reader, _ = read(
+        text.replace(header, f"{source} [{wrong}]"),
+        setup_of({"x": {"kind": kind, "source": source}}),
+    )
     assert reader.setup.channels["x"].unit is None
     assert "which is none of" in reader.report.remarks[0]
-    reader, _ = read(text.replace(header, f"{source} [furlong]"), setup_of({"x": {"kind": kind, "source": source}}))
+    reader, _ = read(
+        text.replace(header, f"{source} [furlong]"),
+        setup_of({"x": {"kind": kind, "source": source}}),
+    )
     assert "'furlong', which is not known" in reader.report.remarks[0]
 
 
@@ -115,7 +124,9 @@ def test_a_unit_row_counts_as_the_header_does() -> None:
 def test_what_says_the_same_is_not_said() -> None:
     text = "t,eps [-],F [N],n [1]\n" + "".join(f"{i / 10},0.1,{i % 7},{i}\n" for i in range(60))
     kinds = {"eps": "strain", "F": "vertical_load", "n": "wheel_encoder"}
-    reader, _ = read(text, setup_of({name: {"kind": kind, "source": name} for name, kind in kinds.items()}))
+    reader, _ = read(
+        text, setup_of({name: {"kind": kind, "source": name} for name, kind in kinds.items()})
+    )
     assert reader.report.remarks == []
 
 
@@ -131,7 +142,9 @@ def text_log(path: Path) -> None:
 
 @pytest.mark.parametrize("write", [hdf5_log, text_log])
 @pytest.mark.parametrize("given", [{}, {"unit": "N"}, {"unit": "kN"}])
-def test_a_log_and_its_run_have_the_same_values(tmp_path: Path, write: object, given: dict[str, str]) -> None:
+def test_a_log_and_its_run_have_the_same_values(
+    tmp_path: Path, write: object, given: dict[str, str]
+) -> None:
     setup: Setup = setup_of({"x": {"kind": "vertical_load", "source": "F", **given}})
     write(tmp_path / "log")  # type: ignore[operator]
     write_run(str(tmp_path / "log"), setup, tmp_path / "run.h5")
@@ -139,5 +152,9 @@ def test_a_log_and_its_run_have_the_same_values(tmp_path: Path, write: object, g
         with open_recording(str(tmp_path / path), with_setup) as recording:
             values = recording.channels["x"].read()
             assert recording.setup.channels["x"].source_unit == given.get("unit", "kN")
-            assert any("the setup's is used" in remark for remark in recording.remarks) == (given == {"unit": "N"})
-        np.testing.assert_allclose(values, np.arange(60.0) * (1.0 if given == {"unit": "N"} else 1000.0))
+            assert any("the setup's is used" in remark for remark in recording.remarks) == (
+                given == {"unit": "N"}
+            )
+        np.testing.assert_allclose(
+            values, np.arange(60.0) * (1.0 if given == {"unit": "N"} else 1000.0)
+        )

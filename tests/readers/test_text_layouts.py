@@ -26,22 +26,39 @@ def check(text: str | bytes, setup=TWO, start: str | None = None, losses: int = 
 
 PLAIN = {
     "comma": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,\n1,NaN,1542.5\n1.5,1549.5,1542.25\n",
-    "carriage returns": "time_s,A,B\r\n0,1550.1234,1542\r\n0.5,1550.25,\r\n1,NaN,1542.5\r\n1.5,1549.5,1542.25\r\n",
+    "carriage returns": "time_s,A,B\r\n0,1550.1234,1542\r\n0.5,1550.25,\r\n"
+    "1,NaN,1542.5\r\n1.5,1549.5,1542.25\r\n",
     "old line ends": "time_s,A,B\r0,1550.1234,1542\r0.5,1550.25,\r1,NaN,1542.5\r1.5,1549.5,1542.25\r",
-    "no last line end": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,0\n1,-1,1542.5\n1.5,1549.5,1542.25",
-    "comma and blank": "time_s, A, B\n0, 1550.1234, 1542\n0.5, 1550.25, \n1, 0.0, 1542.5\n1.5, 1549.5, 1542.25\n",
-    "tab": "time_s\tA\tB\n0\t1550.1234\t1542\n0.5\t1550.25\t-1.0\n1\tnan\t1542.5\n1.5\t1549.5\t1542.25\n",
-    "trailing tab": "Time [s]\tA[nm]\tB[nm]\t\n0\t1550.1234\t1542\t\n0.5\t1550.25\t\t\n1\t0\t1542.5\t\n1.5\t1549.5\t1542.25\t\n",
-    "semicolon and decimal comma": "Zeit;A;B\n0;1550,1234;1542\n0,5;1550,25;\n1;0,0;1542,5\n1,5;1549,5;1542,25\n",
-    "tab and decimal comma": "t\tA\tB\n0\t1550,1234\t1542\n0,5\t1550,25\t0\n1\t\t1542,5\n1,5\t1549,5\t1542,25\n",
+    "no last line end": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,0\n"
+    "1,-1,1542.5\n1.5,1549.5,1542.25",
+    "comma and blank": "time_s, A, B\n0, 1550.1234, 1542\n0.5, 1550.25, \n"
+    "1, 0.0, 1542.5\n1.5, 1549.5, 1542.25\n",
+    "tab": "time_s\tA\tB\n0\t1550.1234\t1542\n0.5\t1550.25\t-1.0\n1\tnan\t1542.5\n"
+    "1.5\t1549.5\t1542.25\n",
+    "trailing tab": "Time [s]\tA[nm]\tB[nm]\t\n0\t1550.1234\t1542\t\n"
+    "0.5\t1550.25\t\t\n1\t0\t1542.5\t\n"
+    "1.5\t1549.5\t1542.25\t\n",
+    "semicolon and decimal comma": "Zeit;A;B\n0;1550,1234;1542\n0,5;1550,25;\n"
+    "1;0,0;1542,5\n1,5;1549,5;1542,25\n",
+    "tab and decimal comma": "t\tA\tB\n0\t1550,1234\t1542\n0,5\t1550,25\t0\n"
+    "1\t\t1542,5\n1,5\t1549,5\t1542,25\n",
     "unit row": "t;A;B\ns;nm;nm\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
-    "units in brackets below": "t;A;B;\n[s];[nm];[nm];\n0;1550.1234;1542;\n0.5;1550.25;;\n1;;1542.5;\n1.5;1549.5;1542.25;\n",
-    "milliseconds": "time [ms],A,B\n0,1550.1234,1542\n500,1550.25,\n1000,,1542.5\n1500,1549.5,1542.25\n",
-    "quotes": '"time_s","A","B"\n"0","1550.1234","1542"\n"0.5","1550.25",""\n"1","0","1542.5"\n"1.5","1549.5","1542.25"\n',
-    "other order, more columns": "B,x,time_s,A\n1542,7,0,1550.1234\n,7,0.5,1550.25\n1542.5,7,1,\n1542.25,7,1.5,1549.5\n",
-    "blanks": "time_s  A          B\n0    1550.1234  1542\n0.5  1550.25    0\n1    0          1542.5\n1.5  1549.5     1542.25\n",
-    "preamble": "Logger 3\nSerial;12\n\nChannels;2\n" + "t;A;B\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
-    "epoch": "time,A,B\n1649934000.0,1550.1234,1542\n1649934000.5,1550.25,\n1649934001.0,,1542.5\n1649934001.5,1549.5,1542.25\n",
+    "units in brackets below": "t;A;B;\n[s];[nm];[nm];\n0;1550.1234;1542;\n"
+    "0.5;1550.25;;\n1;;1542.5;\n"
+    "1.5;1549.5;1542.25;\n",
+    "milliseconds": "time [ms],A,B\n0,1550.1234,1542\n500,1550.25,\n"
+    "1000,,1542.5\n1500,1549.5,1542.25\n",
+    "quotes": '"time_s","A","B"\n"0","1550.1234","1542"\n"0.5","1550.25",""\n"1","0","1542.5"\n'
+    '"1.5","1549.5","1542.25"\n',
+    "other order, more columns": "B,x,time_s,A\n1542,7,0,1550.1234\n,7,0.5,1550.25\n"
+    "1542.5,7,1,\n1542.25,7,1.5,1549.5\n",
+    "blanks": "time_s  A          B\n0    1550.1234  1542\n"
+    "0.5  1550.25    0\n1    0          1542.5\n"
+    "1.5  1549.5     1542.25\n",
+    "preamble": "Logger 3\nSerial;12\n\nChannels;2\n"
+    + "t;A;B\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
+    "epoch": "time,A,B\n1649934000.0,1550.1234,1542\n1649934000.5,1550.25,\n1649934001.0,,1542.5\n"
+    "1649934001.5,1549.5,1542.25\n",
 }
 
 
@@ -62,11 +79,28 @@ def test_encodings(encoding: str) -> None:
 
 
 STAMPS = {
-    "iso": (["2022-04-14T13:00:00.0", "2022-04-14T13:00:00.5", "2022-04-14T13:00:01.0", "2022-04-14T13:00:01.5"], 0.1),
+    "iso": (
+        [
+            "2022-04-14T13:00:00.0",
+            "2022-04-14T13:00:00.5",
+            "2022-04-14T13:00:01.0",
+            "2022-04-14T13:00:01.5",
+        ],
+        0.1,
+    ),
     "iso with offset": ([f"2022-04-14T23:59:{s:04.1f}+02:00" for s in (58, 58.5, 59, 59.5)], 0.1),
-    "iso with blank": (["2022-04-14 13:00:00", "2022-04-14 13:00:00.500", "2022-04-14 13:00:01", "2022-04-14 13:00:01.5"], 1e-3),
+    "iso with blank": (
+        [
+            "2022-04-14 13:00:00",
+            "2022-04-14 13:00:00.500",
+            "2022-04-14 13:00:01",
+            "2022-04-14 13:00:01.5",
+        ],
+        1e-3,
+    ),
     "slashes": (
-        [f"14/04/2022 23:59:{s}" for s in ("59.000000", "59.500000")] + ["15/04/2022 00:00:00.000000", "15/04/2022 00:00:00.500000"],
+        [f"14/04/2022 23:59:{s}" for s in ("59.000000", "59.500000")]
+        + ["15/04/2022 00:00:00.000000", "15/04/2022 00:00:00.500000"],
         1e-6,
     ),
     "dashes": ([f"16-07-2015 10:00:{s} " for s in ("00.000", "00.500", "01.000", "01.500")], 1e-3),
@@ -86,7 +120,9 @@ STARTS = {
 def test_stamps_with_a_date(name: str) -> None:
     cells, resolution = STAMPS[name]
     rows = zip(cells, ["1550.1234", "1550.25", "", "1549.5"], ["1542", "", "1542.5", "1542.25"])
-    reader, block = check("Timestamp;A;B\n" + "".join(";".join(row) + "\n" for row in rows), start=STARTS[name])
+    reader, block = check(
+        "Timestamp;A;B\n" + "".join(";".join(row) + "\n" for row in rows), start=STARTS[name]
+    )
     np.testing.assert_allclose(block.stamps_s, T, rtol=0, atol=1e-9)
     assert reader.groups[0].stamp_resolution_s == pytest.approx(resolution)
 
@@ -101,8 +137,16 @@ def test_date_and_time_in_two_columns() -> None:
     text = "Samples per Second\t2\nLocal Date\tLocal Time\tSample\tA\tB\n"
     times = ["23:59:59.0", "23:59:59.5", "00:00:00.0", "00:00:00.5"]
     dates = ["16-07-2015", "16-07-2015", "17-07-2015", "17-07-2015"]
-    cells = zip(dates, times, "1234", ["1550,1234", "1550,25", "", "1549,5"], ["1542,0", "", "1542,5", "1542,25"])
-    reader, block = check(text + "".join("\t".join(row) + "\n" for row in cells), start="2015-07-16T23:59:59.0")
+    cells = zip(
+        dates,
+        times,
+        "1234",
+        ["1550,1234", "1550,25", "", "1549,5"],
+        ["1542,0", "", "1542,5", "1542,25"],
+    )
+    reader, block = check(
+        text + "".join("\t".join(row) + "\n" for row in cells), start="2015-07-16T23:59:59.0"
+    )
     assert reader.groups[0].rate_Hz == 2.0
     np.testing.assert_array_equal(block.number, [1, 2, 3, 4])
 
@@ -117,9 +161,14 @@ def test_research_logger_without_header_runs_past_midnight() -> None:
 
 
 def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
-    rows = [f"2022-04-14T13:00:{i // 20:02d}+02:00\t\t{i + 1}\t0;0;{int(i == 5)};{3 * (i in (5, 6))}\t{100 + i / 10}" for i in range(60)]
+    rows = [
+        f"2022-04-14T13:00:{i // 20:02d}+02:00\t\t{i + 1}\t0;0;{int(i == 5)};{3 * (i in (5, 6))}\t{100 + i / 10}"
+        for i in range(60)
+    ]
     text = "Date\tTime\tLinenumber\tError status\tW-N-01\n" + "\n".join(rows) + "\n"
-    reader, block = read(text, setup_of({"w": {"kind": "strain", "unit": "microstrain", "source": "W-N-01"}}))
+    reader, block = read(
+        text, setup_of({"w": {"kind": "strain", "unit": "microstrain", "source": "W-N-01"}})
+    )
     group = reader.groups[0]
     assert (group.counted, group.stamp_resolution_s, group.decimals) == (True, 1.0, {"w": 1})
     np.testing.assert_array_equal(block.number, np.arange(1, 61))
@@ -130,7 +179,10 @@ def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
 
 
 def test_zero_is_a_reading_where_no_peak_is_read() -> None:
-    channels = {"e": {"kind": "wheel_encoder", "source": "E", "steps": 48}, "s": {"kind": "strain", "source": "S", "unit": "microstrain"}}
+    channels = {
+        "e": {"kind": "wheel_encoder", "source": "E", "steps": 48},
+        "s": {"kind": "strain", "source": "S", "unit": "microstrain"},
+    }
     _, block = read("t,E,S\n0.0,0,-1\n0.1,1,0\n0.2,-1,5\n", setup_of(channels))
     np.testing.assert_array_equal(block.values["e"], [0, 1, -1])
     np.testing.assert_array_equal(block.values["s"], [-1, 0, 5])
@@ -138,14 +190,18 @@ def test_zero_is_a_reading_where_no_peak_is_read() -> None:
 
 def test_decimals_are_those_of_the_source() -> None:
     reader, _ = read(
-        "t,A,B,C\n0.0,1550.12,1e-3,7\n0.1,1550.1,2e-3,8\n", setup_of({"a": {"source": "A"}, "b": {"source": "B"}, "c": {"source": "C"}})
+        "t,A,B,C\n0.0,1550.12,1e-3,7\n0.1,1550.1,2e-3,8\n",
+        setup_of({"a": {"source": "A"}, "b": {"source": "B"}, "c": {"source": "C"}}),
     )
     assert reader.groups[0].decimals == {"a": 2, "b": None, "c": 0}
 
 
 def test_names_are_forgiven_but_not_guessed() -> None:
     text = "time_s,WL 1[nm],WL 2[nm],Strain_X\n0.0,1550,1551,1\n0.1,1550,1551,2\n"
-    reader, _ = read(text, setup_of({"a": {"source": "WL 1"}, "b": {"source": "wl_2"}, "c": {"source": "strain x"}}))
+    reader, _ = read(
+        text,
+        setup_of({"a": {"source": "WL 1"}, "b": {"source": "wl_2"}, "c": {"source": "strain x"}}),
+    )
     assert reader.columns.values == {"a": 1, "b": 2, "c": 3}
     reader, block = read(text, setup_of({"a": {"source": "WL 1"}, "b": {"source": "WL 9"}}))
     assert list(block.values) == ["a"]
@@ -163,7 +219,10 @@ def test_the_time_column_is_the_setups_where_it_names_one() -> None:
 
 
 def test_of_two_stamps_the_finer_one_is_taken() -> None:
-    text = "Timestamp\tTime [s]\tA\n2020-01-01 10:00:00\t0.0\t1550\n2020-01-01 10:00:00\t0.5\t1550\n2020-01-01 10:00:01\t1.0\t1550\n"
+    text = (
+        "Timestamp\tTime [s]\tA\n2020-01-01 10:00:00\t0.0\t1550\n2020-01-01 10:00:00\t0.5\t1550\n"
+        "2020-01-01 10:00:01\t1.0\t1550\n"
+    )
     _, block = read(text, setup_of({"a": {"source": "A"}}))
     np.testing.assert_allclose(block.stamps_s, [0, 0.5, 1], atol=1e-12)
 
@@ -175,8 +234,13 @@ def test_without_any_stamps_there_are_none() -> None:
 
 def test_blank_cells_left_out_at_the_end_of_rows_keep_the_columns() -> None:
     rows = [("1550.1234", "1542.0"), ("1550.25", ""), ("", "1542.5"), ("1549.5", "1542.25")] * 10
-    text = "time_s,A,B\n" + "".join(",".join([f"{i / 2:.1f}", a, b]).rstrip(",") + "\n" for i, (a, b) in enumerate(rows))
-    reader, block = read(text, setup_of({"a": {"source": "A"}, "b": {"source": "B", "reference_wavelength_nm": 1549.0}}))
+    text = "time_s,A,B\n" + "".join(
+        ",".join([f"{i / 2:.1f}", a, b]).rstrip(",") + "\n" for i, (a, b) in enumerate(rows)
+    )
+    reader, block = read(
+        text,
+        setup_of({"a": {"source": "A"}, "b": {"source": "B", "reference_wavelength_nm": 1549.0}}),
+    )
     np.testing.assert_array_equal(block.values["a"], np.tile(A, 10))
     np.testing.assert_array_equal(block.values["b"], np.tile(B, 10))
     assert reader.report.losses == []
@@ -185,8 +249,16 @@ def test_blank_cells_left_out_at_the_end_of_rows_keep_the_columns() -> None:
 @pytest.mark.parametrize("names", [1, 8])
 def test_a_header_that_names_too_few_or_too_many_columns(names: int) -> None:
     header = "\t".join(["Timestamp", "Time [s]", *(f"WL {k + 1}[nm]" for k in range(names))])
-    rows = [f"2020-01-01 10:00:{i // 4:02d}\t{i // 4}\t{1560 + i / 1000:.3f}\t1550.500\t1540.{i:03d}\t" for i in range(40)]
-    two = setup_of({"a": {"source": "WL 3", "reference_wavelength_nm": 1540.0}, "b": {"source": "WL 1", "reference_wavelength_nm": 1560.0}})
+    rows = [
+        f"2020-01-01 10:00:{i // 4:02d}\t{i // 4}\t{1560 + i / 1000:.3f}\t1550.500\t1540.{i:03d}\t"
+        for i in range(40)
+    ]
+    two = setup_of(
+        {
+            "a": {"source": "WL 3", "reference_wavelength_nm": 1540.0},
+            "b": {"source": "WL 1", "reference_wavelength_nm": 1560.0},
+        }
+    )
     _, block = read("\n".join([header, *rows]) + "\n", two)
     np.testing.assert_allclose(block.values["a"], 1540 + np.arange(40) / 1000)
     np.testing.assert_allclose(block.values["b"], 1560 + np.arange(40) / 1000)

@@ -1,4 +1,6 @@
-"""Property: the same samples whatever the block size, the wrapping of the bytes, or the way in which a block is parsed."""
+"""Property: the same samples whatever the block size, the wrapping of the bytes, or the way in
+which a block is parsed.
+"""
 
 import gzip
 import io
@@ -23,9 +25,14 @@ SETUP = setup_of({"a": {"source": "A"}, "b": {"source": "B", "kind": "strain", "
 
 def log(rows: int = 3000, seed: int = 1) -> bytes:
     rng = np.random.default_rng(seed)
-    a = ["" if lost else f"{x:.4f}" for x, lost in zip(1550 + rng.standard_normal(rows), rng.random(rows) < 0.02)]
+    a = [
+        "" if lost else f"{x:.4f}"
+        for x, lost in zip(1550 + rng.standard_normal(rows), rng.random(rows) < 0.02)
+    ]
     b = [f"{x:.6g}" for x in 1e-3 * rng.standard_normal(rows)]
-    return ("time_s,A,B\n" + "".join(f"{i / 2500:.4f},{x},{y}\n" for i, (x, y) in enumerate(zip(a, b)))).encode()
+    return (
+        "time_s,A,B\n" + "".join(f"{i / 2500:.4f},{x},{y}\n" for i, (x, y) in enumerate(zip(a, b)))
+    ).encode()
 
 
 def same(one, other) -> None:
@@ -39,11 +46,23 @@ def same(one, other) -> None:
 def test_any_block_size(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same samples, and losses that are told with the same lines."""
     lines = log().splitlines(keepends=True)
-    damaged = b"".join([*lines[:700], b"\n", b"0.1,what,1\n", *lines[700:800], b"noon,1,2\n", *lines[800:], b"9.9,155"])
+    damaged = b"".join(
+        [
+            *lines[:700],
+            b"\n",
+            b"0.1,what,1\n",
+            *lines[700:800],
+            b"noon,1,2\n",
+            *lines[800:],
+            b"9.9,155",
+        ]
+    )
     plain, whole = read(damaged, SETUP)
     original = ByteSource.blocks
     monkeypatch.setattr(text_source, "BLOCK_BYTES", size)
-    monkeypatch.setattr(ByteSource, "blocks", lambda self, skip, **more: original(self, skip, size, **more))
+    monkeypatch.setattr(
+        ByteSource, "blocks", lambda self, skip, **more: original(self, skip, size, **more)
+    )
     monkeypatch.setattr(text_source, "HEAD_BYTES", 4096)
     reader = open_text(Pipe(damaged), SETUP, "-")
     blocks = list(reader.blocks())
@@ -77,7 +96,9 @@ def parsers(data: bytes) -> TextReader:
 
 CELL = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False).map(repr),
-    st.decimals(min_value=-2000, max_value=2000, places=5, allow_nan=False, allow_infinity=False).map(str),
+    st.decimals(
+        min_value=-2000, max_value=2000, places=5, allow_nan=False, allow_infinity=False
+    ).map(str),
     st.integers(-(10**9), 10**9).map(str),
     st.sampled_from(["", "nan", "NaN", "0", "-1", "NULL", "n/a", "inf", " 7.5 "]),
 )
@@ -93,13 +114,17 @@ def test_both_ways_of_parsing_give_the_same_numbers(cells: list[tuple[str, str]]
     assert stop == len(rows)
     assert fast.size == careful.size == len(cells)
     for column in fast.values:
-        np.testing.assert_array_equal(counted_floats(fast.values[column], plan.places[column]), careful.values[column])
+        np.testing.assert_array_equal(
+            counted_floats(fast.values[column], plan.places[column]), careful.values[column]
+        )
     np.testing.assert_array_equal(fast.stamps, careful.stamps)
     assert not careful.bad_rows
     assert not careful.bad_cells
 
 
-@given(st.decimals(min_value=-2000, max_value=2000, places=6, allow_nan=False, allow_infinity=False))
+@given(
+    st.decimals(min_value=-2000, max_value=2000, places=6, allow_nan=False, allow_infinity=False)
+)
 @settings(max_examples=100, deadline=None)
 def test_numbers_are_rounded_correctly(number) -> None:
     _, block = read(f"time_s,A,B\n0.0,1550,{number}\n0.1,1550,{number}\n", SETUP)

@@ -1,4 +1,6 @@
-"""Property: the compiled way gives the very numbers of a correct parser and of the careful way, whatever stands in a log."""
+"""Property: the compiled way gives the very numbers of a correct parser and of the careful way,
+whatever stands in a log.
+"""
 
 import io
 import re
@@ -22,10 +24,20 @@ from .text_logs import all_plain, read, setup_of
 
 SETUP = setup_of({"a": {"source": "A"}, "b": {"source": "B", "kind": "strain", "unit": "strain"}})
 #: sign, digits, decimal sign and exponent in all their forms
-NUMBER = st.from_regex(r"[+-]?(\d{1,20}(\.\d{0,12})?|\.\d{1,12})([eE][+-]?\d{1,3})?", fullmatch=True, alphabet="0123456789+-.eE")
+NUMBER = st.from_regex(
+    r"[+-]?(\d{1,20}(\.\d{0,12})?|\.\d{1,12})([eE][+-]?\d{1,3})?",
+    fullmatch=True,
+    alphabet="0123456789+-.eE",
+)
 
 
-def plan_of(separator: str = ",", decimal: str = ".", more: str = "", a: str = "1550{}5000", head: str = "{}") -> Plan:
+def plan_of(
+    separator: str = ",",
+    decimal: str = ".",
+    more: str = "",
+    a: str = "1550{}5000",
+    head: str = "{}",
+) -> Plan:
     names = separator.join(["time_s", "A", "B", *more])
     row = separator.join([head, a.format(decimal), f"2{decimal}5", *more])
     log = names + "\n" + "".join(row.format(i) + "\n" for i in range(8))
@@ -42,10 +54,14 @@ def same(plan: Plan, one: Parsed, other: Parsed) -> None:
     assert sorted(one.bad_rows) == sorted(other.bad_rows)
 
 
-@pytest.mark.parametrize("text", ["99999999999.5", "1e999999", "1e99999999", "-1e30", "inf", "sNaN"])
+@pytest.mark.parametrize(
+    "text", ["99999999999.5", "1e999999", "1e99999999", "-1e30", "inf", "sNaN"]
+)
 def test_a_time_beyond_all_times_is_no_readable_time(text: str) -> None:
     plan = plan_of(head="1700000{}00.5")
-    block = "".join(f"{head},1550.5,2.5\n" for head in ("1700000000.5", text, "1700000001.5")).encode()
+    block = "".join(
+        f"{head},1550.5,2.5\n" for head in ("1700000000.5", text, "1700000001.5")
+    ).encode()
     assert parse(plan, block).bad_rows == [(1, "no readable time")]
 
 
@@ -69,7 +85,10 @@ def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
         assert count == (int(exact) if fits and (m == 0 or -4 <= e <= 5) else WIDE)
 
 
-@given(st.floats(min_value=1e-75, max_value=1e100), st.sampled_from([repr, "{:.17g}".format, "{:.16e}".format, "{:.3g}".format]))
+@given(
+    st.floats(min_value=1e-75, max_value=1e100),
+    st.sampled_from([repr, "{:.17g}".format, "{:.16e}".format, "{:.3g}".format]),
+)
 @settings(max_examples=1000, deadline=None)
 def test_any_float_is_rounded_correctly(value: float, write: Callable[[float], str]) -> None:
     text = write(value)
@@ -89,7 +108,24 @@ def test_half_way_between_two_floats_goes_to_the_even_one(mantissa: int, up: int
 
 
 @pytest.mark.parametrize(
-    "text", ["", "-", "+", ".", "-.", "e5", "1e", "1e+", ".e1", "--1", "9" * 19, "0." + "1" * 20, "1e12345", "1" * 19 + "0", "٣"]
+    "text",
+    [
+        "",
+        "-",
+        "+",
+        ".",
+        "-.",
+        "e5",
+        "1e",
+        "1e+",
+        ".e1",
+        "--1",
+        "9" * 19,
+        "0." + "1" * 20,
+        "1e12345",
+        "1" * 19 + "0",
+        "٣",
+    ],
 )
 def test_what_is_no_number(text: str) -> None:
     assert number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))[2] < 0
@@ -102,9 +138,19 @@ def test_what_is_no_number(text: str) -> None:
 )  # fmt: skip
 @settings(max_examples=300, deadline=None)
 def test_rows_of_digits(
-    whole: int, behind: int, whole_b: int, behind_b: int, count: int, marks: tuple[str, str], end: str, sign: str, seed: int
+    whole: int,
+    behind: int,
+    whole_b: int,
+    behind_b: int,
+    count: int,
+    marks: tuple[str, str],
+    end: str,
+    sign: str,
+    seed: int,
 ) -> None:
-    """Widths that are alike in all rows but a few, signs that change, and the numbers that float and the careful way read."""
+    """Widths that are alike in all rows but a few, signs that change, and the numbers that float
+    and the careful way read.
+    """
     separator, decimal = marks
     rng = np.random.default_rng(seed)
 
@@ -114,7 +160,10 @@ def test_rows_of_digits(
         front = rng.choice([sign[:1], sign[-1:], ""]).strip()
         return front + digits[:before] + (decimal + digits[before:] if after else "")
 
-    cells = [[f"{i / 10:.1f}".replace(".", decimal), cell(whole, behind), cell(whole_b, behind_b)] for i in range(count)]
+    cells = [
+        [f"{i / 10:.1f}".replace(".", decimal), cell(whole, behind), cell(whole_b, behind_b)]
+        for i in range(count)
+    ]
     block = "".join(separator.join(row) + end for row in cells).encode()
     plan = plan_of(separator, decimal, a="1550{}" + "5" * behind if behind else "1550")
     fast, stop = all_plain(plan, block)
@@ -129,7 +178,23 @@ def test_rows_of_digits(
 
 #: cells of an instrument: 9 is any digit
 CELL = st.one_of(
-    st.sampled_from(["9999.9999", "9999.999999", "99", "-9.99", "+9.9", "999999999.9999999", "9.", ".9", "0", "-1", "-1.0000", "nan", ""]),
+    st.sampled_from(
+        [
+            "9999.9999",
+            "9999.999999",
+            "99",
+            "-9.99",
+            "+9.9",
+            "999999999.9999999",
+            "9.",
+            ".9",
+            "0",
+            "-1",
+            "-1.0000",
+            "nan",
+            "",
+        ]
+    ),
     st.from_regex(r" {0,2}[+-]?9{0,9}(\.9{0,9})? {0,2}", fullmatch=True),
 )
 
@@ -140,20 +205,31 @@ CELL = st.one_of(
     st.sampled_from(["\n", "\r\n", " \n"]), st.sampled_from([0.0, 0.004, 0.3]), st.integers(0, 2**32),
 )  # fmt: skip
 @settings(max_examples=300, deadline=None)
-def test_rows_that_are_written_alike(usual: tuple[str, str], other: tuple[str, str], head: str, end: str, often: float, seed: int) -> None:
-    """Whatever all rows have in common, and wherever it ends: samples, losses and their lines are those of the careful way."""
+def test_rows_that_are_written_alike(
+    usual: tuple[str, str], other: tuple[str, str], head: str, end: str, often: float, seed: int
+) -> None:
+    """Whatever all rows have in common, and wherever it ends: samples, losses and their lines are
+    those of the careful way.
+    """
     rng = np.random.default_rng(seed)
     places = "5" * len(usual[0].partition(".")[2].strip())
-    plan = plan_of(a="1550{}" + places if places else "1550", head=head.replace("9.9", "{}.9", 1) if head != "{}" else head)
+    plan = plan_of(
+        a="1550{}" + places if places else "1550",
+        head=head.replace("9.9", "{}.9", 1) if head != "{}" else head,
+    )
     rows = []
     for i in range(300):
         cells = [head.format(i), *(other if rng.random() < often else usual)]
-        rows.append(",".join(re.sub("9", lambda _: str(rng.integers(0, 10)), cell) for cell in cells) + end)
+        rows.append(
+            ",".join(re.sub("9", lambda _: str(rng.integers(0, 10)), cell) for cell in cells) + end
+        )
     block = "".join(rows).encode()
     same(plan, parse(plan, block), flat(plan, 0, block))
 
 
-@pytest.mark.parametrize("large", ["2147483646", "2147483647", "2147483648", "9999999999", "0214748364700"])
+@pytest.mark.parametrize(
+    "large", ["2147483646", "2147483647", "2147483648", "9999999999", "0214748364700"]
+)
 def test_a_number_too_large_among_alike_rows(large: str) -> None:
     plan = plan_of(a="1550", head="99.{}")
     usual = "".join(f"{i % 100:02d}.5,{i:0{len(large)}d},2.5\n" for i in range(200))
@@ -162,8 +238,28 @@ def test_a_number_too_large_among_alike_rows(large: str) -> None:
 
 
 PIECE = st.one_of(
-    st.sampled_from(["0", "-1", "0.0000", "-1.0000", "", "NaN", "nan", "null", "-", "inf", "oops", "1.5 ", " 1550.0001", "1550,5", "x\ry"]),
-    st.decimals(min_value=-2000, max_value=2000, places=4, allow_nan=False, allow_infinity=False).map(str),
+    st.sampled_from(
+        [
+            "0",
+            "-1",
+            "0.0000",
+            "-1.0000",
+            "",
+            "NaN",
+            "nan",
+            "null",
+            "-",
+            "inf",
+            "oops",
+            "1.5 ",
+            " 1550.0001",
+            "1550,5",
+            "x\ry",
+        ]
+    ),
+    st.decimals(
+        min_value=-2000, max_value=2000, places=4, allow_nan=False, allow_infinity=False
+    ).map(str),
     st.floats(allow_nan=False, allow_infinity=False).map(repr),
 )
 
@@ -174,7 +270,9 @@ ROW = st.one_of(st.lists(PIECE, min_size=3, max_size=3), st.lists(PIECE, min_siz
 @given(st.lists(ROW, min_size=1, max_size=30), st.integers(0, 2))
 @settings(max_examples=300, deadline=None)
 def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], often: int) -> None:
-    """Bad rows, bad cells and lost peaks among good rows: both ways agree on samples, on losses and on their lines."""
+    """Bad rows, bad cells and lost peaks among good rows: both ways agree on samples, on losses and
+    on their lines.
+    """
     plan = plan_of()
     good = "0.5,1550.1234,-0.25\n" * (40 * often)
     block = "".join(",".join(row) + "\n" + good for row in rows).encode()
@@ -182,9 +280,13 @@ def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], of
 
 
 @pytest.mark.parametrize("place", range(len("000.0000,1550.0000,0.00000")))
-@pytest.mark.parametrize("byte", [b"/", b":", b"-", b" ", b"e", b"\x00", b"\xff", b",", b".", b"\r"])
+@pytest.mark.parametrize(
+    "byte", [b"/", b":", b"-", b" ", b"e", b"\x00", b"\xff", b",", b".", b"\r"]
+)
 def test_any_other_byte_in_a_row(place: int, byte: bytes) -> None:
-    block = bytearray("".join(f"{i:03d}.{i:04d},1550.{i:04d},0.{i:05d}\n" for i in range(50)).encode())
+    block = bytearray(
+        "".join(f"{i:03d}.{i:04d},1550.{i:04d},0.{i:05d}\n" for i in range(50)).encode()
+    )
     at = 37 * (len(block) // 50) + place
     block[at : at + 1] = byte
     plan = plan_of()
@@ -192,7 +294,11 @@ def test_any_other_byte_in_a_row(place: int, byte: bytes) -> None:
 
 
 def test_counts_are_handed_on_as_they_are_written() -> None:
-    log = "time_s,A,B\n" + "".join(f"{i / 10},{1550 + i / 1e4:.4f},{-i / 8}\n" for i in range(1, 30)) + "3.0,0,7\n3.1,,-0.0\n"
+    log = (
+        "time_s,A,B\n"
+        + "".join(f"{i / 10},{1550 + i / 1e4:.4f},{-i / 8}\n" for i in range(1, 30))
+        + "3.0,0,7\n3.1,,-0.0\n"
+    )
     reader = open_text(io.BytesIO(log.encode()), SETUP, "log")
     (block,) = reader.blocks()
     assert reader.groups[0].decimals == {"a": 4, "b": 3}
@@ -203,7 +309,11 @@ def test_counts_are_handed_on_as_they_are_written() -> None:
 
 def test_a_number_that_no_count_holds_makes_floats_of_its_column() -> None:
     for odd in ("0.12345678901", "123456789012345678901", "1e300", "2147483.6475"):
-        log = "time_s,A,B\n" + "".join(f"{i / 10},1550.1234,0.5\n" for i in range(300)) + f"30.0,1550.0,{odd}\n"
+        log = (
+            "time_s,A,B\n"
+            + "".join(f"{i / 10},1550.1234,0.5\n" for i in range(300))
+            + f"30.0,1550.0,{odd}\n"
+        )
         (block,) = open_text(io.BytesIO(log.encode()), SETUP, "log").blocks()
         assert block.values["a"].dtype == np.int32
         assert block.values["b"].dtype == np.float64
@@ -214,7 +324,9 @@ def test_many_cells_of_many_digits() -> None:
     """More than one pass leaves to the slower parser."""
     rng = np.random.default_rng(4)
     values = rng.standard_normal(80_000)
-    log = "time_s,A,B\n" + "".join(f"{i},1550.1234,{value!r}\n" for i, value in enumerate(values.tolist()))
+    log = "time_s,A,B\n" + "".join(
+        f"{i},1550.1234,{value!r}\n" for i, value in enumerate(values.tolist())
+    )
     _, block = read(log, SETUP)
     np.testing.assert_array_equal(block.values["b"], values)
 

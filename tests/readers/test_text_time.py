@@ -1,4 +1,6 @@
-"""Property: a whole column of times is read as each of its cells is read alone, and as Python reads it."""
+"""Property: a whole column of times is read as each of its cells is read alone, and as Python reads
+it.
+"""
 
 import re
 from datetime import UTC, datetime
@@ -27,7 +29,9 @@ LAYOUTS = {
 def read(cells: list[str], form: str, us: bool) -> list[int]:
     text = ",".join(cells).encode("latin-1") + b"\n"
     stops = np.cumsum([len(cell) + 1 for cell in cells]) - 1
-    return column_ns(np.frombuffer(text, np.uint8), stops - [len(cell) for cell in cells], stops, form, us).tolist()
+    return column_ns(
+        np.frombuffer(text, np.uint8), stops - [len(cell) for cell in cells], stops, form, us
+    ).tolist()
 
 
 @pytest.mark.parametrize("form", LAYOUTS)
@@ -38,7 +42,11 @@ def test_a_column_is_its_cells(form: str, data: st.DataObject) -> None:
     layouts = data.draw(st.lists(st.sampled_from(LAYOUTS[form]), min_size=1, max_size=3))
     cells = []
     for _ in range(data.draw(st.integers(1, 60))):
-        cell = re.sub("9", lambda _: str(rng.integers(0, rng.choice([2, 6, 10]))), layouts[int(rng.integers(len(layouts)))])
+        cell = re.sub(
+            "9",
+            lambda _: str(rng.integers(0, rng.choice([2, 6, 10]))),
+            layouts[int(rng.integers(len(layouts)))],
+        )
         if cell and rng.random() < 0.05:
             at = int(rng.integers(len(cell)))
             cell = cell[:at] + str(rng.choice(["x", ":", "-", "/", "+"])) + cell[at + 1 :]
@@ -47,7 +55,10 @@ def test_a_column_is_its_cells(form: str, data: st.DataObject) -> None:
     assert read(cells, form, us) == [one_ns(cell, form, us) for cell in cells]
 
 
-@pytest.mark.parametrize(("date", "there"), [("2023-02-29", 0), ("2024-02-29", 1), ("2100-02-29", 0), ("2023-04-31", 0), ("2023-12-31", 1)])
+@pytest.mark.parametrize(
+    ("date", "there"),
+    [("2023-02-29", 0), ("2024-02-29", 1), ("2100-02-29", 0), ("2023-04-31", 0), ("2023-12-31", 1)],
+)
 def test_days_that_the_calendar_has(date: str, there: int) -> None:
     cells = ["2024-05-17", date, "2024-05-18"]
     assert (read(cells, "iso", False)[1] != MISSING) == there

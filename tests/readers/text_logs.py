@@ -25,7 +25,11 @@ def setup_of(channels: Mapping[str, Mapping[str, Any]], log: str = "") -> Setup:
 
 
 def _toml(value: Any) -> str:
-    return f'"{value}"' if isinstance(value, str) else str(list(value) if isinstance(value, tuple) else value)
+    return (
+        f'"{value}"'
+        if isinstance(value, str)
+        else str(list(value) if isinstance(value, tuple) else value)
+    )
 
 
 class Pipe(io.RawIOBase):
@@ -60,7 +64,9 @@ def all_plain(plan: Plan, block: bytes) -> tuple[Parsed, int]:
     while at < len(block) and not careful:
         begin = at
         parsed, at, careful = plain(plan, block, at)
-        parsed.bad_cells = [(block.count(b"\n", 0, begin) + row, what) for row, what in parsed.bad_cells]
+        parsed.bad_cells = [
+            (block.count(b"\n", 0, begin) + row, what) for row, what in parsed.bad_cells
+        ]
         parts.append(parsed)
     return concatenated(parts, plan.places), at
 
@@ -71,8 +77,13 @@ def joined(blocks: list[RawBlock], reader: TextReader) -> RawBlock:
     starts = np.cumsum([0] + [next(iter(b.values.values())).size for b in blocks])
     return RawBlock(
         blocks[0].group,
-        {name: np.concatenate([counted_floats(b.values[name], places[name]) for b in blocks]) for name in blocks[0].values},
+        {
+            name: np.concatenate([counted_floats(b.values[name], places[name]) for b in blocks])
+            for name in blocks[0].values
+        },
         None if blocks[0].stamps_s is None else np.concatenate([b.stamps_s for b in blocks]),
         None if blocks[0].number is None else np.concatenate([b.number for b in blocks]),
-        tuple((c, a + int(s), z + int(s), w) for b, s in zip(blocks, starts) for c, a, z, w in b.flags),
+        tuple(
+            (c, a + int(s), z + int(s), w) for b, s in zip(blocks, starts) for c, a, z, w in b.flags
+        ),
     )

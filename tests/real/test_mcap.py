@@ -1,4 +1,6 @@
-"""The recorded MCAP files of ROS 2's own tests: each opens, and gives the messages that the library counts."""
+"""The recorded MCAP files of ROS 2's own tests: each opens, and gives the messages that the library
+counts.
+"""
 
 from collections import Counter
 from pathlib import Path
@@ -24,7 +26,9 @@ def counted(path):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_message_is_met(path, monkeypatch):
-    """The walk finds what the library finds, whatever the topics hold; a topic that is not there is an error of ours."""
+    """The walk finds what the library finds, whatever the topics hold; a topic that is not there is
+    an error of ours.
+    """
     met = Counter()
     original = McapLog._messages
 
@@ -44,7 +48,9 @@ def test_every_message_is_met(path, monkeypatch):
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_topic_by_its_stamps(path):
-    """Each topic asked for a field that it does not have, or text: a sentence, never another exception."""
+    """Each topic asked for a field that it does not have, or text: a sentence, never another
+    exception.
+    """
     for topic in counted(path):
         with pytest.raises(ReadError) as caught:
             read(path, {"x": f"{topic}:no_such_field"})
@@ -53,7 +59,16 @@ def test_every_topic_by_its_stamps(path):
 
 
 NUMBERS = [
-    ("cdr_test_0", {"x": "/test_topic:float64_value", "i": "/test_topic:int32_value", "b": "/test_topic:bool_value"}, "/test_topic", 1),
+    (
+        "cdr_test_0",
+        {
+            "x": "/test_topic:float64_value",
+            "i": "/test_topic:int32_value",
+            "b": "/test_topic:bool_value",
+        },
+        "/test_topic",
+        1,
+    ),
     ("cdr_test_0", {"x": "/array_topic:float64_values"}, "/array_topic", 3),
     ("rewriter_a_0", {"x": "b_basictypes:float32_value"}, "b_basictypes", 1),
     ("test_bag_for_seek_0", {"x": "topic1:int32_value"}, "topic1", 1),
@@ -73,7 +88,9 @@ def test_numbers_and_their_count(name, sources, topic, samples):
 
 
 def test_an_unknown_encoding_is_named():
-    with pytest.raises(ReadError, match=r"message encoding 'wrong_format'.*allowed are json, protobuf.*cdr"):
+    with pytest.raises(
+        ReadError, match=r"message encoding 'wrong_format'.*allowed are json, protobuf.*cdr"
+    ):
         read(REAL / "wrong_rmw_test_0.mcap", {"x": "/test_topic:float64_value"})
 
 

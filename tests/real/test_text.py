@@ -1,4 +1,6 @@
-"""Real logs, where they are at hand: an interrogator's export at 20 Hz, and wheel speeds off a vehicle's bus."""
+"""Real logs, where they are at hand: an interrogator's export at 20 Hz, and wheel speeds off a
+vehicle's bus.
+"""
 
 from pathlib import Path
 
@@ -24,7 +26,12 @@ EXPORTS = {
 
 def clock_of(reader: TextReader, block, **more) -> ClockFit:
     group = reader.groups[0]
-    clock = ClockFit(file_rate_Hz=group.rate_Hz, resolution_s=group.stamp_resolution_s, counted=group.counted, **more)
+    clock = ClockFit(
+        file_rate_Hz=group.rate_Hz,
+        resolution_s=group.stamp_resolution_s,
+        counted=group.counted,
+        **more,
+    )
     clock.add(block.stamps_s, block.number, next(iter(block.values.values())).size)
     clock.axis()
     return clock
@@ -44,7 +51,10 @@ def test_interrogator_export(name: str) -> None:
     assert not any(np.isnan(values).any() for values in block.values.values())
     assert reader.report.counts.get("rows_with_error_codes", 0) == with_codes
     assert reader.report.counts.get("error_codes", 0) == codes
-    assert sum(stop - start for channel, start, stop, _ in block.flags if channel == "W-N-01") == with_codes
+    assert (
+        sum(stop - start for channel, start, stop, _ in block.flags if channel == "W-N-01")
+        == with_codes
+    )
     assert reader.report.start == start
     clock = clock_of(reader, block)
     assert clock.axis().rate_Hz == 20.0
@@ -55,7 +65,9 @@ def test_interrogator_export(name: str) -> None:
 @pytest.mark.skipif(not FBGS.exists(), reason="the real logs are not at hand")
 def test_readings_that_come_with_error_codes_are_kept_and_flagged() -> None:
     reader = open_text(
-        FBGS / "bad_20220414-1320_02-SCB.txt.gz", setup_of({"x": {"kind": "strain", "source": "#50", "unit": "microstrain"}}), "log"
+        FBGS / "bad_20220414-1320_02-SCB.txt.gz",
+        setup_of({"x": {"kind": "strain", "source": "#50", "unit": "microstrain"}}),
+        "log",
     )
     block = joined(list(reader.blocks()), reader)
     flagged = np.zeros(11_999, bool)
@@ -69,14 +81,20 @@ def test_readings_that_come_with_error_codes_are_kept_and_flagged() -> None:
 def as_text(times: np.ndarray, columns: np.ndarray) -> str:
     names = ",".join(f"c{k}" for k in range(columns.shape[1]))
     return f"time_s,{names}\n" + "".join(
-        f"{t:.9f}," + ",".join(f"{x:.17g}" for x in row) + "\n" for t, row in zip(times.tolist(), columns.tolist())
+        f"{t:.9f}," + ",".join(f"{x:.17g}" for x in row) + "\n"
+        for t, row in zip(times.tolist(), columns.tolist())
     )
 
 
 @pytest.mark.skipif(not COMMA.exists(), reason="the real logs are not at hand")
 def test_wheel_speeds_off_a_bus_keep_their_stamps() -> None:
-    times, speeds = np.load(COMMA / "CAN_wheel_speed_t.npy"), np.load(COMMA / "CAN_wheel_speed_value.npy")
-    wheels = {f"w{k}": {"kind": "vehicle_speed", "source": f"c{k}", "unit": "m/s"} for k in range(4)}
+    times, speeds = (
+        np.load(COMMA / "CAN_wheel_speed_t.npy"),
+        np.load(COMMA / "CAN_wheel_speed_value.npy"),
+    )
+    wheels = {
+        f"w{k}": {"kind": "vehicle_speed", "source": f"c{k}", "unit": "m/s"} for k in range(4)
+    }
     reader, block = read(as_text(times, speeds), setup_of(wheels))
     for k in range(4):
         np.testing.assert_array_equal(block.values[f"w{k}"], speeds[:, k])
@@ -87,8 +105,14 @@ def test_wheel_speeds_off_a_bus_keep_their_stamps() -> None:
 
 @pytest.mark.skipif(not COMMA.exists(), reason="the real logs are not at hand")
 def test_inertial_samples_have_a_clock_of_their_own() -> None:
-    times, values = np.load(COMMA / "IMU_accelerometer_t.npy"), np.load(COMMA / "IMU_accelerometer_value.npy")
-    axes = {f"a{k}": {"kind": "longitudinal_acceleration", "source": f"c{k}", "unit": "m/s^2"} for k in range(3)}
+    times, values = (
+        np.load(COMMA / "IMU_accelerometer_t.npy"),
+        np.load(COMMA / "IMU_accelerometer_value.npy"),
+    )
+    axes = {
+        f"a{k}": {"kind": "longitudinal_acceleration", "source": f"c{k}", "unit": "m/s^2"}
+        for k in range(3)
+    }
     reader, block = read(as_text(times, values), setup_of(axes))
     axis = clock_of(reader, block).axis()
     assert axis.explicit is None

@@ -22,7 +22,10 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "log.csv").write_text("time_s,CH1,CH2\n" + "\n".join(pulse_rows()) + "\n")
     (folder / "log.toml").write_text(SETUP.replace('"test"', f"'{HOSTILE}'"))
     for table in ("speed", "footprint", "dissipation"):
-        assert run([table, str(folder / "log.csv"), "-o", str(folder / f"{table}.csv"), "--quiet"]) == 0
+        assert (
+            run([table, str(folder / "log.csv"), "-o", str(folder / f"{table}.csv"), "--quiet"])
+            == 0
+        )
     assert run(["report", str(folder / "log.csv"), "-o", str(folder / "page.html"), "--quiet"]) == 0
     return folder / "page.html"
 
@@ -30,15 +33,28 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """Headless Chromium; required where CI says so, else skipped with a reason."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    path = (
+        shutil.which("chromium")
+        or shutil.which("chromium-browser")
+        or shutil.which("google-chrome")
+    )
     required = bool(os.environ.get("TIRELOG_REQUIRE_BROWSER"))
     if path is None and not required:
         pytest.skip("no Chromium on this machine")
     sync_api = (
-        pytest.importorskip("playwright.sync_api") if not required else __import__("playwright.sync_api", fromlist=["sync_playwright"])
+        pytest.importorskip("playwright.sync_api")
+        if not required
+        else __import__("playwright.sync_api", fromlist=["sync_playwright"])
     )
     assert path is not None
-    flags = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync"]
+    flags = [
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-quic",
+        "--no-first-run",
+        "--disable-background-networking",
+        "--disable-sync",
+    ]
     with sync_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=flags, timeout=240_000)
         yield browser
@@ -47,7 +63,9 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def model_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page of two logs that lack an effect, a model of one effect, and the ladder climbed on them, in a folder with a hostile name."""
+    """A page of two logs that lack an effect, a model of one effect, and the ladder climbed on
+    them, in a folder with a hostile name.
+    """
     folder = tmp_path_factory.mktemp("model") / "a <b>&amp; b"
     folder.mkdir()
     logs = []
@@ -56,8 +74,39 @@ def model_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copy(SAMPLES / f"{name}{suffix}", folder)
         logs.append(str(folder / f"{name}.csv.gz"))
     plain, model, page = (str(folder / name) for name in ("plain.toml", "M.toml", "page.html"))
-    assert run(["model", "new", "--carcass", "beam", "--setup", str(folder / "hidden_1.toml"), "-o", plain]) == 0
+    assert (
+        run(
+            [
+                "model",
+                "new",
+                "--carcass",
+                "beam",
+                "--setup",
+                str(folder / "hidden_1.toml"),
+                "-o",
+                plain,
+            ]
+        )
+        == 0
+    )
     assert run(["model", "add", plain, "viscous_damping", "-o", model]) == 0
-    assert run(["ladder", *logs, "--model", model, "-o", str(folder / "ladder.json"), "--quiet"]) == 0
-    assert run(["report", *logs, "--model", model, "--ladder", str(folder / "M.ladder.json"), "-o", page, "--quiet"]) == 0
+    assert (
+        run(["ladder", *logs, "--model", model, "-o", str(folder / "ladder.json"), "--quiet"]) == 0
+    )
+    assert (
+        run(
+            [
+                "report",
+                *logs,
+                "--model",
+                model,
+                "--ladder",
+                str(folder / "M.ladder.json"),
+                "-o",
+                page,
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     return Path(page)

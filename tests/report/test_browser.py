@@ -1,4 +1,6 @@
-"""Property: in a real browser the page loads alone, draws its figures, fits a phone and a desk, and prints."""
+"""Property: in a real browser the page loads alone, draws its figures, fits a phone and a desk, and
+prints.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -13,10 +15,15 @@ def opened(browser: Any, page_file: Path) -> Any:
     page = context.new_page()
     problems: list[str] = []
     requests: list[str] = []
-    page.on("console", lambda m: problems.append(m.text) if m.type in ("error", "warning") else None)
+    page.on(
+        "console", lambda m: problems.append(m.text) if m.type in ("error", "warning") else None
+    )
     page.on("pageerror", lambda e: problems.append(str(e)))
     page.on("dialog", lambda d: problems.append(f"dialog {d.message}"))
-    page.on("request", lambda r: requests.append(r.url) if not r.url.startswith(("data:", "blob:")) else None)
+    page.on(
+        "request",
+        lambda r: requests.append(r.url) if not r.url.startswith(("data:", "blob:")) else None,
+    )
     page.goto(page_file.as_uri())
     page.wait_for_selector("html[data-ready=true]", timeout=240_000)
     yield page, problems, requests
@@ -26,7 +33,9 @@ def opened(browser: Any, page_file: Path) -> Any:
 def draw_all(page: Any) -> None:
     for figure in page.query_selector_all(".plot"):
         figure.scroll_into_view_if_needed()
-        page.wait_for_function("e => e.querySelector('.main-svg') !== null", arg=figure, timeout=240_000)
+        page.wait_for_function(
+            "e => e.querySelector('.main-svg') !== null", arg=figure, timeout=240_000
+        )
 
 
 def test_it_loads_without_an_error_or_a_request(opened: Any, page_file: Path) -> None:
@@ -109,17 +118,27 @@ def test_the_keyboard_reaches_the_results(opened: Any) -> None:
     assert page.evaluate("document.activeElement.className") == "skip"
 
 
-def test_paper_is_white_and_no_wider_than_a4_whatever_the_screen_is(browser: Any, page_file: Path) -> None:
+def test_paper_is_white_and_no_wider_than_a4_whatever_the_screen_is(
+    browser: Any, page_file: Path
+) -> None:
     context = browser.new_context(color_scheme="dark", viewport={"width": 1440, "height": 900})
     page = context.new_page()
     page.goto(page_file.as_uri())
     page.wait_for_selector("html[data-ready=true]", timeout=240_000)
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-    page.wait_for_function("() => document.querySelectorAll('.plot .main-svg').length >= 8", timeout=240_000)
+    page.wait_for_function(
+        "() => document.querySelectorAll('.plot .main-svg').length >= 8", timeout=240_000
+    )
     fill = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
-    widths = page.evaluate("[...document.querySelectorAll('.plot .main-svg')].map(s => s.getBoundingClientRect().width)")
+    widths = page.evaluate(
+        "[...document.querySelectorAll('.plot .main-svg')].map(s => "
+        "s.getBoundingClientRect().width)"
+    )
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
-    page.wait_for_function("() => document.querySelector('#speed .main-svg').getBoundingClientRect().width > 700", timeout=240_000)
+    page.wait_for_function(
+        "() => document.querySelector('#speed .main-svg').getBoundingClientRect().width > 700",
+        timeout=240_000,
+    )
     after = page.evaluate("getComputedStyle(document.querySelector('#speed .xtick text')).fill")
     context.close()
     assert fill == "rgb(0, 0, 0)"

@@ -1,4 +1,6 @@
-"""Faults: what cannot be used is said before the work, what cannot be shown is named, and nothing is left half-written."""
+"""Faults: what cannot be used is said before the work, what cannot be shown is named, and nothing
+is left half-written.
+"""
 
 import json
 from pathlib import Path
@@ -28,7 +30,9 @@ __all__ = ["folder", "tirelog"]
         (["log.csv", "--model", "log.toml", "-o", "page.html"], "log.toml"),
     ],
 )
-def test_unusable_input_ends_with_status_2(folder: Path, tirelog: Command, arguments: list[str], said: str) -> None:
+def test_unusable_input_ends_with_status_2(
+    folder: Path, tirelog: Command, arguments: list[str], said: str
+) -> None:
     outcome = tirelog("report", *arguments)
     assert outcome.status == 2
     assert said in outcome.err
@@ -37,14 +41,28 @@ def test_unusable_input_ends_with_status_2(folder: Path, tirelog: Command, argum
 
 
 def test_a_ladder_without_its_steps_is_none(folder: Path, tirelog: Command) -> None:
-    (folder / "M.ladder.json").write_text(json.dumps({"ladders": [{"observable": "strain", "unit": "1", "steps": [{"step": 0}]}]}))
+    (folder / "M.ladder.json").write_text(
+        json.dumps({"ladders": [{"observable": "strain", "unit": "1", "steps": [{"step": 0}]}]})
+    )
     outcome = tirelog("report", "log.csv", "--ladder", "M.ladder.json", "-o", "page.html")
     assert outcome.status == 2
     assert "is no ladder" in outcome.err
 
 
 def test_a_model_that_does_not_suit_the_log_is_named(folder: Path, tirelog: Command) -> None:
-    assert tirelog("model", "new", "--carcass", "ring", "--observable", "radial_acceleration", "-o", "M.toml").status == 0
+    assert (
+        tirelog(
+            "model",
+            "new",
+            "--carcass",
+            "ring",
+            "--observable",
+            "radial_acceleration",
+            "-o",
+            "M.toml",
+        ).status
+        == 0
+    )
     outcome = tirelog("report", "log.csv", "--model", "M.toml", "-o", "page.html")
     assert outcome.status == 0
     page = (folder / "page.html").read_text()
@@ -62,7 +80,9 @@ def test_no_picture_is_left_half_written(folder: Path, tirelog: Command) -> None
     assert all(p.stat().st_size > 1000 for p in slides.glob("*.png") if p.is_file())
 
 
-def test_a_hostile_channel_of_a_table_is_no_link_in_a_figure(folder: Path, tirelog: Command) -> None:
+def test_a_hostile_channel_of_a_table_is_no_link_in_a_figure(
+    folder: Path, tirelog: Command
+) -> None:
     assert tirelog("speed", "log.csv", "-o", "speed.csv").status == 0
     rows = pd.read_csv(folder / "speed.csv")
     rows["channel"] = '<a href="https://evil.example">x</a>'
@@ -74,7 +94,10 @@ def test_a_hostile_channel_of_a_table_is_no_link_in_a_figure(folder: Path, tirel
 
 
 def test_a_campaign_s_tables_are_drawn_without_its_logs(folder: Path, tirelog: Command) -> None:
-    manifest = '[campaign]\nname = "c"\noutput = "results"\n[[logs]]\nglob = "*.csv"\n[tables.speed]\n[tables.footprint]\n'
+    manifest = (
+        '[campaign]\nname = "c"\noutput = "results"\n[[logs]]\nglob = "*.csv"\n[tables.speed]\n'
+        "[tables.footprint]\n"
+    )
     (folder / "manifest.toml").write_text(manifest)
     assert tirelog("campaign", "run", "manifest.toml", "--quiet").status == 0
     outcome = tirelog("report", "--campaign", "results", "-o", "page.html")

@@ -1,4 +1,6 @@
-"""Property: with a model the page says where it fails, what is missing, how the ladder fell; the switches change figures and numbers."""
+"""Property: with a model the page says where it fails, what is missing, how the ladder fell; the
+switches change figures and numbers.
+"""
 
 import json
 import re
@@ -20,7 +22,9 @@ def opened(browser: Any, model_page: Path) -> Any:
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     page = context.new_page()
     problems: list[str] = []
-    page.on("console", lambda m: problems.append(m.text) if m.type in ("error", "warning") else None)
+    page.on(
+        "console", lambda m: problems.append(m.text) if m.type in ("error", "warning") else None
+    )
     page.on("pageerror", lambda e: problems.append(str(e)))
     page.goto(model_page.as_uri())
     page.wait_for_selector("html[data-ready=true]", timeout=240_000)
@@ -30,7 +34,12 @@ def opened(browser: Any, model_page: Path) -> Any:
 
 def test_sections_and_their_commands(model_page: Path) -> None:
     text = model_page.read_text()
-    for section, command in (("model", "compare"), ("diagnosis", "diagnose"), ("ladder", "ladder"), ("switches", "report")):
+    for section, command in (
+        ("model", "compare"),
+        ("diagnosis", "diagnose"),
+        ("ladder", "ladder"),
+        ("switches", "report"),
+    ):
         part = re.search(rf'<section id="{section}">(.*?)</section>', text, re.S)
         assert part
         assert re.search(rf"Made with <code>tirelog {command} .*--model", part[1])
@@ -41,14 +50,31 @@ def test_the_ladder_s_numbers_are_the_file_s(model_page: Path) -> None:
     climbed = [s for s in steps if not s["decision"].startswith("not added")]
     drawn = data(model_page)["figures"]["ladder-steps"]["traces"]
     assert drawn[0]["x"] == [s["effect"] for s in climbed]
-    np.testing.assert_allclose(numbers(drawn[0]["y"]), [s["rmse_heldout"] * 1e6 for s in climbed], rtol=1e-6)
-    np.testing.assert_allclose(numbers(drawn[2]["y"]), [s["noise_floor"] * 1e6 for s in climbed], rtol=1e-6)
+    np.testing.assert_allclose(
+        numbers(drawn[0]["y"]), [s["rmse_heldout"] * 1e6 for s in climbed], rtol=1e-6
+    )
+    np.testing.assert_allclose(
+        numbers(drawn[2]["y"]), [s["noise_floor"] * 1e6 for s in climbed], rtol=1e-6
+    )
 
 
 def test_the_page_s_diagnosis_is_the_command_s(model_page: Path) -> None:
     folder = model_page.parent
     logs = [str(folder / f"hidden_{n}.csv.gz") for n in (1, 2)]
-    assert run(["diagnose", *logs, "--model", str(folder / "M.toml"), "-o", str(folder / "diagnosis.json"), "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "diagnose",
+                *logs,
+                "--model",
+                str(folder / "M.toml"),
+                "-o",
+                str(folder / "diagnosis.json"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     said = json.loads((folder / "diagnosis.json").read_text())
     assert said["sentence"].replace("&", "&amp;") in model_page.read_text()
     shares = {c["effect"]: 100 * c["excess_removed"] for c in said["effects"]}
@@ -64,7 +90,10 @@ def test_every_combination_of_effects_has_its_state(model_page: Path) -> None:
     assert count >= 2
     assert sorted(int(mask) for mask in switches["states"]) == list(range(2**count))
     assert len({state["text"] for state in switches["states"].values()}) == 2**count
-    held = {int(m): numbers(s["figures"]["switch-error"]["0"]["y"])[1] for m, s in switches["states"].items()}
+    held = {
+        int(m): numbers(s["figures"]["switch-error"]["0"]["y"])[1]
+        for m, s in switches["states"].items()
+    }
     bit = 1 << switches["effects"].index("water_film")
     assert all(held[mask] < 0.5 * held[mask & ~bit] for mask in held if mask & bit)
 
@@ -74,16 +103,30 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
     for name in ("switch-waves", "switch-map", "switch-error"):
         figure = page.query_selector(f"#{name}")
         figure.scroll_into_view_if_needed()
-        page.wait_for_function("e => e.querySelector('.main-svg') !== null", arg=figure, timeout=240_000)
+        page.wait_for_function(
+            "e => e.querySelector('.main-svg') !== null", arg=figure, timeout=240_000
+        )
 
     def state() -> tuple[str, float, float, float]:
-        """The text; height of the highest bar on the screen [px], size of the first wave and of the map as drawn."""
-        bars = "Math.max(...[...document.querySelectorAll('#switch-error .barlayer path')].map(p => p.getBoundingClientRect().height))"
-        wave = "document.getElementById('switch-waves').calcdata[0].reduce((sum, p) => sum + Math.abs(p.y), 0)"
-        residual = (
-            "Math.max(...document.getElementById('switch-map').calcdata[0][0].z.map(row => Math.max(...row.map(v => Math.abs(v) || 0))))"
+        """The text; height of the highest bar on the screen [px], size of the first wave and of the
+        map as drawn.
+        """
+        bars = (
+            "Math.max(...[...document.querySelectorAll('#switch-error .barlayer path')].map(p => "
+            "p.getBoundingClientRect().height))"
         )
-        return (page.inner_text(".switches output"), *(float(page.evaluate(code)) for code in (bars, wave, residual)))
+        wave = (
+            "document.getElementById('switch-waves').calcdata[0].reduce((sum, p) => sum + "
+            "Math.abs(p.y), 0)"
+        )
+        residual = (
+            "Math.max(...document.getElementById('switch-map').calcdata[0][0].z.map(row => "
+            "Math.max(...row.map(v => Math.abs(v) || 0))))"
+        )
+        return (
+            page.inner_text(".switches output"),
+            *(float(page.evaluate(code)) for code in (bars, wave, residual)),
+        )
 
     before = state()
     page.get_by_label("water_film").click()
@@ -112,11 +155,25 @@ def test_pictures_for_slides(model_page: Path, tmp_path: Path) -> None:
     folder = model_page.parent
     logs = [str(folder / f"hidden_{n}.csv.gz") for n in (1, 2)]
     shown = tmp_path / "slides"
-    command = ["report", *logs, "--ladder", str(folder / "M.ladder.json"), "--format", "png", "--figures", str(shown), "--quiet"]
+    command = [
+        "report",
+        *logs,
+        "--ladder",
+        str(folder / "M.ladder.json"),
+        "--format",
+        "png",
+        "--figures",
+        str(shown),
+        "--quiet",
+    ]
     assert run(command) == 0
     figures = data(model_page)["figures"]
     expected = {
-        f"{name}.png" for name in figures if name.split("-")[0] not in ("switch", "waveforms", "differences", "residual", "ranking")
+        f"{name}.png"
+        for name in figures
+        if name.split("-")[0] not in ("switch", "waveforms", "differences", "residual", "ranking")
     }
     assert {p.name for p in shown.iterdir()} == expected
-    assert all(p.read_bytes().startswith(b"\x89PNG") and p.stat().st_size > 5000 for p in shown.iterdir())
+    assert all(
+        p.read_bytes().startswith(b"\x89PNG") and p.stat().st_size > 5000 for p in shown.iterdir()
+    )

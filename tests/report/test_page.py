@@ -1,4 +1,6 @@
-"""Property: the page is one file that forbids everything else, and its numbers are the tables' numbers."""
+"""Property: the page is one file that forbids everything else, and its numbers are the tables'
+numbers.
+"""
 
 import base64
 import json
@@ -14,7 +16,9 @@ from tirelog.cli import run
 
 
 def data(page: Path) -> dict:
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.S)
+    found = re.search(
+        r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.S
+    )
     assert found
     return json.loads(found[1])
 
@@ -33,7 +37,9 @@ def numbers(packed: dict) -> np.ndarray:
         ("dissipation_factor_1_m-time", 0, "dissipation", "dissipation_factor_1_m", 1.0),
     ],
 )
-def test_the_page_s_numbers_are_the_table_s(page_file: Path, figure: str, trace: int, table: str, column: str, factor: float) -> None:
+def test_the_page_s_numbers_are_the_table_s(
+    page_file: Path, figure: str, trace: int, table: str, column: str, factor: float
+) -> None:
     rows = pd.read_csv(page_file.parent / f"{table}.csv")
     if table != "speed":
         rows = rows[rows["quality"] == "ok"]
@@ -44,18 +50,51 @@ def test_the_page_s_numbers_are_the_table_s(page_file: Path, figure: str, trace:
 
 def test_given_tables_make_the_same_page(page_file: Path) -> None:
     folder = page_file.parent
-    assert run(["dissipation", str(folder / "log.csv"), "--fit", "-o", str(folder / "fit.csv"), "--quiet"]) == 0
-    tables = [part for name in ("speed", "footprint", "dissipation", "fit") for part in ("--table", str(folder / f"{name}.csv"))]
-    assert run(["report", str(folder / "log.csv"), *tables, "-o", str(folder / "given.html"), "--quiet"]) == 0
+    assert (
+        run(
+            [
+                "dissipation",
+                str(folder / "log.csv"),
+                "--fit",
+                "-o",
+                str(folder / "fit.csv"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
+    tables = [
+        part
+        for name in ("speed", "footprint", "dissipation", "fit")
+        for part in ("--table", str(folder / f"{name}.csv"))
+    ]
+    assert (
+        run(
+            [
+                "report",
+                str(folder / "log.csv"),
+                *tables,
+                "-o",
+                str(folder / "given.html"),
+                "--quiet",
+            ]
+        )
+        == 0
+    )
     ours, given = data(page_file)["figures"], data(folder / "given.html")["figures"]
     assert ours.keys() == given.keys()
     for name in ours:
         for a, b in zip(ours[name]["traces"], given[name]["traces"], strict=True):
             finite = np.abs(numbers(a["y"])[np.isfinite(numbers(a["y"]))])
-            peak = float(finite.max(initial=0.0))  # one passage is cut out at the table's rounded time
-            # a line through one speed hangs on the difference of two numbers, of which text keeps nine digits
+            peak = float(
+                finite.max(initial=0.0)
+            )  # one passage is cut out at the table's rounded time
+            # a line through one speed hangs on the difference of two numbers, of which text keeps
+            # nine digits
             rtol = 1e-4 if a["name"].endswith("fitted line") else 1e-6
-            np.testing.assert_allclose(numbers(a["y"]), numbers(b["y"]), rtol=rtol, atol=1e-6 * peak)
+            np.testing.assert_allclose(
+                numbers(a["y"]), numbers(b["y"]), rtol=rtol, atol=1e-6 * peak
+            )
 
 
 def test_no_peak_of_the_signal_vanishes(page_file: Path) -> None:
@@ -77,4 +116,6 @@ def test_one_file_with_a_policy_and_nothing_from_outside(page_file: Path) -> Non
 
 
 def test_what_cannot_be_shown_is_named_with_its_command(page_file: Path) -> None:
-    assert re.search(r"phase-shift: no channel for it: <code>tirelog phase-shift", page_file.read_text())
+    assert re.search(
+        r"phase-shift: no channel for it: <code>tirelog phase-shift", page_file.read_text()
+    )

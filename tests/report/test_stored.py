@@ -1,4 +1,6 @@
-"""Property: sections that a campaign stored are those that are shown; several models are told apart; a hostile file is refused."""
+"""Property: sections that a campaign stored are those that are shown; several models are told
+apart; a hostile file is refused.
+"""
 
 import json
 from pathlib import Path
@@ -15,10 +17,23 @@ pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what thes
 
 
 def section(name: str = "switches") -> Section:
-    figure = Figure("switch-map", "Map", "A map.", [{"type": "heatmap", "z": packed([[1.0, 2.0], [3.0, 4.0]])}], {"height": 300})
-    states = {"0": {"text": "off", "figures": {"switch-map": {"0": {"z": packed([[0.0, 0.0], [0.0, 0.0]])}}}}}
+    figure = Figure(
+        "switch-map",
+        "Map",
+        "A map.",
+        [{"type": "heatmap", "z": packed([[1.0, 2.0], [3.0, 4.0]])}],
+        {"height": 300},
+    )
+    states = {
+        "0": {
+            "text": "off",
+            "figures": {"switch-map": {"0": {"z": packed([[0.0, 0.0], [0.0, 0.0]])}}},
+        }
+    }
     switches = {"effects": ["wear"], "start": 0, "states": states}
-    return Section(name, "Effects", "tirelog x", ["said"], [figure], [Table("T", ["a"], [["1"]])], switches)
+    return Section(
+        name, "Effects", "tirelog x", ["said"], [figure], [Table("T", ["a"], [["1"]])], switches
+    )
 
 
 def write(folder: Path, model: str, *sections: Section) -> Path:
@@ -44,13 +59,26 @@ def test_several_models_are_told_apart(tmp_path: Path) -> None:
         assert list(one.switches["states"]["0"]["figures"]) == [one.figures[0].id]
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"sections": [{}], "missing": []}', json.dumps(stored([section('"><b>')], []))])
-def test_a_file_that_is_none_is_refused(tmp_path: Path, content: str, capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[]",
+        "{}",
+        '{"sections": [{}], "missing": []}',
+        json.dumps(stored([section('"><b>')], [])),
+    ],
+)
+def test_a_file_that_is_none_is_refused(
+    tmp_path: Path, content: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     page = write(tmp_path, "beam")
     page.write_text(content)
     with pytest.raises(UsageError, match="no page of a campaign's model"):
         read_stored(page)
     (tmp_path / "summary.csv").write_text("log,status\na,done\n")
-    assert run(["report", "--campaign", str(tmp_path), "-o", str(tmp_path / "x.html"), "--quiet"]) == 2
+    assert (
+        run(["report", "--campaign", str(tmp_path), "-o", str(tmp_path / "x.html"), "--quiet"]) == 2
+    )
     assert "Traceback" not in capfd.readouterr().err
     assert not (tmp_path / "x.html").exists()

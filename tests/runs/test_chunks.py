@@ -1,4 +1,6 @@
-"""Property: what is packed beside HDF5 is what HDF5 itself would store: plain h5py reads it back, checksums and all."""
+"""Property: what is packed beside HDF5 is what HDF5 itself would store: plain h5py reads it back,
+checksums and all.
+"""
 
 import zlib
 from pathlib import Path
@@ -33,7 +35,10 @@ def test_the_checksum(data: bytes) -> None:
     assert fletcher32(data) == slow_fletcher32(data)
 
 
-@pytest.mark.parametrize("data", [b"\xff" * 2, b"\xff" * 131_070, b"\0" * 9, b"\xff\xfe\0\1", bytes(range(256)) * 999 + b"\1"])
+@pytest.mark.parametrize(
+    "data",
+    [b"\xff" * 2, b"\xff" * 131_070, b"\0" * 9, b"\xff\xfe\0\1", bytes(range(256)) * 999 + b"\1"],
+)
 def test_the_checksum_where_it_wraps(data: bytes) -> None:
     assert fletcher32(data) == slow_fletcher32(data)
 
@@ -41,7 +46,9 @@ def test_the_checksum_where_it_wraps(data: bytes) -> None:
 def written(path: Path, values: np.ndarray, piece: int, *, compress: bool = True) -> None:
     writer = ChunkWriter(compress=compress)
     with h5py.File(path, "w") as file:
-        dataset = file.create_dataset("x", shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=values.dtype, **writer.options)
+        dataset = file.create_dataset(
+            "x", shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=values.dtype, **writer.options
+        )
         for start in range(0, values.size, piece):
             writer.write(dataset, start, values[start : start + piece])
         writer.flush()
@@ -51,7 +58,9 @@ def written(path: Path, values: np.ndarray, piece: int, *, compress: bool = True
 @pytest.mark.parametrize("deflate", [chunks.deflate, zlib.compress])
 @pytest.mark.parametrize("dtype", ["i4", "f4", "f8"])
 @pytest.mark.parametrize("size", [1, CHUNK - 1, CHUNK, 70 * CHUNK + 17])
-def test_h5py_reads_it_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, deflate, dtype: str, size: int) -> None:
+def test_h5py_reads_it_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, deflate, dtype: str, size: int
+) -> None:
     monkeypatch.setattr(chunks, "deflate", deflate)
     noise = np.random.default_rng(size).standard_normal(size)
     values = (1e4 * noise).astype(dtype)
@@ -65,7 +74,9 @@ def test_h5py_reads_it_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, def
             )
 
 
-def test_the_same_bytes_as_of_hdf5_but_for_the_compression(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_bytes_as_of_hdf5_but_for_the_compression(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(chunks, "deflate", zlib.compress)
     values = np.arange(2 * CHUNK, dtype=np.int32) // 7
     written(tmp_path / "ours.h5", values, CHUNK)
@@ -91,20 +102,33 @@ def test_a_flipped_bit_in_a_packed_chunk_is_found(tmp_path: Path) -> None:
         file["x"][:]
 
 
-SETUP = parse_setup('[tire]\nunloaded_radius_m = 0.3\n[channels.t]\nkind = "temperature"\nsource = "a"\n')
+SETUP = parse_setup(
+    '[tire]\nunloaded_radius_m = 0.3\n[channels.t]\nkind = "temperature"\nsource = "a"\n'
+)
 COUNTS = np.arange(300_000, dtype=np.int32)
 
 
 @pytest.mark.parametrize("compress", [True, False])
 @pytest.mark.parametrize(
     ("late", "dtype"),
-    [(COUNTS[:5], "i4"), (np.array([0.25, np.nan]), "i4"), (np.array([0.125]), "f8"), (np.array([1.0, 1e-9]), "f8")],
+    [
+        (COUNTS[:5], "i4"),
+        (np.array([0.25, np.nan]), "i4"),
+        (np.array([0.125]), "f8"),
+        (np.array([1.0, 1e-9]), "f8"),
+    ],
 )
-def test_counts_and_floats_of_one_channel(tmp_path: Path, compress: bool, late: np.ndarray, dtype: str) -> None:
-    """Counts go into the run as they are; floats that are such counts join them, others make floats of all, to the bit."""
+def test_counts_and_floats_of_one_channel(
+    tmp_path: Path, compress: bool, late: np.ndarray, dtype: str
+) -> None:
+    """Counts go into the run as they are; floats that are such counts join them, others make floats
+    of all, to the bit.
+    """
     counts = COUNTS.copy()
     counts[::1000] = LOST_COUNT
-    writer = RunWriter(tmp_path / "r.h5", SETUP, (Group("g", ("t",), decimals={"t": 2}),), compress=compress)
+    writer = RunWriter(
+        tmp_path / "r.h5", SETUP, (Group("g", ("t",), decimals={"t": 2}),), compress=compress
+    )
     for part in (counts[:1000], counts[1000:], late, counts[:10]):
         writer.append(RawBlock("g", {"t": part}))
     whole = np.concatenate([counted_floats(part, 2) for part in (counts, late, counts[:10])])
@@ -121,11 +145,19 @@ def test_counts_and_floats_of_one_channel(tmp_path: Path, compress: bool, late: 
 @pytest.mark.parametrize("size", [0, 1, CHUNK, 5 * CHUNK + 17])
 def test_chunks_without_filters_are_read_past_hdf5(tmp_path: Path, dtype: str, size: int) -> None:
     rng = np.random.default_rng(8101)
-    path, values = tmp_path / "two.h5", [rng.integers(-(10**9), 10**9, size).astype(dtype) for _ in range(2)]
+    path, values = (
+        tmp_path / "two.h5",
+        [rng.integers(-(10**9), 10**9, size).astype(dtype) for _ in range(2)],
+    )
     with h5py.File(path, "w", libver=("v110", "v110")) as file:
         writer = ChunkWriter(compress=False)
-        made = [file.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=dtype) for name in "ab"]
-        for start in range(0, size, 2 * CHUNK):  # in turns, so that a dataset's chunks are not all side by side
+        made = [
+            file.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=dtype)
+            for name in "ab"
+        ]
+        for start in range(
+            0, size, 2 * CHUNK
+        ):  # in turns, so that a dataset's chunks are not all side by side
             for dataset, whole in zip(made, values, strict=True):
                 writer.write(dataset, start, whole[start : start + 2 * CHUNK])
         writer.close()
@@ -133,7 +165,13 @@ def test_chunks_without_filters_are_read_past_hdf5(tmp_path: Path, dtype: str, s
         for name, whole in zip("ab", values, strict=True):
             read = unfiltered(file[name], plain)
             assert read is not None
-            edges = [0, size, size + 5, *rng.integers(0, size + 1, 40).tolist(), *(k * CHUNK for k in range(size // CHUNK + 1))]
+            edges = [
+                0,
+                size,
+                size + 5,
+                *rng.integers(0, size + 1, 40).tolist(),
+                *(k * CHUNK for k in range(size // CHUNK + 1)),
+            ]
             for start, stop in zip(edges, edges[1:] + edges[:1], strict=True):
                 found = read(start, stop)
                 assert found.dtype == whole.dtype
@@ -144,7 +182,9 @@ def test_a_file_that_became_shorter_is_no_data(tmp_path: Path) -> None:
     path = tmp_path / "cut.h5"
     with h5py.File(path, "w", libver=("v110", "v110")) as file:
         writer = ChunkWriter(compress=False)
-        dataset = file.create_dataset("a", shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype="i4")
+        dataset = file.create_dataset(
+            "a", shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype="i4"
+        )
         writer.write(dataset, 0, np.arange(3 * CHUNK, dtype=np.int32))
         writer.close()
     with h5py.File(path) as file, path.open("rb+") as plain:

@@ -25,12 +25,16 @@ def written(times: np.ndarray, decimals: int) -> np.ndarray:
     return np.round(times, decimals)
 
 
-@pytest.mark.parametrize(("rate", "decimals"), [(2500.0, 4), (3000.0, 4), (1000.0, 3), (2500.0, 9), (104.0, 2), (7.0, 6)])
+@pytest.mark.parametrize(
+    ("rate", "decimals"), [(2500.0, 4), (3000.0, 4), (1000.0, 3), (2500.0, 9), (104.0, 2), (7.0, 6)]
+)
 def test_uniform_stamps_give_a_uniform_axis(rate: float, decimals: int) -> None:
     axis = fit(written(np.arange(N) / rate, decimals), resolution_s=10.0**-decimals).axis()
     assert axis.rate_Hz == pytest.approx(rate, rel=1e-12)
     assert axis.first.tolist() == [0]
-    np.testing.assert_allclose(axis.time(), np.arange(N) / rate, rtol=0, atol=0.51 * 10.0**-decimals)
+    np.testing.assert_allclose(
+        axis.time(), np.arange(N) / rate, rtol=0, atol=0.51 * 10.0**-decimals
+    )
 
 
 @pytest.mark.parametrize("block", [1, 1000, 10**6])
@@ -53,7 +57,11 @@ def test_the_rate_of_jittered_stamps_to_a_millionth(jitter: float) -> None:
 
 def test_jittered_stamps_of_the_declared_rate_give_exactly_that_rate() -> None:
     rng = np.random.default_rng(12)
-    axis = fit((np.arange(N) + 0.05 * rng.standard_normal(N)) / 2500.0, setup_rate_Hz=2500.0, resolution_s=1e-6).axis()
+    axis = fit(
+        (np.arange(N) + 0.05 * rng.standard_normal(N)) / 2500.0,
+        setup_rate_Hz=2500.0,
+        resolution_s=1e-6,
+    ).axis()
     assert axis.rate_Hz == 2500.0
 
 
@@ -61,7 +69,9 @@ def test_jittered_stamps_of_the_declared_rate_give_exactly_that_rate() -> None:
 def test_gaps_are_found_at_their_sample(jitter: float) -> None:
     rng, k = np.random.default_rng(13), np.arange(N)
     k = k + 7 * (k >= 20_000) + 2 * (k >= 30_000) + 40_000 * (k >= 49_000)
-    made = fit((k + jitter * rng.standard_normal(N)) / 2500.0, setup_rate_Hz=2500.0, resolution_s=1e-9)
+    made = fit(
+        (k + jitter * rng.standard_normal(N)) / 2500.0, setup_rate_Hz=2500.0, resolution_s=1e-9
+    )
     axis = made.axis()
     assert axis.first.tolist() == [0, 20_000, 30_000, 49_000]
     np.testing.assert_allclose(axis.time() * 2500.0, k, atol=max(0.01, 0.2 * jitter))
@@ -112,7 +122,11 @@ def test_a_pause_shows_through_stamps_of_one_second() -> None:
 def test_buffers_that_arrive_in_bunches() -> None:
     rng, rate = np.random.default_rng(14), 2499.3456
     arrival = (np.arange(N // 25) + 1) * 25 / rate + rng.exponential(2e-4, N // 25)
-    axis = fit(np.repeat(arrival, 25) + 1e-6 * np.tile(np.arange(25), N // 25), setup_rate_Hz=2500.0, resolution_s=1e-6).axis()
+    axis = fit(
+        np.repeat(arrival, 25) + 1e-6 * np.tile(np.arange(25), N // 25),
+        setup_rate_Hz=2500.0,
+        resolution_s=1e-6,
+    ).axis()
     assert axis.rate_Hz == pytest.approx(rate, rel=3e-6)
     assert axis.first.tolist() == [0]
 
@@ -147,7 +161,9 @@ def test_a_repeated_row_stands_between_its_neighbours() -> None:
 def test_unknown_stamps_are_bridged() -> None:
     stamps = written(np.arange(2000) / 100.0, 2)
     stamps[::7] = np.nan
-    np.testing.assert_allclose(fit(stamps, resolution_s=0.01).axis().time(), np.arange(2000) / 100.0, atol=1e-9)
+    np.testing.assert_allclose(
+        fit(stamps, resolution_s=0.01).axis().time(), np.arange(2000) / 100.0, atol=1e-9
+    )
 
 
 def test_samples_without_a_clock_keep_their_stamps() -> None:
@@ -215,7 +231,9 @@ def test_without_stamps_a_rate_must_be_declared() -> None:
         fit(size=10)
 
 
-@pytest.mark.parametrize("stamps", [[0.0], [0.0, 1.0], [0.0, 0.5, 0.5], [0.0, 0.5, 1.0, 9.0], [np.nan, np.nan, 1.0]])
+@pytest.mark.parametrize(
+    "stamps", [[0.0], [0.0, 1.0], [0.0, 0.5, 0.5], [0.0, 0.5, 1.0, 9.0], [np.nan, np.nan, 1.0]]
+)
 def test_few_stamps(stamps: list[float]) -> None:
     axis = fit(stamps, setup_rate_Hz=2.0 if len(stamps) > 2 else 1.0, resolution_s=0.1).axis()
     assert axis.size == len(stamps)

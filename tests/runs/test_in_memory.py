@@ -1,4 +1,6 @@
-"""Property: what is read from a channel in memory is what was stored, to the bit, in as few bytes as its numbers need."""
+"""Property: what is read from a channel in memory is what was stored, to the bit, in as few bytes
+as its numbers need.
+"""
 
 from dataclasses import is_dataclass, replace
 from io import FileIO
@@ -18,11 +20,19 @@ SIZE = 1000
 
 def channel(raw: np.ndarray) -> Channel:
     lost = LOST if raw.dtype.kind == "i" else None
-    return Channel("c", "strain", "", TimeAxis.uniform(raw.size, 100.0), Scaled(lambda a, b: raw[a:b], 1.27e-7, -0.5, lost))
+    return Channel(
+        "c",
+        "strain",
+        "",
+        TimeAxis.uniform(raw.size, 100.0),
+        Scaled(lambda a, b: raw[a:b], 1.27e-7, -0.5, lost),
+    )
 
 
 def walk(step: int, seed: int) -> np.ndarray:
-    return (15_500_000 + np.cumsum(np.random.default_rng(seed).integers(-step, step + 1, SIZE))).astype(np.int32)
+    return (
+        15_500_000 + np.cumsum(np.random.default_rng(seed).integers(-step, step + 1, SIZE))
+    ).astype(np.int32)
 
 
 def cases() -> dict[str, np.ndarray]:
@@ -44,7 +54,14 @@ def test_slices_are_those_of_the_stored_channel(name, piece, monkeypatch):
     stored = channel(cases()[name])
     kept = held(stored)
     random = np.random.default_rng(5)
-    for start, length in [(0, SIZE), (0, 0), (SIZE, 0), (63, 2), (64, 64), *random.integers(0, SIZE, (20, 2)).tolist()]:
+    for start, length in [
+        (0, SIZE),
+        (0, 0),
+        (SIZE, 0),
+        (63, 2),
+        (64, 64),
+        *random.integers(0, SIZE, (20, 2)).tolist(),
+    ]:
         got, wanted = kept.read(start, start + length), stored.read(start, start + length)
         np.testing.assert_array_equal(got, wanted)
         assert got.dtype == wanted.dtype
@@ -62,7 +79,11 @@ def test_two_bytes_a_sample_where_they_fit(monkeypatch):
             piece = waiting.pop()
             if isinstance(piece, Scaled):
                 piece = piece.raw
-            kept = vars(piece).values() if is_dataclass(piece) else [cell.cell_contents for cell in piece.__closure__]
+            kept = (
+                vars(piece).values()
+                if is_dataclass(piece)
+                else [cell.cell_contents for cell in piece.__closure__]
+            )
             total += sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
         return total
 
@@ -77,8 +98,16 @@ def test_a_temporary_run_is_not_held_but_read(tmp_path):
         file.create_dataset("a", data=raw, chunks=(CHUNK,), maxshape=(None,))
     stored = channel(raw)
     with h5py.File(tmp_path / "run.h5") as file, FileIO(tmp_path / "run.h5") as plain:
-        read = held(replace(stored, samples=replace(stored.samples, raw=unfiltered(file["a"], plain))))
+        read = held(
+            replace(stored, samples=replace(stored.samples, raw=unfiltered(file["a"], plain)))
+        )
         assert held(read) is read
         assert not any(isinstance(value, np.ndarray) for value in vars(read.samples).values())
-        for start, stop in ((0, raw.size), (70, 90), (CHUNK - 3, CHUNK + 5), (raw.size - 2, raw.size), (5, 5)):
+        for start, stop in (
+            (0, raw.size),
+            (70, 90),
+            (CHUNK - 3, CHUNK + 5),
+            (raw.size - 2, raw.size),
+            (5, 5),
+        ):
             np.testing.assert_array_equal(read.read(start, stop), stored.read(start, stop))

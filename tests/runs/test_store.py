@@ -1,4 +1,6 @@
-"""Property and faults: a run gives back what was written to the last bit, and a flipped bit never passes as data."""
+"""Property and faults: a run gives back what was written to the last bit, and a flipped bit never
+passes as data.
+"""
 
 from pathlib import Path
 
@@ -43,7 +45,14 @@ def source() -> dict[str, np.ndarray]:
     return {"s": s, "t": t, "v": v}
 
 
-def write(path: Path, values: dict[str, np.ndarray], *, block: int, compress: bool = True, decimals: int | None = 4) -> None:
+def write(
+    path: Path,
+    values: dict[str, np.ndarray],
+    *,
+    block: int,
+    compress: bool = True,
+    decimals: int | None = 4,
+) -> None:
     group = Group("g", ("s", "t", "v"), decimals={"s": decimals, "t": 4, "v": None})
     writer = RunWriter(path, parse_setup(SETUP), (group,), compress=compress)
     for start in range(0, SIZE, block):
@@ -51,7 +60,11 @@ def write(path: Path, values: dict[str, np.ndarray], *, block: int, compress: bo
         flags = (("s", 1, 3, "spurious_peak"),) if start == 0 else ()
         writer.append(RawBlock("g", part, flags=flags))
     axis = TimeAxis(SIZE, 2500.0, np.array([0, 5000]), np.array([0.0, 3.0]), np.array([4e-4, 4e-4]))
-    writer.finish({"g": axis}, {"g": [(5000, 5001, "gap")]}, {"sha256": "00", "remarks": ["a remark"], "losses": ["a loss"]})
+    writer.finish(
+        {"g": axis},
+        {"g": [(5000, 5001, "gap")]},
+        {"sha256": "00", "remarks": ["a remark"], "losses": ["a loss"]},
+    )
     writer.close()
 
 
@@ -61,8 +74,15 @@ def test_a_run_gives_back_the_source_in_si(tmp_path: Path, block: int) -> None:
     write(tmp_path / "r.h5", values, block=block)
     with open_run(tmp_path / "r.h5", "r.h5") as run:
         temperature = (values["t"] - 1540) / 0.010
-        np.testing.assert_allclose(run.channels["s"].read(), 1.25 * (values["s"] - 1550) / 1550 - 2e-6 * temperature, rtol=1e-9, atol=1e-14)
-        np.testing.assert_allclose(run.channels["v"].read(10, 20), values["v"][10:20] / 3.6, rtol=1e-15)
+        np.testing.assert_allclose(
+            run.channels["s"].read(),
+            1.25 * (values["s"] - 1550) / 1550 - 2e-6 * temperature,
+            rtol=1e-9,
+            atol=1e-14,
+        )
+        np.testing.assert_allclose(
+            run.channels["v"].read(10, 20), values["v"][10:20] / 3.6, rtol=1e-15
+        )
         assert run.channels["s"].flags == ((1, 3, "spurious_peak"), (5000, 5001, "gap"))
         assert run.channels["s"].axis.gaps() == [(5000, pytest.approx(3.0 - 4999 * 4e-4))]
         assert run.channels["s"].resolution == pytest.approx(1.25e-4 / 1550)
@@ -77,9 +97,13 @@ def test_a_run_gives_back_the_source_in_si(tmp_path: Path, block: int) -> None:
 def test_irregular_stamps_come_back_however_few(tmp_path: Path, size: int) -> None:
     times = np.cumsum(np.random.default_rng(size).uniform(0.005, 0.05, size))
     none = np.zeros(0)
-    writer = RunWriter(tmp_path / "r.h5", parse_setup(SETUP), (Group("g", ("s", "t", "v")),), compress=True)
+    writer = RunWriter(
+        tmp_path / "r.h5", parse_setup(SETUP), (Group("g", ("s", "t", "v")),), compress=True
+    )
     writer.append(RawBlock("g", {name: np.full(size, 1550.0) for name in ("s", "t", "v")}))
-    axis = TimeAxis(size, 36.0, none.astype(np.int64), none, none, lambda start, stop: times[start:stop])
+    axis = TimeAxis(
+        size, 36.0, none.astype(np.int64), none, none, lambda start, stop: times[start:stop]
+    )
     writer.finish({"g": axis}, {}, {})
     writer.close()
     with open_run(tmp_path / "r.h5", "r.h5") as run:
@@ -102,7 +126,9 @@ def test_slices_are_the_whole(tmp_path: Path) -> None:
     write(tmp_path / "r.h5", source(), block=4000)
     with open_run(tmp_path / "r.h5", "r.h5") as run:
         channel = run.channels["s"]
-        np.testing.assert_array_equal(np.concatenate([v for _, v in channel.blocks(999)]), channel.read())
+        np.testing.assert_array_equal(
+            np.concatenate([v for _, v in channel.blocks(999)]), channel.read()
+        )
 
 
 @pytest.mark.parametrize("block", [500, CHUNK])
@@ -126,16 +152,24 @@ def test_another_setup_changes_the_conversion_and_not_the_counts(tmp_path: Path)
     write(tmp_path / "r.h5", source(), block=4000)
     other = parse_setup(SETUP.replace("1.25", "2.5").replace("2e-6", "0.0"))
     with open_run(tmp_path / "r.h5", "r.h5", other) as run:
-        np.testing.assert_allclose(run.channels["s"].read(), 2.5 * (source()["s"] - 1550) / 1550, rtol=1e-9, atol=1e-14)
+        np.testing.assert_allclose(
+            run.channels["s"].read(), 2.5 * (source()["s"] - 1550) / 1550, rtol=1e-9, atol=1e-14
+        )
     with (
         pytest.raises(SetupError, match="is vehicle_speed in the run"),
-        open_run(tmp_path / "r.h5", "r.h5", parse_setup(SETUP.replace("vehicle_speed", "strain").replace('unit = "km/h"', ""))),
+        open_run(
+            tmp_path / "r.h5",
+            "r.h5",
+            parse_setup(SETUP.replace("vehicle_speed", "strain").replace('unit = "km/h"', "")),
+        ),
     ):
         pass
 
 
 def test_a_flipped_bit_is_never_data(tmp_path: Path) -> None:
-    """Every flip is refused, or costs whole chunks that are NaN and named; what is read is what was written."""
+    """Every flip is refused, or costs whole chunks that are NaN and named; what is read is what was
+    written.
+    """
     path = tmp_path / "r.h5"
     write(path, source(), block=CHUNK)
     with open_run(path, "r.h5") as run:
@@ -154,10 +188,16 @@ def test_a_flipped_bit_is_never_data(tmp_path: Path) -> None:
         except (ReadError, SetupError):
             met["refused"] += 1
             continue
-        different = [name for name in truth if not np.array_equal(read[name], truth[name], equal_nan=True)]
+        different = [
+            name for name in truth if not np.array_equal(read[name], truth[name], equal_nan=True)
+        ]
         for name in different:
-            changed = ~((read[name] == truth[name]) | (np.isnan(read[name]) & np.isnan(truth[name])))
-            bridged = (name == "s") & (np.abs(read[name] - truth[name]) < 2e-5)  # temperature from the nearest twin readings
+            changed = ~(
+                (read[name] == truth[name]) | (np.isnan(read[name]) & np.isnan(truth[name]))
+            )
+            bridged = (name == "s") & (
+                np.abs(read[name] - truth[name]) < 2e-5
+            )  # temperature from the nearest twin readings
             assert (np.isnan(read[name]) | bridged)[changed].all()
         assert bool(losses) >= bool(different)
         met["lost" if losses else "harmless"] += 1

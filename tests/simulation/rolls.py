@@ -29,16 +29,35 @@ def belt(elements: int = 96, **more: Any) -> Belt:
     return Belt(replace(tire, **more), PB * RADIUS, Splines(elements))
 
 
-def orders(steps: int, *, speed: float, load: float, torque: float = 0.0, start_m: float = 0.0, step: float = STEP) -> np.ndarray:
+def orders(
+    steps: int,
+    *,
+    speed: float,
+    load: float,
+    torque: float = 0.0,
+    start_m: float = 0.0,
+    step: float = STEP,
+) -> np.ndarray:
     """Constant speed, load and torque, (n, 4)."""
     one = np.ones(steps)
-    return np.stack([start_m + speed * step * np.arange(1, steps + 1), 0.0 * one, load * one, torque * one], axis=1)
+    return np.stack(
+        [start_m + speed * step * np.arange(1, steps + 1), 0.0 * one, load * one, torque * one],
+        axis=1,
+    )
 
 
 def rolling(
-    of: Belt, *, speed: float, load: float, start: Standing | None = None, profile: Profile = LEVEL, step: float = STEP
+    of: Belt,
+    *,
+    speed: float,
+    load: float,
+    start: Standing | None = None,
+    profile: Profile = LEVEL,
+    step: float = STEP,
 ) -> RollingTire:
-    return RollingTire(of, profile, start or standing(of, load), speed_m_s=speed, distance_m=0.0, step_s=step)
+    return RollingTire(
+        of, profile, start or standing(of, load), speed_m_s=speed, distance_m=0.0, step_s=step
+    )
 
 
 def moved(tire: RollingTire, table: np.ndarray, every: int = 1) -> Motion:

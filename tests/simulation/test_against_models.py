@@ -1,4 +1,5 @@
-"""Two solutions that share no line of code: the truth (differences on a grid) and the models (modes), 1e-4 of the peak or better.
+"""Two solutions that share no line of code: the truth (differences on a grid) and the models
+(modes), 1e-4 of the peak or better.
 
 Only the exact forms can agree; the other forms are there to differ.
 """
@@ -44,19 +45,26 @@ RING = {
 STRAIN_EFFECTS = [
     name
     for name, known in PLANTABLE.items()
-    if known.in_catalogue and name not in ("speed_trend", "load_crosstalk", "telemetry_delay", "tooth_pitch", "inflation")
+    if known.in_catalogue
+    and name not in ("speed_trend", "load_crosstalk", "telemetry_delay", "tooth_pitch", "inflation")
 ]
 
 
 def moment(w: World) -> Instants:
     """The world's instant at TIME, with SPEED and ACCELERATION in place of its drive's."""
-    at = replace(w.instants(np.array([TIME])), speed=np.array([SPEED]), acceleration=np.array([ACCELERATION]))
+    at = replace(
+        w.instants(np.array([TIME])), speed=np.array([SPEED]), acceleration=np.array([ACCELERATION])
+    )
     for effect in w.scenario.effects:
         if effect.name == "load_transfer":
             load = at.load * (1.0 + effect["coefficient"] * ACCELERATION / 9.81)
             at = replace(at, load=load, half_length=w.half_length(load))
         if effect.name == "aero_load":
-            load = w.scenario.conditions.load_N * (1.0 + effect["coefficient"] * (SPEED / 30.0) ** 2) * np.ones(1)
+            load = (
+                w.scenario.conditions.load_N
+                * (1.0 + effect["coefficient"] * (SPEED / 30.0) ** 2)
+                * np.ones(1)
+            )
             at = replace(at, load=load, half_length=w.half_length(load))
         if effect.name == "traction":
             at = replace(at, slip=np.array([-effect["slip_per_g"] * ACCELERATION / 9.81]))
@@ -90,7 +98,12 @@ def own(values: dict[str, float], model: Model) -> dict[str, float]:
 def test_strain_of_the_beam(name: str | None, surface: str) -> None:
     planted = [] if name is None else [{"name": name}]
     cruise = [{"duration_s": 4.0, "speed_m_s": SPEED}]
-    w = world(effects=planted, grid_points=4096, manoeuvres=cruise, conditions={"distance_km": DISTANCE_KM, "water_depth_mm": WATER_MM})
+    w = world(
+        effects=planted,
+        grid_points=4096,
+        manoeuvres=cruise,
+        conditions={"distance_km": DISTANCE_KM, "water_depth_mm": WATER_MM},
+    )
     sensor = Sensor("fbg_strain", surface=surface)
     truth = w.waveform(w.solve(moment(w)), sensor)[0] + w.baseline(np.array([TIME]), sensor)
     model = Model.new("beam", **own(BEAM, Model.new("beam")))
@@ -102,7 +115,9 @@ def test_strain_of_the_beam(name: str | None, surface: str) -> None:
 def test_radial_acceleration_of_the_beam() -> None:
     w = world(grid_points=4096)
     phi = w.ring.xi_m / R
-    still = -9.80665 * np.cos(phi) - ACCELERATION * np.sin(phi)  # what the simulator adds to its accelerometers
+    still = -9.80665 * np.cos(phi) - ACCELERATION * np.sin(
+        phi
+    )  # what the simulator adds to its accelerometers
     truth = w.waveform(w.solve(moment(w)), Sensor("radial_acceleration"))[0] + still
     blank = Model.new("beam", observable="radial_acceleration")
     model = Model.new("beam", observable="radial_acceleration", **own(BEAM, blank))
@@ -116,4 +131,6 @@ def test_strain_and_patch_of_the_ring_on_a_flat_road() -> None:
     blank = Model.new("ring", contact="flat_road")
     model = Model.new("ring", contact="flat_road", **own(RING, blank))
     assert np.abs(truth - predicted(model, w)).max() < 2e-3 * np.abs(truth).max()
-    assert 0.5 * (solution.exit_m - solution.entry_m) == pytest.approx(model.half_length_m(conditions()), rel=1e-3)
+    assert 0.5 * (solution.exit_m - solution.entry_m) == pytest.approx(
+        model.half_length_m(conditions()), rel=1e-3
+    )

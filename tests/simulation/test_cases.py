@@ -27,9 +27,14 @@ def test_planting_changes_nothing_else() -> None:
 
 
 def test_null_repeats_between_manoeuvres() -> None:
-    """A null on a smooth road: the same cruise speed in two logs gives the same waveform, whatever the manoeuvre."""
+    """A null on a smooth road: the same cruise speed in two logs gives the same waveform, whatever
+    the manoeuvre.
+    """
     how = replace(QUICK, roughness=0.0, noise_nm=0.0)
-    made = [simulate(replace(s, conditions=case((), seed=5, how=how)[0].conditions)) for s in case((), seed=5, how=how)]
+    made = [
+        simulate(replace(s, conditions=case((), seed=5, how=how)[0].conditions))
+        for s in case((), seed=5, how=how)
+    ]
     sensors = [next(iter(m.scenario.channels.values())) for m in made]
     at = made[0].world.instants(np.array([2.0]))
     waves = [m.world.waveform(m.world.solve(at), s)[0] for m, s in zip(made, sensors, strict=True)]
@@ -51,7 +56,9 @@ def test_logs_differ_in_what_effects_need() -> None:
 
 
 def test_mixed_plan_has_its_manoeuvres() -> None:
-    truth = simulate(replace(case((), seed=5, how=Case(logs=1))[0], channels=case((), seed=5)[0].channels)).truth
+    truth = simulate(
+        replace(case((), seed=5, how=Case(logs=1))[0], channels=case((), seed=5)[0].channels)
+    ).truth
     regimes = [m["regime"] for m in truth["manoeuvres"]]
     assert len(regimes) >= 8
     assert set(regimes) == {"cruise", "drive", "coast", "brake"}
@@ -70,15 +77,24 @@ def test_every_plan_can_be_driven(plan: str) -> None:
 
 @pytest.mark.parametrize("name", [*IN_CATALOGUE, *OUTSIDE])
 def test_every_effect_shows_and_is_told(name: str) -> None:
-    """Each planted effect moves the strain by more than its noise somewhere, in both forms, and the truth names it."""
+    """Each planted effect moves the strain by more than its noise somewhere, in both forms, and the
+    truth names it.
+    """
     for form in PLANTABLE[name].forms:
         how = Case(plan="short", logs=2, form=form, noise_nm=0.0, roughness=0.0, duration=0.35)
         with_effect, without = (simulate(case(e, seed=8, how=how)[1]) for e in ((name,), ()))
         change = 1.27 / 1550.0 * (with_effect.channels["strain_1"] - without.channels["strain_1"])
         assert 4e-6 < change.std() < 2e-4
         told = with_effect.truth["effects"]
-        assert [(e["name"], e["form"], e["in_catalogue"]) for e in told] == [(name, form, name in IN_CATALOGUE)]
-        assert told[0]["strength"] == with_effect.scenario.effects[0][next(iter(with_effect.scenario.effects[0].parameters))]
+        assert [(e["name"], e["form"], e["in_catalogue"]) for e in told] == [
+            (name, form, name in IN_CATALOGUE)
+        ]
+        assert (
+            told[0]["strength"]
+            == with_effect.scenario.effects[0][
+                next(iter(with_effect.scenario.effects[0].parameters))
+            ]
+        )
         if name in OUTSIDE:
             assert told[0]["where"] in ("entry", "patch", "exit", "away")
             assert told[0]["parity"] in ("even", "odd", "mixed")
@@ -96,7 +112,11 @@ def test_pairs_are_of_the_catalogue() -> None:
 
 @pytest.mark.parametrize(
     ("effects", "how", "said"),
-    [(("watr_film",), QUICK, "water_film"), (("wear",), Case(form="another"), "other"), ((), Case(plan="mixt"), "mixed")],
+    [
+        (("watr_film",), QUICK, "water_film"),
+        (("wear",), Case(form="another"), "other"),
+        ((), Case(plan="mixt"), "mixed"),
+    ],
 )
 def test_unknown_words_are_refused(effects: tuple[str, ...], how: Case, said: str) -> None:
     with pytest.raises(UsageError, match=said):

@@ -30,27 +30,41 @@ def test_stencils_are_exact_on_polynomials() -> None:
     for derivative in range(1, 5):
         weights = central_weights(derivative)
         for power in range(11):
-            exact = np.prod(np.arange(power, power - derivative, -1.0)) * (0.0 ** (power - derivative)) if power >= derivative else 0.0
+            exact = (
+                np.prod(np.arange(power, power - derivative, -1.0)) * (0.0 ** (power - derivative))
+                if power >= derivative
+                else 0.0
+            )
             assert weights @ offsets**power == pytest.approx(exact, abs=3e-7 * 5.0**power)
 
 
 @pytest.mark.parametrize("speed", [0.0, 10.0, 20.0])
 def test_undamped_beam_under_a_point_load(ring: Ring, speed: float) -> None:
-    """P2 (9) with alpha = c/(2 lambda) sqrt(mu/EJ) (errata); the images of the closed circumference are below 1e-6."""
+    """P2 (9) with alpha = c/(2 lambda) sqrt(mu/EJ) (errata); the images of the closed circumference
+    are below 1e-6.
+    """
     load = 1000.0
-    w = carcass(scenario(), ring, instants(speed)).displacement(ring.point_load(np.zeros(1), np.array([load])))[0]
+    w = carcass(scenario(), ring, instants(speed)).displacement(
+        ring.point_load(np.zeros(1), np.array([load]))
+    )[0]
     lam = (K / (4 * EJ)) ** 0.25
     alpha = speed / (2 * lam) * np.sqrt(MU / EJ)
     a, b, s = np.sqrt(1 + alpha**2), np.sqrt(1 - alpha**2), lam * np.abs(ring.xi_m)
-    exact = load * lam / (2 * K) * np.exp(-b * s) * (a * np.cos(a * s) + b * np.sin(a * s)) / (a * b)
+    exact = (
+        load * lam / (2 * K) * np.exp(-b * s) * (a * np.cos(a * s) + b * np.sin(a * s)) / (a * b)
+    )
     assert np.abs(w - exact).max() < 1e-6 * exact.max()
 
 
 def test_damped_beam_by_the_roots_of_its_own_equation(ring: Ring) -> None:
-    """EJ w'''' + mu c^2 w'' + 2 mu omega_d c w' + k w = P delta: exponentials of the four roots, jump of w''' at the load."""
+    """EJ w'''' + mu c^2 w'' + 2 mu omega_d c w' + k w = P delta: exponentials of the four roots,
+    jump of w''' at the load.
+    """
     speed, rate, load = 14.0, 80.0, 1000.0
     planted = [{"name": "viscous_damping", "damping_rate_1_s": rate}]
-    w = carcass(scenario(effects=planted), ring, instants(speed)).displacement(ring.point_load(np.zeros(1), np.array([load])))[0]
+    w = carcass(scenario(effects=planted), ring, instants(speed)).displacement(
+        ring.point_load(np.zeros(1), np.array([load]))
+    )[0]
     roots = np.roots([EJ, 0.0, MU * speed**2, 2 * MU * rate * speed, K])
     behind, ahead = roots[roots.real < 0], roots[roots.real > 0]
     powers = np.arange(4)[:, None]
@@ -61,7 +75,8 @@ def test_damped_beam_by_the_roots_of_its_own_equation(ring: Ring) -> None:
     early = (c[2:] * np.exp(ahead * np.minimum(xi, 0))).sum(axis=1)
     exact = np.where(ring.xi_m >= 0, late, early).real
     assert np.abs(w - exact).max() < 1e-6 * np.abs(exact).max()
-    # it dissipates: the tread lies deeper behind the load's centre than ahead of it, and the load is late
+    # it dissipates: the tread lies deeper behind the load's centre than ahead of it, and the load
+    # is late
     assert np.sum(w * ring.xi_m) > 0
 
 
@@ -80,11 +95,15 @@ def test_parabola_carries_the_load_whatever_its_length(ring: Ring) -> None:
 
 
 def test_ring_under_a_point_load_by_its_modes(ring: Ring) -> None:
-    """Sum over n of the errata's modal stiffness; inextensible, so the mean of w vanishes; n = 1 has the stiffness k_v + k_w."""
+    """Sum over n of the errata's modal stiffness; inextensible, so the mean of w vanishes; n = 1
+    has the stiffness k_v + k_w.
+    """
     damped = {"radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 90.0}
     made = scenario(truth="ring", tire=damped)
     speed, load = 18.0, 1000.0
-    w = carcass(made, ring, instants(speed)).displacement(ring.point_load(np.zeros(1), np.array([load])))[0]
+    w = carcass(made, ring, instants(speed)).displacement(
+        ring.point_load(np.zeros(1), np.array([load]))
+    )[0]
     n = np.arange(1.0, 700.0)
     tire, spin = made.tire, speed / R
     hoop = made.conditions.inflation_pressure_Pa * tire.width_belt_m / R
@@ -111,13 +130,17 @@ def test_contact_carries_the_load_and_never_pulls(load: float) -> None:
 
 
 def test_contact_of_the_errata_s_tire() -> None:
-    """Table 2 of P3: half angles of 4.6 degrees at 1000 N and 11.3 at 3500 N by the errata (loads radial there, vertical here: 5 %)."""
+    """Table 2 of P3: half angles of 4.6 degrees at 1000 N and 11.3 at 3500 N by the errata (loads
+    radial there, vertical here: 5 %).
+    """
     tire = {"rolling_radius_m": 0.3, "flexural_stiffness_N_m2": 2.0}
     made = scenario(truth="ring", tire=tire, conditions={"inflation_pressure_Pa": 1.2e5})
     road = FlatRoad(made, Ring(2048, 2 * np.pi * 0.3))
     for load, degrees in ((1000.0, 4.6), (3500.0, 11.3)):
         touch = road.touch(instants(0.0, load))
-        assert np.degrees((touch.exit_m - touch.entry_m)[0] / 0.6) == pytest.approx(degrees, rel=0.05)
+        assert np.degrees((touch.exit_m - touch.entry_m)[0] / 0.6) == pytest.approx(
+            degrees, rel=0.05
+        )
 
 
 def test_undamped_ring_has_no_speed_trend() -> None:
@@ -127,7 +150,9 @@ def test_undamped_ring_has_no_speed_trend() -> None:
 
 
 def test_slip_onset_of_the_literature() -> None:
-    """P2 (15): x_s = 35.0 mm at sigma = 0.15, L = 50 mm; the friction's radial load has no resultant (errata)."""
+    """P2 (15): x_s = 35.0 mm at sigma = 0.15, L = 50 mm; the friction's radial load has no
+    resultant (errata).
+    """
     ring = Ring(8192, 2 * np.pi * R)
     at = instants(11.11, 400 * 9.81, 0.05, 0.15)
     rubbed = friction(ring, TRACTION, parabola(ring, at.half_length, at.load), at)
@@ -135,7 +160,9 @@ def test_slip_onset_of_the_literature() -> None:
     assert abs(rubbed.radial.sum() * ring.step_m) < 1e-9
     assert rubbed.tangential.max() > 0  # braking: towards the exit
     assert rubbed.tangential.min() >= 0
-    driving = friction(ring, TRACTION, parabola(ring, at.half_length, at.load), replace(at, slip=-at.slip))
+    driving = friction(
+        ring, TRACTION, parabola(ring, at.half_length, at.load), replace(at, slip=-at.slip)
+    )
     assert np.array_equal(driving.tangential, -rubbed.tangential)
 
 
@@ -153,7 +180,9 @@ def test_strain_signs_and_surfaces() -> None:
 
 
 def test_radial_acceleration_of_a_rigid_circle_and_of_the_patch(ring: Ring) -> None:
-    """-Omega^2 R far from the patch; inside a long patch the belt runs straight, so that the acceleration almost vanishes."""
+    """-Omega^2 R far from the patch; inside a long patch the belt runs straight, so that the
+    acceleration almost vanishes.
+    """
     solved = world(truth="ring")
     solution = solved.solve(instants(20.0))
     a = solved.waveform(solution, Sensor("radial_acceleration"))[0]

@@ -1,4 +1,6 @@
-"""Scenarios that cannot be carried out: refused with what is allowed and what to do, on the command line too."""
+"""Scenarios that cannot be carried out: refused with what is allowed and what to do, on the command
+line too.
+"""
 
 from __future__ import annotations
 
@@ -92,34 +94,49 @@ def test_files_that_are_no_scenario(tmp_path: Path, content: bytes) -> None:
         load_scenario(path)
 
 
-def command(tmp_path: Path, text: str, output: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+def command(
+    tmp_path: Path, text: str, output: str, capsys: pytest.CaptureFixture[str]
+) -> tuple[int, str]:
     scenario = tmp_path / "s.toml"
     scenario.write_text(text, encoding="utf-8")
     status = run(["simulate", str(scenario), "-o", str(tmp_path / output)])
     return status, capsys.readouterr().err
 
 
-def test_command_writes_log_truth_and_setup(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_writes_log_truth_and_setup(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     status, said = command(tmp_path, GOOD, "log.csv", capsys)
     assert status == 0
-    assert {p.name for p in tmp_path.iterdir()} == {"s.toml", "log.csv", "log.csv.truth.json", "log.toml"}
+    assert {p.name for p in tmp_path.iterdir()} == {
+        "s.toml",
+        "log.csv",
+        "log.csv.truth.json",
+        "log.toml",
+    }
     assert "no effect" in said
 
 
 @pytest.mark.parametrize("output", ["log.dat", "log", "log.mcap.gz", "missing/log.csv"])
-def test_command_refuses_where_nothing_can_be_written(tmp_path: Path, output: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_refuses_where_nothing_can_be_written(
+    tmp_path: Path, output: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     status, said = command(tmp_path, GOOD, output, capsys)
     assert status == 2
     assert said.startswith("tirelog: error: ")
     assert [p.name for p in tmp_path.iterdir()] == ["s.toml"]
 
 
-def test_command_refuses_a_scenario_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command_refuses_a_scenario_that_is_not_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert run(["simulate", str(tmp_path / "none.toml"), "-o", str(tmp_path / "log.csv")]) == 2
     assert "cannot be read" in capsys.readouterr().err
 
 
-def test_setup_does_not_overwrite_the_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_setup_does_not_overwrite_the_scenario(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """s.toml -> s.csv would put its setup on the scenario itself."""
     status, said = command(tmp_path, GOOD, "s.csv", capsys)
     assert status == 2
@@ -128,7 +145,10 @@ def test_setup_does_not_overwrite_the_scenario(tmp_path: Path, capsys: pytest.Ca
 
 
 def test_text_cannot_hold_two_rates(tmp_path: Path) -> None:
-    channels = {"s": {"kind": "fbg_strain"}, "v": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0}}
+    channels = {
+        "s": {"kind": "fbg_strain"},
+        "v": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0},
+    }
     made = simulate(scenario_of(tables(channels=channels)))
     with pytest.raises(UsageError, match="one sampling rate"):
         write_log(made, tmp_path / "log.csv")
@@ -150,7 +170,15 @@ def test_a_disk_that_is_full_while_hdf5_is_written(tmp_path: Path) -> None:
         "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000));"
         "from tirelog.cli import run; sys.exit(run(['simulate', 's.toml', '-o', 'o.h5']))"
     )
-    done = subprocess.run([sys.executable, "-B", "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", program],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 2, done.stderr
-    assert done.stderr.splitlines()[-1].startswith("tirelog: error: o.h5: cannot be written (File too large)")
+    assert done.stderr.splitlines()[-1].startswith(
+        "tirelog: error: o.h5: cannot be written (File too large)"
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["s.toml"]

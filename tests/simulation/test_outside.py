@@ -1,4 +1,6 @@
-"""Effects that no catalogue has: each is where, of the parity, exponent and frequency that its truth states."""
+"""Effects that no catalogue has: each is where, of the parity, exponent and frequency that its
+truth states.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +24,23 @@ def added(name: str, speed: float, **parameters: Any) -> tuple[np.ndarray, np.nd
     w = world(effects=[{"name": name, **parameters}])
     base = world()
     at, sensor = instants(speed), Sensor("fbg_strain")
-    return w.ring.xi_m, w.waveform(w.solve(at), sensor)[0] - base.waveform(base.solve(at), sensor)[0]
+    return w.ring.xi_m, w.waveform(w.solve(at), sensor)[0] - base.waveform(base.solve(at), sensor)[
+        0
+    ]
 
 
 @pytest.mark.parametrize("name", OUTSIDE)
 @pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0])
 def test_size_follows_the_stated_exponent(name: str, exponent: float) -> None:
-    """The size of the strain at two low speeds, where the beam itself hardly answers to speed; a resonance by its first peak."""
+    """The size of the strain at two low speeds, where the beam itself hardly answers to speed; a
+    resonance by its first peak.
+    """
     size = []
     for speed in (2.0, 4.0):
         # a resonance that rings as far along the tread at both speeds
-        along = {"frequency_Hz": 8.0 * speed, "decay_s": 0.06 / speed} if name == "ring_down" else {}
+        along = (
+            {"frequency_Hz": 8.0 * speed, "decay_s": 0.06 / speed} if name == "ring_down" else {}
+        )
         wave = added(name, speed, speed_exponent=exponent, **along)[1]
         size.append(np.abs(wave).max())
     assert np.log2(size[1] / size[0]) == pytest.approx(exponent, abs=0.02)
@@ -42,7 +50,9 @@ def moments(name: str) -> tuple[float, float]:
     """(place: mean xi of the squared strain [m], share of it that is even)."""
     xi, wave = added(name, 15.0)
     even = 0.5 * (wave[1:] + wave[1:][::-1])
-    return float((xi * wave**2).sum() / (wave**2).sum()), float((even**2).sum() / (wave[1:] ** 2).sum())
+    return float((xi * wave**2).sum() / (wave**2).sum()), float(
+        (even**2).sum() / (wave[1:] ** 2).sum()
+    )
 
 
 def test_places_and_parities() -> None:
@@ -80,11 +90,15 @@ def test_nothing_pulls_except_suction() -> None:
     """The rescaled pressure still carries the load with an effect of no catalogue on it."""
     for name in ("pressure_saddle", "exit_suction"):
         w = world(effects=[{"name": name}])
-        assert 2.0e6 * w.solve(instants()).w.sum() * w.ring.step_m == pytest.approx(3434.0, rel=1e-9)
+        assert 2.0e6 * w.solve(instants()).w.sum() * w.ring.step_m == pytest.approx(
+            3434.0, rel=1e-9
+        )
 
 
 def test_stiffening_satisfies_its_own_equation() -> None:
-    """The solved w under k (1 + k3 w^2) (or its other form) leaves no residual against the linear operator."""
+    """The solved w under k (1 + k3 w^2) (or its other form) leaves no residual against the linear
+    operator.
+    """
     from tirelog.simulation.steady.carcass import carcass
     from tirelog.simulation.steady.loads import parabola
 
@@ -103,7 +117,9 @@ def test_stiffening_satisfies_its_own_equation() -> None:
 
 
 def test_passages_know_the_wind_up() -> None:
-    """In hard braking the sensor arrives early, and the passage is where its place is in the patch centre all the same."""
+    """In hard braking the sensor arrives early, and the passage is where its place is in the patch
+    centre all the same.
+    """
     drive = [{"duration_s": 1.0, "speed_m_s": 20.0}, {"duration_s": 2.0, "speed_m_s": 8.0}]
     made = simulate(scenario_of(tables(manoeuvres=drive, tire={"torsional_stiffness_N_m2": 5e4})))
     sensor = made.scenario.channels["s"]

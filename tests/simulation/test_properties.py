@@ -1,4 +1,6 @@
-"""What must hold for every scenario: nulls repeat, strength zero is off, interpolation leaves no trace, seeds decide everything."""
+"""What must hold for every scenario: nulls repeat, strength zero is off, interpolation leaves no
+trace, seeds decide everything.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +17,38 @@ from tirelog.simulation.sensors.wheel import passages, tread_angle
 
 from .worlds import instants, tables, world
 
-DRIVE = [{"duration_s": 1.5, "speed_m_s": 9.0}, {"duration_s": 3.0, "speed_m_s": 21.0}, {"duration_s": 2.0, "speed_m_s": 14.0}]
+DRIVE = [
+    {"duration_s": 1.5, "speed_m_s": 9.0},
+    {"duration_s": 3.0, "speed_m_s": 21.0},
+    {"duration_s": 2.0, "speed_m_s": 14.0},
+]
 #: parameters whose zero means off, where the first alone does not
-SIZES = {"belt_tension": ("tension_N", "tension_mass_kg_m", "stretch_s2_m2"), "wear": ("amplitude", "lever_loss")}
+SIZES = {
+    "belt_tension": ("tension_N", "tension_mass_kg_m", "stretch_s2_m2"),
+    "wear": ("amplitude", "lever_loss"),
+}
 SIZES["thermal_drift"] = ("drift", "stiffness")
 STRAIN_EFFECTS = [
     name
     for name in PLANTABLE
-    if name not in ("speed_trend", "load_crosstalk", "telemetry_delay", "tooth_pitch", "inflation", "rough_contact", "gauge_length")
+    if name
+    not in (
+        "speed_trend",
+        "load_crosstalk",
+        "telemetry_delay",
+        "tooth_pitch",
+        "inflation",
+        "rough_contact",
+        "gauge_length",
+    )
 ]
-#: effects of the catalogue whose other form is another waveform (not another course in time or speed)
-SHAPED = [n for n in STRAIN_EFFECTS if PLANTABLE[n].in_catalogue and n not in ("load_transfer", "aero_load", "thermal_drift")]
+#: effects of the catalogue whose other form is another waveform (not another course in time or
+#: speed)
+SHAPED = [
+    n
+    for n in STRAIN_EFFECTS
+    if PLANTABLE[n].in_catalogue and n not in ("load_transfer", "aero_load", "thermal_drift")
+]
 
 
 def strain(made: Simulated) -> np.ndarray:
@@ -49,16 +72,22 @@ def test_planting_changes_neither_road_nor_noise() -> None:
     noisy = {"s": {"kind": "fbg_strain", "noise": 0.0008}}
     road = {"roughness": 0.01}
     bare = simulate(clean(seed=4, channels=noisy, road=road))
-    planted = simulate(clean(seed=4, channels=noisy, road=road, effects=[{"name": "splice", "amplitude": 1e-9}]))
+    planted = simulate(
+        clean(seed=4, channels=noisy, road=road, effects=[{"name": "splice", "amplitude": 1e-9}])
+    )
     assert np.abs(strain(bare) - strain(planted)).max() < 1e-8
 
 
-@pytest.mark.parametrize(("name", "form"), [(n, f) for n in STRAIN_EFFECTS for f in PLANTABLE[n].forms])
+@pytest.mark.parametrize(
+    ("name", "form"), [(n, f) for n in STRAIN_EFFECTS for f in PLANTABLE[n].forms]
+)
 def test_strength_zero_is_the_base(name: str, form: str) -> None:
     sizes = SIZES.get(name, (next(iter(PLANTABLE[name].parameters)),))
     conditions = {"distance_km": 20000.0, "water_depth_mm": 1.0}
     base = world(conditions=conditions)
-    off = world(conditions=conditions, effects=[{"name": name, "form": form, **dict.fromkeys(sizes, 0.0)}])
+    off = world(
+        conditions=conditions, effects=[{"name": name, "form": form, **dict.fromkeys(sizes, 0.0)}]
+    )
     on = world(conditions=conditions, effects=[{"name": name, "form": form}])
     sensor, time = Sensor("fbg_strain"), np.array([3.0])
     at = replace(instants(), distance_km=20000.0, water_depth_mm=1.0)
@@ -68,7 +97,10 @@ def test_strength_zero_is_the_base(name: str, form: str) -> None:
         if name in ("load_transfer", "aero_load") and w is on:
             factor = 1.0 + w.scenario.effects[0]["coefficient"] * 0.2
             own = replace(own, load=own.load * factor)
-        waves.append(w.waveform(w.solve(replace(own, warmed=np.array([0.3]))), sensor)[0] + w.baseline(time, sensor))
+        waves.append(
+            w.waveform(w.solve(replace(own, warmed=np.array([0.3]))), sensor)[0]
+            + w.baseline(time, sensor)
+        )
     peak = np.abs(waves[0]).max()
     assert np.abs(waves[1] - waves[0]).max() < 1e-12 * peak + 1e-18
     assert np.abs(waves[2] - waves[0]).max() > 1e-3 * peak
@@ -80,7 +112,10 @@ def test_other_form_is_another_shape_of_like_size(name: str) -> None:
     at = replace(instants(slip=0.06), distance_km=20000.0, water_depth_mm=1.0)
     base, exact, other = (
         w.waveform(w.solve(at), Sensor("fbg_strain"))[0]
-        for w in (world(conditions=conditions, effects=e) for e in ([], [{"name": name}], [{"name": name, "form": "other"}]))
+        for w in (
+            world(conditions=conditions, effects=e)
+            for e in ([], [{"name": name}], [{"name": name, "form": "other"}])
+        )
     )
     size, change = np.std(exact - base), np.std(other - exact)
     assert 0.6 < np.std(other - base) / size < 1.6
@@ -89,12 +124,15 @@ def test_other_form_is_another_shape_of_like_size(name: str) -> None:
 
 
 def test_null_repeats_from_revolution_to_revolution() -> None:
-    """At constant speed, on a smooth road and without noise, every revolution reads the same at the same angle."""
+    """At constant speed, on a smooth road and without noise, every revolution reads the same at the
+    same angle.
+    """
     made = simulate(scenario_of(tables()))
     time = made.stamp_s["s"]
     angle = tread_angle(made.world, made.scenario.channels["s"], time)
     wave = made.world.waveform(made.world.solve(instants()), Sensor("fbg_strain"))[0]
-    # the angle grows by the same number everywhere on the grid, so one spline serves as the reference for all turns
+    # the angle grows by the same number everywhere on the grid, so one spline serves as the
+    # reference for all turns
     turn = np.append(made.world.ring.xi_m, -made.world.ring.xi_m[0]) / made.world.drive.radius_m
     reference = CubicSpline(turn, np.append(wave, wave[0]), bc_type="periodic")
     residual = strain(made) - reference(angle)
@@ -112,7 +150,9 @@ def test_null_repeats_from_revolution_to_revolution() -> None:
     ids=["beam", "ring", "traction", "load_transfer"],
 )
 def test_knots_leave_no_trace(more: dict[str, object], limit: float) -> None:
-    """Solving every 0.05 s (0.01 s where the load follows the acceleration) against every 5 ms, over the peak."""
+    """Solving every 0.05 s (0.01 s where the load follows the acceleration) against every 5 ms,
+    over the peak.
+    """
     coarse, fine = clean(**more), clean(knot_s=0.005, **more)
     a, b = strain(simulate(coarse)), strain(simulate(fine))
     assert np.abs(a - b).max() < limit * np.abs(b).max()
@@ -126,7 +166,10 @@ def test_load_within_the_revolution_is_exact() -> None:
     angle = np.angle(np.exp(1j * tread_angle(w, sensor, time)))
     some = np.flatnonzero(np.abs(angle) < 0.4)[::41]
     waves = w.waveform(w.solve(w.instants(time[some], 1.0 + w.fluctuation(time[some]))), sensor)
-    exact = [CubicSpline(w.ring.xi_m, wave)(a * w.drive.radius_m) for wave, a in zip(waves, angle[some], strict=True)]
+    exact = [
+        CubicSpline(w.ring.xi_m, wave)(a * w.drive.radius_m)
+        for wave, a in zip(waves, angle[some], strict=True)
+    ]
     assert np.abs(strain(made)[some] - exact).max() < 2e-5 * np.abs(exact).max()
 
 
@@ -137,13 +180,19 @@ def test_grid_converges(truth: str) -> None:
         w = world(truth=truth, grid_points=points)
         wave = w.waveform(w.solve(instants()), Sensor("fbg_strain"))[0]
         peaks[points] = CubicSpline(w.ring.xi_m, wave)(np.linspace(-0.2, 0.2, 301))
-    errors = [np.abs(peaks[n] - peaks[4096]).max() / np.abs(peaks[4096]).max() for n in (512, 1024, 2048)]
+    errors = [
+        np.abs(peaks[n] - peaks[4096]).max() / np.abs(peaks[4096]).max() for n in (512, 1024, 2048)
+    ]
     assert errors[2] < 1e-4
     assert errors[0] > 3 * errors[2]
 
 
 def test_roughness_has_its_size_and_reach() -> None:
-    made = scenario_of(tables(manoeuvres=[{"duration_s": 400.0, "speed_m_s": 20.0}], road={"roughness": 0.02}, seed=3))
+    made = scenario_of(
+        tables(
+            manoeuvres=[{"duration_s": 400.0, "speed_m_s": 20.0}], road={"roughness": 0.02}, seed=3
+        )
+    )
     from tirelog.simulation.scenario.drive import roughness_of
 
     rough = roughness_of(made, 8000.0, np.random.default_rng(3))
@@ -173,18 +222,28 @@ def test_speed_is_the_derivative_of_distance() -> None:
     w = world(manoeuvres=DRIVE)
     time = np.linspace(0.1, 6.3, 40)
     step = 1e-4
-    speed = (w.drive.angle_at(time + step) - w.drive.angle_at(time - step)) * w.drive.radius_m / (2 * step)
+    speed = (
+        (w.drive.angle_at(time + step) - w.drive.angle_at(time - step))
+        * w.drive.radius_m
+        / (2 * step)
+    )
     assert np.abs(speed - w.drive.speed_at(time)).max() < 1e-6
     acceleration = (w.drive.speed_at(time + step) - w.drive.speed_at(time - step)) / (2 * step)
     assert np.abs(acceleration - w.drive.acceleration_at(time)).max() < 1e-4
 
 
 def test_dissipation_factor_is_the_time_integral() -> None:
-    """int eps'^2 ds = (1/c) int (d eps/dt)^2 dt over a revolution of the clean signal (errata), at constant speed."""
-    made = simulate(scenario_of(tables(channels={"s": {"kind": "fbg_strain", "sampling_rate_Hz": 25000.0}})))
+    """int eps'^2 ds = (1/c) int (d eps/dt)^2 dt over a revolution of the clean signal (errata), at
+    constant speed.
+    """
+    made = simulate(
+        scenario_of(tables(channels={"s": {"kind": "fbg_strain", "sampling_rate_Hz": 25000.0}}))
+    )
     times = np.array(made.truth["channels"]["s"]["passages"]["time_s"])
     stamps, rate = made.stamp_s["s"], np.gradient(strain(made), 1 / 25000.0)
     middle = 0.5 * (times[:-1] + times[1:])
     inside = (stamps >= middle[3]) & (stamps < middle[4])
     integral = (rate[inside] ** 2).sum() / 25000.0 / 18.0
-    assert made.truth["channels"]["s"]["passages"]["dissipation_factor_1_m"][4] == pytest.approx(integral, rel=2e-3)
+    assert made.truth["channels"]["s"]["passages"]["dissipation_factor_1_m"][4] == pytest.approx(
+        integral, rel=2e-3
+    )

@@ -1,4 +1,6 @@
-"""Tires in motion that cannot be: refused with what is allowed and what to do, status 2 on the command line."""
+"""Tires in motion that cannot be: refused with what is allowed and what to do, status 2 on the
+command line.
+"""
 
 from __future__ import annotations
 
@@ -69,13 +71,25 @@ def test_scenarios_that_are_none(more: dict[str, Any], said: str) -> None:
         (
             {
                 "manoeuvres": [{"duration_s": 1.0, "speed_m_s": 70.0}],
-                "tire": {"radial_stiffness_N_m2": 2e5, "tangential_stiffness_N_m2": 2e5, "radial_damping_N_s_m2": 100.0},
+                "tire": {
+                    "radial_stiffness_N_m2": 2e5,
+                    "tangential_stiffness_N_m2": 2e5,
+                    "radial_damping_N_s_m2": 100.0,
+                },
             },
             "critical speed",
         ),
         ({"conditions": {"load_N": 200000.0}}, "load that the tire can carry"),
         ({"load_steps": [{"time_s": 0.0, "load_N": 200000.0}]}, "allowed are loads"),
-        ({"manoeuvres": [{"duration_s": 1.0, "speed_m_s": 20.0}, {"duration_s": 1.0, "speed_m_s": 2.0}]}, "brake or drive more gently"),
+        (
+            {
+                "manoeuvres": [
+                    {"duration_s": 1.0, "speed_m_s": 20.0},
+                    {"duration_s": 1.0, "speed_m_s": 2.0},
+                ]
+            },
+            "brake or drive more gently",
+        ),
     ],
 )
 def test_tires_that_cannot_roll_so(more: dict[str, Any], said: str) -> None:
@@ -100,7 +114,9 @@ def test_tires_that_cannot_roll_so(more: dict[str, Any], said: str) -> None:
 )
 def test_roads_from_files(text: str, line: int | None, said: str, tmp_path: Path) -> None:
     (tmp_path / "road.txt").write_text(text, encoding="utf-8")
-    scenario = scenario_of(moving(road={"kind": "profile", "file": "road.txt"}), str(tmp_path / "s.toml"))
+    scenario = scenario_of(
+        moving(road={"kind": "profile", "file": "road.txt"}), str(tmp_path / "s.toml")
+    )
     with pytest.raises(UsageError) as refusal:
         simulate(scenario)
     assert said in str(refusal.value)

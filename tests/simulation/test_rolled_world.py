@@ -1,4 +1,6 @@
-"""Property: a log whose tire moved says what its truth says: passages, cleats, load steps, speed ramps, wheel angle, accelerations."""
+"""Property: a log whose tire moved says what its truth says: passages, cleats, load steps, speed
+ramps, wheel angle, accelerations.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,14 @@ def scenario(seconds: float = 1.0, speed: float = 15.0, **more: Any) -> Scenario
 @cache
 def cleats() -> Simulated:
     """Two cleats and a load step within 1.2 s at 15 m/s."""
-    road = {"kind": "cleat", "position_m": 6.0, "spacing_m": 5.0, "height_m": 0.006, "length_m": 0.04, "ramp_m": 0.01}
+    road = {
+        "kind": "cleat",
+        "position_m": 6.0,
+        "spacing_m": 5.0,
+        "height_m": 0.006,
+        "length_m": 0.04,
+        "ramp_m": 0.01,
+    }
     return simulate(scenario(1.2, road=road, load_steps=[{"time_s": 0.95, "load_N": 4100.0}]))
 
 
@@ -79,7 +88,9 @@ def test_strain_has_its_extremes_where_the_truth_has_its_passages() -> None:
             near = np.abs(time - passage) < 0.02
             assert time[near][np.argmax(signal[near])] == pytest.approx(passage, abs=1.2e-3)
     late = np.array(made.truth["channels"]["late"]["passages"]["time_s"])
-    assert late == pytest.approx(np.array(made.truth["channels"]["acc"]["passages"]["time_s"][: late.size]) + 0.004)
+    assert late == pytest.approx(
+        np.array(made.truth["channels"]["acc"]["passages"]["time_s"][: late.size]) + 0.004
+    )
 
 
 def test_late_accelerometer_is_the_same_later() -> None:
@@ -99,7 +110,9 @@ def test_cleats_are_met_when_the_way_says() -> None:
     for each in met[:2]:
         assert each["under_axle_s"] == pytest.approx(each["position_m"] / 15.0, abs=1e-6)
         assert half < each["position_m"] + 0.01 - 15.0 * each["touched_s"] < round_
-        assert each["left_s"] == pytest.approx((each["position_m"] + 0.04 + half) / 15.0, abs=0.03 / 15.0)
+        assert each["left_s"] == pytest.approx(
+            (each["position_m"] + 0.04 + half) / 15.0, abs=0.03 / 15.0
+        )
         assert each["largest_force_N"] > 1.2 * 3434.0
 
 
@@ -141,17 +154,26 @@ def test_accelerometer_feels_the_turning_belt() -> None:
     phi = np.interp(time, motion.time_s, motion.angle_rad) - np.radians(200.0)
     steady = steady_world(truth="ring", tire=DAMPED, grid_points=4096)
     spin = motion.spin_rad_s[motion.time_s < 0.3].mean()
-    wave = steady.waveform(steady.solve(instants(speed=spin * 0.305)), Sensor("radial_acceleration"))[0]
-    exact = np.interp((phi + np.pi) % (2 * np.pi) - np.pi, steady.ring.xi_m / 0.305, wave) / 9.80665 - np.cos(phi)
+    wave = steady.waveform(
+        steady.solve(instants(speed=spin * 0.305)), Sensor("radial_acceleration")
+    )[0]
+    exact = np.interp(
+        (phi + np.pi) % (2 * np.pi) - np.pi, steady.ring.xi_m / 0.305, wave
+    ) / 9.80665 - np.cos(phi)
     assert np.std(felt - exact) < 0.02 * np.std(exact)
     assert np.abs((felt + 1.0)[np.cos(phi) > np.cos(0.05)]).max() < 0.08 * np.abs(exact).max()
 
 
 def test_speed_ramp_is_driven_by_its_torque() -> None:
-    ramp = [{"duration_s": 0.5, "speed_m_s": 12.0}, {"duration_s": 1.0, "speed_m_s": 14.0, "regime": "drive"}]
+    ramp = [
+        {"duration_s": 0.5, "speed_m_s": 12.0},
+        {"duration_s": 1.0, "speed_m_s": 14.0, "regime": "drive"},
+    ]
     # a grippier tread than the papers', so that slip stays small
     tire = {**DAMPED, "bristle_stiffness_N_m2": 2e7, "friction": 1.0}
-    made = simulate(scenario(manoeuvres=ramp, conditions={"driven": True}, tire=tire, rounding_s=0.2))
+    made = simulate(
+        scenario(manoeuvres=ramp, conditions={"driven": True}, tire=tire, rounding_s=0.2)
+    )
     motion = world(made).motion
     speed = np.interp(0.9, motion.time_s, motion.spin_rad_s) * 0.305
     # bristles creep: force over 2 C_x L^2, some 2 %
@@ -180,7 +202,9 @@ def test_sensor_lag_and_gauge_length() -> None:
     gauge = {**CHANNELS["inner"], "gauge_length_m": 0.05}
     averaged = simulate(scenario(0.4, channels={"s": gauge})).channels["s"]
     assert np.ptp(averaged) < 0.96 * np.ptp(plain)
-    lagged = simulate(scenario(0.4, channels={"s": {**CHANNELS["inner"], "lag_s": 2e-3}})).channels["s"]
+    lagged = simulate(scenario(0.4, channels={"s": {**CHANNELS["inner"], "lag_s": 2e-3}})).channels[
+        "s"
+    ]
     again = lagged + 2e-3 * np.gradient(lagged, 4e-4)
     assert np.std((again - plain)[5:-5]) < 0.05 * np.std(plain)
     assert np.ptp(lagged) < 0.9 * np.ptp(plain)
@@ -188,7 +212,9 @@ def test_sensor_lag_and_gauge_length() -> None:
 
 @pytest.mark.parametrize("kind", ["step", "sine", "profile"])
 def test_other_roads(kind: str, tmp_path: Path) -> None:
-    (tmp_path / "road.txt").write_text("# distance, height\n0 0\n3.0, 0.0\n3.2 0.004\n9 0.004\n", encoding="utf-8")
+    (tmp_path / "road.txt").write_text(
+        "# distance, height\n0 0\n3.0, 0.0\n3.2 0.004\n9 0.004\n", encoding="utf-8"
+    )
     roads: dict[str, dict[str, Any]] = {
         "step": {"position_m": 3.0, "height_m": 0.004, "ramp_m": 0.05},
         "sine": {"amplitude_m": 0.002, "wavelength_m": 3.0},
@@ -219,7 +245,9 @@ def test_other_roads(kind: str, tmp_path: Path) -> None:
 def test_load_follows_planted_effects() -> None:
     """`aero_load` F (1 + a (v/30)^2): carried by the road, seen by the hub."""
     channels = {"load": CHANNELS["load"]}
-    made = simulate(scenario(0.4, 24.0, channels=channels, effects=[{"name": "aero_load", "coefficient": 0.25}]))
+    made = simulate(
+        scenario(0.4, 24.0, channels=channels, effects=[{"name": "aero_load", "coefficient": 0.25}])
+    )
     expected = 3434.0 * (1.0 + 0.25 * (24.0 / 30.0) ** 2)
     assert made.channels["load"].mean() == pytest.approx(expected, rel=2e-3)
     assert made.truth["coupled_ring"]["load_carried_N"] == pytest.approx(expected, rel=2e-3)
@@ -235,16 +263,26 @@ def test_standing_start_and_stop() -> None:
         {"duration_s": 0.4, "speed_m_s": 0.0},
     ]
     tire = {**DAMPED, "bristle_stiffness_N_m2": 2e7, "friction": 1.0}
-    made = simulate(scenario(manoeuvres=parts, conditions={"driven": True}, tire=tire, rounding_s=0.2))
+    made = simulate(
+        scenario(manoeuvres=parts, conditions={"driven": True}, tire=tire, rounding_s=0.2)
+    )
     motion = world(made).motion
     turned = np.interp([0.0, 0.1, 2.6], motion.time_s, motion.angle_rad) * 0.305
     assert turned[0] == pytest.approx(turned[1], abs=1e-4)
-    assert turned[2] - turned[0] == pytest.approx(float(world(made).distance(np.array([2.6]))[0]), rel=0.02)
+    assert turned[2] - turned[0] == pytest.approx(
+        float(world(made).distance(np.array([2.6]))[0]), rel=0.02
+    )
     assert np.abs(motion.spin_rad_s[(motion.time_s > 2.6)]).max() < 0.1
 
 
 def test_an_undamped_tire_begins_quietly() -> None:
-    """The log begins after a settling in which belt and hub are damped; what rings on is a thousandth of the load."""
-    motion = world(simulate(scenario(0.3, tire={}, vehicle={}, grid_points=1536, channels={"s": CHANNELS["inner"]}))).motion
+    """The log begins after a settling in which belt and hub are damped; what rings on is a
+    thousandth of the load.
+    """
+    motion = world(
+        simulate(
+            scenario(0.3, tire={}, vehicle={}, grid_points=1536, channels={"s": CHANNELS["inner"]})
+        )
+    ).motion
     assert motion.force_z_N.std() < 1.5e-3 * 3434.0
     assert motion.force_z_N.mean() == pytest.approx(3434.0, rel=1e-3)

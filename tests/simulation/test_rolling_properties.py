@@ -1,4 +1,6 @@
-"""Property: the stepped tire converges, keeps its energy, loses what its dampers take, and rolls steadily as the steady ring stands."""
+"""Property: the stepped tire converges, keeps its energy, loses what its dampers take, and rolls
+steadily as the steady ring stands.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,20 @@ from tirelog.simulation.rolling.profile import Profile
 from tirelog.simulation.rolling.tire import Motion, standing
 from tirelog.simulation.scenario.schema import Sensor
 
-from .rolls import EI, K_V, K_W, LEVEL, LINE_MASS, RADIUS, STEP, belt, moved, orders, rolling, strain_rider
+from .rolls import (
+    EI,
+    K_V,
+    K_W,
+    LEVEL,
+    LINE_MASS,
+    RADIUS,
+    STEP,
+    belt,
+    moved,
+    orders,
+    rolling,
+    strain_rider,
+)
 from .worlds import instants, world
 
 SPEED, LOAD, LEVER = 20.0, 3000.0, 3e-4
@@ -22,7 +37,9 @@ CLEAT = Profile(np.array([12.2, 12.21, 12.23, 12.24]), np.array([0.0, 0.005, 0.0
 
 
 @cache
-def rolled(elements: int, profile: Profile = LEVEL, seconds: float = 0.1, step: float = STEP) -> Motion:
+def rolled(
+    elements: int, profile: Profile = LEVEL, seconds: float = 0.1, step: float = STEP
+) -> Motion:
     """Steady rolling with damping, settled over 0.6 s (12 m); the belt's strain at 0.3 rad."""
     of = belt(elements, **DAMPED)
     tire = rolling(of, speed=SPEED, load=LOAD, profile=profile, step=step)
@@ -30,7 +47,10 @@ def rolled(elements: int, profile: Profile = LEVEL, seconds: float = 0.1, step: 
     tire.run(orders(round(0.6 / step), speed=SPEED, load=LOAD, step=step))
     tire.damp_hub(0.0)
     start = tire.state[kernel.HUB_X]
-    table = tire.run(orders(round(seconds / step), speed=SPEED, load=LOAD, start_m=start, step=step), riders=(strain_rider(of, 0.3),))
+    table = tire.run(
+        orders(round(seconds / step), speed=SPEED, load=LOAD, start_m=start, step=step),
+        riders=(strain_rider(of, 0.3),),
+    )
     return moved(tire, table)
 
 
@@ -38,7 +58,11 @@ Profile.__hash__ = object.__hash__  # type: ignore[method-assign]
 
 
 def test_frequencies_converge_with_the_sixth_power_of_the_elements() -> None:
-    exact = np.sqrt((EI / RADIUS**4 * 36 * 35**2 + belt().tension_N / RADIUS**2 * 36 * 35 + K_V + 36 * K_W) / LINE_MASS / 37) / (2 * np.pi)
+    exact = np.sqrt(
+        (EI / RADIUS**4 * 36 * 35**2 + belt().tension_N / RADIUS**2 * 36 * 35 + K_V + 36 * K_W)
+        / LINE_MASS
+        / 37
+    ) / (2 * np.pi)
     errors = []
     for elements in (24, 48):
         six = [f["frequency_Hz"] for f in belt(elements).natural_frequencies() if f["lobes"] == 6]
@@ -61,7 +85,9 @@ def test_strain_converges_with_the_elements() -> None:
 
 
 def test_energy_is_kept_without_damping() -> None:
-    """Dropped by 2 mm while it rolls, frictionless: after 2 s of bouncing and ringing the energy is what it was."""
+    """Dropped by 2 mm while it rolls, frictionless: after 2 s of bouncing and ringing the energy is
+    what it was.
+    """
     of = belt(96, friction=0.0)
     drop = replace(standing(of, LOAD), v=np.zeros(96), hub_z_m=RADIUS - 0.002)
     tire = rolling(of, speed=SPEED, load=LOAD, start=drop)
@@ -76,8 +102,16 @@ def test_energy_is_kept_without_damping() -> None:
 
 
 def test_dampers_take_what_the_road_holds_back() -> None:
-    """Rolling freely, the road's force backwards times the speed is what the sidewall's dampers take."""
-    of = belt(128, radial_damping_N_s_m2=400.0, tangential_damping_N_s_m2=400.0, bristle_stiffness_N_m2=1e7, hub_inertia_kg_m2=0.2)
+    """Rolling freely, the road's force backwards times the speed is what the sidewall's dampers
+    take.
+    """
+    of = belt(
+        128,
+        radial_damping_N_s_m2=400.0,
+        tangential_damping_N_s_m2=400.0,
+        bristle_stiffness_N_m2=1e7,
+        hub_inertia_kg_m2=0.2,
+    )
     tire = rolling(of, speed=SPEED, load=LOAD)
     tire.damp_hub(3000.0)
     tire.run(orders(24000, speed=SPEED, load=LOAD))
@@ -104,7 +138,9 @@ def test_steady_rolling_is_steady_and_carries_its_load() -> None:
 
 
 def test_steady_rolling_is_the_steady_ring() -> None:
-    """Against the other truth: differences of order eight on a grid, contact by an active set, nothing stepped."""
+    """Against the other truth: differences of order eight on a grid, contact by an active set,
+    nothing stepped.
+    """
     motion = rolled(192)
     tire = {
         "rolling_radius_m": RADIUS,
@@ -114,7 +150,9 @@ def test_steady_rolling_is_the_steady_ring() -> None:
         "tangential_stiffness_N_m2": K_V,
         **DAMPED,
     }
-    steady = world(truth="ring", tire=tire, conditions={"inflation_pressure_Pa": 1.2e5}, grid_points=4096)
+    steady = world(
+        truth="ring", tire=tire, conditions={"inflation_pressure_Pa": 1.2e5}, grid_points=4096
+    )
     solution = steady.solve(instants(speed=SPEED, load=LOAD))
     wave = steady.waveform(solution, Sensor("strain", surface="inner"))[0]
     place = (motion.angle_rad + 0.3 + np.pi) % (2 * np.pi) - np.pi
@@ -125,11 +163,16 @@ def test_steady_rolling_is_the_steady_ring() -> None:
 
 
 def test_a_cleat_answers_alike_at_half_the_step_and_more_elements() -> None:
-    fine, base, coarse, shorter = (rolled(e, CLEAT, 0.05, h) for e, h in ((256, STEP), (192, STEP), (128, STEP), (128, 0.5 * STEP)))
+    fine, base, coarse, shorter = (
+        rolled(e, CLEAT, 0.05, h)
+        for e, h in ((256, STEP), (192, STEP), (128, STEP), (128, 0.5 * STEP))
+    )
     size = np.std(fine.spindle_z_N)
     assert size > 0.1 * LOAD
     assert np.std(base.spindle_z_N - fine.spindle_z_N) < 0.012 * size
-    assert np.std(coarse.spindle_z_N - fine.spindle_z_N) > 1.5 * np.std(base.spindle_z_N - fine.spindle_z_N)
+    assert np.std(coarse.spindle_z_N - fine.spindle_z_N) > 1.5 * np.std(
+        base.spindle_z_N - fine.spindle_z_N
+    )
     halved = np.interp(coarse.time_s, shorter.time_s, shorter.spindle_z_N)
     assert np.std(coarse.spindle_z_N - halved) < 0.012 * size
 

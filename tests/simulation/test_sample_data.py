@@ -1,4 +1,6 @@
-"""sample_data is what its README says: complete, small, untouched, and still what the simulator makes of its scenarios."""
+"""sample_data is what its README says: complete, small, untouched, and still what the simulator
+makes of its scenarios.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,11 @@ from tirelog.simulation import load_scenario, simulate, to_recording
 
 FOLDER = Path(__file__).parents[2] / "sample_data"
 LOGS: dict[str, str] = runpy.run_path(str(FOLDER / "make.py"))["LOGS"]
-TABLE = re.findall(r"^\| (\S+) \| (\d+) \| `([0-9a-f]{64})` \|$", (FOLDER / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+TABLE = re.findall(
+    r"^\| (\S+) \| (\d+) \| `([0-9a-f]{64})` \|$",
+    (FOLDER / "README.md").read_text(encoding="utf-8"),
+    re.MULTILINE,
+)
 
 
 def test_table_of_the_readme() -> None:
@@ -30,11 +36,17 @@ def test_table_of_the_readme() -> None:
 def test_size_and_nothing_unnamed() -> None:
     files = [p for p in FOLDER.rglob("*") if p.is_file()]
     assert sum(p.stat().st_size for p in files) < 10e6
-    known = {name for name, _, _ in TABLE} | {"README.md", "make.py", "demo.py"} | {f"{s}.toml" for s in LOGS.values()}
+    known = (
+        {name for name, _, _ in TABLE}
+        | {"README.md", "make.py", "demo.py"}
+        | {f"{s}.toml" for s in LOGS.values()}
+    )
     assert {p.name for p in files if p.parent in (FOLDER, FOLDER / "scenarios")} - known == set()
 
 
-@pytest.mark.parametrize("log", ["drive.csv.gz", "drive_messages.mcap", "inflation.csv.gz", "encoder.h5"])
+@pytest.mark.parametrize(
+    "log", ["drive.csv.gz", "drive_messages.mcap", "inflation.csv.gz", "encoder.h5"]
+)
 def test_log_is_still_what_the_simulator_makes(log: str) -> None:
     expected = to_recording(simulate(load_scenario(FOLDER / "scenarios" / f"{LOGS[log]}.toml")))
     with open_recording(str(FOLDER / log)) as read:
@@ -42,10 +54,16 @@ def test_log_is_still_what_the_simulator_makes(log: str) -> None:
         for channel in expected.channels.values():
             got, want = read.channels[channel.name].read(), channel.read()
             # a lost peak of the temperature twin may take the strain's sample with it
-            twin = read.channels["temp_1"].read() if channel.kind == "fbg_strain" and "temp_1" in read.channels else want
+            twin = (
+                read.channels["temp_1"].read()
+                if channel.kind == "fbg_strain" and "temp_1" in read.channels
+                else want
+            )
             assert np.array_equal(np.isnan(got), np.isnan(want) | (np.isnan(got) & np.isnan(twin)))
             # a last digit may fall to the other side on another machine
-            step = {"fbg_strain": 1e-7, "fbg_temperature": 0.011}.get(channel.kind, 1e-3 * np.nanmax(np.abs(want)))
+            step = {"fbg_strain": 1e-7, "fbg_temperature": 0.011}.get(
+                channel.kind, 1e-3 * np.nanmax(np.abs(want))
+            )
             assert np.nanmax(np.abs(got - want)) < 1.1 * step
 
 

@@ -31,7 +31,10 @@ def plan(**more: object) -> dict[str, object]:
 
 
 def test_driven_wheel_winds_forward_in_drive_and_back_in_braking() -> None:
-    driven, free = world(**plan(conditions={"driven": True})), world(**plan(conditions={"driven": False}))
+    driven, free = (
+        world(**plan(conditions={"driven": True})),
+        world(**plan(conditions={"driven": False})),
+    )
     assert phase_shift(driven, DRIVE_S)[0] > np.radians(0.3)
     assert phase_shift(driven, BRAKE_S)[0] < -np.radians(0.3)
     assert phase_shift(free, DRIVE_S)[0] == 0.0
@@ -57,7 +60,10 @@ def test_load_transfer_widens_and_narrows_the_patch() -> None:
 
 
 def encoder(**more: object) -> dict[str, object]:
-    return tables(channels={"e": {"kind": "wheel_encoder", "sampling_rate_Hz": 10000.0, **more}}, manoeuvres=PLAN)
+    return tables(
+        channels={"e": {"kind": "wheel_encoder", "sampling_rate_Hz": 10000.0, **more}},
+        manoeuvres=PLAN,
+    )
 
 
 def rising(values: np.ndarray) -> np.ndarray:
@@ -82,7 +88,9 @@ def test_encoder_amplitude_grows_with_speed_and_varies_over_the_turn() -> None:
     values = simulate(scenario_of(encoder(offset=0.2))).channels["e"] - 0.2
     slow, fast = np.abs(values[2000:20000]).max(), np.abs(values[75000:95000]).max()
     assert fast > 1.05 * slow
-    spread = [np.abs(block).max() for block in np.array_split(values[75000 : 75000 + 871], 12)]  # about one turn at 22 m/s
+    spread = [
+        np.abs(block).max() for block in np.array_split(values[75000 : 75000 + 871], 12)
+    ]  # about one turn at 22 m/s
     assert max(spread) > 1.2 * min(spread)
 
 
@@ -102,18 +110,27 @@ def test_square_and_counter_say_the_same_angle() -> None:
     count = simulate(scenario_of(encoder(signal="counter"))).channels["e"]
     assert set(np.unique(np.diff(count))) == {0.0, 1.0}
     made = simulate(scenario_of(encoder()))
-    assert count[-1] == np.floor(made.world.drive.angle_at(made.stamp_s["e"][-1:]) * 48 / (2 * np.pi))[0]
+    assert (
+        count[-1]
+        == np.floor(made.world.drive.angle_at(made.stamp_s["e"][-1:]) * 48 / (2 * np.pi))[0]
+    )
 
 
 def accelerometer(**more: object) -> dict[str, object]:
-    channels = {"a": {"kind": "radial_acceleration", "sampling_rate_Hz": 10000.0, "angle_deg": 40.0, **more}}
+    channels = {
+        "a": {"kind": "radial_acceleration", "sampling_rate_Hz": 10000.0, "angle_deg": 40.0, **more}
+    }
     return tables(channels=channels, manoeuvres=[{"duration_s": 2.0, "speed_m_s": 15.0}])
 
 
 def test_accelerometer_reads_centripetal_and_gravity() -> None:
-    """Outwards positive: -Omega^2 R far from the patch; specific force, so that at the top gravity adds 1 g outwards."""
+    """Outwards positive: -Omega^2 R far from the patch; specific force, so that at the top gravity
+    adds 1 g outwards.
+    """
     made = simulate(scenario_of(accelerometer()))
-    angle = np.angle(np.exp(1j * tread_angle(made.world, made.scenario.channels["a"], made.stamp_s["a"])))
+    angle = np.angle(
+        np.exp(1j * tread_angle(made.world, made.scenario.channels["a"], made.stamp_s["a"]))
+    )
     values = made.channels["a"] * 9.80665
     top, side = values[np.abs(angle) > 3.1].mean(), values[np.abs(angle - 1.9) < 0.05].mean()
     level = -(15.0**2) / R
@@ -122,14 +139,19 @@ def test_accelerometer_reads_centripetal_and_gravity() -> None:
 
 
 def test_telemetry_delay_moves_the_signal_and_its_passages() -> None:
-    prompt, late = (simulate(scenario_of(accelerometer(**more))) for more in ({}, {"delay_s": 0.0005}))
+    prompt, late = (
+        simulate(scenario_of(accelerometer(**more))) for more in ({}, {"delay_s": 0.0005})
+    )
     assert np.abs(late.channels["a"][2005:15005] - prompt.channels["a"][2000:15000]).max() < 1e-6
     passages = [np.array(m.truth["channels"]["a"]["passages"]["time_s"]) for m in (prompt, late)]
     assert np.abs(passages[1] - passages[0] - 0.0005).max() < 1e-8
 
 
 def test_bandwidth_digits_and_range() -> None:
-    sharp, soft = (simulate(scenario_of(accelerometer(**m))).channels["a"] for m in ({}, {"bandwidth_Hz": 60.0}))
+    sharp, soft = (
+        simulate(scenario_of(accelerometer(**m))).channels["a"]
+        for m in ({}, {"bandwidth_Hz": 60.0})
+    )
     assert np.ptp(soft) < 0.97 * np.ptp(sharp)
     digital = simulate(scenario_of(accelerometer(range=60.0, bits=10))).channels["a"]
     step = 120.0 / 1024
@@ -140,7 +162,11 @@ def test_bandwidth_digits_and_range() -> None:
 
 def test_vehicle_runs_ahead_of_the_tread_in_braking_slip() -> None:
     channels = {"v": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0}}
-    made = simulate(scenario_of(tables(**plan(channels=channels, effects=[{"name": "traction", "slip_per_g": 0.2}]))))
+    made = simulate(
+        scenario_of(
+            tables(**plan(channels=channels, effects=[{"name": "traction", "slip_per_g": 0.2}]))
+        )
+    )
     tread = made.world.drive.speed_at(made.stamp_s["v"])
     ratio = made.channels["v"] / tread
     assert ratio[1100] > 1.05
@@ -151,16 +177,24 @@ def test_vehicle_runs_ahead_of_the_tread_in_braking_slip() -> None:
 @pytest.mark.parametrize("plan", list(WHEEL_PLANS))
 def test_wheel_scenarios_can_be_driven(plan: str) -> None:
     driven = wheel_scenario(plan, seed=1, with_=Instruments(forces=True))
-    short = replace(driven, manoeuvres=tuple(replace(m, duration_s=0.15 * m.duration_s) for m in driven.manoeuvres[:3]))
+    short = replace(
+        driven,
+        manoeuvres=tuple(replace(m, duration_s=0.15 * m.duration_s) for m in driven.manoeuvres[:3]),
+    )
     made = simulate(replace(short, rounding_s=0.2))
     assert set(made.channels) >= {"acceleration", "encoder", "vertical_load", "longitudinal_force"}
     assert all(np.isfinite(v).all() for v in made.channels.values())
 
 
 def test_patch_is_longer_at_low_pressure_and_the_tone_wheel_is_the_same() -> None:
-    low, nominal = (simulate(wheel_scenario(seed=s, pressure_Pa=p)) for s, p in ((1, 1.6e5), (2, 2.0e5)))
+    low, nominal = (
+        simulate(wheel_scenario(seed=s, pressure_Pa=p)) for s, p in ((1, 1.6e5), (2, 2.0e5))
+    )
     assert low.pitch_rad["encoder"].tolist() == nominal.pitch_rad["encoder"].tolist()
-    width = [m.truth["channels"]["acceleration"]["passages"]["patch_width_deg"][0] for m in (low, nominal)]
+    width = [
+        m.truth["channels"]["acceleration"]["passages"]["patch_width_deg"][0]
+        for m in (low, nominal)
+    ]
     assert 1.02 < width[0] / width[1] < 1.15
 
 
@@ -175,12 +209,19 @@ def test_other_forms_of_what_moves_the_phase() -> None:
     transfer = {"name": "load_transfer", "coefficient": 0.4}
     for name, limit in (("load_crosstalk", 0.4), ("speed_trend", 0.4)):
         exact, other = (
-            phase_shift(world(manoeuvres=PLAN, effects=[transfer, {"name": name, "form": form}]), hard) for form in ("exact", "other")
+            phase_shift(
+                world(manoeuvres=PLAN, effects=[transfer, {"name": name, "form": form}]), hard
+            )
+            for form in ("exact", "other")
         )
-        assert 0.01 * np.abs(exact).max() < np.abs(other - exact).max() < limit * np.abs(exact).max()
+        assert (
+            0.01 * np.abs(exact).max() < np.abs(other - exact).max() < limit * np.abs(exact).max()
+        )
     low = {"inflation_pressure_Pa": 1.6e5}
     lengths = [
-        world(conditions=low, effects=[{"name": "inflation", "form": form}]).half_length(np.array([3434.0]))[0]
+        world(conditions=low, effects=[{"name": "inflation", "form": form}]).half_length(
+            np.array([3434.0])
+        )[0]
         for form in ("exact", "other")
     ]
     assert lengths[0] == pytest.approx(0.058 * 0.8**-0.3)

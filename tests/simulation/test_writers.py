@@ -1,4 +1,6 @@
-"""A simulated log written, read back by the package's own readers, and compared with the one in memory."""
+"""A simulated log written, read back by the package's own readers, and compared with the one in
+memory.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,12 @@ GRATINGS = {
         "temperature_channel": "twin",
         "baseline": 3e-4,
     },
-    "inner": {"kind": "fbg_strain", "surface": "inner", "angle_deg": 200.0, "reference_wavelength_nm": 1555.0},
+    "inner": {
+        "kind": "fbg_strain",
+        "surface": "inner",
+        "angle_deg": 200.0,
+        "reference_wavelength_nm": 1555.0,
+    },
     "twin": {"kind": "fbg_temperature", "reference_wavelength_nm": 1542.0, "noise": 0.0002},
 }
 
@@ -37,8 +44,19 @@ def gratings() -> Simulated:
 
 def wheel() -> Simulated:
     channels = {
-        "acceleration": {"kind": "radial_acceleration", "sampling_rate_Hz": 10000.0, "noise": 1.2, "range": 500.0, "bits": 16},
-        "encoder": {"kind": "wheel_encoder", "source": "/hub/encoder", "sampling_rate_Hz": 10000.0, "noise": 0.02},
+        "acceleration": {
+            "kind": "radial_acceleration",
+            "sampling_rate_Hz": 10000.0,
+            "noise": 1.2,
+            "range": 500.0,
+            "bits": 16,
+        },
+        "encoder": {
+            "kind": "wheel_encoder",
+            "source": "/hub/encoder",
+            "sampling_rate_Hz": 10000.0,
+            "noise": 0.02,
+        },
         "vehicle": {"kind": "vehicle_speed", "sampling_rate_Hz": 100.0},
         "load": {"kind": "vertical_load", "sampling_rate_Hz": 100.0},
     }
@@ -57,7 +75,9 @@ def test_gratings_come_back(tmp_path: Path, name: str) -> None:
             assert back.size == want.size
             assert np.array_equal(np.isnan(back), np.isnan(want))
             # the file holds 0.01 pm, 1e-5 nm; a degree is 0.01 nm
-            assert np.nanmax(np.abs(back - want)) < (2e-3 if channel.kind == "fbg_temperature" else 5e-8)
+            assert np.nanmax(np.abs(back - want)) < (
+                2e-3 if channel.kind == "fbg_temperature" else 5e-8
+            )
             assert read.channels[channel.name].surface == channel.surface
             assert read.channels[channel.name].axis.rate_Hz == pytest.approx(2500.0, rel=1e-6)
 
@@ -76,7 +96,9 @@ def test_several_rates_come_back(tmp_path: Path, name: str) -> None:
 
 
 def test_strain_comes_back_through_wavelength_and_twin() -> None:
-    """P1 (1): the strain in the Recording is the tire's, the twin's temperature taken out, to noise."""
+    """P1 (1): the strain in the Recording is the tire's, the twin's temperature taken out, to
+    noise.
+    """
     made = gratings()
     recording = to_recording(made)
     outer, inner = (recording.channels[n].read() for n in ("outer", "inner"))
@@ -96,7 +118,9 @@ def test_truth_is_json_with_one_value_a_passage(tmp_path: Path) -> None:
     for channel in ("outer", "inner"):
         passages = truth["channels"][channel]["passages"]
         assert {len(v) for v in passages.values()} == {len(passages["time_s"])}
-        assert all(length == pytest.approx(0.116, rel=1e-6) for length in passages["contact_length_m"])
+        assert all(
+            length == pytest.approx(0.116, rel=1e-6) for length in passages["contact_length_m"]
+        )
         assert np.allclose(np.diff(passages["wheel_angle_rad"]), 2 * np.pi)
     assert truth["channels"]["outer"]["passages"]["slip_onset_m"][0] is None
     assert truth["effects"] == []
@@ -122,10 +146,22 @@ def test_files_are_equal_to_the_byte(tmp_path: Path) -> None:
 
 def test_inflation_ramp(tmp_path: Path) -> None:
     """P2 Fig. 15: the strain grows with the pressure; each stop loses a little air."""
-    ramp = {"start_Pa": 1.7e5, "end_Pa": 2.3e5, "begin_s": 1.0, "end_s": 9.0, "stops_s": [4.0, 6.0], "leak_Pa": 2000.0}
-    channels = {"s": {"kind": "fbg_strain", "angle_deg": 120.0}, "p": {"kind": "inflation_pressure"}}
+    ramp = {
+        "start_Pa": 1.7e5,
+        "end_Pa": 2.3e5,
+        "begin_s": 1.0,
+        "end_s": 9.0,
+        "stops_s": [4.0, 6.0],
+        "leak_Pa": 2000.0,
+    }
+    channels = {
+        "s": {"kind": "fbg_strain", "angle_deg": 120.0},
+        "p": {"kind": "inflation_pressure"},
+    }
     still = [{"duration_s": 10.0, "speed_m_s": 0.0, "regime": "standstill"}]
-    recording = to_recording(simulate(scenario_of(tables(ramp=ramp, channels=channels, manoeuvres=still))))
+    recording = to_recording(
+        simulate(scenario_of(tables(ramp=ramp, channels=channels, manoeuvres=still)))
+    )
     strain, pressure = recording.channels["s"].read(), recording.channels["p"].read()
     assert pressure[0] == pytest.approx(1.7e5)
     assert pressure[-1] == pytest.approx(2.3e5, rel=1e-6)
@@ -139,7 +175,9 @@ def test_inflation_ramp(tmp_path: Path) -> None:
 def test_stamps_hold_the_clock(tmp_path: Path, rate: float, digits: int) -> None:
     channels = {"s": {"kind": "fbg_strain", "sampling_rate_Hz": rate}}
     short = [{"duration_s": 0.5, "speed_m_s": 10.0}]
-    path, *_ = write_log(simulate(scenario_of(tables(channels=channels, manoeuvres=short))), tmp_path / "log.csv")
+    path, *_ = write_log(
+        simulate(scenario_of(tables(channels=channels, manoeuvres=short))), tmp_path / "log.csv"
+    )
     second = path.read_text(encoding="utf-8").splitlines()[4].split(",")[0]
     assert float(second) == pytest.approx(1.0 / rate, rel=1e-5)
     assert len(second.split(".")[1]) == digits

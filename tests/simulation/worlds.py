@@ -32,10 +32,30 @@ def world(**more: Any) -> World:
     made = scenario(**more)
     streams = [np.random.default_rng([made.seed, k]) for k in range(2)]
     drive = drive_of(made, streams[0])
-    return World(made, drive, roughness_of(made, float(drive.angle_at(drive.time_s[-1])) * drive.radius_m, streams[1]))
+    return World(
+        made,
+        drive,
+        roughness_of(made, float(drive.angle_at(drive.time_s[-1])) * drive.radius_m, streams[1]),
+    )
 
 
-def instants(speed: float = 18.0, load: float = REFERENCE_LOAD_N, half_length: float = 0.058, slip: float = 0.0) -> Instants:
+def instants(
+    speed: float = 18.0,
+    load: float = REFERENCE_LOAD_N,
+    half_length: float = 0.058,
+    slip: float = 0.0,
+) -> Instants:
     """One instant."""
     one = np.ones(1)
-    return Instants(0 * one, speed * one, 0 * one, load * one, half_length * one, slip * one, 0 * one, 0.0, 0.0, REFERENCE_LOAD_N)
+    return Instants(
+        0 * one,
+        speed * one,
+        0 * one,
+        load * one,
+        half_length * one,
+        slip * one,
+        0 * one,
+        0.0,
+        0.0,
+        REFERENCE_LOAD_N,
+    )

@@ -1,6 +1,8 @@
-"""Drives with known truth for the estimators' tests: a speed profile integrated in time, a pulse laid on the distance travelled.
+"""Drives with known truth for the estimators' tests: a speed profile integrated in time, a pulse
+laid on the distance travelled.
 
-Nothing here is shared with the estimators: passages are where the distance crosses whole circumferences, found on a grid of 0.1 ms.
+Nothing here is shared with the estimators: passages are where the distance crosses whole
+circumferences, found on a grid of 0.1 ms.
 """
 
 from __future__ import annotations
@@ -21,32 +23,46 @@ STEP_S = 1e-4
 
 
 def beam_pulse(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
-    """A beam's strain: a flat-topped pulse of height 1, uneven shoulders of the other sign, an odd part that grows with speed."""
+    """A beam's strain: a flat-topped pulse of height 1, uneven shoulders of the other sign, an odd
+    part that grows with speed.
+    """
     flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.023) - np.tanh((xi_m - 0.055) / 0.023))
-    shoulders = 0.30 * np.exp(-(((xi_m + 0.105) / 0.035) ** 2)) + 0.22 * np.exp(-(((xi_m - 0.11) / 0.04) ** 2))
+    shoulders = 0.30 * np.exp(-(((xi_m + 0.105) / 0.035) ** 2)) + 0.22 * np.exp(
+        -(((xi_m - 0.11) / 0.04) ** 2)
+    )
     return flat - shoulders + 0.03 * speed_m_s / 20.0 * xi_m / 0.05 * np.exp(-((xi_m / 0.06) ** 2))
 
 
 def ring_pulse(xi_m: np.ndarray, speed_m_s: np.ndarray) -> np.ndarray:
-    """A ring's strain: two humps at the edges of the patch, deep shoulders and ripples that run around the whole turn."""
+    """A ring's strain: two humps at the edges of the patch, deep shoulders and ripples that run
+    around the whole turn.
+    """
     humps = np.exp(-(((xi_m + 0.035) / 0.03) ** 2)) + 0.9 * np.exp(-(((xi_m - 0.035) / 0.03) ** 2))
-    shoulders = 0.5 * np.exp(-(((xi_m + 0.11) / 0.04) ** 2)) + 0.45 * np.exp(-(((xi_m - 0.11) / 0.04) ** 2))
+    shoulders = 0.5 * np.exp(-(((xi_m + 0.11) / 0.04) ** 2)) + 0.45 * np.exp(
+        -(((xi_m - 0.11) / 0.04) ** 2)
+    )
     return humps - shoulders + 0.04 * np.cos(5 * xi_m / RADIUS_M) + 0.0 * speed_m_s
 
 
 @dataclass(frozen=True)
 class Drive:
-    """`channel` as an estimator gets it, `values` its samples; the truth: `time_s`, `speed_m_s` of the passages (speed signed)."""
+    """`channel` as an estimator gets it, `values` its samples; the truth: `time_s`, `speed_m_s` of
+    the passages (speed signed).
+    """
 
     channel: Channel
     values: np.ndarray
     time_s: np.ndarray
     speed_m_s: np.ndarray
 
-    def with_values(self, values: np.ndarray, axis: TimeAxis | None = None, **more: object) -> Channel:
+    def with_values(
+        self, values: np.ndarray, axis: TimeAxis | None = None, **more: object
+    ) -> Channel:
         """The channel with other samples."""
         axis = axis or self.channel.axis
-        return Channel.of_array(self.channel.name, self.channel.kind, values, axis, surface=self.channel.surface, **more)
+        return Channel.of_array(
+            self.channel.name, self.channel.kind, values, axis, surface=self.channel.surface, **more
+        )
 
     def nearest(self, time_s: np.ndarray) -> np.ndarray:
         """Index of the true passage nearest to each time."""
@@ -66,11 +82,16 @@ def make_drive(
     surface: str = "outer",
     pulse: Callable[[np.ndarray, np.ndarray], np.ndarray] = beam_pulse,
 ) -> Drive:
-    """A drive with the speed linear between knots.  `start_turns`: where in the turn it starts (0.5: half a turn after a passage)."""
+    """A drive with the speed linear between knots.
+
+    `start_turns`: where in the turn it starts (0.5: half a turn after a passage).
+    """
     rng = np.random.default_rng(seed)
     fine = np.arange(0.0, knots_s[-1], STEP_S)
     speed = np.interp(fine, knots_s, speeds_m_s)
-    distance = start_turns * CIRCUMFERENCE_M + np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * STEP_S)])
+    distance = start_turns * CIRCUMFERENCE_M + np.concatenate(
+        [[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * STEP_S)]
+    )
     time = np.arange(int(knots_s[-1] * rate_Hz)) / rate_Hz
     at, how_fast = np.interp(time, fine, distance), np.interp(time, fine, speed)
     xi = (at + 0.5 * CIRCUMFERENCE_M) % CIRCUMFERENCE_M - 0.5 * CIRCUMFERENCE_M
@@ -85,7 +106,9 @@ def make_drive(
     # a passage cut by the log's ends is not there to be found
     reach = 0.16 / np.maximum(np.abs(np.interp(passed, fine, speed)), 0.05)
     whole = (passed - reach > 0) & (passed + reach < time[-1])
-    channel = Channel.of_array("grating", "strain", values, TimeAxis.uniform(values.size, rate_Hz), surface=surface)
+    channel = Channel.of_array(
+        "grating", "strain", values, TimeAxis.uniform(values.size, rate_Hz), surface=surface
+    )
     return Drive(channel, values, passed[whole], np.interp(passed, fine, speed)[whole])
 
 

@@ -1,7 +1,9 @@
-"""Known truth for contact length and dissipation: finite differences of P1's beam and of a closed ring pressed onto a flat road.
+"""Known truth for contact length and dissipation: finite differences of P1's beam and of a closed
+ring pressed onto a flat road.
 
-Nothing of the estimators' family is used: no wave numbers, no pressure series.  xi grows in the direction in which tread passes the patch.
-A truth is called as `pulse(xi_m, speed_m_s)` and gives the strain of an inner grating (maximum in the patch).
+Nothing of the estimators' family is used: no wave numbers, no pressure series. xi grows in the
+direction in which tread passes the patch. A truth is called as `pulse(xi_m, speed_m_s)` and gives
+the strain of an inner grating (maximum in the patch).
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ Traction = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Beam:
-    """EJ w'''' + mu c^2 w'' + 2 mu omega_d c w' + k w = p (errata), p a parabola over +-half_length_m, tilted by `tilt`."""
+    """EJ w'''' + mu c^2 w'' + 2 mu omega_d c w' + k w = p (errata), p a parabola over
+    +-half_length_m, tilted by `tilt`.
+    """
 
     half_length_m: float = 0.055
     stiffness: float = 4.0
@@ -38,7 +42,11 @@ class Beam:
 
     def pressure(self, xi: np.ndarray) -> np.ndarray:
         L = self.half_length_m
-        return np.where(np.abs(xi) < L, 0.75 * self.load_N / L * (1 - (xi / L) ** 2) * (1 - self.tilt * xi / L), 0.0)
+        return np.where(
+            np.abs(xi) < L,
+            0.75 * self.load_N / L * (1 - (xi / L) ** 2) * (1 - self.tilt * xi / L),
+            0.0,
+        )
 
     @property
     def onset_m(self) -> float:
@@ -49,7 +57,9 @@ class Beam:
         """P2 (13), friction coefficients 0.8 and 0.6."""
         L = self.half_length_m
         adhering = self.slip * 1.5 * self.load_N / L**2 * 0.8 * (xi + L)
-        inside = np.where(xi <= self.onset_m, adhering, np.sign(self.slip) * 0.6 * self.pressure(xi))
+        inside = np.where(
+            xi <= self.onset_m, adhering, np.sign(self.slip) * 0.6 * self.pressure(xi)
+        )
         return np.where(np.abs(xi) < L, inside, 0.0)
 
     def wave(self, speed: float) -> tuple[np.ndarray, np.ndarray]:
@@ -59,7 +69,10 @@ class Beam:
         inside = (np.arange(41) - 20) / 40 * h
         weight = np.r_[0.5, np.ones(39), 0.5] / 40
         load = self.pressure(xi[:, None] + inside) @ weight
-        load = load + self.traction_lever_m * np.diff(self.shear(np.r_[xi - h / 2, xi[-1] + h / 2])) / h
+        load = (
+            load
+            + self.traction_lever_m * np.diff(self.shear(np.r_[xi - h / 2, xi[-1] + h / 2])) / h
+        )
         bending, inertia = self.stiffness / h**4, self.line_mass * speed**2 / h**2
         drag = self.line_mass * self.damping_1_s * speed / h
         bands = np.zeros((5, xi.size))
@@ -82,7 +95,11 @@ class Beam:
             grid = np.linspace(low, high, 15 if high > low else 1)
             waves = np.array([self.wave(v)[1] for v in grid])
             where = self.wave(low)[0]
-            self._cache["spline"] = CubicSpline(where, waves[0]) if grid.size == 1 else RectBivariateSpline(grid, where, waves, kx=3, ky=3)
+            self._cache["spline"] = (
+                CubicSpline(where, waves[0])
+                if grid.size == 1
+                else RectBivariateSpline(grid, where, waves, kx=3, ky=3)
+            )
         spline = self._cache["spline"]
         near = np.clip(xi, -0.79, 0.79)
         return -(spline(near) if self.speeds[0] == self.speeds[1] else spline.ev(speed, near))
@@ -90,7 +107,9 @@ class Beam:
 
 @dataclass(frozen=True)
 class Ring:
-    """An inextensible ring (P3 Table 2 by default) pressed by `sink_m` onto a flat road through tread springs, one-sidedly."""
+    """An inextensible ring (P3 Table 2 by default) pressed by `sink_m` onto a flat road through
+    tread springs, one-sidedly.
+    """
 
     sink_m: float = 0.03
     tread: float = 8.75e7
@@ -114,7 +133,9 @@ class Ring:
         slope, second = (forward - eye) / h, (forward - 2 * eye + forward.T) / h**2
         radial = -slope  # outward displacement from the tangential one: the ring does not stretch
         bend, steep = radial + second @ radial, slope @ radial
-        energy = self.bending / R**4 * (bend.T @ bend) + self.pressure_Pa * self.width_m / R * (steep.T @ steep - radial.T @ radial)
+        energy = self.bending / R**4 * (bend.T @ bend) + self.pressure_Pa * self.width_m / R * (
+            steep.T @ steep - radial.T @ radial
+        )
         energy = (energy + self.radial * (radial.T @ radial) + self.tangential * eye) * (R * h)
         cosine = np.cos(phi)
         free_gap = R * cosine - (R - self.sink_m)
@@ -137,7 +158,9 @@ class Ring:
         if "it" not in self._cache:
             xi, strain, edge = self.solve()
             turn = 2 * np.pi * self.radius_m
-            spline = CubicSpline(np.r_[xi, xi[0] + turn], np.r_[strain, strain[0]], bc_type="periodic")
+            spline = CubicSpline(
+                np.r_[xi, xi[0] + turn], np.r_[strain, strain[0]], bc_type="periodic"
+            )
             self._cache["it"] = spline, xi[0], turn, edge
         return self._cache["it"]
 

@@ -1,4 +1,7 @@
-"""Dissipation against finite-difference truths, closed forms of its pieces, and bad input.  Seeds from 1000: none was used for tuning."""
+"""Dissipation against finite-difference truths, closed forms of its pieces, and bad input.
+
+Seeds from 1000: none was used for tuning.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,14 @@ def measured(channel, radius_m, **more):
 @pytest.mark.parametrize("speed", [6.0, 11.0, 17.0, 24.0])
 def test_the_factor_of_a_beam(drive, radius_m, speed, rate_Hz):
     truth = Beam(speeds=(speed, speed))
-    made = drive([0, 30 if rate_Hz < 1e4 else 6], [speed, speed], seed=1700, pulse=truth, rate_Hz=rate_Hz, **CALM)
+    made = drive(
+        [0, 30 if rate_Hz < 1e4 else 6],
+        [speed, speed],
+        seed=1700,
+        pulse=truth,
+        rate_Hz=rate_Hz,
+        **CALM,
+    )
     _, found = measured(made.channel, radius_m)
     ratio = found.factor_1_m[1:-1] / truth.dissipation_factor(speed)
     assert np.median(ratio) == pytest.approx(1.0, abs=0.001)
@@ -67,30 +77,57 @@ def test_lost_samples_and_a_spike_are_bridged(drive, radius_m):
     values[rng.choice(values.size, 5, replace=False)] += 4e-3
     _, found = measured(made.with_values(values), radius_m)
     assert found.factor_1_m.size == made.time_s.size
-    assert np.nanmedian(found.factor_1_m) == pytest.approx(truth.dissipation_factor(12.0), rel=0.001)
+    assert np.nanmedian(found.factor_1_m) == pytest.approx(
+        truth.dissipation_factor(12.0), rel=0.001
+    )
     assert np.nanmax(found.factor_1_m[1:-1]) < 1.1 * truth.dissipation_factor(12.0)
 
 
 def test_specific_power_power_and_rolling_resistance(drive, radius_m):
     truth = Beam(speeds=(12.0, 12.0))
     made = drive([0, 12], [12, 12], seed=1721, pulse=truth, **CALM)
-    tire = Tire(rolling_radius_m=radius_m, section_height_m=0.018, width_m=0.215, viscosity_Pa_s=2e3)
-    (table,) = dissipation_of(Recording("a.csv", {"s": made.channel}, Setup(tire, LogConditions(load_N=3600.0))))
+    tire = Tire(
+        rolling_radius_m=radius_m, section_height_m=0.018, width_m=0.215, viscosity_Pa_s=2e3
+    )
+    (table,) = dissipation_of(
+        Recording("a.csv", {"s": made.channel}, Setup(tire, LogConditions(load_N=3600.0)))
+    )
     c = table.columns
-    np.testing.assert_allclose(c["specific_power_m3_s2"], 12.0**2 * 0.018 * 0.215 * c["dissipation_factor_1_m"], rtol=2e-3)
+    np.testing.assert_allclose(
+        c["specific_power_m3_s2"], 12.0**2 * 0.018 * 0.215 * c["dissipation_factor_1_m"], rtol=2e-3
+    )
     np.testing.assert_allclose(c["strip_power_W"], 2e3 * c["specific_power_m3_s2"])
     np.testing.assert_allclose(c["strip_rolling_resistance_N"] * c["speed_m_s"], c["strip_power_W"])
-    np.testing.assert_allclose(c["strip_rolling_resistance_coefficient"] * 3600.0, c["strip_rolling_resistance_N"])
+    np.testing.assert_allclose(
+        c["strip_rolling_resistance_coefficient"] * 3600.0, c["strip_rolling_resistance_N"]
+    )
     assert any("0.00387" in remark for remark in table.remarks)
     assert any("strip under the grating" in remark for remark in table.remarks)
 
 
 def test_the_remark_on_bending_is_of_the_grating_s_own_surface(drive, radius_m):
-    """P1 (25) without stretch over (27): 12 (y/h)^2, so 3 on the liner (y = h/2), 1 at y = 0.29 h and 1/33 at P2's y = h/20."""
-    tire = Tire(rolling_radius_m=radius_m, section_height_m=0.018, width_m=0.215, viscosity_Pa_s=2e3)
-    made = {name: drive([0, 2], [12, 12], seed=1722, surface=name).channel for name in ("outer", "inner")}
-    tables = list(dissipation_of(Recording("a.csv", {"in": made["inner"], "out": made["outer"], "more": made["outer"]}, Setup(tire))))
-    bending = [[remark for remark in table.remarks if "in pure bending" in remark] for table in tables]
+    """P1 (25) without stretch over (27): 12 (y/h)^2, so 3 on the liner (y = h/2), 1 at y = 0.29 h
+    and 1/33 at P2's y = h/20.
+    """
+    tire = Tire(
+        rolling_radius_m=radius_m, section_height_m=0.018, width_m=0.215, viscosity_Pa_s=2e3
+    )
+    made = {
+        name: drive([0, 2], [12, 12], seed=1722, surface=name).channel
+        for name in ("outer", "inner")
+    }
+    tables = list(
+        dissipation_of(
+            Recording(
+                "a.csv",
+                {"in": made["inner"], "out": made["outer"], "more": made["outer"]},
+                Setup(tire),
+            )
+        )
+    )
+    bending = [
+        [remark for remark in table.remarks if "in pure bending" in remark] for table in tables
+    ]
     assert "liner" in bending[0][0]
     assert "three times too much" in bending[0][0]
     assert "groove" in bending[1][0]
@@ -124,7 +161,12 @@ def test_a_regression_gives_its_line_back():
     stretch = np.repeat(np.arange(30), 10)
     pulls = []
     for _ in range(60):
-        values = 4e-4 - 5e-6 * speed + np.repeat(rng.normal(0, 1e-5, 30), 10) + rng.normal(0, 3e-6, speed.size)
+        values = (
+            4e-4
+            - 5e-6 * speed
+            + np.repeat(rng.normal(0, 1e-5, 30), 10)
+            + rng.normal(0, 3e-6, speed.size)
+        )
         line = regression("q", speed, values, stretch)
         pulls.append((line.slope + 5e-6) / line.slope_se)
     assert np.std(pulls) == pytest.approx(1.0, abs=0.3)
@@ -133,9 +175,13 @@ def test_a_regression_gives_its_line_back():
     assert regression("q", speed, values, np.full(speed.size, -1)) is None
 
 
-@pytest.mark.parametrize(("stretches", "between"), [(3, 0.0), (3, 1e-5), (5, 0.0), (5, 1e-6), (5, 1e-5), (12, 1e-5)])
+@pytest.mark.parametrize(
+    ("stretches", "between"), [(3, 0.0), (3, 1e-5), (5, 0.0), (5, 1e-6), (5, 1e-5), (12, 1e-5)]
+)
 def test_the_interval_of_a_slope_covers_it(stretches, between):
-    """Revolutions of one stretch share what it has of its own: 95 % intervals must hold with and without that."""
+    """Revolutions of one stretch share what it has of its own: 95 % intervals must hold with and
+    without that.
+    """
     rng = np.random.default_rng(1732)
     covered = []
     for _ in range(200):
@@ -152,11 +198,18 @@ def line_of(means, scatter=1e-7):
     """A regression through stretches of ten revolutions, of the `means` (m,) at speeds 4 m/s apart."""
     rng = np.random.default_rng(1733)
     speed = np.repeat(6.0 + 4.0 * np.arange(len(means)), 10)
-    return regression("q", speed, np.repeat(means, 10) + rng.normal(0, scatter, speed.size), np.repeat(np.arange(len(means)), 10))
+    return regression(
+        "q",
+        speed,
+        np.repeat(means, 10) + rng.normal(0, scatter, speed.size),
+        np.repeat(np.arange(len(means)), 10),
+    )
 
 
 def test_what_is_said_of_a_line():
-    """A line through two or three speeds is not tested; one that a parabola beats says so; scatter between stretches is no fault."""
+    """A line through two or three speeds is not tested; one that a parabola beats says so; scatter
+    between stretches is no fault.
+    """
     two, three, bent = line_of([1.0, 3.0]), line_of([1.0, 2.0, 3.0]), line_of([1.0, 2.0, 3.5])
     assert (two.degrees_of_freedom, two.judgement) == (0, "2 speeds: a line is not tested")
     assert not np.isfinite(two.slope_se)
@@ -168,7 +221,9 @@ def test_what_is_said_of_a_line():
     assert "parabola follows" in five.judgement
     assert five.doubtful
     assert five.curvature == pytest.approx(1 / 16, rel=1e-4)
-    np.testing.assert_allclose(np.polynomial.polynomial.polyval([6.0, 22.0], five.parabola), [1.0, 25.0], rtol=1e-4)
+    np.testing.assert_allclose(
+        np.polynomial.polynomial.polyval([6.0, 22.0], five.parabola), [1.0, 25.0], rtol=1e-4
+    )
     assert line_of([1.0, 2.0, 3.0, 4.0]).judgement == ""
     assert not line_of([1.0, 2.0, 3.0, 4.0]).doubtful
     assert not line_of([1.0, 2.1, 2.9, 4.05, 4.98]).doubtful
@@ -200,7 +255,9 @@ def test_the_table_behind_fig_11_and_its_lines(drive, radius_m):
     assert (lines["slope"] > 0).all()
 
 
-@pytest.mark.parametrize(("rate", "edge", "averaged"), [(2500.0, 1000.0, 1), (2500.0, 200.0, 1), (6250.0, 1000.0, 4)])
+@pytest.mark.parametrize(
+    ("rate", "edge", "averaged"), [(2500.0, 1000.0, 1), (2500.0, 200.0, 1), (6250.0, 1000.0, 4)]
+)
 def test_the_differentiator_is_ideal_in_its_pass_band(rate, edge, averaged):
     filter_ = differentiator(rate, edge, averaged)
     frequency = np.linspace(5, 0.98 * edge, 60)
@@ -221,9 +278,17 @@ def test_a_lone_gap_is_bridged_by_the_cubic_through_its_neighbours():
 
 @pytest.mark.parametrize("seconds", [0.15, 0.3, 0.5, 0.8, 3.0])
 def test_a_log_of_few_revolutions_has_all_its_rows(drive, radius_m, seconds):
-    """Where the log cuts a patch off, or tells no speed, the factor is unknown: NaN, and never a part of it."""
+    """Where the log cuts a patch off, or tells no speed, the factor is unknown: NaN, and never a
+    part of it.
+    """
     made = drive([0, seconds], [10, 10], seed=1740, pulse=Beam(speeds=(10.0, 10.0)), **CALM)
-    (table,) = dissipation_of(Recording("a.csv", {"s": made.channel}, Setup(Tire(rolling_radius_m=radius_m, section_area_m2=1e-3))))
+    (table,) = dissipation_of(
+        Recording(
+            "a.csv",
+            {"s": made.channel},
+            Setup(Tire(rolling_radius_m=radius_m, section_area_m2=1e-3)),
+        )
+    )
     factor = table.columns["dissipation_factor_1_m"]
     assert factor.size == len(table.passages) > 0
     known = np.isfinite(factor)

@@ -1,4 +1,7 @@
-"""The compiled loops of the dissipation against plain numpy, written another way.  Seeds from 1000: none was used for tuning."""
+"""The compiled loops of the dissipation against plain numpy, written another way.
+
+Seeds from 1000: none was used for tuning.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,9 @@ def test_sums_are_those_of_the_filtered_gradient_wherever_the_values_are_cut(hal
     kernel = np.concatenate([side[::-1], [0.0], -side])
     slope = np.pad(np.convolve(values, kernel, "valid"), half)
     change = np.gradient(slope)
-    expected = [[np.sum(slope[a:b] ** 2), np.sum(change[a:b] ** 2)] for a, b in zip(low, high, strict=True)]
+    expected = [
+        [np.sum(slope[a:b] ** 2), np.sum(change[a:b] ** 2)] for a, b in zip(low, high, strict=True)
+    ]
     sums = summed(values, side, low, high, cut)
     np.testing.assert_allclose(sums[[6, 5, 4, 3, 1]], expected, rtol=1e-12)
     assert np.count_nonzero(sums[[0, 2]]) == 0
@@ -32,13 +37,24 @@ def summed(values, side, low, high, cut):
     for start in range(0, 2000, cut):
         first, stop = max(start - reach, 0), min(start + cut, 2000)
         part = values[first : min(stop + reach, 2000)]
-        revolution_sums(part, first, side, scratch, rows, np.maximum(low, start), np.minimum(high, stop), sums)
+        revolution_sums(
+            part, first, side, scratch, rows, np.maximum(low, start), np.minimum(high, stop), sums
+        )
     return sums
 
 
 def test_values_shorter_than_the_filter_have_no_energy():
     sums = np.zeros((1, 2))
-    revolution_sums(np.arange(15.0), 0, np.ones(10), np.empty((SCRATCH_ROWS, 15)), np.array([0]), np.array([0]), np.array([15]), sums)
+    revolution_sums(
+        np.arange(15.0),
+        0,
+        np.ones(10),
+        np.empty((SCRATCH_ROWS, 15)),
+        np.array([0]),
+        np.array([0]),
+        np.array([15]),
+        sums,
+    )
     assert sums.tolist() == [[0.0, 0.0]]
 
 
@@ -56,7 +72,9 @@ def plainly_bridged(values, wild):
     """By its words: which samples go, then each replaced."""
     bend = np.zeros(values.size)
     for i in range(2, values.size - 2):
-        bend[i] = abs(values[i] - (4 * (values[i - 1] + values[i + 1]) - values[i - 2] - values[i + 2]) / 6)
+        bend[i] = abs(
+            values[i] - (4 * (values[i - 1] + values[i + 1]) - values[i - 2] - values[i + 2]) / 6
+        )
     bend = np.nan_to_num(bend)
     lost = np.isnan(values)
     around = np.pad(bend, 1)

@@ -1,4 +1,6 @@
-"""`tirelog footprint`, `dissipation` and `inflation` on the command line: options, refusals, pictures, statuses."""
+"""`tirelog footprint`, `dissipation` and `inflation` on the command line: options, refusals,
+pictures, statuses.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,11 @@ def command(tmp_path, monkeypatch, capfdbinary):
 @pytest.fixture(scope="module")
 def rolling(drive):
     made = drive([0, 6, 9, 15], [8, 8, 14, 14], seed=1900, pulse=Beam(), height=1.0, drift=0.0)
-    return {"time_s": made.channel.axis.time(), "grating": made.values, "pressure": np.full(made.values.size, 2.2)}
+    return {
+        "time_s": made.channel.axis.time(),
+        "grating": made.values,
+        "pressure": np.full(made.values.size, 2.2),
+    }
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +85,11 @@ def test_dissipation_and_its_lines(command, rolling):
     status, table, err = command(rolling, "dissipation", "--plot", "page.png")
     assert status == 0
     assert "section height x width" in err
-    assert {"strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient"} <= set(table.columns)
+    assert {
+        "strip_power_W",
+        "strip_rolling_resistance_N",
+        "strip_rolling_resistance_coefficient",
+    } <= set(table.columns)
     with open("page.png", "rb") as page:
         assert page.read(4) == b"\x89PNG"
     status, lines, _ = command(rolling, "dissipation", "--fit")

@@ -1,4 +1,6 @@
-"""The compiled inside of the footprint against plain numpy and scipy on the same input: least squares, spectra, windows, derivatives."""
+"""The compiled inside of the footprint against plain numpy and scipy on the same input: least
+squares, spectra, windows, derivatives.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +31,21 @@ def smooth(columns: int) -> np.ndarray:
     return np.ascontiguousarray(np.column_stack([bell, *waves[1:]]))
 
 
-def windows(rows: int, seed: int, table: np.ndarray, extra: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Noisy rows of passages that hold the table's columns, and how they move; a sample lost here and there."""
+def windows(
+    rows: int, seed: int, table: np.ndarray, extra: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Noisy rows of passages that hold the table's columns, and how they move; a sample lost here
+    and there.
+    """
     rng = np.random.default_rng(seed)
-    motion = np.column_stack([30 + rng.uniform(-0.5, 0.5, rows), np.full(rows, 2500.0), rng.uniform(12, 16, rows), rng.normal(0, 2, rows)])
+    motion = np.column_stack(
+        [
+            30 + rng.uniform(-0.5, 0.5, rows),
+            np.full(rows, 2500.0),
+            rng.uniform(12, 16, rows),
+            rng.normal(0, 2, rows),
+        ]
+    )
     values = rng.normal(0, SIGMA, (rows, 61))
     for row in range(rows):
         xi = distance(motion[row], 61) - GRID[3]
@@ -54,7 +67,9 @@ def distance(motion: np.ndarray, count: int) -> np.ndarray:
 
 
 def design(values, motion, table, by_speed2, follows, shift=GRID[3]):
-    """The linear model at the samples in use: columns with the offset second, values about their mean, distances."""
+    """The linear model at the samples in use: columns with the offset second, values about their
+    mean, distances.
+    """
     xi = distance(motion, values.size) - shift
     good = (np.abs(xi) < GRID[4]) & np.isfinite(values)
     at = GRID[0] + GRID[1] * np.arange(len(table))
@@ -71,13 +86,17 @@ def known_oddness(columns: np.ndarray, values: np.ndarray, odd_sd: float) -> np.
 
 
 def plain_fit(columns, values, odd_sd):
-    """Solution with the quadratic terms put back until they stand, the inverse, and the eight coefficients."""
+    """Solution with the quadratic terms put back until they stand, the inverse, and the eight
+    coefficients.
+    """
     own, bent = columns[:, :6], columns[:, 6:8]
     inverse = np.linalg.inv(own.T @ own + known_oddness(columns, values, odd_sd))
     quadratic, rough = np.zeros(2), abs(columns[:, 0] @ values) / (columns[:, 0] @ columns[:, 0])
     for _ in range(5):
         solution = inverse @ own.T @ (values - bent @ quadratic)
-        quadratic = np.clip(0.5 * solution[[3, 2]] ** 2 / solution[0], -MOST_BEND * rough, MOST_BEND * rough)
+        quadratic = np.clip(
+            0.5 * solution[[3, 2]] ** 2 / solution[0], -MOST_BEND * rough, MOST_BEND * rough
+        )
     return np.r_[solution, quadratic], inverse
 
 
@@ -108,7 +127,9 @@ def test_a_row_with_too_few_samples_is_not_known():
 
 
 def test_what_passages_share_is_what_one_large_solution_says():
-    """The shared columns' normal equations with each row's own eliminated, against the projection off its own columns."""
+    """The shared columns' normal equations with each row's own eliminated, against the projection
+    off its own columns.
+    """
     table = smooth(8)
     values, motion = windows(12, 902, table)
     sums, rows, left = class_sums(values, motion, table, GRID, -1e-4, 6, SIGMA, ODD_SD, 40)
@@ -123,7 +144,11 @@ def test_what_passages_share_is_what_one_large_solution_says():
         np.testing.assert_allclose(rows[row, :6], solution, rtol=1e-7, atol=1e-10)
         residual = known - own @ solution
         assert rows[row, 6] == pytest.approx(residual @ residual / SIGMA**2, rel=1e-8)
-        np.add.at(cells, (slice(None), ((xi + GRID[4]) / (2 * GRID[4]) * 40).astype(int)), [residual / solution[0], np.ones(xi.size)])
+        np.add.at(
+            cells,
+            (slice(None), ((xi + GRID[4]) / (2 * GRID[4]) * 40).astype(int)),
+            [residual / solution[0], np.ones(xi.size)],
+        )
     np.testing.assert_allclose(sums[:, :3], normal, rtol=1e-6)
     np.testing.assert_allclose(sums[:, 3], right, rtol=1e-6)
     np.testing.assert_allclose(left, cells, atol=1e-9)
@@ -133,21 +158,38 @@ def traction_waves() -> np.ndarray:
     """Steps at eleven onsets, smoothed, on the table's grid."""
     xi = GRID[0] + GRID[1] * np.arange(601)
     return np.ascontiguousarray(
-        np.column_stack([np.tanh((xi - onset) / 0.008) * (np.abs(xi) < 0.1) for onset in np.linspace(-0.04, 0.05, 11)])
+        np.column_stack(
+            [
+                np.tanh((xi - onset) / 0.008) * (np.abs(xi) < 0.1)
+                for onset in np.linspace(-0.04, 0.05, 11)
+            ]
+        )
     )
 
 
 def plain_joint(columns, known, wave):
-    """Chi-square of form and wave together, their quadratic terms put back in turns; the solution, and the error of its length column."""
+    """Chi-square of form and wave together, their quadratic terms put back in turns; the solution,
+    and the error of its length column.
+    """
     both = np.column_stack([columns[:, :6], wave])
     weight = np.zeros((7, 7))
     weight[:6, :6] = known_oddness(columns, known, ODD_SD)
-    quadratic, limit = np.zeros(2), MOST_BEND * abs(np.linalg.solve((both.T @ both + weight)[:6, :6], columns[:, :6].T @ known)[0])
+    quadratic, limit = (
+        np.zeros(2),
+        MOST_BEND
+        * abs(np.linalg.solve((both.T @ both + weight)[:6, :6], columns[:, :6].T @ known)[0]),
+    )
     for _ in range(5):
-        solution = np.linalg.solve(both.T @ both + weight, both.T @ (known - columns[:, 6:8] @ quadratic))
+        solution = np.linalg.solve(
+            both.T @ both + weight, both.T @ (known - columns[:, 6:8] @ quadratic)
+        )
         quadratic = np.clip(0.5 * solution[[3, 2]] ** 2 / solution[0], -limit, limit)
     left = known - both @ solution - columns[:, 6:8] @ quadratic
-    return left @ left / SIGMA**2, solution, SIGMA * np.sqrt(np.linalg.inv(both.T @ both + weight)[3, 3])
+    return (
+        left @ left / SIGMA**2,
+        solution,
+        SIGMA * np.sqrt(np.linalg.inv(both.T @ both + weight)[3, 3]),
+    )
 
 
 def test_the_gain_of_a_traction():
@@ -169,19 +211,25 @@ def test_the_gain_of_a_traction():
 
 
 def test_form_and_traction_together():
-    """From one start: the onset of least chi-square there, and the best of three where that solution puts the form, with its neighbours."""
+    """From one start: the onset of least chi-square there, and the best of three where that
+    solution puts the form, with its neighbours.
+    """
     table, waves = smooth(8), traction_waves()
     table[:, 5:7] *= 1e-2
     table[:, 7] *= 1e-4
     values, motion = windows(6, 904, table, 0.2 * waves[:, 6])
     shift = np.linspace(-0.002, 0.002, 6)
     starts = np.array([0.0, 1e4])  # the second is outside of the window
-    found = onset_rows(values, motion, table, GRID, waves, 1, shift, starts, 1, SIGMA, ODD_SD, np.inf, 3)
+    found = onset_rows(
+        values, motion, table, GRID, waves, 1, shift, starts, 1, SIGMA, ODD_SD, np.inf, 3
+    )
     at = GRID[0] + GRID[1] * np.arange(601)
 
     def tried(row, place, onsets):
         columns, known, xi, _ = design(values[row], motion[row], table, 1.0, 7, GRID[3] + place)
-        return [plain_joint(columns, known, np.interp(xi, at, waves[:, k])) for k in onsets], known.size
+        return [
+            plain_joint(columns, known, np.interp(xi, at, waves[:, k])) for k in onsets
+        ], known.size
 
     for row in range(6):
         plain, _ = tried(row, shift[row], range(11))
@@ -194,10 +242,16 @@ def test_form_and_traction_together():
         assert found[row, 0] == near[best]
         assert found[row, 1] == near[1]
         np.testing.assert_allclose(found[row, 2:5], [chi2 for chi2, _, _ in plain], rtol=1e-5)
-        np.testing.assert_allclose(found[row, 5:8], [whole[3] / whole[0] for _, whole, _ in plain], rtol=1e-4)
+        np.testing.assert_allclose(
+            found[row, 5:8], [whole[3] / whole[0] for _, whole, _ in plain], rtol=1e-4
+        )
         chi2, whole, error = plain[best]
-        np.testing.assert_allclose(found[row, 8:12], [chi2, whole[3] / whole[0], error / abs(whole[0]), used], rtol=1e-4)
-        assert found[row, 12] == pytest.approx(min(one for k, one in enumerate(first) if abs(k - near[best]) > 3), rel=1e-5)
+        np.testing.assert_allclose(
+            found[row, 8:12], [chi2, whole[3] / whole[0], error / abs(whole[0]), used], rtol=1e-4
+        )
+        assert found[row, 12] == pytest.approx(
+            min(one for k, one in enumerate(first) if abs(k - near[best]) > 3), rel=1e-5
+        )
 
 
 @pytest.mark.parametrize("z", [0.02, 0.9, 3.2, 4.4934, 15.9, 16.1, 60.0])
@@ -215,9 +269,13 @@ def test_an_inverse():
 
 @pytest.mark.parametrize("closed_ring", [False, True])
 def test_a_spectrum_fulfils_the_contact(closed_ring):
-    """p = k_t (delta - xi^2 / 2R - w) inside the patch: the pressure that the spectrum holds, with what it does to a carcass (foundation
-    one, in the equation's own units), adds up to a parabola."""
-    family, shape = EdgeFamily(0.305, 900.0, closed=closed_ring), EdgeShape(0.055, 0.04, 0.4, 1.5, 0.0, 0.0)
+    """p = k_t (delta - xi^2 / 2R - w) inside the patch: the pressure that the spectrum holds, with
+    what it does to a carcass (foundation one, in the equation's own units), adds up to a parabola.
+    """
+    family, shape = (
+        EdgeFamily(0.305, 900.0, closed=closed_ring),
+        EdgeShape(0.055, 0.04, 0.4, 1.5, 0.0, 0.0),
+    )
     L, ell, kappa = shape.half_length_m, shape.bending_length_m, family.kappa_1_m
     wave, terms = kappa * L, np.arange(0, 14, 2)
     transforms = np.column_stack([by_quadrature(n, wave) for n in terms])
@@ -225,20 +283,37 @@ def test_a_spectrum_fulfils_the_contact(closed_ring):
     told = np.arange(1 if closed_ring else 0, wave.size)
     pressure = (family.spectrum(shape)[told] / family.receptance(shape)[told]).real / L
     series = np.linalg.lstsq(transforms[told], pressure, rcond=None)[0]
-    np.testing.assert_allclose(transforms[told] @ series, pressure, atol=1e-8 * np.abs(pressure).max())
+    np.testing.assert_allclose(
+        transforms[told] @ series, pressure, atol=1e-8 * np.abs(pressure).max()
+    )
     square = kappa**2 - (1.0 / 0.305**2 if closed_ring else 0.0)
-    stiffness = ell**4 * square**2 + shape.tension * ell**2 * square + 1.0 + (1.0 / (kappa * 0.305) ** 2 if closed_ring else 0.0)
+    stiffness = (
+        ell**4 * square**2
+        + shape.tension * ell**2 * square
+        + 1.0
+        + (1.0 / (kappa * 0.305) ** 2 if closed_ring else 0.0)
+    )
     x = np.linspace(0.0, 0.9, 10)
-    displacement = L / (np.pi * 0.305) * np.cos(np.multiply.outer(x, wave)) @ (transforms @ series / stiffness)
+    displacement = (
+        L / (np.pi * 0.305) * np.cos(np.multiply.outer(x, wave)) @ (transforms @ series / stiffness)
+    )
     load = (1.0 - x**2) * sum(c * eval_legendre(n, x) for n, c in zip(terms, series, strict=True))
     parabola = load + np.expm1(shape.tread) * displacement
-    assert np.ptp(parabola - np.polyval(np.polyfit(x**2, parabola, 1), x**2)) < 1e-3 * np.ptp(parabola)
+    assert np.ptp(parabola - np.polyval(np.polyfit(x**2, parabola, 1), x**2)) < 1e-3 * np.ptp(
+        parabola
+    )
     assert np.polyfit(x**2, parabola, 1)[0] == pytest.approx(-1.0, rel=2e-3)
 
 
 def by_quadrature(order: int, wave: np.ndarray) -> np.ndarray:
     """Transform of (1 - x^2) P_n(x) over the patch."""
-    return np.array([2.0 * quad(lambda x: (1 - x**2) * eval_legendre(order, x), 0, 1, weight="cos", wvar=z)[0] for z in wave])
+    return np.array(
+        [
+            2.0
+            * quad(lambda x: (1 - x**2) * eval_legendre(order, x), 0, 1, weight="cos", wvar=z)[0]
+            for z in wave
+        ]
+    )
 
 
 def test_a_tilted_parabola():
@@ -246,19 +321,30 @@ def test_a_tilted_parabola():
     family, shape = EdgeFamily(0.305, 300.0), EdgeShape(0.055, 0.04, 0.4, 0.0, 0.0, 0.3)
     load = family.spectrum(shape) / family.receptance(shape)
     wave = family.kappa_1_m * shape.half_length_m
-    odd = np.array([2.0 * quad(lambda x: x * (1 - x**2), 0, 1, weight="sin", wvar=z)[0] for z in wave])
+    odd = np.array(
+        [2.0 * quad(lambda x: x * (1 - x**2), 0, 1, weight="sin", wvar=z)[0] for z in wave]
+    )
     wanted = by_quadrature(0, wave) + 0.3j * odd
     np.testing.assert_allclose(load / load[0], wanted / wanted[0], atol=1e-9)
 
 
 @pytest.mark.parametrize("closed_ring", [False, True])
 def test_slopes_of_a_spectrum_are_differences(closed_ring):
-    family, shape = EdgeFamily(0.305, 900.0, closed=closed_ring), EdgeShape(0.055, 0.04, 0.4, 1.5, 0.2, -0.1)
+    family, shape = (
+        EdgeFamily(0.305, 900.0, closed=closed_ring),
+        EdgeShape(0.055, 0.04, 0.4, 1.5, 0.2, -0.1),
+    )
     spectra = family.jacobian(shape)
     for number in range(6):
         nudge = 1e-6 * np.eye(6)[number]
-        ahead, behind = (family.spectrum(EdgeShape.of(shape.array() + sign * nudge)) for sign in (1, -1))
-        np.testing.assert_allclose((ahead - behind) / 2e-6, spectra[:, 1 + number], atol=2e-6 * np.abs(spectra[:, 1 + number]).max())
+        ahead, behind = (
+            family.spectrum(EdgeShape.of(shape.array() + sign * nudge)) for sign in (1, -1)
+        )
+        np.testing.assert_allclose(
+            (ahead - behind) / 2e-6,
+            spectra[:, 1 + number],
+            atol=2e-6 * np.abs(spectra[:, 1 + number]).max(),
+        )
 
 
 def plain_closed(row: np.ndarray) -> np.ndarray:
@@ -267,15 +353,24 @@ def plain_closed(row: np.ndarray) -> np.ndarray:
     return filled - np.linspace(filled[:edge].mean(), filled[-edge:].mean(), row.size)
 
 
-@pytest.mark.parametrize(("count", "order", "upsample"), [(64, 0, 2), (96, 1, 2), (96, 2, 4), (33, 2, 2), (64, 2, 1)])
+@pytest.mark.parametrize(
+    ("count", "order", "upsample"), [(64, 0, 2), (96, 1, 2), (96, 2, 4), (33, 2, 2), (64, 2, 1)]
+)
 def test_derivatives_of_windows(count, order, upsample):
     rng = np.random.default_rng(906)
-    rows, cutoff = np.cumsum(rng.normal(size=(5, count)), axis=1), np.array([100.0, 300.0, 500.0, 1000.0, 1200.0])
+    rows, cutoff = (
+        np.cumsum(rng.normal(size=(5, count)), axis=1),
+        np.array([100.0, 300.0, 500.0, 1000.0, 1200.0]),
+    )
     rows[1, 10:14], rows[2, :3], rows[3, -2:], rows[4] = np.nan, np.nan, np.nan, np.nan
     expected = np.array([plain_closed(row) for row in rows])
     np.testing.assert_allclose(closed(rows), expected, atol=1e-11)
     frequency = np.fft.rfftfreq(count, 1 / 2500.0)
-    shaped = np.fft.rfft(expected) * (2j * np.pi * frequency) ** order / (1 + (frequency / cutoff[:, None]) ** 8)
+    shaped = (
+        np.fft.rfft(expected)
+        * (2j * np.pi * frequency) ** order
+        / (1 + (frequency / cutoff[:, None]) ** 8)
+    )
     if count % 2 == 0:
         shaped[:, -1] = shaped[:, -1].real * (0.5 if upsample > 1 else 1.0)
     wanted = np.fft.irfft(shaped, count * upsample) * upsample
@@ -288,8 +383,12 @@ def test_noise_of_low_passed_derivatives():
     cutoff = np.full(4000, 400.0)
     frequency = np.fft.rfftfreq(128, 1 / 2500.0)
     for column, order in enumerate((2, 3)):
-        shaped = np.fft.rfft(noise) * (2j * np.pi * frequency) ** order / (1 + (frequency / 400.0) ** 8)
-        assert noise_gains(128, 2500.0, cutoff)[0, column] == pytest.approx(np.fft.irfft(shaped).std(), rel=0.02)
+        shaped = (
+            np.fft.rfft(noise) * (2j * np.pi * frequency) ** order / (1 + (frequency / 400.0) ** 8)
+        )
+        assert noise_gains(128, 2500.0, cutoff)[0, column] == pytest.approx(
+            np.fft.irfft(shaped).std(), rel=0.02
+        )
 
 
 def test_the_least_of_a_row_between_samples():
@@ -302,26 +401,36 @@ def test_the_least_of_a_row_between_samples():
 
 @pytest.mark.parametrize(("columns", "off"), [(6.0, 0.005), (8.0, 0.0016), (16.0, 0.00012)])
 def test_the_least_of_a_wave_lies_where_it_is(columns, off):
-    """A wave of so many columns a period, wherever its trough lies between two of them; a parabola is off by 0.019 at six."""
+    """A wave of so many columns a period, wherever its trough lies between two of them; a parabola
+    is off by 0.019 at six.
+    """
     x, omega = np.arange(40.0), 2 * np.pi / columns
     for trough in np.linspace(19.0, 20.0, 21):
-        place, height, curvature = least(-np.cos(omega * (x - trough)), trough - 0.6 * columns, trough + 0.6 * columns)
+        place, height, curvature = least(
+            -np.cos(omega * (x - trough)), trough - 0.6 * columns, trough + 0.6 * columns
+        )
         assert place == pytest.approx(trough, abs=off)
         assert height == pytest.approx(-1.0, abs=1.3 * off)
         assert curvature == pytest.approx(omega**2, rel=10 * off)
 
 
 def test_edges_of_a_known_curve():
-    """Two humps of the slope with their centres told: the extrema of the derivatives of two tanh steps."""
+    """Two humps of the slope with their centres told: the extrema of the derivatives of two tanh
+    steps.
+    """
     rate, speed, at = 25_000.0, np.array([10.0]), 0.05
     time = (np.arange(1024) - 512.3) / rate
     xi = 10.0 * time
     values = (0.5 * (np.tanh((xi - at) / 0.01) - np.tanh((xi + at) / 0.01)))[None]
     one = np.ones(1)
-    found = find_edges(values, rate, 512.3 * one, speed, 0.0 * one, 9000.0 * one, 0.05 * one, 1e-6, 2)
+    found = find_edges(
+        values, rate, 512.3 * one, speed, 0.0 * one, 9000.0 * one, 0.05 * one, 1e-6, 2
+    )
     assert found.length_d1_m[0] == pytest.approx(2 * at, rel=1e-4)
     # the bend of tanh is sharpest where tanh^2 = 1/3, outside of its centre
-    assert found.length_d2_m[0] == pytest.approx(2 * (at + 0.01 * np.arctanh(np.sqrt(1 / 3))), rel=1e-4)
+    assert found.length_d2_m[0] == pytest.approx(
+        2 * (at + 0.01 * np.arctanh(np.sqrt(1 / 3))), rel=1e-4
+    )
     assert found.entry_height[0] == pytest.approx(found.exit_height[0], rel=1e-3)
 
 
@@ -334,5 +443,7 @@ def test_windows_are_the_samples_around_and_end_at_gaps():
     for row, at in enumerate(np.round(index).astype(int)):
         own = np.arange(at - 16, at + 16)
         inside = (own >= 0) & (own < 1000) & ((own < 600) == (at < 600))
-        np.testing.assert_array_equal(found.values[row], np.where(inside, -own.astype(float), np.nan))
+        np.testing.assert_array_equal(
+            found.values[row], np.where(inside, -own.astype(float), np.nan)
+        )
         assert found.centre[row] == pytest.approx(index[row] - at + 16)

@@ -1,4 +1,6 @@
-"""Footprint and dissipation under bad input, and for any block size: no row may be lost, each fault has its own word."""
+"""Footprint and dissipation under bad input, and for any block size: no row may be lost, each fault
+has its own word.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +38,18 @@ def of(channel, radius_m, cutoff="auto", blocks=1 << 20):
 def test_the_same_rows_for_any_block_size(made, radius_m, blocks):
     passages, whole = of(made.channel, radius_m)
     pieces = footprint(made.channel, passages, Cutoff(), blocks)
-    for name in ("length_m", "length_se_m", "length_d2_m", "length_d1_m", "entry_time_s", "exit_time_s", "edge_asymmetry"):
-        np.testing.assert_allclose(getattr(pieces, name), getattr(whole, name), rtol=1e-7, atol=1e-12, err_msg=name)
+    for name in (
+        "length_m",
+        "length_se_m",
+        "length_d2_m",
+        "length_d1_m",
+        "entry_time_s",
+        "exit_time_s",
+        "edge_asymmetry",
+    ):
+        np.testing.assert_allclose(
+            getattr(pieces, name), getattr(whole, name), rtol=1e-7, atol=1e-12, err_msg=name
+        )
     assert pieces.quality == whole.quality
     words = speed_words(passages)
     one = dissipation(made.channel, passages, 1e-3, words)
@@ -55,7 +67,9 @@ def test_edges_stand_half_a_length_from_the_middle(made, radius_m):
     passages, found = of(made.channel, radius_m)
     seconds = found.exit_time_s - found.entry_time_s
     calm = np.abs(passages.acceleration_m_s2) < 0.5
-    np.testing.assert_allclose((seconds * passages.speed_m_s)[calm], found.length_m[calm], rtol=1e-3)
+    np.testing.assert_allclose(
+        (seconds * passages.speed_m_s)[calm], found.length_m[calm], rtol=1e-3
+    )
 
 
 def damaged(made, how):
@@ -72,7 +86,12 @@ def rows_near(passages, time_s):
 
 def test_a_lost_peak_inside_the_patch(made, radius_m):
     hit = made.time_s[[20, 40]]
-    channel = damaged(made, lambda values, at: values.__setitem__(np.concatenate([at[[20, 40]], at[[20, 40]] + 3]), np.nan))
+    channel = damaged(
+        made,
+        lambda values, at: values.__setitem__(
+            np.concatenate([at[[20, 40]], at[[20, 40]] + 3]), np.nan
+        ),
+    )
     passages, found = of(channel, radius_m)
     for row in rows_near(passages, hit):
         assert "lost_peak" in found.quality[row]
@@ -82,7 +101,9 @@ def test_a_lost_peak_inside_the_patch(made, radius_m):
 
 def test_a_mode_hop_inside_the_patch(made, radius_m):
     hit = made.time_s[[25]]
-    channel = damaged(made, lambda values, at: values.__setitem__(at[25] + 4, values[at[25] + 4] + 3e-3))
+    channel = damaged(
+        made, lambda values, at: values.__setitem__(at[25] + 4, values[at[25] + 4] + 3e-3)
+    )
     passages, found = of(channel, radius_m)
     assert "spike" in found.quality[rows_near(passages, hit)[0]]
     assert len(passages) == made.time_s.size
@@ -92,7 +113,9 @@ def test_a_mode_hop_inside_the_patch(made, radius_m):
 
 def test_clipped_strain(made, radius_m):
     floor = np.quantile(made.values, 0.02)
-    passages, found = of(damaged(made, lambda values, at: np.maximum(values, floor, out=values)), radius_m)
+    passages, found = of(
+        damaged(made, lambda values, at: np.maximum(values, floor, out=values)), radius_m
+    )
     assert len(passages) == made.time_s.size
     assert np.mean(["clipped" in words for words in found.quality]) > 0.9
 
@@ -111,7 +134,14 @@ def test_a_patch_shorter_than_four_samples(drive, radius_m):
 
 
 def test_creeping_back_and_standing_still_lose_no_row(drive, radius_m):
-    turned = drive([0, 8, 11, 20, 23, 33], [8, 8, 0, 0, -6, -6], seed=1502, pulse=Beam(speeds=(0.0, 9.0)), height=1.0, drift=0.0)
+    turned = drive(
+        [0, 8, 11, 20, 23, 33],
+        [8, 8, 0, 0, -6, -6],
+        seed=1502,
+        pulse=Beam(speeds=(0.0, 9.0)),
+        height=1.0,
+        drift=0.0,
+    )
     passages, found = of(turned.channel, radius_m)
     assert len(found.quality) == len(passages) == found.length_m.size
     words = set().union(*speed_words(passages))
@@ -127,7 +157,9 @@ def test_a_log_at_rest_is_refused_with_advice(radius_m):
 
 
 def test_the_table_has_every_row_and_a_reason_for_each_missing_onset(made, radius_m):
-    setup = SimpleNamespace(tire=Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126), conditions=None)
+    setup = SimpleNamespace(
+        tire=Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126), conditions=None
+    )
     (table,) = footprint_of(Recording("drive.csv", {"strain_1": made.channel}, setup), Cutoff())
     rows = len(table.passages)
     assert all(np.shape(column) == (rows,) for column in table.columns.values())
@@ -146,7 +178,9 @@ def test_cutoffs_as_the_papers_give_them(radius_m):
     speed = np.array([5.0, 20.0])
     np.testing.assert_allclose(Cutoff.parse("400 Hz").frequency(speed, radius_m, 1.0), 400.0)
     np.testing.assert_allclose(Cutoff.parse("0.4kHz").frequency(speed, radius_m, 1.0), 400.0)
-    np.testing.assert_allclose(Cutoff.parse("40x").frequency(speed, radius_m, 1.0), 40 * speed / (2 * np.pi * radius_m))
+    np.testing.assert_allclose(
+        Cutoff.parse("40x").frequency(speed, radius_m, 1.0), 40 * speed / (2 * np.pi * radius_m)
+    )
 
 
 @pytest.mark.filterwarnings("error")

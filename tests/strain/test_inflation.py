@@ -1,4 +1,6 @@
-"""Strain against inflation pressure: a ramp with two stops and leaks (P2 Fig. 15), and what is refused."""
+"""Strain against inflation pressure: a ramp with two stops and leaks (P2 Fig. 15), and what is
+refused.
+"""
 
 from __future__ import annotations
 
@@ -16,18 +18,37 @@ RATE_HZ = 2500.0
 
 
 def ramp(seed=1800, noise=6e-7, bend=0.0):
-    """Strain and pressure channels: 1.7 to 2.3 bar in three ramps, stops at 5.5 and 8 s where 1000 Pa leak."""
+    """Strain and pressure channels: 1.7 to 2.3 bar in three ramps, stops at 5.5 and 8 s where 1000
+    Pa leak.
+    """
     time = np.arange(0, 12, 1 / RATE_HZ)
-    pressure = np.interp(time, [0, 1, 5.5, 6.5, 8, 9, 11, 12], [1.7e5, 1.7e5, 2.05e5, 2.04e5, 2.2e5, 2.19e5, 2.3e5, 2.3e5])
+    pressure = np.interp(
+        time,
+        [0, 1, 5.5, 6.5, 8, 9, 11, 12],
+        [1.7e5, 1.7e5, 2.05e5, 2.04e5, 2.2e5, 2.19e5, 2.3e5, 2.3e5],
+    )
     over = pressure - 1.7e5
-    strain = SLOPE_1_Pa * over * (1 + bend * over / 6e4) + np.random.default_rng(seed).normal(0, noise, time.size)
+    strain = SLOPE_1_Pa * over * (1 + bend * over / 6e4) + np.random.default_rng(seed).normal(
+        0, noise, time.size
+    )
     axis = TimeAxis.uniform(time.size, RATE_HZ)
-    return Channel.of_array("s", "strain", strain, axis), Channel.of_array("p", "inflation_pressure", pressure, axis, unit="Pa")
+    return Channel.of_array("s", "strain", strain, axis), Channel.of_array(
+        "p", "inflation_pressure", pressure, axis, unit="Pa"
+    )
 
 
 def test_slope_linearity_and_leaks():
     test, _ = inflation(*ramp())
-    assert test.stretch.tolist() == ["whole", "stop", "ramp", "stop", "ramp", "stop", "ramp", "stop"]
+    assert test.stretch.tolist() == [
+        "whole",
+        "stop",
+        "ramp",
+        "stop",
+        "ramp",
+        "stop",
+        "ramp",
+        "stop",
+    ]
     assert test.slope_1_Pa[0] == pytest.approx(SLOPE_1_Pa, rel=1e-3)
     assert abs(test.slope_1_Pa[0] - SLOPE_1_Pa) < 4 * test.slope_se_1_Pa[0]
     assert test.nonlinearity[0] < 0.005
@@ -61,7 +82,11 @@ def test_lost_samples_do_no_harm():
 
 def test_the_table_says_what_leaked():
     strain, pressure = ramp()
-    recording = Recording("i.csv", {"s": strain, "p": pressure}, Setup(Tire(rolling_radius_m=0.3, static_footprint_length_m=0.126)))
+    recording = Recording(
+        "i.csv",
+        {"s": strain, "p": pressure},
+        Setup(Tire(rolling_radius_m=0.3, static_footprint_length_m=0.126)),
+    )
     (table,) = inflation_of(recording)
     assert table.columns["quality"].tolist().count("leak") == 2
     assert any("126.0 mm" in remark for remark in table.remarks)

@@ -1,4 +1,7 @@
-"""Property: what is no tire pass is said to be none, and no log of a rolling tire is.  Seeds from 1000: none was used for tuning."""
+"""Property: what is no tire pass is said to be none, and no log of a rolling tire is.
+
+Seeds from 1000: none was used for tuning.
+"""
 
 from __future__ import annotations
 
@@ -16,21 +19,29 @@ TIME_S = np.arange(int(20 * RATE_HZ)) / RATE_HZ
 def coloured(rng, power):
     """Noise whose spectrum falls with frequency to this power, standard deviation 1."""
     frequency = np.maximum(np.fft.rfftfreq(TIME_S.size), 1.0 / TIME_S.size)
-    values = np.fft.irfft(np.fft.rfft(rng.normal(size=TIME_S.size)) * frequency ** (-power / 2), TIME_S.size)
+    values = np.fft.irfft(
+        np.fft.rfft(rng.normal(size=TIME_S.size)) * frequency ** (-power / 2), TIME_S.size
+    )
     return values / values.std()
 
 
 def rim(rng):
     """Gravity on a rim that turns 1 to 3 times a second, and the road's noise."""
     rate = np.interp(TIME_S, np.linspace(0, 20, 6), rng.uniform(1, 3, 6))
-    return np.cos(2 * np.pi * np.cumsum(rate) / RATE_HZ) + 0.1 * coloured(rng, 1.0) + 0.05 * rng.normal(size=TIME_S.size)
+    return (
+        np.cos(2 * np.pi * np.cumsum(rate) / RATE_HZ)
+        + 0.1 * coloured(rng, 1.0)
+        + 0.05 * rng.normal(size=TIME_S.size)
+    )
 
 
 def bursts(rng):
     """Ringing at 200 Hz at random times, as of a piezo element."""
     values = 0.02 * rng.normal(size=TIME_S.size)
     for at in rng.uniform(0, 20, 60):
-        values += np.exp(-(((TIME_S - at) / 0.02) ** 2)) * np.sin(2 * np.pi * 200 * (TIME_S - at) + rng.uniform(0, 6))
+        values += np.exp(-(((TIME_S - at) / 0.02) ** 2)) * np.sin(
+            2 * np.pi * 200 * (TIME_S - at) + rng.uniform(0, 6)
+        )
     return values
 
 
@@ -44,8 +55,12 @@ SIGNALS = {
     "slow white": lambda rng: np.convolve(rng.normal(size=TIME_S.size), np.hanning(40), "same"),
     "road": lambda rng: coloured(rng, 1.0),
     "rough road": lambda rng: coloured(rng, 2.0),
-    "sine": lambda rng: np.sin(2 * np.pi * rng.uniform(0.5, 90) * TIME_S) + 0.02 * rng.normal(size=TIME_S.size),
-    "telegraph": lambda rng: np.cumsum(rng.random(TIME_S.size) < 8 / RATE_HZ) % 2 + 0.01 * rng.normal(size=TIME_S.size),
+    "sine": lambda rng: (
+        np.sin(2 * np.pi * rng.uniform(0.5, 90) * TIME_S) + 0.02 * rng.normal(size=TIME_S.size)
+    ),
+    "telegraph": lambda rng: (
+        np.cumsum(rng.random(TIME_S.size) < 8 / RATE_HZ) % 2 + 0.01 * rng.normal(size=TIME_S.size)
+    ),
     "ramp": lambda rng: 0.1 * TIME_S + 0.01 * rng.normal(size=TIME_S.size),
     "rim": rim,
     "bursts": bursts,
@@ -59,7 +74,9 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
     rows = 0
     for seed in (1000, 1001):
         values = SIGNALS[name](np.random.default_rng(seed)) * (1e-4 if kind == "strain" else 100.0)
-        found = find_passages(Channel.of_array("c", kind, values, TimeAxis.uniform(values.size, RATE_HZ)), 0.3)
+        found = find_passages(
+            Channel.of_array("c", kind, values, TimeAxis.uniform(values.size, RATE_HZ)), 0.3
+        )
         rows += len(found)
         columns = speed_columns("a.csv", found)
         assert "ok" not in columns["quality"]
@@ -86,14 +103,18 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
     ids=["starts and stops", "coasting", "town", "parking", "three passages", "start", "216 km/h"],
 )
 def test_a_rolling_tire_is_never_doubted(drive, radius_m, knots, speeds, noise_pm):
-    found = find_passages(drive(knots, speeds, seed=1002, noise_pm=noise_pm, rate_Hz=5000.0).channel, radius_m)
+    found = find_passages(
+        drive(knots, speeds, seed=1002, noise_pm=noise_pm, rate_Hz=5000.0).channel, radius_m
+    )
     assert len(found) > 1
     assert found.doubt == ""
     assert not any("not_a_passage" in words for words in found.quality)
 
 
 def test_lost_samples_between_many_passages_are_no_doubt(drive, radius_m):
-    """The instrument reads four passages of every eight: a quarter of the pairs is not one turn apart."""
+    """The instrument reads four passages of every eight: a quarter of the pairs is not one turn
+    apart.
+    """
     d = drive([0, 20], [15, 15], seed=1003)
     values = d.values.copy()
     values[(d.channel.axis.time() * 15 / (2 * np.pi * radius_m)) % 8 > 4.2] = np.nan
@@ -105,12 +126,18 @@ def test_lost_samples_between_many_passages_are_no_doubt(drive, radius_m):
 def test_a_long_standstill_before_the_start_does_not_turn_the_patch_over(drive, radius_m):
     """The level outside follows the square of the speed; most of the log is at rest."""
     made = drive([0, 60, 63, 70], [0, 0, 20, 20], seed=1004, noise_pm=0.0)
-    distance = np.cumsum(np.interp(made.channel.axis.time(), [0, 60, 63, 70], [0, 0, 20, 20])) / 2500.0
+    distance = (
+        np.cumsum(np.interp(made.channel.axis.time(), [0, 60, 63, 70], [0, 0, 20, 20])) / 2500.0
+    )
     speed = np.interp(made.channel.axis.time(), [0, 60, 63, 70], [0, 0, 20, 20])
     xi = (distance + np.pi * radius_m) % (2 * np.pi * radius_m) - np.pi * radius_m
     outside = 1.0 - 0.5 * (np.tanh((xi + 0.055) / 0.01) - np.tanh((xi - 0.055) / 0.01))
-    values = -(speed**2) / radius_m * outside + np.random.default_rng(1004).normal(0.0, 3.0, xi.size)
-    found = find_passages(Channel.of_array("z", "radial_acceleration", values, made.channel.axis), radius_m)
+    values = -(speed**2) / radius_m * outside + np.random.default_rng(1004).normal(
+        0.0, 3.0, xi.size
+    )
+    found = find_passages(
+        Channel.of_array("z", "radial_acceleration", values, made.channel.axis), radius_m
+    )
     assert found.sign == 1.0
     assert found.doubt == ""
     assert np.isfinite(found.speed_m_s).sum() > 60

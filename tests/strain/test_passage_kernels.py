@@ -1,4 +1,7 @@
-"""The compiled loops of the passages against plain numpy, written another way.  Seeds from 1000: none was used for tuning."""
+"""The compiled loops of the passages against plain numpy, written another way.
+
+Seeds from 1000: none was used for tuning.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +40,14 @@ def test_medians_of_buckets(bucket, share):
     values = holed(np.random.default_rng(1800), 40 * bucket + 3 * bucket // 4 + 1, share)
     medians = np.empty(41, np.float32)
     bucket_medians(values, bucket, -1.0, medians)
-    means = np.pad(values, (0, -values.size % bucket), constant_values=np.nan).reshape(-1, 4, bucket // 4).mean(axis=2)
-    expected = [-np.median(row[~np.isnan(row)]) if not np.isnan(row).all() else np.nan for row in means]
+    means = (
+        np.pad(values, (0, -values.size % bucket), constant_values=np.nan)
+        .reshape(-1, 4, bucket // 4)
+        .mean(axis=2)
+    )
+    expected = [
+        -np.median(row[~np.isnan(row)]) if not np.isnan(row).all() else np.nan for row in means
+    ]
     np.testing.assert_allclose(medians, expected, rtol=1e-6)
 
 
@@ -46,8 +55,14 @@ def test_medians_of_buckets(bucket, share):
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_extremes_are_those_of_all_samples(rate_Hz, share):
     values = holed(np.random.default_rng(8010), 3 * PIECE_SAMPLES + 5, share)
-    found = decimate(Channel.of_array("c", "strain", values, TimeAxis.uniform(values.size, rate_Hz)), -1.0, PIECE_SAMPLES)
-    assert found.extremes == ((np.nanmin(values), np.nanmax(values)) if share < 1.0 else (np.inf, -np.inf))
+    found = decimate(
+        Channel.of_array("c", "strain", values, TimeAxis.uniform(values.size, rate_Hz)),
+        -1.0,
+        PIECE_SAMPLES,
+    )
+    assert found.extremes == (
+        (np.nanmin(values), np.nanmax(values)) if share < 1.0 else (np.inf, -np.inf)
+    )
 
 
 def test_one_infinite_sample_does_not_matter_to_a_bucket():
@@ -70,8 +85,18 @@ def test_running_medians_leave_ends_and_neighbours_of_lost_samples():
 
 
 def swings_removed(values, least):
-    """The alternating extremes left when the smallest swing between neighbours goes, again and again, until none is below `least`."""
-    at = [0, *(i for i in range(1, len(values) - 1) if (values[i] - values[i - 1]) * (values[i + 1] - values[i]) < 0), len(values) - 1]
+    """The alternating extremes left when the smallest swing between neighbours goes, again and
+    again, until none is below `least`.
+    """
+    at = [
+        0,
+        *(
+            i
+            for i in range(1, len(values) - 1)
+            if (values[i] - values[i - 1]) * (values[i + 1] - values[i]) < 0
+        ),
+        len(values) - 1,
+    ]
     while len(at) > 1:
         swings = [abs(values[b] - values[a]) for a, b in pairwise(at)]
         k = int(np.argmin(swings))
@@ -93,7 +118,9 @@ def test_turning_points_are_what_is_left_of_the_swings(seed, size, least):
 
 def test_a_plateau_is_one_turning_point_and_still_values_are_none():
     points = np.empty(9, np.int32)
-    assert points[: turning_points(np.array([0, 1, 1, 1, 0, 0, 2, 2], np.float32), 0.5, points)].tolist() == [0, 1, 4, 6]
+    assert points[
+        : turning_points(np.array([0, 1, 1, 1, 0, 0, 2, 2], np.float32), 0.5, points)
+    ].tolist() == [0, 1, 4, 6]
     assert turning_points(np.ones(8, np.float32), 0.0, points) == 0
 
 
@@ -111,7 +138,9 @@ def test_medians_around(share):
     values = holed(np.random.default_rng(1802), 50, share)
     medians = np.empty(50)
     medians_around(values, 3, np.empty(7), medians)
-    np.testing.assert_array_equal(medians, [np.nanmedian(values[max(i - 3, 0) : i + 4]) for i in range(50)])
+    np.testing.assert_array_equal(
+        medians, [np.nanmedian(values[max(i - 3, 0) : i + 4]) for i in range(50)]
+    )
 
 
 @pytest.mark.parametrize("size", [4096, 4095, 7])
@@ -129,12 +158,16 @@ def test_white_noise_of_too_few_samples_is_not_known():
 
 
 PHI = np.linspace(-0.4, 0.4, TABLE)
-TEMPLATE = Template(PHI, np.exp(-((PHI / 0.15) ** 2)), -2 * PHI / 0.15**2 * np.exp(-((PHI / 0.15) ** 2)), 0.4, 0.12)
+TEMPLATE = Template(
+    PHI, np.exp(-((PHI / 0.15) ** 2)), -2 * PHI / 0.15**2 * np.exp(-((PHI / 0.15) ** 2)), 0.4, 0.12
+)
 OMEGA, RATE_HZ, NOISE = 40.0, 2500.0, 1e-3
 
 
 def passages_of_the_template(seed, axis, n=5):
-    """Samples that are the template at known times, each with its own offset, height and speed, and starts beside them."""
+    """Samples that are the template at known times, each with its own offset, height and speed, and
+    starts beside them.
+    """
     rng = np.random.default_rng(seed)
     every = axis.size // n
     index = every * (np.arange(n) + 0.5) + rng.uniform(-3, 3, n)
@@ -147,12 +180,19 @@ def passages_of_the_template(seed, axis, n=5):
         own = slice(k * every, (k + 1) * every)
         tau = time[own] - start.time_s[k]
         phi = (OMEGA + 0.5 * start.alpha[k] * tau) * tau
-        values[own] = offset[k] + height[k] * np.exp(-(((phi * (1 + stretch[k]) - shift[k]) / 0.15) ** 2))
+        values[own] = offset[k] + height[k] * np.exp(
+            -(((phi * (1 + stretch[k]) - shift[k]) / 0.15) ** 2)
+        )
     return values, start, height, offset, shift, stretch
 
 
 def signal_of(values, axis, sign=1.0):
-    return Signal(Channel.of_array("s", "strain", sign * values, axis), sign, NOISE, (np.nanmin(sign * values), np.nanmax(sign * values)))
+    return Signal(
+        Channel.of_array("s", "strain", sign * values, axis),
+        sign,
+        NOISE,
+        (np.nanmin(sign * values), np.nanmax(sign * values)),
+    )
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -163,19 +203,29 @@ def test_the_fit_finds_shift_stretch_height_and_offset(sign, kind):
         axis = TimeAxis.of_times(axis.time() + 1e-5 * np.sin(np.arange(1000)))
     elif kind == "with a gap":
         # in the middle of the third window
-        axis = TimeAxis(1000, RATE_HZ, np.array([0, 503]), np.array([0.0, 503 / RATE_HZ + 0.01]), np.full(2, 1 / RATE_HZ))
+        axis = TimeAxis(
+            1000,
+            RATE_HZ,
+            np.array([0, 503]),
+            np.array([0.0, 503 / RATE_HZ + 0.01]),
+            np.full(2, 1 / RATE_HZ),
+        )
     values, start, height, offset, shift, stretch = passages_of_the_template(1810, axis)
     windows = gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad)
     found = fit(windows, TEMPLATE, start, np.ones(5))
     np.testing.assert_allclose(found.height, height, rtol=2e-3)
     np.testing.assert_allclose(found.offset, offset, atol=2e-3)
     np.testing.assert_allclose(found.omega, OMEGA * (1 + stretch), rtol=2e-3)
-    np.testing.assert_allclose((found.time_s - start.time_s) * OMEGA, shift / (1 + stretch), atol=2e-4)
+    np.testing.assert_allclose(
+        (found.time_s - start.time_s) * OMEGA, shift / (1 + stretch), atol=2e-4
+    )
     assert not (found.lost | found.spike | found.clipped | found.outside).any()
 
 
 def reference_step(values, weight, tau, omega, alpha, height, stretch):
-    """Solution and covariance of one linearised step by a weighted least squares of rows with a prior row for the stretch."""
+    """Solution and covariance of one linearised step by a weighted least squares of rows with a
+    prior row for the stretch.
+    """
     phi = (omega + 0.5 * alpha * tau) * tau
     shape, slope = np.interp(phi, PHI, TEMPLATE.values), np.interp(phi, PHI, TEMPLATE.slope)
     design = np.column_stack([np.ones(phi.size), shape, slope, phi * slope])[weight]
@@ -201,16 +251,25 @@ def test_the_fit_is_two_steps_of_least_squares_with_the_cramer_rao_bound():
         weight = np.isfinite(values[at]) & (at != 505)
         time_s, omega, height = start.time_s[k], start.omega[k], 1.0
         for _ in range(2):
-            solution, covariance = reference_step(values[at], weight, at / RATE_HZ - time_s, omega, start.alpha[k], height, held)
+            solution, covariance = reference_step(
+                values[at], weight, at / RATE_HZ - time_s, omega, start.alpha[k], height, held
+            )
             height = solution[1]
-            time_s, omega = time_s - solution[2] / height / omega, omega * (1 + solution[3] / height)
+            time_s, omega = (
+                time_s - solution[2] / height / omega,
+                omega * (1 + solution[3] / height),
+            )
         assert found.used[k] == weight.sum()
         assert found.time_s[k] == pytest.approx(time_s, abs=1e-9)
         assert found.omega[k] == pytest.approx(omega, rel=1e-6)
         assert found.height[k] == pytest.approx(height, rel=1e-6)
         assert found.offset[k] == pytest.approx(solution[0], abs=1e-6)
-        assert found.time_se_s[k] == pytest.approx(NOISE * np.sqrt(covariance[2, 2]) / (height * omega), rel=1e-5)
-        assert found.omega_se[k] == pytest.approx(NOISE * np.sqrt(covariance[3, 3]) / height * omega, rel=1e-5)
+        assert found.time_se_s[k] == pytest.approx(
+            NOISE * np.sqrt(covariance[2, 2]) / (height * omega), rel=1e-5
+        )
+        assert found.omega_se[k] == pytest.approx(
+            NOISE * np.sqrt(covariance[3, 3]) / height * omega, rel=1e-5
+        )
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -221,8 +280,12 @@ def test_windows_that_are_clipped_outside_or_empty_say_so(sign):
     top = np.max(values[400:600]) - 0.2 * height[2]
     values[400:600] = np.minimum(values[400:600], top)
     values[600:] = np.minimum(values[600:], top - 1e-6)
-    start = Start(start.time_s, np.append(start.index[:4], 999.0), start.omega, start.alpha, start.stretch)
-    found = fit(gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad), TEMPLATE, start, height)
+    start = Start(
+        start.time_s, np.append(start.index[:4], 999.0), start.omega, start.alpha, start.stretch
+    )
+    found = fit(
+        gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad), TEMPLATE, start, height
+    )
     assert found.clipped.tolist()[:4] == [False, False, True, False]
     assert found.outside.tolist() == [False, False, False, False, True]
     assert found.lost.tolist()[:4] == [True, True, False, False]
@@ -233,7 +296,9 @@ def test_windows_that_are_clipped_outside_or_empty_say_so(sign):
 def test_a_long_window_is_thinned():
     axis = TimeAxis.uniform(20_000, 50_000.0)
     values, start, height, *_ = passages_of_the_template(1813, axis, n=2)
-    found = fit(gather(signal_of(values, axis), start, TEMPLATE.window_rad), TEMPLATE, start, height)
+    found = fit(
+        gather(signal_of(values, axis), start, TEMPLATE.window_rad), TEMPLATE, start, height
+    )
     assert (found.used <= MOST_SAMPLES).all()
     assert (found.used > MOST_SAMPLES // 2).all()
     np.testing.assert_allclose(found.height, height, rtol=2e-3)

@@ -26,13 +26,17 @@ def assert_all_found(found, truth, worst_s=2e-4):
 def rows_with_lost(values, truth, index, window_s):
     """Rows whose true centre has a lost sample within the window."""
     lost = np.flatnonzero(np.isnan(values)) / 2500.0
-    return np.array([np.any(np.abs(lost - t) < w) for t, w in zip(truth.time_s, window_s, strict=True)])
+    return np.array(
+        [np.any(np.abs(lost - t) < w) for t, w in zip(truth.time_s, window_s, strict=True)]
+    )
 
 
 @pytest.mark.parametrize("share", [0.005, 0.1])
 def test_lost_samples_are_flagged_where_they_are(steady, radius_m, share):
     values = steady.values.copy()
-    values[np.random.default_rng(1101).choice(values.size, int(share * values.size), replace=False)] = np.nan
+    values[
+        np.random.default_rng(1101).choice(values.size, int(share * values.size), replace=False)
+    ] = np.nan
     found = find_passages(steady.with_values(values), radius_m)
     assert_all_found(found, steady)
     window_s = found.window_rad / found.omega_rad_s
@@ -62,8 +66,12 @@ def test_spikes_of_any_size_are_ignored_and_said(steady, radius_m):
     values[where] += rng.choice([-1, 1], 300) * rng.uniform(2e-4, 5e-3, 300)
     found = find_passages(steady.with_values(values), radius_m)
     assert_all_found(found, steady)
-    assert np.abs(found.time_s - steady.time_s - np.median(found.time_s - steady.time_s)).max() < 2e-4
-    middle = np.array([np.abs(where / 2500.0 - t).min() for t in steady.time_s]) < 0.03 / np.abs(steady.speed_m_s)
+    assert (
+        np.abs(found.time_s - steady.time_s - np.median(found.time_s - steady.time_s)).max() < 2e-4
+    )
+    middle = np.array([np.abs(where / 2500.0 - t).min() for t in steady.time_s]) < 0.03 / np.abs(
+        steady.speed_m_s
+    )
     assert all("spike" in found.quality[k] for k in np.flatnonzero(middle))
 
 
@@ -87,7 +95,9 @@ def test_clipped_patches_are_timed_by_their_flanks(steady, radius_m):
 
 def test_a_coarse_scale_is_not_clipping(steady, radius_m):
     step = 10 * 1.27e-3 / 1550.0
-    found = find_passages(steady.with_values(np.round(steady.values / step) * step, resolution=step), radius_m)
+    found = find_passages(
+        steady.with_values(np.round(steady.values / step) * step, resolution=step), radius_m
+    )
     assert_all_found(found, steady)
     assert all("clipped" not in words for words in found.quality)
 
@@ -95,8 +105,16 @@ def test_a_coarse_scale_is_not_clipping(steady, radius_m):
 @pytest.mark.parametrize("seconds", [0.04, 0.5, 10.0])
 def test_gaps_break_the_turns_and_lose_only_what_they_hold(steady, radius_m, seconds):
     cut, gap = 40_000, int(seconds * 2500)
-    axis = TimeAxis(steady.values.size - gap, 2500.0, np.array([0, cut]), np.array([0.0, (cut + gap) / 2500]), np.full(2, 1 / 2500))
-    found = find_passages(steady.with_values(np.delete(steady.values, slice(cut, cut + gap)), axis), radius_m)
+    axis = TimeAxis(
+        steady.values.size - gap,
+        2500.0,
+        np.array([0, cut]),
+        np.array([0.0, (cut + gap) / 2500]),
+        np.full(2, 1 / 2500),
+    )
+    found = find_passages(
+        steady.with_values(np.delete(steady.values, slice(cut, cut + gap)), axis), radius_m
+    )
     reach = 0.17 / np.abs(steady.speed_m_s)
     begin, end = cut / 2500, (cut + gap) / 2500
     touched = (steady.time_s + reach > begin) & (steady.time_s - reach < end)
@@ -109,7 +127,13 @@ def test_gaps_break_the_turns_and_lose_only_what_they_hold(steady, radius_m, sec
 
 def test_doubts_of_the_reader_reach_their_rows_only(steady, radius_m):
     middle = int(steady.time_s[60] * 2500)
-    channel = Channel.of_array("grating", "strain", steady.values, steady.channel.axis, flags=((middle, middle + 2, "duplicate_peak"),))
+    channel = Channel.of_array(
+        "grating",
+        "strain",
+        steady.values,
+        steady.channel.axis,
+        flags=((middle, middle + 2, "duplicate_peak"),),
+    )
     found = find_passages(channel, radius_m)
     assert [k for k, words in enumerate(found.quality) if "duplicate_peak" in words] == [60]
 
@@ -117,11 +141,15 @@ def test_doubts_of_the_reader_reach_their_rows_only(steady, radius_m):
 @pytest.mark.parametrize("samples", [0, 1, 2, 3, 5, 7, 100])
 @pytest.mark.parametrize("fill", [0.0, np.nan])
 def test_next_to_nothing_gives_no_rows(radius_m, samples, fill):
-    channel = Channel.of_array("grating", "strain", np.full(samples, fill), TimeAxis.uniform(samples, 2500.0))
+    channel = Channel.of_array(
+        "grating", "strain", np.full(samples, fill), TimeAxis.uniform(samples, 2500.0)
+    )
     assert len(find_passages(channel, radius_m)) == 0
 
 
-@pytest.mark.parametrize(("turns", "known"), [(0.1, 0), (0.4, 0), (0.9, 0), (1.9, 0), (2.9, 3), (3.9, 4)])
+@pytest.mark.parametrize(
+    ("turns", "known"), [(0.1, 0), (0.4, 0), (0.9, 0), (1.9, 0), (2.9, 3), (3.9, 4)]
+)
 def test_few_revolutions_have_rows_without_speed(drive, radius_m, turns, known):
     d = drive([0, turns * 2 * np.pi * radius_m / 10], [10, 10], seed=1106)
     found = find_passages(d.channel, radius_m)

@@ -1,4 +1,7 @@
-"""Every passage found and none invented, whatever the drive and the instrument do.  Seeds from 1000: none was used for tuning."""
+"""Every passage found and none invented, whatever the drive and the instrument do.
+
+Seeds from 1000: none was used for tuning.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,9 @@ MANOEUVRES = ([0, 2, 8, 16, 19, 24, 40], [6, 6, 25, 25, 12, 12, 20])
 
 
 def one_to_one(found: Passages, drive, within_m: float = 0.005) -> np.ndarray:
-    """Index of the true passage of each row; asserts one for each and the times to some millimetres of road."""
+    """Index of the true passage of each row; asserts one for each and the times to some millimetres
+    of road.
+    """
     nearest = drive.nearest(found.time_s)
     assert nearest.tolist() == list(range(len(drive.time_s)))
     off = (found.time_s - drive.time_s) * np.abs(drive.speed_m_s)
@@ -23,7 +28,10 @@ def one_to_one(found: Passages, drive, within_m: float = 0.005) -> np.ndarray:
 
 
 @pytest.mark.parametrize("noise_pm", [0.8, 8.0])
-@pytest.mark.parametrize(("surface", "shape"), [("outer", "beam"), ("inner", "beam"), ("outer", "ring"), ("inner", "ring")])
+@pytest.mark.parametrize(
+    ("surface", "shape"),
+    [("outer", "beam"), ("inner", "beam"), ("outer", "ring"), ("inner", "ring")],
+)
 def test_all_in_the_manoeuvres(drive, pulses, radius_m, noise_pm, surface, shape):
     d = drive(*MANOEUVRES, seed=1001, noise_pm=noise_pm, surface=surface, pulse=pulses[shape])
     one_to_one(find_passages(d.channel, radius_m), d, 0.0015)
@@ -67,7 +75,11 @@ def test_other_rates(drive, radius_m, rate_Hz):
 def test_stamped_samples_give_the_same_rows(drive, radius_m):
     d = drive([0, 5, 15], [5, 5, 15], seed=1006)
     stamped = d.with_values(d.values, TimeAxis.of_times(d.channel.axis.time()))
-    np.testing.assert_allclose(find_passages(stamped, radius_m).time_s, find_passages(d.channel, radius_m).time_s, atol=1e-8)
+    np.testing.assert_allclose(
+        find_passages(stamped, radius_m).time_s,
+        find_passages(d.channel, radius_m).time_s,
+        atol=1e-8,
+    )
 
 
 @pytest.mark.parametrize("block_samples", [1000, 4096, 33_333, 1 << 20])
@@ -81,7 +93,16 @@ def test_the_same_rows_whatever_the_block_size(drive, radius_m, block_samples, m
     monkeypatch.setattr(held, "HELD_SAMPLES", 0)
     monkeypatch.setattr(passage_match, "AT_ONCE", block_samples)
     parts = find_passages(channel, radius_m, block_samples)
-    for name in ("index", "time_s", "time_se_s", "omega_rad_s", "omega_se_rad_s", "height", "turn_after", "measured"):
+    for name in (
+        "index",
+        "time_s",
+        "time_se_s",
+        "omega_rad_s",
+        "omega_se_rad_s",
+        "height",
+        "turn_after",
+        "measured",
+    ):
         np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))
     assert whole.quality == parts.quality
 
@@ -95,15 +116,30 @@ def test_a_rolling_tire_backwards_is_told_from_its_waveform(drive, radius_m):
 
 @pytest.mark.parametrize("start_turns", [0.82, 0.86, 0.9])
 @pytest.mark.parametrize("shape", ["beam", "ring"])
-def test_a_quick_stop_and_back_within_what_might_have_been_one_turn(drive, pulses, radius_m, start_turns, shape):
-    """The wheel stops some third of a turn behind the patch: by the times alone the next passage might be a turn on."""
-    d = drive([0, 12, 15, 18, 20], [8, 8, 0, -8, -8], seed=1010, start_turns=start_turns, pulse=pulses[shape])
+def test_a_quick_stop_and_back_within_what_might_have_been_one_turn(
+    drive, pulses, radius_m, start_turns, shape
+):
+    """The wheel stops some third of a turn behind the patch: by the times alone the next passage
+    might be a turn on.
+    """
+    d = drive(
+        [0, 12, 15, 18, 20],
+        [8, 8, 0, -8, -8],
+        seed=1010,
+        start_turns=start_turns,
+        pulse=pulses[shape],
+    )
     found = find_passages(d.channel, radius_m)
     one_to_one(found, d, 0.01)
     back = d.speed_m_s < 0
     assert [("reversing" in words) for words in found.quality] == back.tolist()
     last = int(np.argmax(back)) - 1
-    away = 0.5 * (d.speed_m_s[last] - d.speed_m_s[last + 1]) / (2 * np.pi * radius_m) * (d.time_s[last + 1] - d.time_s[last])
+    away = (
+        0.5
+        * (d.speed_m_s[last] - d.speed_m_s[last + 1])
+        / (2 * np.pi * radius_m)
+        * (d.time_s[last + 1] - d.time_s[last])
+    )
     assert 0.7 < away < 1.4
     assert not found.turn_after[last]
     assert found.break_after[last] == "reversing"
@@ -120,7 +156,9 @@ def test_stop_and_go_is_not_taken_for_a_way_back(drive, radius_m, start_turns):
 
 
 def test_the_centre_is_the_same_angle_at_every_speed(drive, radius_m):
-    """The odd part of the waveform grows with speed; the centre follows it by less than a millimetre from 6 to 25 m/s."""
+    """The odd part of the waveform grows with speed; the centre follows it by less than a
+    millimetre from 6 to 25 m/s.
+    """
     centres = []
     for speed in (6.0, 25.0):
         d = drive([0, 20], [speed, speed], seed=1009)

@@ -1,4 +1,7 @@
-"""Slip onset against P2's brush on a finite-difference beam.  Seeds from 1000: none was used for tuning."""
+"""Slip onset against P2's brush on a finite-difference beam.
+
+Seeds from 1000: none was used for tuning.
+"""
 
 from __future__ import annotations
 
@@ -17,13 +20,23 @@ CALM = {"height": 1.0, "drift": 0.0}
 
 
 def lopsided(xi_m, speed_m_s):
-    """A pulse of no brush and no beam: steep where the patch begins, slow where it ends, with shoulders unlike each other."""
-    flat = 0.5 * (np.tanh((xi_m + 0.055) / 0.015) - np.tanh((xi_m - 0.055) / 0.032)) * (1 - 1.5 * xi_m)
-    return flat - 0.35 * np.exp(-(((xi_m + 0.10) / 0.03) ** 2)) - 0.15 * np.exp(-(((xi_m - 0.12) / 0.05) ** 2))
+    """A pulse of no brush and no beam: steep where the patch begins, slow where it ends, with
+    shoulders unlike each other.
+    """
+    flat = (
+        0.5 * (np.tanh((xi_m + 0.055) / 0.015) - np.tanh((xi_m - 0.055) / 0.032)) * (1 - 1.5 * xi_m)
+    )
+    return (
+        flat
+        - 0.35 * np.exp(-(((xi_m + 0.10) / 0.03) ** 2))
+        - 0.15 * np.exp(-(((xi_m - 0.12) / 0.05) ** 2))
+    )
 
 
 def mixed(drive, radius_m, speed, slip, seed, noise_pm=0.8):
-    """A log that rolls freely for 25 s and then with `slip` for 8 s: footprint, which rows slip, true onset, true length."""
+    """A log that rolls freely for 25 s and then with `slip` for 8 s: footprint, which rows slip,
+    true onset, true length.
+    """
     free = Beam(speeds=(speed, speed))
     driven = dataclasses.replace(free, slip=slip, _cache={})
     turn = 2 * np.pi * radius_m / speed
@@ -31,13 +44,22 @@ def mixed(drive, radius_m, speed, slip, seed, noise_pm=0.8):
     second = drive([0, 8], [speed, speed], seed=seed + 50, pulse=driven, noise_pm=noise_pm, **CALM)
     cut = round(np.floor(25 / turn) * turn * 2500)
     values = np.r_[first.values[:cut], second.values]
-    channel = Channel.of_array("s", "strain", values, TimeAxis.uniform(values.size, 2500.0), surface="outer")
+    channel = Channel.of_array(
+        "s", "strain", values, TimeAxis.uniform(values.size, 2500.0), surface="outer"
+    )
     passages = find_passages(channel, radius_m)
     found = footprint(channel, passages)
-    return found, passages.time_s > cut / 2500 + turn, passages.time_s < cut / 2500 - turn, driven.onset_m
+    return (
+        found,
+        passages.time_s > cut / 2500 + turn,
+        passages.time_s < cut / 2500 - turn,
+        driven.onset_m,
+    )
 
 
-@pytest.mark.parametrize(("speed", "slip"), [(8.0, 0.15), (8.0, 0.05), (14.0, 0.1), (14.0, -0.15), (24.0, 0.1)])
+@pytest.mark.parametrize(
+    ("speed", "slip"), [(8.0, 0.15), (8.0, 0.05), (14.0, 0.1), (14.0, -0.15), (24.0, 0.1)]
+)
 def test_the_onset_is_found_where_p2_puts_it(drive, radius_m, speed, slip):
     found, slipping, free, onset = mixed(drive, radius_m, speed, slip, 1600)
     seen = slipping & np.isfinite(found.slip.onset_m)
@@ -51,7 +73,9 @@ def test_the_onset_is_found_where_p2_puts_it(drive, radius_m, speed, slip):
 
 @pytest.mark.parametrize(("speed", "slip"), [(12.0, 0.3), (12.0, -0.3), (20.0, 0.3), (8.0, -0.2)])
 def test_strong_traction_does_not_move_the_length(drive, radius_m, speed, slip):
-    """Traction bends the strain as the patch does (a fit without it is 13 % off): the length stands, and its error says how well."""
+    """Traction bends the strain as the patch does (a fit without it is 13 % off): the length
+    stands, and its error says how well.
+    """
     found, slipping, _, onset = mixed(drive, radius_m, speed, slip, 1630)
     error = found.length_m[slipping] - 0.11
     assert abs(np.nanmedian(error)) < 0.01 * 0.11
@@ -69,7 +93,13 @@ def test_slip_too_small_to_tell_has_a_reason_and_stays_ok(drive, radius_m):
 @pytest.mark.parametrize("speed", [6.0, 14.0, 24.0])
 def test_no_more_than_one_false_find_in_a_hundred_free_passages(drive, radius_m, speed):
     finds = total = 0
-    for number, truth in enumerate((Beam(speeds=(speed, speed)), Beam(speeds=(speed, speed), damping_1_s=60.0, tilt=0.1), Ring())):
+    for number, truth in enumerate(
+        (
+            Beam(speeds=(speed, speed)),
+            Beam(speeds=(speed, speed), damping_1_s=60.0, tilt=0.1),
+            Ring(),
+        )
+    ):
         made = drive([0, 60], [speed, speed], seed=1620 + number, pulse=truth, **CALM)
         found = footprint(made.channel, find_passages(made.channel, radius_m))
         finds += int(np.isfinite(found.slip.onset_m).sum())
@@ -79,7 +109,9 @@ def test_no_more_than_one_false_find_in_a_hundred_free_passages(drive, radius_m,
 
 @pytest.mark.parametrize(("surface", "seed"), [("outer", 1640), ("inner", 1641)])
 def test_pulses_that_the_form_misses_have_no_onset(drive, radius_m, surface, seed):
-    """The learnt form misses these pulses by more than the noise: what a traction removes of that is no sign of slip."""
+    """The learnt form misses these pulses by more than the noise: what a traction removes of that
+    is no sign of slip.
+    """
     made = drive([0, 30], [8, 22], seed=seed, pulse=lopsided, noise_pm=4.0, surface=surface)
     found = footprint(made.channel, find_passages(made.channel, radius_m))
     assert found.slip.onset_m.size > 200
@@ -87,7 +119,9 @@ def test_pulses_that_the_form_misses_have_no_onset(drive, radius_m, surface, see
 
 
 def test_noise_costs_onsets_not_their_truth(drive, radius_m):
-    """A quarter of the passages that the form is learnt from is driven: it is learnt anew without them, and hardly an onset is far off."""
+    """A quarter of the passages that the form is learnt from is driven: it is learnt anew without
+    them, and hardly an onset is far off.
+    """
     errors, pulls, driven = [], [], 0
     for speed, slip, noise_pm in ((14.0, 0.15, 4.0), (20.0, 0.1, 3.0)):
         found, slipping, free, onset = mixed(drive, radius_m, speed, slip, 1650, noise_pm)

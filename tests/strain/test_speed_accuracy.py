@@ -1,4 +1,5 @@
-"""Speed against known truth: 0.002 m/s rms at constant speed, 0.01 m/s in the papers' manoeuvres, and errors that cover.
+"""Speed against known truth: 0.002 m/s rms at constant speed, 0.01 m/s in the papers' manoeuvres,
+and errors that cover.
 
 2.5 kHz, 0.8 pm, 6 to 25 m/s.  Seeds from 1000: none was used for tuning.
 """
@@ -43,7 +44,9 @@ def test_manoeuvres(drive, pulses, radius_m, noise_pm, shape):
 
 
 def test_standard_errors_cover_in_the_manoeuvres(drive, radius_m):
-    """All rows of six drives with kinks at different places: within one and within two standard errors."""
+    """All rows of six drives with kinks at different places: within one and within two standard
+    errors.
+    """
     ratios = []
     for seed in range(1250, 1256):
         rng = np.random.default_rng(seed)

@@ -1,4 +1,6 @@
-"""`tirelog speed` on logs: the radius option, channels that tell no speed, few revolutions, nothing in the strain."""
+"""`tirelog speed` on logs: the radius option, channels that tell no speed, few revolutions, nothing
+in the strain.
+"""
 
 from __future__ import annotations
 
@@ -83,8 +85,13 @@ def test_an_empty_or_constant_channel_gives_an_empty_table(drive, command, fill)
 
 def test_nothing_that_tells_the_speed(drive, command):
     d = drive([0, 2], [10, 10], seed=1404)
-    setup = SETUP.replace('kind = "strain"', 'kind = "temperature"').replace('unit = "strain"', 'unit = "K"')
+    setup = SETUP.replace('kind = "strain"', 'kind = "temperature"').replace(
+        'unit = "strain"', 'unit = "K"'
+    )
     status, table, err = command(columns_of(d, 10.0), setup=setup)
     assert status == 2
     assert table is None
-    assert "no channel tells the speed; allowed are strain, wheel_encoder and radial_acceleration" in err
+    assert (
+        "no channel tells the speed; allowed are strain, wheel_encoder and radial_acceleration"
+        in err
+    )

@@ -47,10 +47,14 @@ def test_fewer_than_three_passages_have_no_speed(n):
 
 
 def test_noise_alone_has_the_error_of_the_centred_difference():
-    """omega (2 pi / omega = T): sigma_omega = omega sigma_t / (sqrt 2 T), from the two outer passages."""
+    """omega (2 pi / omega = T): sigma_omega = omega sigma_t / (sqrt 2 T), from the two outer
+    passages.
+    """
     time = passage_times(60.0, 0.0, range(400))
     found = kinematics(time, np.full(400, 2e-6), np.append(np.ones(399), 0.0))
-    np.testing.assert_allclose(found.omega_se[2:-2], 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0), rtol=1e-9)
+    np.testing.assert_allclose(
+        found.omega_se[2:-2], 60.0 * 2e-6 / np.sqrt(2) / (TURN_RAD / 60.0), rtol=1e-9
+    )
 
 
 def test_a_kink_goes_into_the_error_around_it_only():

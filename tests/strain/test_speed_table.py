@@ -1,4 +1,6 @@
-"""The columns of the speed table, which channel tells the speed, and the rolling radius against a vehicle's speed."""
+"""The columns of the speed table, which channel tells the speed, and the rolling radius against a
+vehicle's speed.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +25,16 @@ SETUP = '[tire]\n{radius}\n[channels.grating]\nkind = "strain"\nsource = "a"\n'
 
 
 def recording(*channels, radius="rolling_radius_m = 0.305"):
-    return Recording("log.csv", {c.name: c for c in channels}, parse_setup(SETUP.format(radius=radius)))
+    return Recording(
+        "log.csv", {c.name: c for c in channels}, parse_setup(SETUP.format(radius=radius))
+    )
 
 
 def vehicle_speed(knots, speeds, *, rate_Hz=10.0, noise=0.0, seed=1, factor=1.0):
     time = np.arange(int(knots[-1] * rate_Hz) + 1) / rate_Hz
-    values = factor * np.interp(time, knots, speeds) + np.random.default_rng(seed).normal(0, noise, time.size)
+    values = factor * np.interp(time, knots, speeds) + np.random.default_rng(seed).normal(
+        0, noise, time.size
+    )
     return Channel.of_array("car", "vehicle_speed", values, TimeAxis.uniform(time.size, rate_Hz))
 
 
@@ -41,7 +47,9 @@ def test_columns_are_those_of_the_contract(drive):
     assert columns["revolution"].tolist() == list(range(len(d.time_s)))
     assert columns["quality"][0] == columns["quality"][-1] == "edge_of_log"
     assert set(columns["quality"][1:-1]) == {"ok"}
-    np.testing.assert_allclose(columns["period_s"][1:-1], 0.5 * (columns["time_s"][2:] - columns["time_s"][:-2]))
+    np.testing.assert_allclose(
+        columns["period_s"][1:-1], 0.5 * (columns["time_s"][2:] - columns["time_s"][:-2])
+    )
 
 
 def test_speed_is_over_the_rolling_circumference(drive):
@@ -69,7 +77,10 @@ def test_several_gratings_of_one_wheel_agree(drive):
         drive([0, 3, 8, 12], [8, 8, 20, 20], seed=1304 + k, start_turns=0.1 + 0.2 * k, surface=s)
         for k, s in enumerate(("outer", "inner", "outer"))
     ]
-    channels = [Channel.of_array(f"g{k}", "strain", d.values, d.channel.axis, surface=d.channel.surface) for k, d in enumerate(kinds)]
+    channels = [
+        Channel.of_array(f"g{k}", "strain", d.values, d.channel.axis, surface=d.channel.surface)
+        for k, d in enumerate(kinds)
+    ]
     tables = list(speed_tables(recording(*channels))[0])
     assert [t["channel"][0] for t in tables] == ["g0", "g1", "g2"]
     for table in tables[1:]:
@@ -78,7 +89,9 @@ def test_several_gratings_of_one_wheel_agree(drive):
 
 
 def test_no_channel_tells_the_speed():
-    with pytest.raises(UsageError, match=r"allowed are strain, wheel_encoder and radial_acceleration"):
+    with pytest.raises(
+        UsageError, match=r"allowed are strain, wheel_encoder and radial_acceleration"
+    ):
         speed_tables(recording(vehicle_speed([0, 1], [1, 1])))
 
 
@@ -120,7 +133,9 @@ def test_radius_is_calibrated_within_its_error(drive, radius_m):
 def test_calibrated_speeds_and_their_errors(drive):
     knots, speeds = [0, 40], [15, 15]
     d = drive(knots, speeds, seed=1309)
-    logs = recording(d.channel, vehicle_speed(knots, speeds, noise=0.1), radius="unloaded_radius_m = 0.33")
+    logs = recording(
+        d.channel, vehicle_speed(knots, speeds, noise=0.1), radius="unloaded_radius_m = 0.33"
+    )
     [columns], remarks = speed_tables(logs, calibrate=True)
     assert "calibrated against car over" in remarks[0]
     assert np.abs(columns["speed_m_s"] - 15.0).max() < 4 * columns["speed_se_m_s"].max()
@@ -152,7 +167,11 @@ def test_a_wrong_surface_of_the_second_channel_is_said_before_the_first_one_s_ro
     d = drive([0, 8], [12, 12], seed=1310)
     second = replace(d.with_values(-d.values), name="second")
     log = recording(d.channel, second)
-    for rows in (lambda: iter(speed_tables(log)[0]), lambda: rotating(log), lambda: footprint_of(log, Cutoff())):
+    for rows in (
+        lambda: iter(speed_tables(log)[0]),
+        lambda: rotating(log),
+        lambda: footprint_of(log, Cutoff()),
+    ):
         with pytest.raises(UsageError, match="channel second shows a maximum"):
             next(rows())
 

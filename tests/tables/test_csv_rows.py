@@ -1,4 +1,6 @@
-"""Property: csv is the same to the byte by the compiled loop and by arrow, and what the loop cannot write it leaves."""
+"""Property: csv is the same to the byte by the compiled loop and by arrow, and what the loop cannot
+write it leaves.
+"""
 
 from pathlib import Path
 
@@ -15,21 +17,34 @@ from tirelog.tables.writer import TableWriter
 ROWS = 3 * AT_ONCE + 17
 
 
-def by(path: Path, columns: dict[str, object], loop: bool, monkeypatch: pytest.MonkeyPatch) -> bytes:
+def by(
+    path: Path, columns: dict[str, object], loop: bool, monkeypatch: pytest.MonkeyPatch
+) -> bytes:
     """The csv of two parts, the second of few rows; by the `loop` or by arrow."""
     monkeypatch.setattr(tables, "_loop_at_hand", lambda: loop)
     with TableWriter("speed", path, "csv") as table:
         table.write(columns)
-        table.write({name: values[:3] if isinstance(values, np.ndarray) else values for name, values in columns.items()})
+        table.write(
+            {
+                name: values[:3] if isinstance(values, np.ndarray) else values
+                for name, values in columns.items()
+            }
+        )
     assert table.rows == ROWS + 3
     return path.read_bytes()
 
 
-def by_both(folder: Path, columns: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> tuple[bytes, bytes, int]:
+def by_both(
+    folder: Path, columns: dict[str, object], monkeypatch: pytest.MonkeyPatch
+) -> tuple[bytes, bytes, int]:
     """The csv by the loop and by arrow alone, and the rows that the loop did not leave to arrow."""
     rows: list[int] = []
     by_arrow = TableWriter._rows
-    monkeypatch.setattr(TableWriter, "_rows", lambda table, some: (rows.append(some.num_rows), by_arrow(table, some)))
+    monkeypatch.setattr(
+        TableWriter,
+        "_rows",
+        lambda table, some: (rows.append(some.num_rows), by_arrow(table, some)),
+    )
     compiled = by(folder / "loop.csv", columns, True, monkeypatch)
     left = sum(rows)
     return compiled, by(folder / "arrow.csv", columns, False, monkeypatch), ROWS + 3 - left
@@ -42,7 +57,8 @@ def numbers(seed: int) -> dict[str, np.ndarray]:
     return {
         "any": sign * 10 ** rng.uniform(-10.9, 8.9, ROWS),
         "few_digits": sign * rng.integers(0, 1000, ROWS) * 10.0 ** rng.integers(-10, 6, ROWS),
-        "about_powers": 10.0 ** rng.integers(-10, 9, ROWS) * (1 + rng.integers(-3, 4, ROWS) * 2.0**-52),
+        "about_powers": 10.0 ** rng.integers(-10, 9, ROWS)
+        * (1 + rng.integers(-3, 4, ROWS) * 2.0**-52),
         "halves": (rng.integers(10**8, 10**9, ROWS) + 0.5) * 10.0 ** rng.integers(-15, -1, ROWS),
         "nines": sign * (1 - 10 ** rng.uniform(-16, -7, ROWS)) * 10.0 ** rng.integers(-9, 9, ROWS),
         "lost": np.where(rng.random(ROWS) < 0.3, np.nan, sign * rng.random(ROWS)),
@@ -86,13 +102,18 @@ def test_other_columns(tmp_path, monkeypatch):
     ("name", "value"),
     [
         ("speed_m_s", 2e10), ("speed_m_s", -3e17), ("speed_m_s", 9e-15), ("speed_m_s", np.inf), ("speed_m_s", 5e-324), ("time_s", 9e-12),
-        ("revolution", 2.0**53), ("quality", 'of "marks"'), ("quality", "a,b"), ("quality", "two\nlines"), ("steady", np.nan),
+        ("revolution", 2.0**53), ("quality", 'of "marks"'), ("quality", "a,b"), ("quality", "two\n" "lines"), ("steady", np.nan),
     ],
 )  # fmt: skip
 def test_what_the_loop_leaves_to_arrow(tmp_path, monkeypatch, name, value):
-    column = np.full(ROWS, "ok" if name == "quality" else 0.25 if name != "revolution" else 1.0, object)
+    column = np.full(
+        ROWS, "ok" if name == "quality" else 0.25 if name != "revolution" else 1.0, object
+    )
     column[[0, AT_ONCE + 3]] = value
-    columns = {"time_s": np.arange(ROWS) * 0.1, name: column if name == "quality" else column.astype(float)}
+    columns = {
+        "time_s": np.arange(ROWS) * 0.1,
+        name: column if name == "quality" else column.astype(float),
+    }
     if name == "steady":
         columns["steady"] = np.where(np.isnan(columns["steady"]), np.nan, 1.0)
     compiled, arrow, looped = by_both(tmp_path, columns, monkeypatch)
@@ -111,7 +132,9 @@ def test_digits_are_those_of_the_rounded_number(value, digits):
 
 
 def test_whole_numbers_and_words_end_where_they_should():
-    rows = Rows([(WHOLE, np.array([0, -1, 10, 99, 2**53 - 1])), Words(["", "ä"], np.array([0, 1, 0, 1, 1]))])
+    rows = Rows(
+        [(WHOLE, np.array([0, -1, 10, 99, 2**53 - 1])), Words(["", "ä"], np.array([0, 1, 0, 1, 1]))]
+    )
     assert bytes(rows.written(slice(0, 5))).decode() == "0,\n-1,ä\n10,\n99,ä\n9007199254740991,ä\n"
     assert rows.written(slice(2, 2)).size == 0
 
@@ -119,6 +142,9 @@ def test_whole_numbers_and_words_end_where_they_should():
 @pytest.mark.parametrize("loop", [True, False])
 def test_columns_that_change_are_refused(tmp_path, monkeypatch, loop):
     monkeypatch.setattr(tables, "_loop_at_hand", lambda: loop)
-    with pytest.raises(UsageError, match="has b, which the logs before have not"), TableWriter("new", tmp_path / "t.csv", None) as table:
+    with (
+        pytest.raises(UsageError, match="has b, which the logs before have not"),
+        TableWriter("new", tmp_path / "t.csv", None) as table,
+    ):
         table.write({"a": np.zeros(3)})
         table.write({"b": np.zeros(3)})

@@ -44,12 +44,18 @@ def test_a_value_that_appears_or_disappears() -> None:
     moved = table()
     moved.loc[2, "speed_m_s"] = 11.0
     moved.loc[0, "speed_m_s"] = np.nan
-    assert {d.key.split()[-1] for d in differences(moved, table())} == {"revolution=0", "revolution=2"}
+    assert {d.key.split()[-1] for d in differences(moved, table())} == {
+        "revolution=0",
+        "revolution=2",
+    }
 
 
 def test_rows_and_columns_that_only_one_has() -> None:
     found = differences(table().iloc[:3].drop(columns="time_s"), table())
-    assert {(d.key, d.column) for d in found} == {("(all rows)", "time_s"), ("log=a channel=s revolution=3", "(row)")}
+    assert {(d.key, d.column) for d in found} == {
+        ("(all rows)", "time_s"),
+        ("log=a channel=s revolution=3", "(row)"),
+    }
 
 
 def test_a_tolerance_for_a_column_that_is_not_there() -> None:
@@ -98,5 +104,6 @@ def test_the_summary_counts_values_rows_and_columns() -> None:
     moved = table().drop(columns="time_s").assign(slip=0.0).iloc[1:]
     moved.loc[1, "quality"] = "spike"
     assert summary(differences(moved, table())) == (
-        "1 values moved beyond their tolerance, 1 rows are missing, 1 columns are new, 1 columns are missing"
+        "1 values moved beyond their tolerance, 1 rows are missing, 1 columns are new, 1 columns "
+        "are missing"
     )

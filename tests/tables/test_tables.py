@@ -1,4 +1,6 @@
-"""Property and faults: a table says the same in every format, and stands whole under its name or not at all."""
+"""Property and faults: a table says the same in every format, and stands whole under its name or
+not at all.
+"""
 
 import json
 from pathlib import Path
@@ -60,7 +62,10 @@ def test_an_empty_table_has_its_columns(tmp_path: Path) -> None:
 
 
 def test_nothing_stands_under_the_name_when_the_work_fails(tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError, match="in the middle"), TableWriter("speed", tmp_path / "t.csv", None) as table:
+    with (
+        pytest.raises(RuntimeError, match="in the middle"),
+        TableWriter("speed", tmp_path / "t.csv", None) as table,
+    ):
         table.write(PART)
         raise RuntimeError("in the middle")
     assert list(tmp_path.iterdir()) == []
@@ -111,9 +116,18 @@ def test_quality_words() -> None:
 
 @pytest.mark.parametrize("format", FORMATS)
 def test_a_later_log_may_say_less(tmp_path: Path, format: str) -> None:
-    """What the setup of a later log leaves open is empty there; what only a later one has stands nowhere, so it is refused."""
-    full = {"log": "a.csv", "revolution": np.arange(3), "strip_power_W": np.array([1.0, 2.0, 3.0]), "quality": np.array(["ok"] * 3, object)}
-    less = {name: value for name, value in full.items() if name not in ("strip_power_W", "quality")} | {"log": "b.csv"}
+    """What the setup of a later log leaves open is empty there; what only a later one has stands
+    nowhere, so it is refused.
+    """
+    full = {
+        "log": "a.csv",
+        "revolution": np.arange(3),
+        "strip_power_W": np.array([1.0, 2.0, 3.0]),
+        "quality": np.array(["ok"] * 3, object),
+    }
+    less = {
+        name: value for name, value in full.items() if name not in ("strip_power_W", "quality")
+    } | {"log": "b.csv"}
     out = tmp_path / f"t.{format}"
     with TableWriter("dissipation", out, format) as table:
         table.write(full)
@@ -122,7 +136,10 @@ def test_a_later_log_may_say_less(tmp_path: Path, format: str) -> None:
     assert read["strip_power_W"].isna().tolist() == [False] * 3 + [True] * 3
     assert (read["quality"].fillna("") == "").tolist() == [False] * 3 + [True] * 3
     assert read["log"].tolist() == ["a.csv"] * 3 + ["b.csv"] * 3
-    with pytest.raises(UsageError, match=r"b\.csv: has strip_power_W, quality, which"), TableWriter("dissipation", out, format) as table:
+    with (
+        pytest.raises(UsageError, match=r"b\.csv: has strip_power_W, quality, which"),
+        TableWriter("dissipation", out, format) as table,
+    ):
         table.write(less | {"log": "a.csv"})
         table.write(full | {"log": "b.csv"})
     assert read_table(out).equals(read)

@@ -1,7 +1,9 @@
-"""An encoder and an in-tire accelerometer with known truth, by code that shares nothing with the package.
+"""An encoder and an in-tire accelerometer with known truth, by code that shares nothing with the
+package.
 
-The wheel angle is the integral of a speed profile; the tone wheel is a sine of a bent angle; the acceleration is a flank-and-spike
-profile of the angle from the patch centre, gravity and the car's own acceleration, noise, 16 bits.
+The wheel angle is the integral of a speed profile; the tone wheel is a sine of a bent angle; the
+acceleration is a flank-and-spike profile of the angle from the patch centre, gravity and the car's
+own acceleration, noise, 16 bits.
 """
 
 from dataclasses import dataclass, field
@@ -35,7 +37,9 @@ unit = "g"
 
 @dataclass
 class Drive:
-    """Speed [m/s] at corner times [s], linear between; time, speed, acceleration and wheel angle at every sample."""
+    """Speed [m/s] at corner times [s], linear between; time, speed, acceleration and wheel angle at
+    every sample.
+    """
 
     corners_s: tuple
     corners_m_s: tuple
@@ -82,14 +86,18 @@ class Encoder:
         return np.sin(self.steps * (drive.angle + self.start_rad - self.bend(drive.angle)))
 
     def signal(self, drive):
-        amplitude = (1 + self.wobble * np.cos(drive.angle)) * (drive.speed / 10 if self.grows else 1.0)
+        amplitude = (1 + self.wobble * np.cos(drive.angle)) * (
+            drive.speed / 10 if self.grows else 1.0
+        )
         noise = np.random.default_rng(self.seed + 1).standard_normal(drive.time.size)
         return amplitude * (self.clean(drive) + self.noise * noise) + self.offset
 
 
 @dataclass
 class Tread:
-    """Patch middle `place_rad` on the wheel, moved by shift(speed, acceleration) [deg] and wide width(speed, acceleration) [deg]."""
+    """Patch middle `place_rad` on the wheel, moved by shift(speed, acceleration) [deg] and wide
+    width(speed, acceleration) [deg].
+    """
 
     place_rad: float = 1.0
     shift: object = field(default=lambda v, a: np.zeros_like(v))
@@ -106,27 +114,54 @@ class Tread:
     def signal(self, drive):
         """Acceleration [m/s^2] as recorded."""
         late = drive.time - self.delay_s
-        angle, v, a = (np.interp(late, drive.time, x) for x in (drive.angle, drive.speed, drive.acceleration))
-        phi = np.rad2deg(np.mod(angle - self.place_rad + np.pi, 2 * np.pi) - np.pi) - self.shift(v, a)
+        angle, v, a = (
+            np.interp(late, drive.time, x) for x in (drive.angle, drive.speed, drive.acceleration)
+        )
+        phi = np.rad2deg(np.mod(angle - self.place_rad + np.pi, 2 * np.pi) - np.pi) - self.shift(
+            v, a
+        )
         outside = np.abs(phi) - self.width(v, a) / 2
         far = np.maximum(outside, 0.0)
-        shape = (1 + self.spike * np.exp(-far / 8.0) * np.cos(far / 8.0)) / (1 + np.exp(-np.clip(outside / self.sharp_deg, -50, 50)))
+        shape = (1 + self.spike * np.exp(-far / 8.0) * np.cos(far / 8.0)) / (
+            1 + np.exp(-np.clip(outside / self.sharp_deg, -50, 50))
+        )
         inward = v**2 / drive.radius_m * shape
         if self.gravity:
             inward = inward + GRAVITY * np.cos(np.deg2rad(phi)) + a * np.sin(np.deg2rad(phi))
         reach = np.arange(-8, 9) / RATE_HZ
         kernel = np.exp(-0.5 * (reach / max(self.blur_s, 1e-9)) ** 2)
         inward = np.convolve(inward, kernel / kernel.sum(), mode="same")
-        inward = inward + self.noise_g * GRAVITY * np.random.default_rng(self.seed + 2).standard_normal(drive.time.size)
+        inward = inward + self.noise_g * GRAVITY * np.random.default_rng(
+            self.seed + 2
+        ).standard_normal(drive.time.size)
         step = 500 * GRAVITY / 32768
         return np.clip(self.sign * np.rint(inward / step) * step, -500 * GRAVITY, 500 * GRAVITY)
 
 
-def recording(drive, encoder_signal, *accelerations, unit="V", steps=48, driven="true", radius=True, rate=RATE_HZ, speed=None):
+def recording(
+    drive,
+    encoder_signal,
+    *accelerations,
+    unit="V",
+    steps=48,
+    driven="true",
+    radius=True,
+    rate=RATE_HZ,
+    speed=None,
+):
     """A Recording of these samples, as a reader would give it."""
-    text = SETUP.format(unit=unit, steps=steps, driven=driven, radius=f"rolling_radius_m = {RADIUS_M}" if radius else "")
+    text = SETUP.format(
+        unit=unit,
+        steps=steps,
+        driven=driven,
+        radius=f"rolling_radius_m = {RADIUS_M}" if radius else "",
+    )
     axis = TimeAxis.uniform(drive.time.size, rate)
-    channels = {"encoder": Channel.of_array("encoder", "wheel_encoder", encoder_signal, axis, settings={"steps": steps})}
+    channels = {
+        "encoder": Channel.of_array(
+            "encoder", "wheel_encoder", encoder_signal, axis, settings={"steps": steps}
+        )
+    }
     for number, values in enumerate(accelerations):
         name = f"acceleration{number or ''}"
         channels[name] = Channel.of_array(name, "radial_acceleration", values, axis, unit="m/s^2")
@@ -144,7 +179,9 @@ def angle_errors(wheel, drive):
 
 
 def front_errors(passages, drive, tread):
-    """(errors of the shift, of the width, true speed) [deg], the constants removed, for the passages found."""
+    """(errors of the shift, of the width, true speed) [deg], the constants removed, for the
+    passages found.
+    """
     rows = np.isfinite(passages.width_deg)
     time = passages.time_s[rows] - tread.delay_s
     v, a = np.interp(time, drive.time, drive.speed), np.interp(time, drive.time, drive.acceleration)

@@ -23,7 +23,9 @@ def trend(v, of=TREND):
 
 
 def tread(crosstalk=0.0, seed=1000, transfer=0.25, stiffness=0.15, delay_s=0.0):
-    """A wheel: shift from force and trend, width from load transfer and trend; the load leaks into the shift by -crosstalk."""
+    """A wheel: shift from force and trend, width from load transfer and trend; the load leaks into
+    the shift by -crosstalk.
+    """
     return Tread(
         shift=lambda v, a: stiffness * a + trend(v) - crosstalk * transfer * a,
         width=lambda v, a: 25 + transfer * a + trend(v, WIDTH),
@@ -33,9 +35,13 @@ def tread(crosstalk=0.0, seed=1000, transfer=0.25, stiffness=0.15, delay_s=0.0):
 
 
 def passages(drive, wheel, driven="true", forces=None, seed=0):
-    found = recording(drive, Encoder(seed=wheel.seed + 5 + seed).signal(drive), wheel.signal(drive), driven=driven)
+    found = recording(
+        drive, Encoder(seed=wheel.seed + 5 + seed).signal(drive), wheel.signal(drive), driven=driven
+    )
     for kind, values in (forces or {}).items():
-        found.channels[kind] = Channel.of_array(kind, kind, values, TimeAxis.uniform(drive.time.size, 10_000.0), unit="N")
+        found.channels[kind] = Channel.of_array(
+            kind, kind, values, TimeAxis.uniform(drive.time.size, 10_000.0), unit="N"
+        )
     return next(measure(found, "auto", bool(forces)))
 
 
@@ -46,7 +52,9 @@ def ramp():
 
 @pytest.fixture(scope="module")
 def undriven():
-    return passages(Drive(*DYNAMIC), tread(0.3, seed=21_000, stiffness=0.0, transfer=-0.25), driven="false")
+    return passages(
+        Drive(*DYNAMIC), tread(0.3, seed=21_000, stiffness=0.0, transfer=-0.25), driven="false"
+    )
 
 
 def test_speed_maps_are_found_within_their_errors(ramp):
@@ -57,8 +65,11 @@ def test_speed_maps_are_found_within_their_errors(ramp):
         design = np.stack([speed - 10, (speed - 10) ** 2], axis=1)
         se = np.sqrt(np.einsum("ni,ij,nj->n", design, found.covariance, design))
         assert 1e-4 < se[-1] < 0.01
-        # beyond the noise: a tooth's error bends the sine inside the window that places it, a little differently at each speed
-        assert (np.abs(found(speed, learnt.reference_speed_m_s) - trend(speed, true)) < 4 * se + 0.008).all()
+        # beyond the noise: a tooth's error bends the sine inside the window that places it, a
+        # little differently at each speed
+        assert (
+            np.abs(found(speed, learnt.reference_speed_m_s) - trend(speed, true)) < 4 * se + 0.008
+        ).all()
     assert learnt.shift.low_m_s == pytest.approx(10, abs=0.1)
     assert learnt.shift.high_m_s == pytest.approx(25, abs=0.1)
 
@@ -88,7 +99,11 @@ def test_rows_from_which_a_delay_was_removed_say_so(ramp):
     assert with_it.has_delay
     columns = table(drive, with_it)
     assert set(columns["quality"]) == {"delay_removed"}
-    assert np.nanstd(columns["phase_shift_detrended_deg"]) < 0.05 < np.nanstd(columns["phase_shift_deg"])
+    assert (
+        np.nanstd(columns["phase_shift_detrended_deg"])
+        < 0.05
+        < np.nanstd(columns["phase_shift_deg"])
+    )
     assert set(table(drive, None)["quality"]) == {"ok"}
     without = calibrate([passages(Drive(*RAMP), Tread(seed=22_300))])
     assert not without.has_delay
@@ -96,7 +111,9 @@ def test_rows_from_which_a_delay_was_removed_say_so(ramp):
 
 
 def test_a_log_without_a_zero_takes_the_calibrations(ramp):
-    """The same tread, driven fast only: against the zero at 10 m/s of the calibration, not against its own mean."""
+    """The same tread, driven fast only: against the zero at 10 m/s of the calibration, not against
+    its own mean.
+    """
     fast = Drive((0, 10, 14, 24), (20, 20, 24, 24))
     found = passages(fast, tread(seed=23_100))
     assert all("no_zero" in words for words in found.words)
@@ -139,7 +156,9 @@ def forces(ramp):
     drive = Drive(*DYNAMIC)
     wheel = tread(seed=24_000)
     loads = {
-        "vertical_load": 4000 + 320 * drive.acceleration + 15 * np.random.default_rng(5).standard_normal(drive.time.size),
+        "vertical_load": 4000
+        + 320 * drive.acceleration
+        + 15 * np.random.default_rng(5).standard_normal(drive.time.size),
         "longitudinal_force": 400 * drive.acceleration,
     }
     with_them = passages(drive, wheel, forces=loads)
@@ -152,8 +171,14 @@ def test_force_maps(forces):
     assert learnt.longitudinal.rms_N < 300
     columns = table(found, learnt)
     for name in ("vertical_force", "longitudinal_force"):
-        true = np.interp(found.time_s, drive.time, loads["vertical_load" if name[0] == "v" else name])
-        calm = (found.steady >= 0) | ((found.time_s > 9) & (found.time_s < 12)) | ((found.time_s > 21.6) & (found.time_s < 23))
+        true = np.interp(
+            found.time_s, drive.time, loads["vertical_load" if name[0] == "v" else name]
+        )
+        calm = (
+            (found.steady >= 0)
+            | ((found.time_s > 9) & (found.time_s < 12))
+            | ((found.time_s > 21.6) & (found.time_s < 23))
+        )
         error = (columns[f"{name}_N"] - true)[calm]
         se = columns[f"{name}_se_N"][calm]
         assert np.mean(np.abs(error) < 2 * se) > 0.9

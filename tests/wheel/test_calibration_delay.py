@@ -1,4 +1,6 @@
-"""A telemetry delay beside drag and inertia: what a ramp tells of it, with the longitudinal force measured and without."""
+"""A telemetry delay beside drag and inertia: what a ramp tells of it, with the longitudinal force
+measured and without.
+"""
 
 from dataclasses import replace
 
@@ -12,12 +14,15 @@ from tirelog.wheel.phase_shift import Passages
 
 RADIUS_M, DELAY_S = 0.305, 0.4e-3
 SEEDS = range(700, 714)
-#: phase shift per force of a driven wheel [deg/N]; mass [kg], rolling resistance [N] and air drag [kg/m] of the car
+#: phase shift per force of a driven wheel [deg/N]; mass [kg], rolling resistance [N] and air drag
+#: [kg/m] of the car
 WIND_UP, MASS, ROLLING, AIR = 6.5e-4, 1500.0, 177.0, 0.4
 
 
 def ramp(seed, *, trend_deg_s_m=0.0, drive_s=24.0, coast_s=24.0, noise_deg=0.02, measured=True):
-    """Cruise, slow drive-up, coast-down, cruise of a driven wheel, a row a revolution, by kinematics alone: no signal, no fronts."""
+    """Cruise, slow drive-up, coast-down, cruise of a driven wheel, a row a revolution, by
+    kinematics alone: no signal, no fronts.
+    """
     rng = np.random.default_rng(seed)
     corners = np.cumsum([0.0, 5.0, drive_s, coast_s, 3.0])
     fine = np.linspace(0.0, corners[-1], 20_001)
@@ -41,9 +46,13 @@ def ramp(seed, *, trend_deg_s_m=0.0, drive_s=24.0, coast_s=24.0, noise_deg=0.02,
 @pytest.mark.parametrize("measured", [True, False])
 @pytest.mark.parametrize("trend_deg_s_m", [0.0, 0.0115])
 def test_the_part_linear_in_speed_is_covered_by_its_error(measured, trend_deg_s_m):
-    """Delay and linear trend together; without the force drag is left out of the truth, which the error has to cover too."""
+    """Delay and linear trend together; without the force drag is left out of the truth, which the
+    error has to cover too.
+    """
     true = DELAY_S + np.deg2rad(trend_deg_s_m) * RADIUS_M
-    found = [calibrate([ramp(seed, trend_deg_s_m=trend_deg_s_m, measured=measured)]) for seed in SEEDS]
+    found = [
+        calibrate([ramp(seed, trend_deg_s_m=trend_deg_s_m, measured=measured)]) for seed in SEEDS
+    ]
     delay, se = (np.array([getattr(c, name) for c in found]) for name in ("delay_s", "delay_se_s"))
     assert np.mean(np.abs(delay - true) < 2 * se) > 0.85
     assert np.median(se) < 0.05e-3

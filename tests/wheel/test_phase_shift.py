@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from tests.wheel.phase_truth import DYNAMIC, RADIUS_M, STEADY, Drive, Encoder, Tread, front_errors, recording
+from tests.wheel.phase_truth import (
+    DYNAMIC,
+    RADIUS_M,
+    STEADY,
+    Drive,
+    Encoder,
+    Tread,
+    front_errors,
+    recording,
+)
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.wheel.phase_shift import measure
 from tirelog.wheel.table import table
@@ -11,7 +20,11 @@ from tirelog.wheel.table import table
 
 def moving(**more):
     """A patch that follows speed and acceleration."""
-    return Tread(shift=lambda v, a: 0.15 * a + 0.02 * (v - 10), width=lambda v, a: 25 + 0.1 * a - 0.05 * (v - 10), **more)
+    return Tread(
+        shift=lambda v, a: 0.15 * a + 0.02 * (v - 10),
+        width=lambda v, a: 25 + 0.1 * a - 0.05 * (v - 10),
+        **more,
+    )
 
 
 def run(drive, tread, encoder=None, zero="auto", **more):
@@ -19,10 +32,14 @@ def run(drive, tread, encoder=None, zero="auto", **more):
     return next(measure(recording(drive, signal, tread.signal(drive), **more), zero))
 
 
-@pytest.mark.parametrize(("noise_g", "shift_deg", "width_deg"), [(1.2, 0.02, 0.05), (3.0, 0.05, 0.11)])
+@pytest.mark.parametrize(
+    ("noise_g", "shift_deg", "width_deg"), [(1.2, 0.02, 0.05), (3.0, 0.05, 0.11)]
+)
 @pytest.mark.parametrize("seed", [1000, 2000])
 def test_errors_at_10_m_s(noise_g, shift_deg, width_deg, seed):
-    """Issue: within 0.02 and 0.05 degree rms at 1.2 g, 0.05 and 0.11 at 3 g, the constant removed, where the bounds are largest."""
+    """Issue: within 0.02 and 0.05 degree rms at 1.2 g, 0.05 and 0.11 at 3 g, the constant removed,
+    where the bounds are largest.
+    """
     drive, tread = Drive(*STEADY), Tread(noise_g=noise_g, seed=seed)
     passages = run(drive, tread)
     shift, width, _ = front_errors(passages, drive, tread)
@@ -32,24 +49,34 @@ def test_errors_at_10_m_s(noise_g, shift_deg, width_deg, seed):
 
 
 def bound_deg(drive, tread):
-    """Cramer-Rao bound of (shift, width) for a flank of known form in white noise: information is the squared slope over angle of the
-    samples of a passage, up to the patch's middle for the entry and from it for the exit."""
+    """Cramer-Rao bound of (shift, width) for a flank of known form in white noise: information is
+    the squared slope over angle of the samples of a passage, up to the patch's middle for the entry
+    and from it for the exit.
+    """
     clean = Tread(**{**tread.__dict__, "noise_g": 0.0}).signal(drive)
     phi = np.rad2deg(np.mod(drive.angle - tread.place_rad + np.pi, 2 * np.pi) - np.pi)
     slope = np.gradient(clean, np.rad2deg(drive.angle))
     turns = (drive.angle[-1] - drive.angle[0]) / (2 * np.pi)
     sides = [(phi > -20) & (phi < 0), (phi > 0) & (phi < 20)]
-    entry, leave = (tread.noise_g * 9.81 / np.sqrt(np.sum(slope[side] ** 2) / turns) for side in sides)
+    entry, leave = (
+        tread.noise_g * 9.81 / np.sqrt(np.sum(slope[side] ** 2) / turns) for side in sides
+    )
     return np.hypot(entry, leave) / 2, np.hypot(entry, leave)
 
 
 @pytest.mark.parametrize(("sharp_deg", "spike"), [(0.8, 0.5), (2.0, 1.5), (3.0, 1.2)])
 def test_errors_are_near_the_bound(sharp_deg, spike):
-    """Within a tenth, and what 540 passages leave uncertain; a soft flank is where a fit about the crossing alone would lose a third."""
+    """Within a tenth, and what 540 passages leave uncertain; a soft flank is where a fit about the
+    crossing alone would lose a third.
+    """
     drive, tread = Drive((0, 105), (10, 10)), Tread(sharp_deg=sharp_deg, spike=spike, seed=8300)
     shift, width, _ = front_errors(run(drive, tread), drive, tread)
     for error, bound in zip((shift, width), bound_deg(drive, tread), strict=True):
-        assert 0.9 * bound < error.std() < 1.1 * np.hypot(bound, 0.006) + 2 * bound / np.sqrt(2 * error.size)
+        assert (
+            0.9 * bound
+            < error.std()
+            < 1.1 * np.hypot(bound, 0.006) + 2 * bound / np.sqrt(2 * error.size)
+        )
 
 
 @pytest.mark.parametrize("noise_g", [1.2, 3.0])
@@ -69,7 +96,14 @@ def test_errors_and_their_standard_errors_on_a_dynamic_drive(noise_g):
 def test_all_passages_are_found_and_no_false_one():
     drive, tread = Drive(*DYNAMIC), moving(noise_g=3.0, seed=4000)
     passages = run(drive, tread)
-    true = np.arange(np.ceil((drive.angle[0] - 1.0) / (2 * np.pi)), (drive.angle[-1] - 1.0) / (2 * np.pi)) * 2 * np.pi + 1.0
+    true = (
+        np.arange(
+            np.ceil((drive.angle[0] - 1.0) / (2 * np.pi)), (drive.angle[-1] - 1.0) / (2 * np.pi)
+        )
+        * 2
+        * np.pi
+        + 1.0
+    )
     times = np.interp(true, drive.angle, drive.time)
     assert all(np.min(np.abs(times - t)) < 0.01 for t in passages.time_s)
     found = passages.time_s[passages.good]
@@ -79,8 +113,12 @@ def test_all_passages_are_found_and_no_false_one():
 @pytest.mark.parametrize("sharp_deg", [0.4, 1.6])
 @pytest.mark.parametrize("spike", [0.0, 0.8])
 def test_width_has_no_bias_with_speed(sharp_deg, spike):
-    # the sensor's bandwidth would move the crossing of a flank with a spike itself, so it is left out here
-    drive, tread = Drive((0, 8, 60), (10, 10, 25)), Tread(sharp_deg=sharp_deg, spike=spike, seed=5000, blur_s=0.0)
+    # the sensor's bandwidth would move the crossing of a flank with a spike itself, so it is left
+    # out here
+    drive, tread = (
+        Drive((0, 8, 60), (10, 10, 25)),
+        Tread(sharp_deg=sharp_deg, spike=spike, seed=5000, blur_s=0.0),
+    )
     _, width, speed = front_errors(run(drive, tread), drive, tread)
     slope = np.polyfit(speed, width, 1)[0]
     assert abs(slope * 15) < 0.03
@@ -95,14 +133,24 @@ def test_either_sign_and_gravity_or_not(sign, gravity):
     assert shift.std() < 0.02
     assert width.std() < 0.05
     assert any(("inward" if sign > 0 else "outward") in remark for remark in passages.remarks)
-    assert any(("without gravity" if not gravity else "with gravity") in remark for remark in passages.remarks)
+    assert any(
+        ("without gravity" if not gravity else "with gravity") in remark
+        for remark in passages.remarks
+    )
 
 
 def test_gravity_left_in_the_signal_would_bias_the_width_at_low_speed():
     """The same log with gravity, and its part taken off or left: what the subtraction is for."""
     drive = Drive((0, 8, 60), (10, 10, 25))
-    with_it, without = (front_errors(run(drive, t), drive, t) for t in (Tread(seed=7000), Tread(seed=7000, gravity=False)))
-    assert abs(np.polyfit(with_it[2], with_it[1], 1)[0] - np.polyfit(without[2], without[1], 1)[0]) * 15 < 0.03
+    with_it, without = (
+        front_errors(run(drive, t), drive, t)
+        for t in (Tread(seed=7000), Tread(seed=7000, gravity=False))
+    )
+    assert (
+        abs(np.polyfit(with_it[2], with_it[1], 1)[0] - np.polyfit(without[2], without[1], 1)[0])
+        * 15
+        < 0.03
+    )
 
 
 def test_zero_is_the_first_low_steady_stretch():
@@ -147,7 +195,9 @@ def test_a_delay_is_a_shift_in_proportion_to_speed(delay_s):
 def test_several_accelerometers_give_several_rows_a_turn():
     drive = Drive(*STEADY)
     treads = [Tread(seed=12_000), Tread(place_rad=3.1, seed=12_100)]
-    found = list(measure(recording(drive, Encoder().signal(drive), *(t.signal(drive) for t in treads))))
+    found = list(
+        measure(recording(drive, Encoder().signal(drive), *(t.signal(drive) for t in treads)))
+    )
     assert [p.channel for p in found] == ["acceleration", "acceleration1"]
     between = np.mod(np.nanmean(found[1].entry_deg) - np.nanmean(found[0].entry_deg), 360)
     assert between == pytest.approx(np.rad2deg(2.1), abs=0.05)
@@ -191,7 +241,15 @@ def test_swapped_channels():
 def test_accelerometer_without_a_patch():
     drive = Drive(*STEADY)
     with pytest.raises(DataLoss, match="no patch"):
-        next(measure(recording(drive, Encoder().signal(drive), np.random.default_rng(2).standard_normal(drive.time.size))))
+        next(
+            measure(
+                recording(
+                    drive,
+                    Encoder().signal(drive),
+                    np.random.default_rng(2).standard_normal(drive.time.size),
+                )
+            )
+        )
 
 
 @pytest.mark.parametrize("steps", [44, 47, 60, 96])
@@ -207,7 +265,10 @@ def test_sampling_rate_wrong_by_a_factor(factor):
     drive = Drive(*DYNAMIC)
     found = recording(drive, Encoder().signal(drive), Tread().signal(drive), rate=10_000 * factor)
     remarks = " ".join(next(measure(found)).remarks)
-    assert f"the sampling rate is wrong by a factor {1 / factor:.3g}" in remarks or "sampling rate is wrong" in remarks
+    assert (
+        f"the sampling rate is wrong by a factor {1 / factor:.3g}" in remarks
+        or "sampling rate is wrong" in remarks
+    )
 
 
 def test_saturated_accelerometer():
@@ -221,10 +282,16 @@ def test_saturated_accelerometer():
 
 
 def test_a_level_at_the_limit_is_clipped_though_the_fronts_are_not():
-    """Without a spike beside the fronts only the noise on the level reaches the limit, 2 % above it at 22 m/s: the level is too low."""
+    """Without a spike beside the fronts only the noise on the level reaches the limit, 2 % above it
+    at 22 m/s: the level is too low.
+    """
     drive, tread = Drive(*DYNAMIC), Tread(spike=0.0, gravity=False)
     limit = 1.02 * 22**2 / RADIUS_M
-    passages = next(measure(recording(drive, Encoder().signal(drive), np.clip(tread.signal(drive), -limit, limit))))
+    passages = next(
+        measure(
+            recording(drive, Encoder().signal(drive), np.clip(tread.signal(drive), -limit, limit))
+        )
+    )
     clipped = np.array(["clipped" in w for w in passages.words])
     fast = passages.speed_m_s > 21.9
     assert fast.sum() > 50
@@ -271,7 +338,9 @@ def test_missing_and_glitching_teeth():
     random = np.random.default_rng(4)
     for start in random.integers(0, signal.size - 100, 30):
         signal[start : start + 3] += random.choice([-3.0, 3.0])
-    shift, _, _ = front_errors(next(measure(recording(drive, signal, tread.signal(drive)))), drive, tread)
+    shift, _, _ = front_errors(
+        next(measure(recording(drive, signal, tread.signal(drive)))), drive, tread
+    )
     assert shift.std() < 0.02
 
 

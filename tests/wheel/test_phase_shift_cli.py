@@ -60,8 +60,14 @@ def rows(text):
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("phase")
-    trend = {"shift": lambda v, a: 0.1 * a + 0.02 * (v - 10), "width": lambda v, a: 25 + 0.1 * a - 0.04 * (v - 10)}
-    undriven = {"shift": lambda v, a: 0.02 * (v - 10) + 0.03 * a, "width": lambda v, a: 25 - 0.2 * a - 0.04 * (v - 10)}
+    trend = {
+        "shift": lambda v, a: 0.1 * a + 0.02 * (v - 10),
+        "width": lambda v, a: 25 + 0.1 * a - 0.04 * (v - 10),
+    }
+    undriven = {
+        "shift": lambda v, a: 0.02 * (v - 10) + 0.03 * a,
+        "width": lambda v, a: 25 - 0.2 * a - 0.04 * (v - 10),
+    }
     return (
         write(folder, "ramp", RAMP, Tread(seed=40_000, **trend)),
         write(folder, "dynamic", DYNAMIC, Tread(seed=41_000, **trend)),
@@ -88,7 +94,9 @@ def test_a_calibration_is_written_and_applied(logs, tmp_path, capfd):
     assert status == 0
     assert rows(out) == rows(again)
     table = rows(command(capfd, logs[1], "--calibration", tmp_path / "c.toml")[1])
-    high = [float(row["phase_shift_corrected_deg"]) for row in table if 14 < float(row["time_s"]) < 20]
+    high = [
+        float(row["phase_shift_corrected_deg"]) for row in table if 14 < float(row["time_s"]) < 20
+    ]
     assert abs(np.mean(high)) < 0.02
 
 
@@ -125,7 +133,11 @@ def test_a_log_without_teeth_is_lost_and_the_rest_goes_on(logs, tmp_path, capfd)
 
 def test_swapped_channels_are_named_with_the_file(logs, tmp_path, capfd):
     setup = logs[1].with_suffix(".toml").read_text()
-    for old, new in (("/wheel/encoder", "/x"), ("/wheel/acceleration", "/wheel/encoder"), ("/x", "/wheel/acceleration")):
+    for old, new in (
+        ("/wheel/encoder", "/x"),
+        ("/wheel/acceleration", "/wheel/encoder"),
+        ("/x", "/wheel/acceleration"),
+    ):
         setup = setup.replace(old, new)
     (tmp_path / "swapped.toml").write_text(setup)
     status, out, err = command(capfd, logs[1], "--setup", tmp_path / "swapped.toml")
@@ -135,15 +147,22 @@ def test_swapped_channels_are_named_with_the_file(logs, tmp_path, capfd):
 
 
 def test_a_wrong_number_of_steps_is_named_with_the_file(logs, tmp_path, capfd):
-    (tmp_path / "s.toml").write_text(logs[1].with_suffix(".toml").read_text().replace("steps = 48", "steps = 96"))
+    (tmp_path / "s.toml").write_text(
+        logs[1].with_suffix(".toml").read_text().replace("steps = 48", "steps = 96")
+    )
     status, _, err = command(capfd, logs[1], "--setup", tmp_path / "s.toml")
     assert status == 2
-    assert f"error: {logs[1]}: channel encoder: the patch comes every 48.00 steps, not every 96; " in err
+    assert (
+        f"error: {logs[1]}: channel encoder: the patch comes every 48.00 steps, not every 96; "
+        in err
+    )
 
 
 def test_a_log_driven_fast_only_takes_the_calibrations_zero(logs, tmp_path, capfd):
     assert command(capfd, logs[0], "--calibrate", tmp_path / "c.toml")[0] == 0
-    fast = write(tmp_path, "fast", ((0, 20), (20, 20)), Tread(seed=8600, shift=lambda v, a: 0.02 * (v - 10)))
+    fast = write(
+        tmp_path, "fast", ((0, 20), (20, 20)), Tread(seed=8600, shift=lambda v, a: 0.02 * (v - 10))
+    )
     status, out, err = command(capfd, fast)
     assert (status, {row["quality"] for row in rows(out)}) == (0, {"no_zero"})
     assert "--calibration" in err

@@ -1,5 +1,6 @@
-"""`phase-shift` and `speed` from MCAP: encoder and accelerometer in batches, the vehicle's speed a message each; the rows of the same log
-in HDF5."""
+"""`phase-shift` and `speed` from MCAP: encoder and accelerometer in batches, the vehicle's speed a
+message each; the rows of the same log in HDF5.
+"""
 
 import csv
 
@@ -37,10 +38,17 @@ LAYOUTS = {
 
 
 def samples():
-    """(encoder [V], acceleration [g], vehicle speed [m/s]) as single precision, at 10 kHz, 10 kHz and 100 Hz."""
+    """(encoder [V], acceleration [g], vehicle speed [m/s]) as single precision, at 10 kHz, 10 kHz
+    and 100 Hz.
+    """
     drive, tread = Drive(*DYNAMIC), Tread(seed=8200)
-    speed = drive.speed[::100] + 0.05 * np.random.default_rng(8201).standard_normal(drive.speed[::100].size)
-    return tuple(x.astype("f4") for x in (Encoder(seed=8202).signal(drive), tread.signal(drive) / 9.80665, speed))
+    speed = drive.speed[::100] + 0.05 * np.random.default_rng(8201).standard_normal(
+        drive.speed[::100].size
+    )
+    return tuple(
+        x.astype("f4")
+        for x in (Encoder(seed=8202).signal(drive), tread.signal(drive) / 9.80665, speed)
+    )
 
 
 def messages(layout, encoder, acceleration, speed):
@@ -70,7 +78,9 @@ def table(folder, capfd, command, log):
 def hdf5(tmp_path_factory):
     folder = tmp_path_factory.mktemp("hdf5")
     with h5py.File(folder / "log.h5", "w") as file:
-        for name, values, unit, rate in zip(("e", "a", "v"), samples(), ("V", "g", "m/s"), (1e4, 1e4, 100.0), strict=True):
+        for name, values, unit, rate in zip(
+            ("e", "a", "v"), samples(), ("V", "g", "m/s"), (1e4, 1e4, 100.0), strict=True
+        ):
             data = file.create_dataset(name, data=values)
             data.attrs["unit"], data.attrs["sampling_rate_Hz"] = unit, rate
     (folder / "log.toml").write_text(SETUP.format(encoder="/e", acceleration="/a", vehicle="/v"))
@@ -82,7 +92,9 @@ def test_rows_are_those_of_the_same_log_in_hdf5(layout, hdf5, tmp_path, capfd):
     log = tmp_path / "log.mcap"
     write_json(log, messages(layout, *samples()), chunk_size=200_000)
     encoder, acceleration = LAYOUTS[layout]
-    log.with_suffix(".toml").write_text(SETUP.format(encoder=encoder, acceleration=acceleration, vehicle="/vehicle:speed"))
+    log.with_suffix(".toml").write_text(
+        SETUP.format(encoder=encoder, acceleration=acceleration, vehicle="/vehicle:speed")
+    )
     for command in ("phase-shift", "speed"):
         (ours, said), (theirs, _) = (table(tmp_path, capfd, command, path) for path in (log, hdf5))
         assert len(ours) == len(theirs) > 200
@@ -92,5 +104,7 @@ def test_rows_are_those_of_the_same_log_in_hdf5(layout, hdf5, tmp_path, capfd):
             if name in ("channel", "quality"):
                 assert [row[name] for row in ours] == [row[name] for row in theirs]
             else:
-                one, other = (np.array([float(row[name] or "nan") for row in part]) for part in (ours, theirs))
+                one, other = (
+                    np.array([float(row[name] or "nan") for row in part]) for part in (ours, theirs)
+                )
                 np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6, err_msg=name)

@@ -1,4 +1,6 @@
-"""Fronts of a simulated carcass, whose soft flanks nobody drew for the estimator: the goals at 10 m/s, where the noise tells most."""
+"""Fronts of a simulated carcass, whose soft flanks nobody drew for the estimator: the goals at 10
+m/s, where the noise tells most.
+"""
 
 from dataclasses import replace
 
@@ -11,7 +13,9 @@ from tirelog.simulation.scenario.schema import Manoeuvre
 from tirelog.wheel.phase_shift import measure
 
 
-@pytest.mark.parametrize(("noise_g", "shift_deg", "width_deg"), [(1.2, 0.02, 0.05), (3.0, 0.05, 0.11)])
+@pytest.mark.parametrize(
+    ("noise_g", "shift_deg", "width_deg"), [(1.2, 0.02, 0.05), (3.0, 0.05, 0.11)]
+)
 def test_goals_at_10_m_s(noise_g, shift_deg, width_deg):
     plan = wheel_scenario(seed=8001, with_=Instruments(acceleration_noise_g=noise_g), roughness=0.0)
     simulated = simulate(replace(plan, manoeuvres=(Manoeuvre(60.0, 10.0, None),)))

@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from tests.wheel.phase_truth import DYNAMIC, RADIUS_M, RAMP, RATE_HZ, Drive, Encoder, angle_errors, recording
+from tests.wheel.phase_truth import (
+    DYNAMIC,
+    RADIUS_M,
+    RAMP,
+    RATE_HZ,
+    Drive,
+    Encoder,
+    angle_errors,
+    recording,
+)
 from tirelog.errors import DataLoss, SetupError
 from tirelog.wheel.angle import encoder_of, encoder_speed, rolling_radius
 
@@ -25,7 +34,9 @@ def test_angle_error_at_two_percent_noise(seed):
 def test_angle_noise_is_told():
     drive = Drive(*DYNAMIC)
     wheel = wheel_of(drive, Encoder(seed=1030).signal(drive))
-    assert np.rad2deg(wheel.angle.noise_rad) == pytest.approx(angle_errors(wheel, drive).std(), rel=0.5)
+    assert np.rad2deg(wheel.angle.noise_rad) == pytest.approx(
+        angle_errors(wheel, drive).std(), rel=0.5
+    )
 
 
 def test_without_the_table_the_pitch_errors_would_stay():
@@ -42,7 +53,9 @@ def test_speed_follows_the_wheel():
     drive = Drive(*DYNAMIC)
     wheel = wheel_of(drive, Encoder(pitch_deg=0.5, seed=1040).signal(drive))
     time = np.arange(0.1, drive.time[-1] - 0.1, 0.01)
-    assert np.std(RADIUS_M * wheel.speed_rad_s(time) - np.interp(time, drive.time, drive.speed)) < 0.02
+    assert (
+        np.std(RADIUS_M * wheel.speed_rad_s(time) - np.interp(time, drive.time, drive.speed)) < 0.02
+    )
 
 
 def test_the_speed_window_passes_half_the_power_at_20_Hz():
@@ -95,7 +108,9 @@ def test_an_angle_channel_is_taken_as_it_is():
 
 def test_rolling_radius_against_the_vehicle_speed():
     drive = Drive(*RAMP[:1], *RAMP[1:])
-    speed = drive.speed[::100] + 0.1 * np.random.default_rng(1060).standard_normal(drive.speed[::100].size)
+    speed = drive.speed[::100] + 0.1 * np.random.default_rng(1060).standard_normal(
+        drive.speed[::100].size
+    )
     found = recording(drive, Encoder().signal(drive), radius=False, speed=speed)
     radius = rolling_radius(found, encoder_of(found)[1])
     assert abs(radius.radius_m - RADIUS_M) < 4 * radius.se_m
@@ -124,10 +139,15 @@ def test_speed_table_has_a_row_a_turn():
 
 
 def parking(pitch_deg, back_m_s=3.0, **more):
-    """(wheel, time, true angle) of a drive that stops, rolls 10 s the other way at `back_m_s` and comes forward again; amplitude by speed,
-    so that no turning point shows."""
+    """(wheel, time, true angle) of a drive that stops, rolls 10 s the other way at `back_m_s` and
+    comes forward again; amplitude by speed, so that no turning point shows.
+    """
     time = np.arange(0, 44, 1 / RATE_HZ)
-    speed = np.interp(time, [0, 10, 13, 14, 16, 26, 28, 29, 31, 44], [10, 10, 0, 0, -back_m_s, -back_m_s, 0, 0, 8, 8])
+    speed = np.interp(
+        time,
+        [0, 10, 13, 14, 16, 26, 28, 29, 31, 44],
+        [10, 10, 0, 0, -back_m_s, -back_m_s, 0, 0, 8, 8],
+    )
     drive = Drive((0, 44), (10, 10))
     drive.speed, drive.angle = np.abs(speed), np.cumsum(speed) / RATE_HZ / RADIUS_M
     signal = Encoder(pitch_deg=pitch_deg, wobble=0.0, seed=8100).signal(drive)
@@ -145,8 +165,12 @@ def test_an_uneven_tone_wheel_shows_that_it_rolls_backwards():
     assert back.min() < 16
     assert back.max() > 26
     assert not wheel.backward[(wheel.angle.time_s < 12.5) | (wheel.angle.time_s > 29.5)].any()
-    # what the pattern fixes is the place on the wheel: the same before and after, whatever the standstills took
-    places = [np.mean(np.exp(1j * (wheel.angle.at(t) - np.interp(t, time, angle)))) for t in (np.arange(3, 9), np.arange(33, 42))]
+    # what the pattern fixes is the place on the wheel: the same before and after, whatever the
+    # standstills took
+    places = [
+        np.mean(np.exp(1j * (wheel.angle.at(t) - np.interp(t, time, angle))))
+        for t in (np.arange(3, 9), np.arange(33, 42))
+    ]
     assert abs(np.rad2deg(np.angle(places[0] / places[1]))) < 0.05
 
 
@@ -159,7 +183,11 @@ def test_an_even_tone_wheel_does_not_and_that_is_said():
 
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_vehicle_speed_with_a_sign_tells_the_direction(sign):
-    speed = np.interp(np.arange(0, 44, 0.01), [0, 10, 13, 14, 16, 26, 28, 29, 31, 44], [10, 10, 0, 0, -3, -3, 0, 0, 8, 8])
+    speed = np.interp(
+        np.arange(0, 44, 0.01),
+        [0, 10, 13, 14, 16, 26, 28, 29, 31, 44],
+        [10, 10, 0, 0, -3, -3, 0, 0, 8, 8],
+    )
     wheel, _, _ = parking(0.0, speed=speed if sign < 0 else np.abs(speed))
     words = wheel.words(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
     assert words == {1: {"reversing"} if sign < 0 else {"direction_unknown"}}

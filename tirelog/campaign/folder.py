@@ -1,13 +1,15 @@
-"""A campaign's output folder, on this machine or at an address: files by their name relative to it, '/' between the parts.
+"""A campaign's output folder, on this machine or at an address: files by their name relative to it,
+'/' between the parts.
 
-    name -> `read`, `write` (whole or not at all), `remove`, `names` (what is there), `held` (this run's alone)
+    name -> `read`, `write` (whole or not at all), `remove`, `names` (what is there), `held` (this
+    run's alone)
 
-What a campaign knows of a file is whether it is there; what it may rely on is that it is whole.  A folder at an address is
-`campaign.remote_folder.RemoteFolder`.
+What a campaign knows of a file is whether it is there; what it may rely on is that it is whole. A
+folder at an address is `campaign.remote_folder.RemoteFolder`.
 
-On this machine everything is written below `.tirelog/tmp`, which is the campaign's own, and moved to
-its place when it is whole.  So what a kill has left is there and nowhere else: the next run empties
-that one folder, and never looks at files of other programs that stand among its results.
+On this machine everything is written below `.tirelog/tmp`, which is the campaign's own, and moved
+to its place when it is whole. So what a kill has left is there and nowhere else: the next run
+empties that one folder, and never looks at files of other programs that stand among its results.
 """
 
 from __future__ import annotations
@@ -27,13 +29,19 @@ from tirelog.storage.whole import failed_writes, output_error
 
 
 class Folder(Protocol):
-    """`root`: path or address.  `temporary`: a folder of this machine for the workers' temporary runs."""
+    """`root`: path or address.
+
+    `temporary`: a folder of this machine for the workers' temporary runs.
+    """
 
     root: str
     temporary: Path
 
     def held(self) -> AbstractContextManager[None]:
-        """The folder for this process alone, swept of what a kill may have left.  UsageError: another run has it."""
+        """The folder for this process alone, swept of what a kill may have left.
+
+        UsageError: another run has it.
+        """
 
     def check_held(self) -> None:
         """UsageError where the folder was taken over by another run."""
@@ -65,7 +73,10 @@ def folder_at(place: str | Path) -> Folder:
 
 
 class LocalFolder:
-    """A folder on this machine.  The lock is the kernel's for this process, so it does not outlive a crash."""
+    """A folder on this machine.
+
+    The lock is the kernel's for this process, so it does not outlive a crash.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path, self.root = path, str(path)
@@ -85,7 +96,9 @@ class LocalFolder:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise UsageError(
-                    "another campaign run works in this folder; one at a time is allowed; wait for it", file=self.path
+                    "another campaign run works in this folder; one at a time is allowed; "
+                    "wait for it",
+                    file=self.path,
                 ) from None
             swept(self.temporary)
             try:
@@ -130,7 +143,8 @@ def _refuse_link(path: Path) -> None:
     """UsageError: `path` is a symbolic link."""
     if path.is_symlink():
         raise UsageError(
-            "is a link; allowed is a folder of the campaign's own, which it empties; remove the link",
+            "is a link; allowed is a folder of the campaign's own, which it empties; "
+            "remove the link",
             file=path,
         )
 

@@ -1,9 +1,13 @@
-"""What a campaign has done: one small JSON file a log, written after the log's parts; and the hashes of files that did not change.
+"""What a campaign has done: one small JSON file a log, written after the log's parts; and the
+hashes of files that did not change.
 
-output/.tirelog/hashes.json          log -> [what changes with its bytes (size, time, a store's tag), sha256]
+output/.tirelog/hashes.json          log -> [what changes with its bytes (size, time, a store's
+                                     tag), sha256]
 output/.tirelog/done/<name>.json     Entry of a log
-output/.tirelog/steady/<observable>/<name>.npz   what models need of a log (`pieces_file`), where the manifest has models
-output/.tirelog/tmp/                 temporary runs of the workers (elsewhere if the output is at an address); emptied when a run begins
+output/.tirelog/steady/<observable>/<name>.npz   what models need of a log (`pieces_file`), where
+                                                 the manifest has models
+output/.tirelog/tmp/                 temporary runs of the workers (elsewhere if the output is at an
+                                     address); emptied when a run begins
 """
 
 from __future__ import annotations
@@ -24,8 +28,12 @@ _HASHES = f"{HIDDEN}/hashes.json"
 
 @dataclass
 class Entry:
-    """The outcome of one log's task under its key.  `error` is empty where the tables were made; `pieces`: observable -> '' where what
-    models need of the log was kept, or why it could not be.  `unwritable`: the fault is the output's (a full disk), not the log's."""
+    """The outcome of one log's task under its key.
+
+    `error` is empty where the tables were made; `pieces`: observable -> '' where what models need
+    of the log was kept, or why it could not be. `unwritable`: the fault is the output's (a full
+    disk), not the log's.
+    """
 
     log: str
     name: str
@@ -51,7 +59,8 @@ class Ledger:
         self._entries: dict[str, Entry] | None = None
 
     def sha256(self, log: str) -> str:
-        """The hash of a log's bytes; of a log that has not changed since it was last asked for, without reading it.
+        """The hash of a log's bytes; of a log that has not changed since it was last asked for,
+        without reading it.
 
         OSError, ReadError: it cannot be read.
         """
@@ -81,9 +90,17 @@ class Ledger:
     def entry(self, name: str) -> Entry | None:
         """What is known of a log, or None (also where the file was damaged)."""
         if self._entries is None:
-            files = [file for file in self.folder.names() if file.startswith(_DONE) and file.endswith(".json")]
+            files = [
+                file
+                for file in self.folder.names()
+                if file.startswith(_DONE) and file.endswith(".json")
+            ]
             found = {file: _entry(data) for file, data in self.folder.read_all(files).items()}
-            self._entries = {file.removeprefix(_DONE).removesuffix(".json"): entry for file, entry in found.items() if entry is not None}
+            self._entries = {
+                file.removeprefix(_DONE).removesuffix(".json"): entry
+                for file, entry in found.items()
+                if entry is not None
+            }
         return self._entries.get(name)
 
     def record(self, entry: Entry) -> None:
@@ -101,10 +118,15 @@ def _entry(data: bytes) -> Entry | None:
         return None
     written = Entry("", "", "")
     as_written = all(
-        isinstance(value := getattr(entry, name), type(like)) or (isinstance(like, float) and type(value) is int)
+        isinstance(value := getattr(entry, name), type(like))
+        or (isinstance(like, float) and type(value) is int)
         for name, like in vars(written).items()
     )
-    return entry if as_written and all(isinstance(words, dict) for words in entry.quality.values()) else None
+    return (
+        entry
+        if as_written and all(isinstance(words, dict) for words in entry.quality.values())
+        else None
+    )
 
 
 def _bytes(data: Any) -> bytes:
@@ -112,6 +134,8 @@ def _bytes(data: Any) -> bytes:
 
 
 def key_of(sha256: str, setup_text: str, tables: Any, version: str) -> str:
-    """A task's key: it changes with the log's bytes, its setup, the tables' options and tirelog's version, and with nothing else."""
+    """A task's key: it changes with the log's bytes, its setup, the tables' options and tirelog's
+    version, and with nothing else.
+    """
     text = json.dumps([sha256, setup_text, tables, version], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,4 +1,5 @@
-"""The manifest: which logs, with which setups and conditions, become which tables and are held against which models.
+"""The manifest: which logs, with which setups and conditions, become which tables and are held
+against which models.
 
 ```toml
 [campaign]
@@ -8,7 +9,8 @@ output = "results"                 # relative to the manifest, or an address (s3
 [[logs]]
 glob = "logs/wet/*.csv.gz"         # relative to the manifest, or an address
 setup = "wet.toml"                 # optional: else the setup beside each log
-conditions = "conditions.csv"      # optional: column `log` (path or name), and conditions of the setup or tags (driver, track) per log
+conditions = "conditions.csv"      # optional: column `log` (path or name), and conditions of the
+                                   setup or tags (driver, track) per log
 
 [tables.speed]
 [tables.footprint]
@@ -44,9 +46,11 @@ MODEL_COMMANDS = ("compare", "diagnose", "ladder")
 
 @dataclass(frozen=True)
 class CampaignLog:
-    """One log: its path, its setup (with the conditions of the campaign's table put in), its partition's name and tags.
+    """One log: its path, its setup (with the conditions of the campaign's table put in), its
+    partition's name and tags.
 
-    `problem` says why it cannot be read at all (its setup does not fit, ...); it is kept as failed, and does not stop the rest.
+    `problem` says why it cannot be read at all (its setup does not fit, ...); it is kept as failed,
+    and does not stop the rest.
     """
 
     path: str
@@ -84,19 +88,24 @@ def _refuse(message: str, file: Path) -> UsageError:
 def _keys(data: Any, allowed: tuple[str, ...], where: str, file: Path) -> dict[str, Any]:
     """`data` as a table with no other keys than `allowed`."""
     if not isinstance(data, dict):
-        raise _refuse(f"{where} is not a table; allowed are {', '.join(allowed)} under it; mend it", file)
+        raise _refuse(
+            f"{where} is not a table; allowed are {', '.join(allowed)} under it; mend it", file
+        )
     for key in data:
         if key not in allowed:
             raise _refuse(
-                f"unknown key {key!r} in {where}{nearest(key, allowed)}; allowed are {', '.join(allowed)}; mend or remove it", file
+                f"unknown key {key!r} in {where}{nearest(key, allowed)}; "
+                f"allowed are {', '.join(allowed)}; mend or remove it",
+                file,
             )
     return data
 
 
 def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign:
-    """The manifest at `path`.  `tables`: known tables and their options.
+    """The manifest at `path`. `tables`: known tables and their options.
 
-    UsageError: not TOML, an unknown key, no log matches, two logs with one name.  A log whose setup does not fit is no error here.
+    UsageError: not TOML, an unknown key, no log matches, two logs with one name. A log whose setup
+    does not fit is no error here.
     """
     data = _keys(_toml(path, "a manifest", "give its path"), _SECTIONS, "the manifest", path)
     about = _keys(data.get("campaign", {}), ("name", "output"), "[campaign]", path)
@@ -106,11 +115,21 @@ def load_manifest(path: Path, tables: Mapping[str, tuple[str, ...]]) -> Campaign
         for option, value in options.items():
             _check_option(option, value, f"[tables.{name}]", path)
     base = path.parent
-    logs = tuple(log for where, entry in _entries(data, "logs", path) for log in _logs(entry, where, base, path))
+    logs = tuple(
+        log
+        for where, entry in _entries(data, "logs", path)
+        for log in _logs(entry, where, base, path)
+    )
     _distinct(logs, path)
-    models = tuple(_model(entry, where, base, path) for where, entry in _entries(data, "models", path))
+    models = tuple(
+        _model(entry, where, base, path) for where, entry in _entries(data, "models", path)
+    )
     if not wanted and not models:
-        raise _refuse(f"asks for nothing; allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]; add one", path)
+        raise _refuse(
+            f"asks for nothing; allowed are [tables.NAME] ({', '.join(tables)}) and [[models]]; "
+            "add one",
+            path,
+        )
     _distinct_models(models, path)
     output = _text(about, "output", "[campaign]", path) or "results"
     name = _text(about, "name", "[campaign]", path) or path.stem
@@ -126,15 +145,26 @@ def _entries(data: Mapping[str, Any], name: str, file: Path) -> list[tuple[str, 
     """The [[`name`]] entries, each with how an error calls it."""
     entries = data.get(name, [])
     if not isinstance(entries, list):
-        raise _refuse(f"{name} is not a list of tables; allowed are entries that begin with [[{name}]]; mend it", file)
+        raise _refuse(
+            f"{name} is not a list of tables; allowed are entries that begin with [[{name}]]; "
+            "mend it",
+            file,
+        )
     return [(f"[[{name}]] number {number}", entry) for number, entry in enumerate(entries, 1)]
 
 
 def _text(table: Mapping[str, Any], key: str, where: str, file: Path) -> str | None:
-    """The text under `key`, None if it is not there.  UsageError: it is no text, empty, or holds control characters."""
+    """The text under `key`, None if it is not there.
+
+    UsageError: it is no text, empty, or holds control characters.
+    """
     value = table.get(key)
-    if value is not None and (not isinstance(value, str) or not value.strip() or not value.isprintable()):
-        raise _refuse(f"{where}: {key} is not text of one line; allowed is text in quotes; mend it", file)
+    if value is not None and (
+        not isinstance(value, str) or not value.strip() or not value.isprintable()
+    ):
+        raise _refuse(
+            f"{where}: {key} is not text of one line; allowed is text in quotes; mend it", file
+        )
     return value
 
 
@@ -161,7 +191,9 @@ def _check_option(option: str, value: Any, where: str, file: Path) -> None:
         "zero": number or (isinstance(value, str) and value.isprintable()),
     }
     if not fits.get(option, True):
-        raise _refuse(f"{where}: {option} = {str(value)[:40]!r}; allowed is {_ALLOWED[option]}; mend it", file)
+        raise _refuse(
+            f"{where}: {option} = {str(value)[:40]!r}; allowed is {_ALLOWED[option]}; mend it", file
+        )
 
 
 def _is_cutoff(text: str) -> bool:
@@ -174,12 +206,16 @@ def _is_cutoff(text: str) -> bool:
 
 def _distinct(logs: tuple[CampaignLog, ...], path: Path) -> None:
     if not logs:
-        raise _refuse("matches no log; each [[logs]] has a glob relative to the manifest; mend the glob", path)
+        raise _refuse(
+            "matches no log; each [[logs]] has a glob relative to the manifest; mend the glob", path
+        )
     seen: dict[str, str] = {}
     for log in logs:
         if log.name in seen:
             raise _refuse(
-                f"two logs have the name {log.name!r}: {seen[log.name]} and {log.path}; a name stands for one log; narrow the globs", path
+                f"two logs have the name {log.name!r}: {seen[log.name]} and {log.path}; "
+                "a name stands for one log; narrow the globs",
+                path,
             )
         seen[log.name] = log.path
 
@@ -189,7 +225,8 @@ def _distinct_models(models: tuple[CampaignModel, ...], path: Path) -> None:
     for model in models:
         if model.file.stem in seen:
             raise _refuse(
-                f"two models have the name {model.file.stem!r}: {seen[model.file.stem]} and {model.file}; one is allowed; rename one",
+                f"two models have the name {model.file.stem!r}: {seen[model.file.stem]} and "
+                f"{model.file}; one is allowed; rename one",
                 path,
             )
         seen[model.file.stem] = model.file
@@ -200,15 +237,27 @@ def _logs(entry: Any, where: str, base: Path, file: Path) -> list[CampaignLog]:
     _keys(entry, ("glob", "setup", "conditions"), where, file)
     pattern = _text(entry, "glob", where, file)
     if pattern is None:
-        raise _refuse(f'{where} has no glob; allowed is a pattern relative to the manifest; add glob = "logs/*.csv"', file)
+        raise _refuse(
+            f"{where} has no glob; allowed is a pattern relative to the manifest; "
+            'add glob = "logs/*.csv"',
+            file,
+        )
     setup, conditions = _text(entry, "setup", where, file), _text(entry, "conditions", where, file)
     try:
         matching = _matches(pattern, base)
     except (ValueError, IndexError, NotImplementedError, OSError) as problem:
-        raise _refuse(f"{where}: glob {pattern!r} is no pattern ({problem}); allowed is e.g. logs/**/*.csv; mend it", file) from None
+        raise _refuse(
+            f"{where}: glob {pattern!r} is no pattern ({problem}); allowed is e.g. "
+            "logs/**/*.csv; mend it",
+            file,
+        ) from None
     found = [log for log in matching if not log.endswith((".toml", ".truth.json"))]
     if not found:
-        raise _refuse(f"{where}: glob {pattern!r} matches no log; it is relative to {base}, or an address; mend it", file)
+        raise _refuse(
+            f"{where}: glob {pattern!r} matches no log; it is relative to {base}, or an address; "
+            "mend it",
+            file,
+        )
     shared = _setup(setup, base) if setup is not None else None
     overrides = _conditions(base / conditions) if conditions is not None else {}
     return [_log(log, shared, overrides, base) for log in found]
@@ -249,9 +298,15 @@ def _setup_beside(log: str) -> Setup | None:
     return None
 
 
-def _log(log: str, shared: Setup | None, overrides: Mapping[str, Mapping[str, str]], base: Path) -> CampaignLog:
+def _log(
+    log: str, shared: Setup | None, overrides: Mapping[str, Mapping[str, str]], base: Path
+) -> CampaignLog:
     """One log with its setup and the conditions of its row."""
-    inside = str(Path(log).relative_to(base)) if address(log) is None and Path(log).is_relative_to(base) else log
+    inside = (
+        str(Path(log).relative_to(base))
+        if address(log) is None and Path(log).is_relative_to(base)
+        else log
+    )
     name = re.sub(r"[^\w.+-]+", "_", inside).strip("_")
     row = overrides.get(inside) or overrides.get(log.rsplit("/", 1)[-1]) or {}
     tags = {k: v for k, v in row.items() if k not in _CONDITIONS}
@@ -261,19 +316,35 @@ def _log(log: str, shared: Setup | None, overrides: Mapping[str, Mapping[str, st
             setup = _with_conditions(setup, row)
     except SetupError as problem:  # a log whose setup is unusable is kept as failed
         return CampaignLog(log, name, None, tags, str(problem))
-    return CampaignLog(log, name, setup, tags, "" if setup else "no setup file beside the log and none in the manifest")
+    return CampaignLog(
+        log,
+        name,
+        setup,
+        tags,
+        "" if setup else "no setup file beside the log and none in the manifest",
+    )
 
 
 def _with_conditions(setup: Setup, row: Mapping[str, str]) -> Setup:
-    """The setup with this log's conditions; its text carries them too, so that a run made from it says the same."""
+    """The setup with this log's conditions; its text carries them too, so that a run made from it
+    says the same.
+    """
     given = {}
     for key in _CONDITIONS:
         if row.get(key, "") != "":
-            given[key] = row[key].strip().lower() in ("true", "1", "yes") if key == "driven" else float(row[key])
+            given[key] = (
+                row[key].strip().lower() in ("true", "1", "yes")
+                if key == "driven"
+                else float(row[key])
+            )
     known = {k: v for k, v in dataclasses.asdict(setup.conditions).items() if v is not None} | given
-    lines = [f"{k} = {str(v).lower() if isinstance(v, bool) else repr(v)}" for k, v in known.items()]
+    lines = [
+        f"{k} = {str(v).lower() if isinstance(v, bool) else repr(v)}" for k, v in known.items()
+    ]
     outside = re.sub(r"(?ms)^\s*\[conditions\].*?(?=^\s*\[|\Z)", "", setup.text)
-    return parse_setup(outside.rstrip() + "\n\n[conditions]\n" + "\n".join(lines) + "\n", setup.file)
+    return parse_setup(
+        outside.rstrip() + "\n\n[conditions]\n" + "\n".join(lines) + "\n", setup.file
+    )
 
 
 def _conditions(path: Path) -> dict[str, dict[str, str]]:
@@ -283,15 +354,28 @@ def _conditions(path: Path) -> dict[str, dict[str, str]]:
             rows = list(csv.DictReader(stream))
     except (OSError, UnicodeDecodeError, csv.Error) as problem:
         problem = getattr(problem, "strerror", None) or problem
-        raise UsageError(f"cannot be read ({problem}); the conditions are a CSV with a column log; mend the path", file=path) from None
+        raise UsageError(
+            f"cannot be read ({problem}); the conditions are a CSV with a column log; "
+            "mend the path",
+            file=path,
+        ) from None
     if not rows or "log" not in rows[0]:
-        raise UsageError("has no column log; it names each row's log by path or file name; add it", file=path)
+        raise UsageError(
+            "has no column log; it names each row's log by path or file name; add it", file=path
+        )
     for line, row in enumerate(rows, 2):
         for key in _CONDITIONS:
             text = row.get(key) or ""
             if key != "driven" and text and not _finite(text):
-                raise UsageError(f"{key} = {text!r}; allowed is a number; mend it", file=path, line=line)
-    return {str(row["log"]): {k: v or "" for k, v in row.items() if k and k != "log" and isinstance(v, str)} for row in rows}
+                raise UsageError(
+                    f"{key} = {text!r}; allowed is a number; mend it", file=path, line=line
+                )
+    return {
+        str(row["log"]): {
+            k: v or "" for k, v in row.items() if k and k != "log" and isinstance(v, str)
+        }
+        for row in rows
+    }
 
 
 def _finite(text: str) -> bool:
@@ -305,17 +389,25 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
     _keys(entry, ("file", "commands"), where, file)
     commands = entry.get("commands", ["compare", "diagnose"])
     if not isinstance(commands, list) or not commands:
-        raise _refuse(f"{where}: commands is not a list; allowed are {', '.join(MODEL_COMMANDS)} in one; mend it", file)
+        raise _refuse(
+            f"{where}: commands is not a list; allowed are {', '.join(MODEL_COMMANDS)} in one; "
+            "mend it",
+            file,
+        )
     for command in commands:
         if command not in MODEL_COMMANDS:
             raise _refuse(
-                f"{where}: command {str(command)[:40]!r}{nearest(str(command)[:40], MODEL_COMMANDS)}; "
+                f"{where}: "
+                f"command {str(command)[:40]!r}{nearest(str(command)[:40], MODEL_COMMANDS)}; "
                 f"allowed are {', '.join(MODEL_COMMANDS)}; mend it",
                 file,
             )
     name = _text(entry, "file", where, file)
     if name is None:
-        raise _refuse(f'{where} has no file; allowed is the path of a model file; add file = "beam.toml"', file)
+        raise _refuse(
+            f'{where} has no file; allowed is the path of a model file; add file = "beam.toml"',
+            file,
+        )
     path = base / name
     return CampaignModel(path, _observable(path), tuple(commands))
 
@@ -323,6 +415,8 @@ def _model(entry: Any, where: str, base: Path, file: Path) -> CampaignModel:
 def _observable(path: Path) -> str:
     """What the model file says it predicts; what else is wrong with it is said when it is used."""
     try:
-        return str(_toml(path, "a model", "mend the path").get("model", {}).get("observable", "strain"))
+        return str(
+            _toml(path, "a model", "mend the path").get("model", {}).get("observable", "strain")
+        )
     except (TirelogError, AttributeError):
         return "strain"

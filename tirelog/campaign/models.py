@@ -1,13 +1,19 @@
-"""Models over a whole campaign: compare, diagnose and ladder on all its logs together, each under its own conditions.
+"""Models over a whole campaign: compare, diagnose and ladder on all its logs together, each under
+its own conditions.
 
-    pieces that the workers kept, a log's share of each --> discrepancy --> output/models/<model>/{compare,diagnose,ladder}.json
-                                                                       --> output/models/<model>/page.json, sections for the report
+    pieces that the workers kept, a log's share of each --> discrepancy -->
+    output/models/<model>/{compare,diagnose,ladder}.json
+                                                                       -->
+                                                                       output/models/<model>/page.json,
+                                                                       sections for the report
 
-What differs between logs (load, pressure, water, age) is what lets `diagnose` see effects that no single log shows.  A result carries the
-key of everything it was made of, so it is made again only when a log, a setup, the model or tirelog changes.
+What differs between logs (load, pressure, water, age) is what lets `diagnose` see effects that no
+single log shows. A result carries the key of everything it was made of, so it is made again only
+when a log, a setup, the model or tirelog changes.
 
-Memory: the means of like revolutions that `inference.cells.gathering` has room for, whatever the campaign's size, and nothing of the
-revolutions; logs share that room as those of one `diagnose` do, so that both give the same numbers.  A result says how many there were.
+Memory: the means of like revolutions that `inference.cells.gathering` has room for, whatever the
+campaign's size, and nothing of the revolutions; logs share that room as those of one `diagnose` do,
+so that both give the same numbers. A result says how many there were.
 """
 
 from __future__ import annotations
@@ -30,11 +36,14 @@ from tirelog.physics.model.file import load_model
 if TYPE_CHECKING:
     from tirelog.inference.cells.pieces import Pieces
 
-#: changes with what a result is made of beside logs, setups and models, so that older results are made again
+#: changes with what a result is made of beside logs, setups and models, so that older results are
+#: made again
 _FORM = "steady revolutions, shared room"
 
 
-def run_models(campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]) -> list[str]:
+def run_models(
+    campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]
+) -> list[str]:
     """Make every model's results that are not made yet; sentences on those that could not be made."""
     failed = []
     for model in campaign.models:
@@ -45,18 +54,41 @@ def run_models(campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Call
     return failed
 
 
-def _run(model: CampaignModel, manifest: str, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]) -> None:
+def _run(
+    model: CampaignModel,
+    manifest: str,
+    ledger: Ledger,
+    tasks: list[Task],
+    said: Callable[[str], None],
+) -> None:
     """One model's results; what is made already is seen without the science."""
-    measured = [t for t in tasks if (entry := ledger.entry(t.name)) and not entry.error and entry.pieces.get(model.observable) == ""]
+    measured = [
+        t
+        for t in tasks
+        if (entry := ledger.entry(t.name))
+        and not entry.error
+        and entry.pieces.get(model.observable) == ""
+    ]
     try:
         text = model.file.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as problem:
-        raise UsageError(f"cannot be read ({problem}); a model is a TOML file; mend its path in the manifest") from None
+        raise UsageError(
+            f"cannot be read ({problem}); a model is a TOML file; mend its path in the manifest"
+        ) from None
     if not measured:
-        raise UsageError(f"no log of the campaign measures {model.observable}, so there is nothing to hold the model against")
-    key = hashlib.sha256(json.dumps([[t.key for t in measured], text, __version__, _FORM]).encode()).hexdigest()
+        raise UsageError(
+            f"no log of the campaign measures {model.observable}, so there is nothing to hold "
+            "the model against"
+        )
+    key = hashlib.sha256(
+        json.dumps([[t.key for t in measured], text, __version__, _FORM]).encode()
+    ).hexdigest()
     folder = f"models/{model.file.stem}"
-    waiting = [name for name in model.commands if json_of(ledger.folder.read(f"{folder}/{name}.json")).get("key") != key]
+    waiting = [
+        name
+        for name in model.commands
+        if json_of(ledger.folder.read(f"{folder}/{name}.json")).get("key") != key
+    ]
     if not waiting:
         return
     from tirelog.diagnosis.compare import compare
@@ -64,7 +96,11 @@ def _run(model: CampaignModel, manifest: str, ledger: Ledger, tasks: list[Task],
     from tirelog.diagnosis.ladder import ladder
 
     read = load_model(model.file)
-    commands: dict[str, Callable[..., Any]] = {"compare": compare, "diagnose": diagnose, "ladder": ladder}
+    commands: dict[str, Callable[..., Any]] = {
+        "compare": compare,
+        "diagnose": diagnose,
+        "ladder": ladder,
+    }
     pieces, about = _pieces(measured, model.observable, ledger)
     results = {}
     for name in model.commands:
@@ -72,8 +108,13 @@ def _run(model: CampaignModel, manifest: str, ledger: Ledger, tasks: list[Task],
         said(f"note: {ledger.folder.root}/{folder}/{name}.json" + _outcome(results[name]))
     ledger.folder.check_held()
     ledger.folder.write(f"{folder}/page.json", _bytes(_page(pieces, results, manifest)))
-    for name, result in results.items():  # after the page, which is whole once these say so by their key
-        ledger.folder.write(f"{folder}/{name}.json", _bytes({"key": key, **about, **result.to_json()}))
+    for (
+        name,
+        result,
+    ) in results.items():  # after the page, which is whole once these say so by their key
+        ledger.folder.write(
+            f"{folder}/{name}.json", _bytes({"key": key, **about, **result.to_json()})
+        )
 
 
 def _outcome(result: Any) -> str:
@@ -83,19 +124,26 @@ def _outcome(result: Any) -> str:
 
 
 def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str, Any]:
-    """What the report shows of these results: the sections that it makes of a model and single logs."""
+    """What the report shows of these results: the sections that it makes of a model and single
+    logs.
+    """
     from tirelog.physics.effects import BY_ID
     from tirelog.report import model_sections
     from tirelog.report.diagnosed import story_of
     from tirelog.report.stored import stored
 
     command = shlex.join(["tirelog", "campaign", "run", manifest])
-    found, climbed = results.get("diagnose"), results["ladder"].to_json() if "ladder" in results else None
+    found, climbed = (
+        results.get("diagnose"),
+        results["ladder"].to_json() if "ladder" in results else None,
+    )
     compared = results.get("compare") or (found.before if found is not None else None)
     sections = [model_sections.ladder(climbed, command)] if climbed is not None else []
     if compared is None:
         return stored(sections, [])
-    story = story_of(pieces, compared, found, climbed, lambda name: command, BY_ID, lambda text: None)
+    story = story_of(
+        pieces, compared, found, climbed, lambda name: command, BY_ID, lambda text: None
+    )
     return stored([*story.before_ladder, *sections, *story.after_ladder], story.missing)
 
 
@@ -107,14 +155,21 @@ def _pieces(tasks: list[Task], observable: str, ledger: Ledger) -> tuple[Pieces,
 
     most = room(1 if observable in SCALARS else 2)
     chosen = [tasks[i] for i in chosen_logs(len(tasks), most)]
-    sizes = [len(_kept(task, observable, ledger)) for task in chosen]  # read twice: all of them at once may not fit
+    sizes = [
+        len(_kept(task, observable, ledger)) for task in chosen
+    ]  # read twice: all of them at once may not fit
     parts = [
         _kept(task, observable, ledger).thinned(share, number)
         for number, (task, share) in enumerate(zip(chosen, share_out(sizes, most), strict=True))
     ]
     pieces = joined_pieces(parts)
     said = left_out(len(pieces), sum(sizes), len(parts), len(tasks))
-    about = {"logs_used": len(parts), "logs": len(tasks), "cells_used": len(pieces), "cells": sum(sizes)}
+    about = {
+        "logs_used": len(parts),
+        "logs": len(tasks),
+        "cells_used": len(pieces),
+        "cells": sum(sizes),
+    }
     pieces = replace(pieces, notes=(*pieces.notes, *said))
     return pieces, {**about, "remarks": list(pieces.notes)}
 
@@ -127,7 +182,10 @@ def _kept(task: Task, observable: str, ledger: Ledger) -> Pieces:
     try:
         return read_pieces(ledger.folder.read(name) or b"")
     except (ValueError, KeyError, OSError, EOFError):
-        raise ReadError(f"{name} is damaged; it is made by campaign run; remove it and run again", file=ledger.folder.root) from None
+        raise ReadError(
+            f"{name} is damaged; it is made by campaign run; remove it and run again",
+            file=ledger.folder.root,
+        ) from None
 
 
 def _bytes(data: Mapping[str, Any]) -> bytes:

@@ -17,11 +17,15 @@ HIDDEN = ".tirelog"
 
 
 #: what a campaign writes besides, by its name in the folder
-_RESULTS = re.compile(r"summary\.csv|table=[^/]+/log=[^/]+/part\.parquet|models/[^/]+/(page|compare|diagnose|ladder)\.json")
+_RESULTS = re.compile(
+    r"summary\.csv|table=[^/]+/log=[^/]+/part\.parquet|models/[^/]+/(page|compare|diagnose|ladder)\.json"
+)
 
 
 def is_own(name: str) -> bool:
-    """Whether a file of the output folder is the campaign's: a result, or anything in its hidden folder."""
+    """Whether a file of the output folder is the campaign's: a result, or anything in its hidden
+    folder.
+    """
     return name.startswith(f"{HIDDEN}/") or _RESULTS.fullmatch(name) is not None
 
 
@@ -46,8 +50,12 @@ def swept(temporary: Path) -> None:
 
 
 def temporary_for(url: str) -> Path:
-    """The folder of this machine for the temporary runs of a campaign whose results are elsewhere: always the same one, so that the next
-    run sweeps what a kill left."""
+    """The folder of this machine for the temporary runs of a campaign whose results are elsewhere:
+    always the same one, so that the next run sweeps what a kill left.
+    """
     import hashlib
 
-    return Path(tempfile.gettempdir()) / f"tirelog-campaign-{os.getuid()}-{hashlib.sha256(url.encode()).hexdigest()[:16]}"
+    return (
+        Path(tempfile.gettempdir())
+        / f"tirelog-campaign-{os.getuid()}-{hashlib.sha256(url.encode()).hexdigest()[:16]}"
+    )

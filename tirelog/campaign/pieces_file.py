@@ -1,4 +1,5 @@
-"""Pieces of a log as bytes: arrays by name, numbers and text only, nothing that is executed when it is read.
+"""Pieces of a log as bytes: arrays by name, numbers and text only, nothing that is executed when it
+is read.
 
 Pieces -> .npz (uncompressed) -> Pieces, equal to the bit
 """
@@ -21,8 +22,14 @@ _WORDS = ("observable", "channel", "surface", "radius_m", "logs", "notes")
 
 def pieces_bytes(pieces: Pieces) -> bytes:
     """The file."""
-    arrays: dict[str, Any] = {f.name: getattr(pieces, f.name) for f in fields(Pieces) if f.name not in (*_WORDS, "conditions")}
-    arrays |= {f"conditions.{f.name}": getattr(pieces.conditions, f.name) for f in fields(Conditions)}
+    arrays: dict[str, Any] = {
+        f.name: getattr(pieces, f.name)
+        for f in fields(Pieces)
+        if f.name not in (*_WORDS, "conditions")
+    }
+    arrays |= {
+        f"conditions.{f.name}": getattr(pieces.conditions, f.name) for f in fields(Conditions)
+    }
     arrays["words"] = np.array(json.dumps({name: getattr(pieces, name) for name in _WORDS}))
     stream = io.BytesIO()
     np.savez(stream, **arrays)
@@ -33,6 +40,14 @@ def read_pieces(data: bytes) -> Pieces:
     """The pieces in a file.  ValueError, KeyError: it is none."""
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
         words = json_value(str(arrays["words"]))
-        conditions = Conditions(**{f.name: arrays[f"conditions.{f.name}"] for f in fields(Conditions)})
-        rows = {f.name: arrays[f.name] for f in fields(Pieces) if f.name not in (*_WORDS, "conditions")}
-    return Pieces(**{**words, "logs": tuple(words["logs"]), "notes": tuple(words["notes"])}, conditions=conditions, **rows)
+        conditions = Conditions(
+            **{f.name: arrays[f"conditions.{f.name}"] for f in fields(Conditions)}
+        )
+        rows = {
+            f.name: arrays[f.name] for f in fields(Pieces) if f.name not in (*_WORDS, "conditions")
+        }
+    return Pieces(
+        **{**words, "logs": tuple(words["logs"]), "notes": tuple(words["notes"])},
+        conditions=conditions,
+        **rows,
+    )

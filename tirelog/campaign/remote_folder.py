@@ -1,14 +1,18 @@
 """A campaign's output folder at an address, and the lock that keeps it for one run.
 
-    .tirelog/lock.<n>    JSON {owner, host, pid, beat_s}; the highest n holds; it is written anew every BEAT_S while its owner lives
+    .tirelog/lock.<n>    JSON {owner, host, pid, beat_s}; the highest n holds; it is written anew
+                         every BEAT_S while its owner lives
 
-A store has no locks that end with a process, so a lock ends with its heartbeat: EXPIRES_S after the last one anybody may take over, by
-creating lock.<n+1>; on the machine that wrote it at once, where its process is gone.  On stores that can refuse to overwrite (S3, GCS,
-Azure) two that start at the same moment cannot both create it, whatever their clocks say: one run at a time is guaranteed there, as long as
-no process sleeps for EXPIRES_S and clocks differ by less than that.  A run that finds itself taken over stops before its next entry.  On
-other stores the lock is looked for before it is written: two runs that start at the same moment may both believe that they hold it.
+A store has no locks that end with a process, so a lock ends with its heartbeat: EXPIRES_S after the
+last one anybody may take over, by creating lock.<n+1>; on the machine that wrote it at once, where
+its process is gone. On stores that can refuse to overwrite (S3, GCS, Azure) two that start at the
+same moment cannot both create it, whatever their clocks say: one run at a time is guaranteed there,
+as long as no process sleeps for EXPIRES_S and clocks differ by less than that. A run that finds
+itself taken over stops before its next entry. On other stores the lock is looked for before it is
+written: two runs that start at the same moment may both believe that they hold it.
 
-Objects are seen whole or not at all; a store that is not one of objects gets a file under another name, which is moved (`remote`).
+Objects are seen whole or not at all; a store that is not one of objects gets a file under another
+name, which is moved (`remote`).
 """
 
 from __future__ import annotations
@@ -56,7 +60,10 @@ class RemoteFolder:
         return read_remote(self._at(name))
 
     def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
-        return {url.removeprefix(self.root + "/"): data for url, data in read_several([self._at(name) for name in names]).items()}
+        return {
+            url.removeprefix(self.root + "/"): data
+            for url, data in read_several([self._at(name) for name in names]).items()
+        }
 
     def write(self, name: str, data: bytes) -> None:
         write_remote(self._at(name), data)
@@ -67,11 +74,15 @@ class RemoteFolder:
     def names(self) -> set[str]:
         return set(list_remote(self.root))
 
-    # ---- the lock -------------------------------------------------------------------------------------------------------------------
+    # ---- the lock
+    # -------------------------------------------------------------------------------------------------------------------
 
     def check_held(self) -> None:
         if self._lost.is_set():
-            raise UsageError("another run has taken this folder over; one at a time is allowed; run it again", file=self.root)
+            raise UsageError(
+                "another run has taken this folder over; one at a time is allowed; run it again",
+                file=self.root,
+            )
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -94,23 +105,36 @@ class RemoteFolder:
     def _take(self) -> None:
         """Create the next lock.  UsageError: another run's heart beats."""
         listed = self.names()
-        numbers = sorted(int(tail) for name in listed if name.startswith(_LOCK) and (tail := name.removeprefix(_LOCK)).isdigit())
+        numbers = sorted(
+            int(tail)
+            for name in listed
+            if name.startswith(_LOCK) and (tail := name.removeprefix(_LOCK)).isdigit()
+        )
         if numbers:
             _refuse_if_alive(self.root, self.read(f"{_LOCK}{numbers[-1]}"))
         self._number = numbers[-1] + 1 if numbers else 1
         if not create_remote(self._at(f"{_LOCK}{self._number}"), self._content()):
             raise _taken(self.root, "a moment ago")
-        self.remove([f"{_LOCK}{n}" for n in numbers] + [name for name in listed if _half_written(name)])
+        self.remove(
+            [f"{_LOCK}{n}" for n in numbers] + [name for name in listed if _half_written(name)]
+        )
 
     def _content(self) -> bytes:
-        return json.dumps({"owner": self._owner, "host": _here(), "pid": os.getpid(), "beat_s": time.time()}).encode()
+        return json.dumps(
+            {"owner": self._owner, "host": _here(), "pid": os.getpid(), "beat_s": time.time()}
+        ).encode()
 
     def _beat(self, done: threading.Event) -> None:
         """Write the lock anew, as long as it is ours."""
         while not done.wait(BEAT_S):
-            with suppress(TirelogError):  # a store that does not answer once may answer the next time
+            with suppress(
+                TirelogError
+            ):  # a store that does not answer once may answer the next time
                 name = f"{_LOCK}{self._number}"
-                if _owner(self.read(name)) != self._owner or f"{_LOCK}{self._number + 1}" in self.names():
+                if (
+                    _owner(self.read(name)) != self._owner
+                    or f"{_LOCK}{self._number + 1}" in self.names()
+                ):
                     self._lost.set()
                     return
                 self.write(name, self._content())
@@ -119,7 +143,11 @@ class RemoteFolder:
 def _half_written(name: str) -> bool:
     """A file of the campaign's own under the name that `write_remote` and `upload` move from."""
     folder, _, last = name.rpartition("/")
-    return last.startswith(".") and last.endswith(PART) and is_own(f"{folder}/{last[1 : -len(PART)]}".lstrip("/"))
+    return (
+        last.startswith(".")
+        and last.endswith(PART)
+        and is_own(f"{folder}/{last[1 : -len(PART)]}".lstrip("/"))
+    )
 
 
 def _owner(data: bytes | None) -> str | None:
@@ -130,7 +158,9 @@ def _refuse_if_alive(root: str, data: bytes | None) -> None:
     """UsageError while the lock's heart may beat."""
     lock = json_of(data)
     age = time.time() - _number(lock.get("beat_s"))
-    if age > EXPIRES_S or (lock.get("host") == _here() and not _runs(int(_number(lock.get("pid"))))):
+    if age > EXPIRES_S or (
+        lock.get("host") == _here() and not _runs(int(_number(lock.get("pid"))))
+    ):
         return
     raise _taken(root, f"{age:.0f} s ago from {lock.get('host')}, process {lock.get('pid')}")
 
@@ -142,7 +172,8 @@ def _number(value: object) -> float:
 
 def _taken(root: str, when: str) -> UsageError:
     return UsageError(
-        f"another campaign run works in this folder (last heard {when}); one at a time is allowed; wait for it, or {EXPIRES_S:.0f} s "
+        f"another campaign run works in this folder (last heard {when}); one at a time is "
+        f"allowed; wait for it, or {EXPIRES_S:.0f} s "
         "where it was killed",
         file=root,
     )

@@ -1,6 +1,8 @@
-"""Carrying out a campaign: what is not done is done, on processes of this machine or a Dask cluster, and the outcome is added up.
+"""Carrying out a campaign: what is not done is done, on processes of this machine or a Dask
+cluster, and the outcome is added up.
 
-Tasks do not depend on one another, and each writes its own files, so neither order nor place of work changes a byte of the result.
+Tasks do not depend on one another, and each writes its own files, so neither order nor place of
+work changes a byte of the result.
 """
 
 from __future__ import annotations
@@ -27,19 +29,39 @@ from tirelog.runtime import end_with_parent, one_heap
 
 #: a log whose worker died this often is failed
 _ATTEMPTS = 3
-SUMMARY = ("log", "name", "status", "error", "rows", "quality", "losses", "seconds", "peak_memory_MB")
+SUMMARY = (
+    "log",
+    "name",
+    "status",
+    "error",
+    "rows",
+    "quality",
+    "losses",
+    "seconds",
+    "peak_memory_MB",
+)
 
 
 def plan(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list[Task]:
     """A task a log, each with its key.  UsageError: `only` matches none."""
-    logs = [log for log in campaign.logs if only is None or fnmatch(log.path, only) or fnmatch(Path(log.path).name, only)]
+    logs = [
+        log
+        for log in campaign.logs
+        if only is None or fnmatch(log.path, only) or fnmatch(Path(log.path).name, only)
+    ]
     if not logs:
-        raise UsageError(f"--only {only!r} matches none of the campaign's {len(campaign.logs)} logs; mend the pattern", file=campaign.file)
+        raise UsageError(
+            f"--only {only!r} matches none of the campaign's {len(campaign.logs)} logs; "
+            "mend the pattern",
+            file=campaign.file,
+        )
     observables = tuple(dict.fromkeys(model.observable for model in campaign.models))
     return [_task(campaign, log, ledger, observables) for log in logs]
 
 
-def _task(campaign: Campaign, log: CampaignLog, ledger: Ledger, observables: tuple[str, ...]) -> Task:
+def _task(
+    campaign: Campaign, log: CampaignLog, ledger: Ledger, observables: tuple[str, ...]
+) -> Task:
     text = log.setup.text if log.setup else ""
     try:
         digest, problem = ledger.sha256(log.path), log.problem
@@ -51,12 +73,25 @@ def _task(campaign: Campaign, log: CampaignLog, ledger: Ledger, observables: tup
     key = key_of(digest, text + problem, tables, __version__)
     setup_file = (log.setup.file or "") if log.setup else ""
     folder = ledger.folder
-    return Task(log.path, log.name, key, text, setup_file, tables, folder.root, str(folder.temporary), problem, observables)
+    return Task(
+        log.path,
+        log.name,
+        key,
+        text,
+        setup_file,
+        tables,
+        folder.root,
+        str(folder.temporary),
+        problem,
+        observables,
+    )
 
 
 def to_do(tasks: Iterable[Task], ledger: Ledger, *, retry_failed: bool = False) -> list[Task]:
-    """What is left: tasks that the ledger does not have under their key, or whose parts are gone; with `retry_failed` the failed ones as
-    well; and of those that are done what models need besides, without the tables."""
+    """What is left: tasks that the ledger does not have under their key, or whose parts are gone;
+    with `retry_failed` the failed ones as well; and of those that are done what models need
+    besides, without the tables.
+    """
     there = ledger.folder.names()
     left = (_left(task, ledger.entry(task.name), there, retry_failed) for task in tasks)
     return [task for task in left if task is not None]
@@ -69,22 +104,39 @@ def _left(task: Task, entry: Entry | None, there: set[str], retry_failed: bool) 
         return task if retry_failed else None
     if any(part_name(table, task.name) not in there for table in entry.rows):
         return task
-    kept = {name for name, why in entry.pieces.items() if why or pieces_name(name, task.name) in there}
+    kept = {
+        name for name, why in entry.pieces.items() if why or pieces_name(name, task.name) in there
+    }
     observables = tuple(name for name in task.observables if name not in kept)
     return replace(task, tables={}, observables=observables) if observables else None
 
 
 def run(
-    campaign: Campaign, ledger: Ledger, tasks: list[Task], *, workers: int, scheduler: str | None, said: Callable[[Entry, int, int], None]
+    campaign: Campaign,
+    ledger: Ledger,
+    tasks: list[Task],
+    *,
+    workers: int,
+    scheduler: str | None,
+    said: Callable[[Entry, int, int], None],
 ) -> None:
-    """Carry out `tasks`; `said(entry, finished, of)` after each.  A log that fails leaves no part of an older outcome behind.
+    """Carry out `tasks`; `said(entry, finished, of)` after each.
 
-    OutputError: the output cannot be written (a full disk); what was done before is kept, and what was not is not held against the logs.
+    A log that fails leaves no part of an older outcome behind.
+
+    OutputError: the output cannot be written (a full disk); what was done before is kept, and what
+    was not is not held against the logs.
     """
     folder = ledger.folder
     by_name = {task.name: task for task in tasks}
     if any(task.tables for task in tasks):
-        folder.remove(sorted(name for name in folder.names() if _log_of(name) in by_name and by_name[_log_of(name)].tables))
+        folder.remove(
+            sorted(
+                name
+                for name in folder.names()
+                if _log_of(name) in by_name and by_name[_log_of(name)].tables
+            )
+        )
     finished = _on_processes(tasks, workers) if scheduler is None else _on_cluster(tasks, scheduler)
     with closing(finished):  # at once, also when what follows fails: nobody works on after this
         for number, entry in enumerate(finished, 1):
@@ -99,19 +151,31 @@ def run(
 def _log_of(name: str) -> str:
     """The log whose part a file of the dataset is, or ''."""
     parts = name.split("/")
-    return parts[1].removeprefix("log=") if len(parts) == 3 and parts[0].startswith("table=") else ""
+    return (
+        parts[1].removeprefix("log=") if len(parts) == 3 and parts[0].startswith("table=") else ""
+    )
 
 
 def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
-    """Logs whose parts stand in the dataset and that the manifest does not have (any more): whoever reads the dataset reads them too."""
-    return sorted({_log_of(name) for name in ledger.folder.names()} - {log.name for log in campaign.logs} - {""})
+    """Logs whose parts stand in the dataset and that the manifest does not have (any more): whoever
+    reads the dataset reads them too.
+    """
+    return sorted(
+        {_log_of(name) for name in ledger.folder.names()}
+        - {log.name for log in campaign.logs}
+        - {""}
+    )
 
 
 def _with_tables(entry: Entry, task: Task, before: Entry | None) -> Entry:
-    """The outcome of a task that made no tables, since they were there, on top of the one that made them."""
+    """The outcome of a task that made no tables, since they were there, on top of the one that made
+    them.
+    """
     if task.tables or entry.error or before is None or before.key != entry.key or before.error:
         return entry
-    return replace(before, pieces=before.pieces | entry.pieces, seconds=before.seconds + entry.seconds)
+    return replace(
+        before, pieces=before.pieces | entry.pieces, seconds=before.seconds + entry.seconds
+    )
 
 
 def _on_cluster(tasks: list[Task], scheduler: str) -> Generator[Entry, None, None]:
@@ -121,23 +185,36 @@ def _on_cluster(tasks: list[Task], scheduler: str) -> Generator[Entry, None, Non
 
 
 def _on_processes(tasks: list[Task], workers: int) -> Generator[Entry, None, None]:
-    """Entries as they come.  A worker that dies takes the pool with it: a new pool goes on with what was not finished."""
+    """Entries as they come.
+
+    A worker that dies takes the pool with it: a new pool goes on with what was not finished.
+    """
     waiting = {task.name: task for task in tasks}
     tried: dict[str, int] = dict.fromkeys(waiting, 0)
     context = multiprocessing.get_context("spawn")
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # inherited: a worker's share is one core, and its libraries start their threads on import
-    # multiprocessing's tracker, which ends with its parent too, would tell of what a killed one has left
+        os.environ.setdefault(
+            name,
+            "1",
+            # inherited: a worker's share is one core, and its libraries start their threads on
+            # import
+        )
+    # multiprocessing's tracker, which ends with its parent too, would tell of what a killed one has
+    # left
     told = os.environ.get("PYTHONWARNINGS", "")
     os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (told, "ignore:resource_tracker")))
     others = set(multiprocessing.active_children())
     while waiting:
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)) as pool:
+        with ProcessPoolExecutor(
+            workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
+        ) as pool:
             queue = list(waiting.values())
             running: dict[Future[Entry], Task] = {}
             try:
                 while queue or running:
-                    while queue and len(running) < workers:  # no more than the workers: whoever dies names the suspects
+                    while (
+                        queue and len(running) < workers
+                    ):  # no more than the workers: whoever dies names the suspects
                         task = queue.pop(0)
                         tried[task.name] += 1
                         running[pool.submit(make_tables, task)] = task
@@ -161,13 +238,17 @@ def _begin(parent: int) -> None:
     """In a worker, before anything else."""
     end_with_parent(parent)
     one_heap()
-    # HDF5 objects that are forgotten on a full disk print a traceback each, behind the error that the entry carries
+    # HDF5 objects that are forgotten on a full disk print a traceback each, behind the error that
+    # the entry carries
     sys.excepthook = lambda *_: None
     sys.unraisablehook = lambda _: None
 
 
 def _died(task: Task) -> Entry:
-    error = f"{task.log}: its worker died {_ATTEMPTS} times (out of memory, or killed); free memory or use fewer workers"
+    error = (
+        f"{task.log}: its worker died {_ATTEMPTS} times (out of memory, or killed); "
+        "free memory or use fewer workers"
+    )
     return Entry(task.log, task.name, task.key, error=error, exit_status=int(ExitStatus.DEFECT))
 
 
@@ -185,13 +266,30 @@ def write_summary(campaign: Campaign, ledger: Ledger) -> str:
 
 
 def _summary_row(log: CampaignLog, entry: Entry | None, tables: list[str]) -> list[object]:
-    """One log's cells; its tables stand in the manifest's order, their quality words in the alphabet's."""
+    """One log's cells; its tables stand in the manifest's order, their quality words in the
+    alphabet's.
+    """
     if entry is None:
         return [log.path, log.name, "open", "", "", "", "", "", ""]
-    made = sorted(entry.rows, key=lambda table: (tables.index(table) if table in tables else len(tables), table))
+    made = sorted(
+        entry.rows,
+        key=lambda table: (tables.index(table) if table in tables else len(tables), table),
+    )
     rows = ";".join(f"{table}={entry.rows[table]}" for table in made)
     quality = ";".join(
-        f"{table}.{word.replace(';', '+')}={n}" for table in made for word, n in sorted(entry.quality.get(table, {}).items())
+        f"{table}.{word.replace(';', '+')}={n}"
+        for table in made
+        for word, n in sorted(entry.quality.get(table, {}).items())
     )
     status = "failed" if entry.error else "lost input" if entry.losses else "done"
-    return [log.path, log.name, status, entry.error, rows, quality, len(entry.losses), entry.seconds, entry.peak_memory_MB]
+    return [
+        log.path,
+        log.name,
+        status,
+        entry.error,
+        rows,
+        quality,
+        len(entry.losses),
+        entry.seconds,
+        entry.peak_memory_MB,
+    ]

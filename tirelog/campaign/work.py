@@ -1,8 +1,10 @@
-"""One log's task, carried out in a worker: open the log once, write all its tables and what models need of it, say how it went.
+"""One log's task, carried out in a worker: open the log once, write all its tables and what models
+need of it, say how it went.
 
-The worker's memory is that of one command on one log, which streams: blocks of a fixed size, whatever the log's length.  What models need
-are the means of like revolutions (`inference.cells.pieces`, 25 kB each); the revolutions that they are made of (8 kB each, one channel) are in
-memory only here, and only while they are averaged.
+The worker's memory is that of one command on one log, which streams: blocks of a fixed size,
+whatever the log's length. What models need are the means of like revolutions
+(`inference.cells.pieces`, 25 kB each); the revolutions that they are made of (8 kB each, one
+channel) are in memory only here, and only while they are averaged.
 """
 
 from __future__ import annotations
@@ -34,7 +36,10 @@ from tirelog.tables.writer import TableWriter
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker is sent: only text and numbers, so that it can travel to another machine.  `observables`: whose pieces are kept."""
+    """What a worker is sent: only text and numbers, so that it can travel to another machine.
+
+    `observables`: whose pieces are kept.
+    """
 
     log: str
     name: str
@@ -49,7 +54,9 @@ class Task:
 
 
 def make_tables(task: Task) -> Entry:
-    """Write the log's tables to `output/table=NAME/log=NAME/part.parquet`, and its pieces; a failure is in the entry, never raised."""
+    """Write the log's tables to `output/table=NAME/log=NAME/part.parquet`, and its pieces; a
+    failure is in the entry, never raised.
+    """
     entry = Entry(task.log, task.name, task.key)
     begun = time.perf_counter()
     try:
@@ -58,19 +65,34 @@ def make_tables(task: Task) -> Entry:
         tempfile.tempdir = task.temporary if Path(task.temporary).is_dir() else None
         with open_recording(task.log, parse_setup(task.setup_text, task.setup_file)) as recording:
             entry.remarks += recording.remarks
-            suited = {name: options for name, options in task.tables.items() if MAKERS[name].suits(recording)}
+            suited = {
+                name: options
+                for name, options in task.tables.items()
+                if MAKERS[name].suits(recording)
+            }
             if task.tables and not suited:
-                raise UsageError(f"has no channel for {', '.join(task.tables)}; see tirelog info; narrow the glob", file=task.log)
-            entry.remarks += [f"no channel for {name}" for name in task.tables if name not in suited]
+                raise UsageError(
+                    f"has no channel for {', '.join(task.tables)}; see tirelog info; "
+                    "narrow the glob",
+                    file=task.log,
+                )
+            entry.remarks += [
+                f"no channel for {name}" for name in task.tables if name not in suited
+            ]
             _make(suited, recording, task, entry)
             _keep_pieces(recording, task, entry)
             entry.losses = list(recording.losses)
         entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
     except TirelogError as problem:
         said = str(problem)  # a shared setup that does not fit this log names itself
-        entry.error, entry.exit_status = said if task.log in said else f"{task.log}: {said}", int(problem.exit_status)
+        entry.error, entry.exit_status = (
+            said if task.log in said else f"{task.log}: {said}",
+            int(problem.exit_status),
+        )
         entry.unwritable = isinstance(problem, OutputError)
-    except Exception as problem:  # one log's failure, also a defect of our own, must not stop the campaign
+    except (
+        Exception
+    ) as problem:  # one log's failure, also a defect of our own, must not stop the campaign
         entry.error, entry.exit_status = (
             f"{task.log}: a defect of tirelog's own ({type(problem).__name__}: {problem})",
             int(ExitStatus.DEFECT),
@@ -81,7 +103,9 @@ def make_tables(task: Task) -> Entry:
 
 
 def _peak_memory_MB() -> float:
-    """The largest resident memory of this process; `ru_maxrss` begins at that of the process that started it."""
+    """The largest resident memory of this process; `ru_maxrss` begins at that of the process that
+    started it.
+    """
     try:
         status = Path("/proc/self/status").read_text("ascii")
         return int(status.split("VmHWM:")[1].split()[0]) / 1024
@@ -95,13 +119,17 @@ def part_name(table: str, log: str) -> str:
 
 
 def pieces_name(observable: str, log: str) -> str:
-    """Where a log's pieces stand in the output folder; the folder's name changes with what is in them."""
+    """Where a log's pieces stand in the output folder; the folder's name changes with what is in
+    them.
+    """
     return f"{HIDDEN}/steady/{observable}/{log}.npz"
 
 
 @contextmanager
 def _written(output: str, name: str) -> Iterator[str]:
-    """Path or address to write a file of the output folder to; a path's file takes its place at the end."""
+    """Path or address to write a file of the output folder to; a path's file takes its place at the
+    end.
+    """
     if address(output) is not None:
         yield f"{output}/{name}"
     else:
@@ -109,26 +137,38 @@ def _written(output: str, name: str) -> Iterator[str]:
             yield str(unmoved)
 
 
-def _make(wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: Task, entry: Entry) -> None:
-    """The tables of one log.  The column `log` is the partition, so that readers of the dataset get it from the folder's name."""
+def _make(
+    wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: Task, entry: Entry
+) -> None:
+    """The tables of one log.
+
+    The column `log` is the partition, so that readers of the dataset get it from the folder's name.
+    """
     metadata = {"key": task.key, "log": task.log, "version": __version__}
     with ExitStack() as open_tables:
         writers: dict[str, TableWriter] = {}
         for name in wanted:
             path = open_tables.enter_context(_written(task.output, part_name(name, task.name)))
-            writers[name] = open_tables.enter_context(TableWriter(name, path, "parquet", metadata=metadata))
+            writers[name] = open_tables.enter_context(
+                TableWriter(name, path, "parquet", metadata=metadata)
+            )
             entry.quality[name] = {}
         for name, columns, remarks in tables_of(recording, wanted):
             entry.remarks += [remark for remark in remarks if remark not in entry.remarks]
             words = entry.quality[name]
-            for word, n in zip(*np.unique(np.asarray(columns["quality"], dtype=str), return_counts=True), strict=True):
+            for word, n in zip(
+                *np.unique(np.asarray(columns["quality"], dtype=str), return_counts=True),
+                strict=True,
+            ):
                 words[str(word)] = words.get(str(word), 0) + int(n)
             writers[name].write({key: value for key, value in columns.items() if key != "log"})
         entry.rows |= {name: writer.rows for name, writer in writers.items()}
 
 
 def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
-    """The pieces of each observable that models of the campaign ask for; why there are none is in the entry, and is no failure."""
+    """The pieces of each observable that models of the campaign ask for; why there are none is in
+    the entry, and is no failure.
+    """
     if not task.observables:
         return
     from tirelog.campaign.pieces_file import pieces_bytes
@@ -145,6 +185,9 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
         except TirelogError as problem:
             entry.pieces[observable] = problem.message
             continue
-        with _written(task.output, pieces_name(observable, task.name)) as place, whole_file(place) as part:
+        with (
+            _written(task.output, pieces_name(observable, task.name)) as place,
+            whole_file(place) as part,
+        ):
             part.write_bytes(pieces_bytes(pieces))
         entry.pieces[observable] = ""

@@ -1,7 +1,9 @@
-"""The command line: the only place that knows typer and rich, and the one place that decides the exit status.
+"""The command line: the only place that knows typer and rich, and the one place that decides the
+exit status.
 
-Every error becomes `tirelog: error: FILE[:line]: what is wrong; what is allowed; what to do` on standard error; `--debug` (or
-TIRELOG_DEBUG=1) shows the traceback as well.  Standard output is for the next program: a reader that leaves is not an error.
+Every error becomes `tirelog: error: FILE[:line]: what is wrong; what is allowed; what to do` on
+standard error; `--debug` (or TIRELOG_DEBUG=1) shows the traceback as well. Standard output is for
+the next program: a reader that leaves is not an error.
 """
 
 from __future__ import annotations
@@ -28,13 +30,21 @@ def _status_of(problem: BaseException) -> int:
     elif type(problem).__name__ == "NoArgsIsHelpError":
         _on_stderr(f"{problem}")
         return int(ExitStatus.UNUSABLE_REQUEST)
-    elif hasattr(problem, "format_message") and hasattr(problem, "exit_code"):  # a usage error of typer's own parser
+    elif hasattr(problem, "format_message") and hasattr(
+        problem, "exit_code"
+    ):  # a usage error of typer's own parser
         command = getattr(getattr(problem, "ctx", None), "command_path", "tirelog")
-        text, status = f"{problem.format_message().rstrip('.')}; see {command} --help", int(ExitStatus.UNUSABLE_REQUEST)
+        text, status = (
+            f"{problem.format_message().rstrip('.')}; see {command} --help",
+            int(ExitStatus.UNUSABLE_REQUEST),
+        )
     elif isinstance(problem, MemoryError):
         text, status = "out of memory; give a shorter log or free some", int(ExitStatus.DEFECT)
     else:
-        text = f"a defect of tirelog's own ({type(problem).__name__}: {problem}); run it again with --debug and report what it prints"
+        text = (
+            f"a defect of tirelog's own ({type(problem).__name__}: {problem}); run it again with "
+            "--debug and report what it prints"
+        )
         status = int(ExitStatus.DEFECT)
     _on_stderr(f"tirelog: error: {printable(text)}")
     return status
@@ -64,7 +74,9 @@ def run(arguments: list[str] | None = None) -> int:
         with endings_unwind(), inputs_kept(), warnings.catch_warnings():
             if not debug and not sys.warnoptions:  # a library's warning is no message to a user
                 warnings.simplefilter("ignore")
-            with parsed.make_context("tirelog", [a for a in arguments if a != "--debug"]) as context:
+            with parsed.make_context(
+                "tirelog", [a for a in arguments if a != "--debug"]
+            ) as context:
                 parsed.invoke(context)
             sys.stdout.flush()
         return int(ExitStatus.DONE)

@@ -1,4 +1,7 @@
-"""The command line's table of contents.  Science is imported inside the commands, so that help answers at once."""
+"""The command line's table of contents.
+
+Science is imported inside the commands, so that help answers at once.
+"""
 
 from __future__ import annotations
 
@@ -42,9 +45,13 @@ def _version(asked: bool) -> None:
 
 
 def _callback(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
 ) -> None:
-    """From the recorded logs of a sensorised tire to tidy tables, and from tables to the physics that a model lacks."""
+    """From the recorded logs of a sensorised tire to tidy tables, and from tables to the physics
+    that a model lacks.
+    """
 
 
 #: options that name what a command writes; every other path, and every log, is an input
@@ -52,7 +59,10 @@ OUTPUTS = ("output", "plot", "save", "calibrate", "figures")
 
 
 def _keep_inputs(given: dict[str, Any]) -> None:
-    """Tell which files a command reads, before it does.  UsageError: it would write on one of them."""
+    """Tell which files a command reads, before it does.
+
+    UsageError: it would write on one of them.
+    """
     from tirelog.storage.whole import refuse_inputs, taken_as_input
 
     outputs = (*OUTPUTS, "against") if given.get("bless") else OUTPUTS
@@ -101,7 +111,9 @@ def _keep_all(parsed: Any) -> Any:
 
 def command() -> Any:
     """The whole command line as typer's command object."""
-    app = typer.Typer(name="tirelog", rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True)
+    app = typer.Typer(
+        name="tirelog", rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True
+    )
     app.callback()(_callback)
     for name, attribute in COMMANDS:
         module = f"tirelog.cli.{name.replace('-', '_')}"

@@ -16,10 +16,21 @@ if TYPE_CHECKING:
     from tirelog.campaign.ledger import Entry, Ledger
     from tirelog.campaign.manifest import Campaign
 
-app = typer.Typer(help="Every log of a test campaign, every table, resumable.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(
+    help="Every log of a test campaign, every table, resumable.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
 
-Manifest = Annotated[Path, typer.Argument(help="The campaign's manifest (TOML).", show_default=False)]
-Only = Annotated[str | None, typer.Option("--only", help="Only logs whose path or name matches this pattern.", show_default=False)]
+Manifest = Annotated[
+    Path, typer.Argument(help="The campaign's manifest (TOML).", show_default=False)
+]
+Only = Annotated[
+    str | None,
+    typer.Option(
+        "--only", help="Only logs whose path or name matches this pattern.", show_default=False
+    ),
+]
 
 
 def _load(manifest: Path) -> tuple[Campaign, Ledger]:
@@ -35,11 +46,18 @@ def _load(manifest: Path) -> tuple[Campaign, Ledger]:
 @app.command("run")
 def run(
     manifest: Manifest,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=256, help="Processes on this machine.")] = 1,
-    scheduler: Annotated[str | None, typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT.", show_default=False)] = None,
+    workers: Annotated[
+        int, typer.Option("--workers", min=1, max=256, help="Processes on this machine.")
+    ] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", help="Dask scheduler, tcp://HOST:PORT.", show_default=False),
+    ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be done.")] = False,
     only: Only = None,
-    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Try the failed logs again.")] = False,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="Try the failed logs again.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Make what is not made yet: every log's tables, then the models over all logs."""
@@ -56,13 +74,30 @@ def run(
         tasks = plan(campaign, ledger, only=only)
         ledger.save_hashes()
         open_tasks = to_do(tasks, ledger, retry_failed=retry_failed)
-        carry_out(campaign, ledger, open_tasks, workers=workers, scheduler=scheduler, said=_Progress(quiet))
+        carry_out(
+            campaign,
+            ledger,
+            open_tasks,
+            workers=workers,
+            scheduler=scheduler,
+            said=_Progress(quiet),
+        )
         summary = write_summary(campaign, ledger)
-        failed = [entry for task in tasks if (entry := ledger.entry(task.name)) is not None and (entry.error or entry.losses)]
+        failed = [
+            entry
+            for task in tasks
+            if (entry := ledger.entry(task.name)) is not None and (entry.error or entry.losses)
+        ]
         if not quiet:
-            say(f"note: {len(open_tasks)} of {len(tasks)} logs worked on, {len(tasks) - len(open_tasks)} were done; {summary}")
+            say(
+                f"note: {len(open_tasks)} of {len(tasks)} logs worked on, "
+                f"{len(tasks) - len(open_tasks)} were done; {summary}"
+            )
             if more := strangers(campaign, ledger):
-                say(f"note: the dataset holds logs that the manifest does not have: {', '.join(more)}; remove their log=... folders")
+                say(
+                    "note: the dataset holds logs that the manifest does not have: "
+                    f"{', '.join(more)}; remove their log=... folders"
+                )
         unmade = []
         if campaign.models and only is not None and not quiet:
             say("note: models are over the whole campaign; they are left to a run without --only")
@@ -71,7 +106,11 @@ def run(
 
             unmade = run_models(campaign, ledger, tasks, say if not quiet else lambda text: None)
     for entry in failed:
-        say(f"error: {entry.error}" if entry.error else f"note: {entry.log}: lost: {'; '.join(entry.losses)}")
+        say(
+            f"error: {entry.error}"
+            if entry.error
+            else f"note: {entry.log}: lost: {'; '.join(entry.losses)}"
+        )
     for error in unmade:
         say(f"error: {error}")
     if failed or unmade:
@@ -87,10 +126,15 @@ def status(manifest: Manifest) -> None:
     tasks = plan(campaign, ledger)
     waiting = {task.name for task in to_do(tasks, ledger)}
     failed = {
-        task.name: entry for task in tasks if (entry := ledger.entry(task.name)) is not None and entry.error and task.name not in waiting
+        task.name: entry
+        for task in tasks
+        if (entry := ledger.entry(task.name)) is not None
+        and entry.error
+        and task.name not in waiting
     }
     typer.echo(
-        f"{campaign.name}: {len(tasks)} logs, {len(tasks) - len(waiting) - len(failed)} done, {len(failed)} failed, {len(waiting)} open"
+        f"{campaign.name}: {len(tasks)} logs, {len(tasks) - len(waiting) - len(failed)} done, "
+        f"{len(failed)} failed, {len(waiting)} open"
     )
     for task in tasks:
         if task.name in waiting:
@@ -110,7 +154,13 @@ class _Progress:
             return
         left = (time.monotonic() - self.begun) / finished * (of - finished)
         made = f"{sum(entry.rows.values())} rows" if entry.rows else "kept for models"
-        outcome = "failed" if entry.error else f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
+        outcome = (
+            "failed"
+            if entry.error
+            else f"{made}, {entry.seconds:.1f} s, {entry.peak_memory_MB:.0f} MB"
+        )
         line = printable(f"tirelog: {finished}/{of} {entry.log}: {outcome}; {left:.0f} s left")
-        sys.stderr.write(f"\r\x1b[K{line}" + ("\n" if finished == of else "") if self.terminal else f"{line}\n")
+        sys.stderr.write(
+            f"\r\x1b[K{line}" + ("\n" if finished == of else "") if self.terminal else f"{line}\n"
+        )
         sys.stderr.flush()

@@ -12,10 +12,23 @@ from tirelog.errors import ExitStatus, UsageError
 
 
 def check(
-    table: Annotated[Path, typer.Argument(help="The table to check; '-' is csv on standard input.", show_default=False)],
-    against: Annotated[Path, typer.Option("--against", help="The table it should agree with.", show_default=False)],
-    tolerance: Annotated[list[str] | None, typer.Option("--tolerance", help="COLUMN=VALUE, absolute; may be repeated.")] = None,
-    bless: Annotated[bool, typer.Option("--bless", help="Write TABLE over the one it is checked against, on purpose.")] = False,
+    table: Annotated[
+        Path,
+        typer.Argument(
+            help="The table to check; '-' is csv on standard input.", show_default=False
+        ),
+    ],
+    against: Annotated[
+        Path, typer.Option("--against", help="The table it should agree with.", show_default=False)
+    ],
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option("--tolerance", help="COLUMN=VALUE, absolute; may be repeated."),
+    ] = None,
+    bless: Annotated[
+        bool,
+        typer.Option("--bless", help="Write TABLE over the one it is checked against, on purpose."),
+    ] = False,
     output: Output = None,
     format: Format = None,
 ) -> None:
@@ -30,7 +43,10 @@ def check(
 
     if bless:
         if str(table) == "-":
-            raise UsageError("--bless wants a file; standard input cannot be copied; write the table with -o first")
+            raise UsageError(
+                "--bless wants a file; standard input cannot be copied; write the table with -o "
+                "first"
+            )
         read_table(table)  # nothing that is no table takes the other's place
         with whole_file(against) as part:
             part.write_bytes(table.read_bytes())
@@ -56,7 +72,9 @@ def _tolerances(texts: list[str]) -> dict[str, float]:
         try:
             out[name] = float(value)
         except ValueError:
-            raise UsageError(f"--tolerance {text}: not COLUMN=NUMBER; e.g. --tolerance speed_m_s=0.001; mend it") from None
+            raise UsageError(
+                f"--tolerance {text}: not COLUMN=NUMBER; e.g. --tolerance speed_m_s=0.001; mend it"
+            ) from None
         if not out[name] >= 0:
             raise UsageError(f"--tolerance {text}: below zero; allowed is a number from 0; mend it")
     return out

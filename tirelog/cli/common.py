@@ -1,12 +1,13 @@
-"""What the commands share: their common options, and a session that opens logs and adds up what was lost.
+"""What the commands share: their common options, and a session that opens logs and adds up what was
+lost.
 
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         with session.table("speed", output, format) as table:
             for recording in session.recordings(logs):
                 table.write(columns)
 
-A session says each recording's remarks once on standard error, goes on with the next log where one cannot be read, and ends with
-status 3 where input was lost (4 where nothing at all could be read).
+A session says each recording's remarks once on standard error, goes on with the next log where one
+cannot be read, and ends with status 3 where input was lost (4 where nothing at all could be read).
 """
 
 from __future__ import annotations
@@ -42,15 +43,35 @@ def in_a_folder(path: Path | None) -> Path | None:
     return path
 
 
-Logs = Annotated[list[str], typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)]
-SetupFile = Annotated[Path | None, typer.Option("--setup", help="Setup file; without it FILE.toml beside the log.", show_default=False)]
+Logs = Annotated[
+    list[str], typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)
+]
+SetupFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--setup", help="Setup file; without it FILE.toml beside the log.", show_default=False
+    ),
+]
 Output = Annotated[
     Path | None,
-    typer.Option("-o", "--output", help="File to write; its suffix decides the format.", show_default=False, callback=in_a_folder),
+    typer.Option(
+        "-o",
+        "--output",
+        help="File to write; its suffix decides the format.",
+        show_default=False,
+        callback=in_a_folder,
+    ),
 ]
-Format = Annotated[str | None, typer.Option("--format", help="csv, ndjson, parquet or json.", show_default=False)]
+Format = Annotated[
+    str | None, typer.Option("--format", help="csv, ndjson, parquet or json.", show_default=False)
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="No remarks on standard error.")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="Picture to write, .png or .svg.", show_default=False, callback=in_a_folder)]
+Plot = Annotated[
+    Path | None,
+    typer.Option(
+        "--plot", help="Picture to write, .png or .svg.", show_default=False, callback=in_a_folder
+    ),
+]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]
 
 
@@ -110,7 +131,8 @@ class Session:
         return self._shared
 
     def recordings(self, logs: list[str], *, blocks: int | None = None) -> Iterator[Recording]:
-        """The logs, one after the other, each closed before the next; of raw logs only the first `blocks` where given.
+        """The logs, one after the other, each closed before the next; of raw logs only the first
+        `blocks` where given.
 
         A SetupError stops the command, a log that cannot be read does not; if none can, the command
         ends here, with status 4, before an empty table takes an older one's place.
@@ -137,7 +159,9 @@ class Session:
         from tirelog.runs.ingest import open_recording
 
         try:
-            recording = resources.enter_context(open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed))
+            recording = resources.enter_context(
+                open_recording(log, self.setup(), blocks=blocks, hashed=self._hashed)
+            )
         except ReadError as problem:
             self._unread.append(log)
             say(f"error: {problem}")
@@ -150,7 +174,9 @@ class Session:
         return recording
 
     def _say_losses(self, recording: Recording) -> None:
-        """Say each loss once: when the log is opened, and again at its end, since a damaged chunk is met while reading."""
+        """Say each loss once: when the log is opened, and again at its end, since a damaged chunk
+        is met while reading.
+        """
         for loss in recording.losses:
             text = f"{recording.log}: {loss}"
             if text not in self._lost:
@@ -161,7 +187,9 @@ class Session:
         self._lost.append(text)
         say(f"error: {text}")
 
-    def table(self, name: str, output: Path | None, format: str | None, **metadata: Any) -> TableWriter:
+    def table(
+        self, name: str, output: Path | None, format: str | None, **metadata: Any
+    ) -> TableWriter:
         """A writer for the command's table."""
         from tirelog.tables.writer import TableWriter
 
@@ -171,7 +199,9 @@ class Session:
         self._resources.close()
         if isinstance(value, UsageError) and self._unread and not self._read:  # why has been said
             raise typer.Exit(int(ExitStatus.NOTHING_READ))
-        if isinstance(value, UsageError) and self._lost:  # what was asked for is not there because it was lost
+        if (
+            isinstance(value, UsageError) and self._lost
+        ):  # what was asked for is not there because it was lost
             say(f"error: {value}")
             raise typer.Exit(int(DataLoss.exit_status))
         if kind is not None:

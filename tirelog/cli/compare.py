@@ -29,22 +29,35 @@ if TYPE_CHECKING:
     from tirelog.inference.stacks.spooled import Stacks
     from tirelog.physics.model.model import Model
 
-Effects = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own; it is run.", show_default=False)]
+Effects = Annotated[
+    Path | None,
+    typer.Option(
+        "--effects", help="Python file with effects of your own; it is run.", show_default=False
+    ),
+]
 ChannelName = Annotated[
-    str | None, typer.Option("--channel", help="Channel to compare; the first that fits by default.", show_default=False)
+    str | None,
+    typer.Option(
+        "--channel", help="Channel to compare; the first that fits by default.", show_default=False
+    ),
 ]
 By = Annotated[
     str | None,
     typer.Option(
         "--by",
-        help="A table by revolution, angle, speed, regime or conditions; with a [road] in the setup by hit, time or frequency.",
+        help="A table by revolution, angle, speed, regime or conditions; with a [road] in the "
+        "setup by hit, time or frequency.",
         show_default=False,
     ),
 ]
 
 
-def stacks_and_model(session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None) -> tuple[Stacks, Model]:
-    """What diagnose and ladder start from: steady revolutions, and the model; a log that cannot be read is said and left out."""
+def stacks_and_model(
+    session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
+) -> tuple[Stacks, Model]:
+    """What diagnose and ladder start from: steady revolutions, and the model; a log that cannot be
+    read is said and left out.
+    """
     found, read = measured_and_model(session, logs, model, effects, channel)
     return found.stacks, read
 
@@ -86,7 +99,10 @@ def columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
     names = list(dict.fromkeys(name for row in rows for name in row))
     texts = {name for name in names if any(isinstance(row.get(name), str) for row in rows)}
     empty = {name: "" if name in texts else float("nan") for name in names}
-    return {name: [empty[name] if row.get(name) is None else row[name] for row in rows] for name in names}
+    return {
+        name: [empty[name] if row.get(name) is None else row[name] for row in rows]
+        for name in names
+    }
 
 
 def compare(
@@ -108,7 +124,9 @@ def compare(
 
     tables = ("revolution", "angle", "speed", "regime", "conditions", *TABLES)
     if by is not None and by not in tables:
-        raise UsageError(f"--by {by}{nearest(by, tables)}; allowed are {', '.join(tables)}; choose one")
+        raise UsageError(
+            f"--by {by}{nearest(by, tables)}; allowed are {', '.join(tables)}; choose one"
+        )
     refuse_unwritable(output)
     refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
@@ -119,7 +137,8 @@ def compare(
         answers = _obstacles(session, found.obstacles, result)
         if by in TABLES and answers is None:
             raise UsageError(
-                f"--by {by} is for a coupled_ring model and logs whose setup has a [road]; allowed here are "
+                f"--by {by} is for a coupled_ring model and logs whose setup has a [road]; "
+                "allowed here are "
                 f"{', '.join(t for t in tables if t not in TABLES)}; choose one, or add the [road]"
             )
         for remark in (*result.remarks, *(answers.remarks if answers is not None else ())):
@@ -127,7 +146,11 @@ def compare(
         if plot is not None:
             _draw(session, result, answers, plot)
         if by is not None:
-            parts = iter([answers.tables[by]]) if answers is not None and by in TABLES else result.tables.parts(by)
+            parts = (
+                iter([answers.tables[by]])
+                if answers is not None and by in TABLES
+                else result.tables.parts(by)
+            )
             with session.table("compare", output, format) as table:
                 for rows in parts:
                     table.write(columns_of(rows))
@@ -146,19 +169,27 @@ def compare(
                 transients_page(answers)
 
 
-def _obstacles(session: Session, obstacles: Sequence[TransientLog], result: Comparison) -> TransientComparison | None:
-    """The fitted model's answer to the obstacles; None where there are none, or the model does not move in time."""
+def _obstacles(
+    session: Session, obstacles: Sequence[TransientLog], result: Comparison
+) -> TransientComparison | None:
+    """The fitted model's answer to the obstacles; None where there are none, or the model does not
+    move in time.
+    """
     if not obstacles:
         return None
     if result.model.carcass != "coupled_ring":
-        session.note(f'a {result.model.carcass} says nothing of the obstacles; carcass = "coupled_ring" does')
+        session.note(
+            f'a {result.model.carcass} says nothing of the obstacles; carcass = "coupled_ring" does'
+        )
         return None
     from tirelog.diagnosis.obstacles.compare import compare_transients
 
     return compare_transients(obstacles, result.model, unit=result.unit)
 
 
-def _draw(session: Session, result: Comparison, answers: TransientComparison | None, plot: Path) -> None:
+def _draw(
+    session: Session, result: Comparison, answers: TransientComparison | None, plot: Path
+) -> None:
     """The picture of the steady comparison, and beside it that of the obstacles."""
     from tirelog.plots.compare import draw
 
@@ -176,4 +207,8 @@ def _json(result: Comparison, answers: TransientComparison | None) -> dict[str, 
 
 def _flat(result: Comparison) -> dict[str, Any]:
     """The numbers of the JSON as one row."""
-    return {name: value for name, value in result.to_json().items() if not isinstance(value, dict | list)}
+    return {
+        name: value
+        for name, value in result.to_json().items()
+        if not isinstance(value, dict | list)
+    }

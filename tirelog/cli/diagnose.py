@@ -49,7 +49,12 @@ def diagnose(
         stacks, read = stacks_and_model(session, logs, model, effects, channel)
         from tirelog.diagnosis.diagnose import diagnose as diagnose_stacks
 
-        result = diagnose_stacks(stacks, read, effects=own_effects(effects), progress=(lambda text: None) if quiet else say)
+        result = diagnose_stacks(
+            stacks,
+            read,
+            effects=own_effects(effects),
+            progress=(lambda text: None) if quiet else say,
+        )
         for remark in result.before.remarks:
             session.note(remark)
         if plot is not None:

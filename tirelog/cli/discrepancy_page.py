@@ -1,4 +1,6 @@
-"""The pages that `compare` and `diagnose` print: numbers in the observable's unit, strain in microstrain."""
+"""The pages that `compare` and `diagnose` print: numbers in the observable's unit, strain in
+microstrain.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ def _table(columns: list[str], rows: list[list[Any]]) -> Any:
     for i, name in enumerate(columns):
         table.add_column(name, justify="left" if i == 0 else "right")
     for row in rows:
-        table.add_row(*(f"{v:.4g}" if isinstance(v, float) else "" if v is None else str(v) for v in row))
+        table.add_row(
+            *(f"{v:.4g}" if isinstance(v, float) else "" if v is None else str(v) for v in row)
+        )
     return table
 
 
@@ -42,29 +46,51 @@ def _held_out(result: Comparison, factor: float) -> list[float | str]:
     """Error, floor and excess on manoeuvres held out; dashes if none could be."""
     if result.rmse_heldout is None or result.excess_heldout is None:
         return ["-", result.noise_floor * factor, "-"]
-    return [result.rmse_heldout * factor, result.noise_floor * factor, result.excess_heldout * factor]
+    return [
+        result.rmse_heldout * factor,
+        result.noise_floor * factor,
+        result.excess_heldout * factor,
+    ]
 
 
 def comparison_page(result: Comparison) -> None:
     """Errors, where they are, parameters."""
     out = _console()
     factor, unit = shown(result.observable, result.unit)
-    out.print(f"{result.observable} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} manoeuvres")
+    out.print(
+        f"{result.observable} in {unit}: {result.revolutions} revolutions, {result.manoeuvres} "
+        "manoeuvres"
+    )
     rows: list[list[Any]] = [
         ["all, fitted", result.rmse * factor, result.noise_floor * factor, result.excess * factor],
         ["all, held out", *_held_out(result, factor)],
     ]
     for name in ("angle", "speed", "regime", "conditions"):
         for row in result.tables[name]:
-            label = row["log"] if name == "conditions" else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
-            rows.append([f"  {label}", row["rmse"] * factor, row["noise_floor"] * factor, row["excess"] * factor])
+            label = (
+                row["log"]
+                if name == "conditions"
+                else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
+            )
+            rows.append(
+                [
+                    f"  {label}",
+                    row["rmse"] * factor,
+                    row["noise_floor"] * factor,
+                    row["excess"] * factor,
+                ]
+            )
     out.print(_table(["", "rmse", "floor", "excess"], rows))
     out.print(f"reduced chi-square {result.reduced_chi2:.3g}, fit {result.fit_percent:.2f} %")
     out.print(
-        f"floor: {result.noise_floor_within * factor:.3g} within manoeuvres, {result.noise_floor_between * factor:.3g} between them "
-        "as this model sees them (a worse model takes some of its misfit for scatter); errors are those of one revolution at one angle"
+        f"floor: {result.noise_floor_within * factor:.3g} within manoeuvres, "
+        f"{result.noise_floor_between * factor:.3g} between them "
+        "as this model sees them (a worse model takes some of its misfit for scatter); "
+        "errors are those of one revolution at one angle"
     )
-    parameters = [[n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]]
+    parameters = [
+        [n, p["value"], p["se"], p["unit"]] for n, p in result.parameters.items() if p["free"]
+    ]
     out.print(_table(["parameter", "value", "error", "unit"], parameters))
 
 
@@ -76,12 +102,23 @@ def diagnosis_page(result: Diagnosis) -> None:
     out = _console()
     factor, unit = shown(result.before.observable, result.before.unit)
     out.print(f"{result.verdict.replace('_', ' ').upper()}.  {result.sentence}")
-    error = f"held-out error {in_unit(result.rmse_heldout_before, factor)} -> {in_unit(result.rmse_heldout_after, factor)} {unit}, "
+    error = (
+        f"held-out error {in_unit(result.rmse_heldout_before, factor)} -> "
+        f"{in_unit(result.rmse_heldout_after, factor)} {unit}, "
+    )
     if result.rmse_heldout_before is None:
         error = f"error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out, "
-    out.print(f"{error}noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres")
+    out.print(
+        f"{error}noise floor {result.noise_floor * factor:.3g}; {result.revolutions} "
+        f"revolutions, {result.manoeuvres} manoeuvres"
+    )
     rows = [
-        [("* " if c.selected else "  ") + c.effect, percent(c.excess_removed), probability(c.p_adjusted, result.manoeuvres), _strength(c)]
+        [
+            ("* " if c.selected else "  ") + c.effect,
+            percent(c.excess_removed),
+            probability(c.p_adjusted, result.manoeuvres),
+            _strength(c),
+        ]
         for c in result.effects
     ]
     out.print(_table(["  effect", "excess removed", "p", "strength"], rows))
@@ -89,7 +126,10 @@ def diagnosis_page(result: Diagnosis) -> None:
         out.print(f"cannot be told apart here: {', '.join(group)}")
     for row in result.separating_manoeuvres:
         times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
-        out.print(f"to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} ({row['separation_sigma']:.1f} sigma a run)")
+        out.print(
+            f"to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} "
+            f"({row['separation_sigma']:.1f} sigma a run)"
+        )
     for note in result.notes:
         out.print(note)
     out.print(result.unexplained["sentence"])
@@ -99,11 +139,15 @@ def diagnosis_page(result: Diagnosis) -> None:
 
 
 def _strength(candidate: Candidate) -> str:
-    """The first two strengths with their errors; a dash where there was no refit, since a linear step may be no number of physics."""
+    """The first two strengths with their errors; a dash where there was no refit, since a linear
+    step may be no number of physics.
+    """
     parts = []
     for name, s in list(candidate.strengths.items())[:2]:
         if s["se"] is None:
             return "-"
         error = f"+- {s['se']:.2g}" if isfinite(s["se"]) else "(not determined alone)"
-        parts.append(f"{name} {s['value']:.4g} {error}" + (f" {s['unit']}" if s["unit"] != "1" else ""))
+        parts.append(
+            f"{name} {s['value']:.4g} {error}" + (f" {s['unit']}" if s["unit"] != "1" else "")
+        )
     return ", ".join(parts) or "-"

@@ -16,10 +16,25 @@ def dissipation(
     output: Output = None,
     format: Format = None,
     quiet: Quiet = False,
-    steady_step: Annotated[float, typer.Option("--steady-step", help="Largest step of a constant speed between revolutions, m/s.")] = 0.08,
+    steady_step: Annotated[
+        float,
+        typer.Option(
+            "--steady-step", help="Largest step of a constant speed between revolutions, m/s."
+        ),
+    ] = 0.08,
     average: Annotated[int, typer.Option("--average", help="Revolutions of a moving average.")] = 9,
-    fit: Annotated[bool, typer.Option("--fit", help="Write the regressions of factor and specific power on speed instead.")] = False,
-    by_speed: Annotated[bool, typer.Option("--by-speed", help="Write the rows of constant speed, sorted by speed (P1 Fig. 11).")] = False,
+    fit: Annotated[
+        bool,
+        typer.Option(
+            "--fit", help="Write the regressions of factor and specific power on speed instead."
+        ),
+    ] = False,
+    by_speed: Annotated[
+        bool,
+        typer.Option(
+            "--by-speed", help="Write the rows of constant speed, sorted by speed (P1 Fig. 11)."
+        ),
+    ] = False,
     plot: Plot = None,
 ) -> None:
     """Tell the strain's dissipation factor and power in each revolution."""
@@ -29,12 +44,19 @@ def dissipation(
     from tirelog.strain.speed import radius_remarks
 
     if not steady_step > 0 or average < 1:
-        raise UsageError("--steady-step is above 0 m/s and --average at least 1 revolution; mend the number")
+        raise UsageError(
+            "--steady-step is above 0 m/s and --average at least 1 revolution; mend the number"
+        )
     if fit and by_speed:
-        raise UsageError("--fit and --by-speed are two tables; allowed is one of them; run the command twice")
+        raise UsageError(
+            "--fit and --by-speed are two tables; allowed is one of them; run the command twice"
+        )
     kept = []
     name = "dissipation-fit" if fit else "dissipation"
-    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table(name, output, format) as table:
+    with (
+        Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
+        session.table(name, output, format) as table,
+    ):
         for recording in session.recordings(logs):
             for remark in radius_remarks(recording):
                 session.note(f"{recording.log}: {remark}")
@@ -44,7 +66,8 @@ def dissipation(
                     lines = tables.regression_columns(recording.log, found)
                     if lines is None:
                         session.note(
-                            f"{recording.log}: {found.channel.name}: no regression: too few revolutions of constant speed, or one speed"
+                            f"{recording.log}: {found.channel.name}: no regression: "
+                            "too few revolutions of constant speed, or one speed"
                         )
                         continue
                     columns = lines

@@ -14,15 +14,22 @@ if TYPE_CHECKING:
 
 
 def effects(
-    name: Annotated[str | None, typer.Argument(help="One effect; without it the catalogue.", show_default=False)] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="One effect; without it the catalogue.", show_default=False)
+    ] = None,
     own: Annotated[
-        Path | None, typer.Option("--effects", help="Python file with effects of your own; it is run.", show_default=False)
+        Path | None,
+        typer.Option(
+            "--effects", help="Python file with effects of your own; it is run.", show_default=False
+        ),
     ] = None,
     plot: Plot = None,
     output: Output = None,
     format: Format = None,
 ) -> None:
-    """The catalogue of effects: id, physics, acts on, parameters, source; with --plot what each does to the strain."""
+    """The catalogue of effects: id, physics, acts on, parameters, source; with --plot what each
+    does to the strain.
+    """
     from tirelog.cli.model_page import catalogue_page, catalogue_rows, effect_page
     from tirelog.errors import UsageError, nearest
     from tirelog.physics.model.user_effects import catalogue_with
@@ -30,7 +37,8 @@ def effects(
     catalogue = catalogue_with(own)
     if name is not None and name not in catalogue:
         raise UsageError(
-            f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}; name one, or none for the list"
+            f"unknown effect {name!r}{nearest(name, catalogue)}; "
+            f"allowed are {', '.join(catalogue)}; name one, or none for the list"
         )
     chosen = list(catalogue.values()) if name is None else [catalogue[name]]
     if plot is not None:
@@ -43,20 +51,25 @@ def effects(
 
 
 def _plot(chosen: list[Effect], path: Path) -> None:
-    """Each effect's signature: strain with it (at its probe) less strain without, at two speeds, coasting and braking."""
+    """Each effect's signature: strain with it (at its probe) less strain without, at two speeds,
+    coasting and braking.
+    """
     from tirelog.errors import UsageError
     from tirelog.storage.whole import whole_file
 
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise UsageError("--plot needs matplotlib; it comes with the extra: pip install 'tirelog[plot]'") from None
+        raise UsageError(
+            "--plot needs matplotlib; it comes with the extra: pip install 'tirelog[plot]'"
+        ) from None
     if path.suffix.lower() not in (".png", ".svg"):
         raise UsageError(f"--plot {path}; .png and .svg are allowed; rename it")
     drawn = [effect for effect in chosen if "strain" in effect.reaches]
     if not drawn:
         raise UsageError(
-            f"{chosen[0].id} acts on {', '.join(chosen[0].reaches)}, not on strain; a strain effect can be drawn; choose another"
+            f"{chosen[0].id} acts on {', '.join(chosen[0].reaches)}, not on strain; "
+            "a strain effect can be drawn; choose another"
         )
     columns = min(len(drawn), 4)
     rows = -(-len(drawn) // columns)
@@ -79,10 +92,18 @@ def _draw(axes: Any, effect: Effect) -> None:
     full = base.with_effect(effect)
     full = full.with_values({f"{effect.id}.{p.name}": p.probe for p in effect.parameters})
     for speed, acceleration, label in drives:
-        told = {"distance_km": 20000.0, "water_depth_mm": 1.0, "time_s": 60.0, "temperature_K": 10.0, "inflation_pressure_Pa": 2.2e5}
+        told = {
+            "distance_km": 20000.0,
+            "water_depth_mm": 1.0,
+            "time_s": 60.0,
+            "temperature_K": 10.0,
+            "inflation_pressure_Pa": 2.2e5,
+        }
         conditions = Conditions.of(1, speed_m_s=speed, acceleration_m_s2=acceleration, **told)
         change = (full.predict(conditions, phi) - base.predict(conditions, phi))[0]
-        axes.plot(1e3 * phi * base.parameters["radius_m"].value, 1e6 * change, label=label, linewidth=1.0)
+        axes.plot(
+            1e3 * phi * base.parameters["radius_m"].value, 1e6 * change, label=label, linewidth=1.0
+        )
     axes.axvspan(-55.0, 55.0, color="0.92", zorder=0)
     axes.set_title(effect.id, fontsize=9)
     axes.set_xlabel("xi [mm]", fontsize=8)

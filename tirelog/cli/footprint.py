@@ -17,7 +17,12 @@ def footprint(
     format: Format = None,
     quiet: Quiet = False,
     cutoff: Annotated[
-        str, typer.Option("--cutoff", help="Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel frequency (40x).")
+        str,
+        typer.Option(
+            "--cutoff",
+            help="Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel "
+            "frequency (40x).",
+        ),
     ] = "auto",
     plot: Plot = None,
 ) -> None:
@@ -29,7 +34,10 @@ def footprint(
 
     setting = Cutoff.parse(cutoff)
     kept = []
-    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table("footprint", output, format) as table:
+    with (
+        Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
+        session.table("footprint", output, format) as table,
+    ):
         for recording in session.recordings(logs):
             for remark in radius_remarks(recording):
                 session.note(f"{recording.log}: {remark}")

@@ -8,7 +8,16 @@ from typing import Any
 from tirelog.errors import ModelError
 from tirelog.storage.documents import json_value
 
-_STEP = ("step", "effect", "rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout", "p_adjusted", "decision")
+_STEP = (
+    "step",
+    "effect",
+    "rmse_fit",
+    "rmse_heldout",
+    "noise_floor",
+    "excess_heldout",
+    "p_adjusted",
+    "decision",
+)
 
 
 def history_file(model: Path) -> Path:
@@ -17,7 +26,10 @@ def history_file(model: Path) -> Path:
 
 
 def read_history(model: Path) -> list[dict[str, Any]]:
-    """The ladders climbed from a model, oldest first; none where there is no file.  ModelError: the file is damaged."""
+    """The ladders climbed from a model, oldest first; none where there is no file.
+
+    ModelError: the file is damaged.
+    """
     path = history_file(model)
     try:
         ladders = json_value(path.read_text(encoding="utf-8"))["ladders"]
@@ -27,18 +39,31 @@ def read_history(model: Path) -> list[dict[str, Any]]:
         return []
     except (OSError, ValueError, KeyError, TypeError):
         pass
-    raise ModelError("is no history of ladders; it is the file that `tirelog ladder` keeps; move it away to begin another", file=path)
+    raise ModelError(
+        "is no history of ladders; it is the file that `tirelog ladder` keeps; move it away to "
+        "begin another",
+        file=path,
+    )
 
 
 def history_rows(model: Path) -> dict[str, list[Any]]:
     """A row a step of every ladder.  ModelError: none was climbed yet."""
     ladders = read_history(model)
     if not ladders:
-        raise ModelError(f"no ladder was climbed from it yet; `tirelog ladder LOG... --model {model}` climbs one", file=model)
+        raise ModelError(
+            f"no ladder was climbed from it yet; `tirelog ladder LOG... --model {model}` climbs "
+            "one",
+            file=model,
+        )
     rows = [(entry, step) for entry in ladders for step in entry["steps"]]
-    about = {key: [str(entry.get(key, "")) for entry, _ in rows] for key in ("climbed", "observable", "verdict")}
+    about = {
+        key: [str(entry.get(key, "")) for entry, _ in rows]
+        for key in ("climbed", "observable", "verdict")
+    }
     nothing = float("nan")
-    return about | {key: [nothing if step[key] is None else step[key] for _, step in rows] for key in _STEP}
+    return about | {
+        key: [nothing if step[key] is None else step[key] for _, step in rows] for key in _STEP
+    }
 
 
 def history_page(rows: dict[str, list[Any]]) -> str:
@@ -50,5 +75,8 @@ def history_page(rows: dict[str, list[Any]]) -> str:
             last = climbed
         error, floor = rows["rmse_heldout"][i], rows["noise_floor"][i]
         held_out = "-" if error != error else f"{error:.4g}"
-        lines.append(f"  {rows['step'][i]}  {rows['effect'][i]:20} held-out error {held_out}, floor {floor:.4g}  {rows['decision'][i]}")
+        lines.append(
+            f"  {rows['step'][i]}  {rows['effect'][i]:20} held-out error {held_out}, floor "
+            f"{floor:.4g}  {rows['decision'][i]}"
+        )
     return "\n".join(lines)

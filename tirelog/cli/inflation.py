@@ -15,7 +15,10 @@ def inflation(
     output: Output = None,
     format: Format = None,
     quiet: Quiet = False,
-    begin: Annotated[float | None, typer.Option("--from", help="Pressure at the beginning, Pa, where no channel records it.")] = None,
+    begin: Annotated[
+        float | None,
+        typer.Option("--from", help="Pressure at the beginning, Pa, where no channel records it."),
+    ] = None,
     end: Annotated[float | None, typer.Option("--to", help="Pressure at the end, Pa.")] = None,
     plot: Plot = None,
 ) -> None:
@@ -24,10 +27,16 @@ def inflation(
     from tirelog.strain.inflation_table import inflation_of
 
     if (begin is None) != (end is None) or (begin is not None and begin == end):
-        raise UsageError("--from and --to go together and differ; allowed are two pressures in Pa; e.g. --from 1.7e5 --to 2.3e5")
+        raise UsageError(
+            "--from and --to go together and differ; allowed are two pressures in Pa; e.g. "
+            "--from 1.7e5 --to 2.3e5"
+        )
     ends = None if begin is None or end is None else (begin, end)
     kept = []
-    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table("inflation", output, format) as table:
+    with (
+        Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
+        session.table("inflation", output, format) as table,
+    ):
         for recording in session.recordings(logs):
             for found in inflation_of(recording, ends):
                 table.write(found.columns)

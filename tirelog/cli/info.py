@@ -18,7 +18,9 @@ def info(
     output: Output = None,
     format: Format = None,
     quiet: Quiet = False,
-    verify: Annotated[bool, typer.Option("--verify", help="Read runs whole and compare their samples' sha256.")] = False,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Read runs whole and compare their samples' sha256.")
+    ] = False,
 ) -> None:
     """Show what is in logs or runs: channels, rates, durations, gaps, lost samples, repairs, setup."""
     from tirelog.cli.summary import print_summary
@@ -43,4 +45,7 @@ def _verify(session: Session, logs: list[str]) -> None:
 
     for log in logs:
         for name in changed_columns(log) if is_file(log) and is_run(log) else ():
-            session.lost(f"{log}: {name} is not what was written (sha256); copy the run again, or ingest the log again")
+            session.lost(
+                f"{log}: {name} is not what was written (sha256); copy the run again, or ingest "
+                "the log again"
+            )

@@ -11,12 +11,18 @@ from tirelog.cli.common import Quiet, Session, SetupFile
 
 
 def ingest(
-    log: Annotated[str, typer.Argument(help="The log, or '-' for standard input.", show_default=False)],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The run to write (HDF5).", show_default=False)],
+    log: Annotated[
+        str, typer.Argument(help="The log, or '-' for standard input.", show_default=False)
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The run to write (HDF5).", show_default=False)
+    ],
     setup: SetupFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write a log as a run: channels in SI on exact time axes, with its setup, provenance and quality flags."""
+    """Write a log as a run: channels in SI on exact time axes, with its setup, provenance and
+    quality flags.
+    """
     from tirelog.cli.summary import print_summary
     from tirelog.runs.ingest import write_run
     from tirelog.runs.store import open_run

@@ -51,9 +51,16 @@ def ladder(
     plot: Plot = None,
     save: Annotated[
         Path | None,
-        typer.Option("--save", help="Write the model at the top of the ladder.", show_default=False, callback=in_a_folder),
+        typer.Option(
+            "--save",
+            help="Write the model at the top of the ladder.",
+            show_default=False,
+            callback=in_a_folder,
+        ),
     ] = None,
-    by_log: Annotated[bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")] = False,
+    by_log: Annotated[
+        bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")
+    ] = False,
 ) -> None:
     """Add effects one by one until nothing more is worth adding; one row a step."""
     from tirelog.cli.targets import refuse_picture, refuse_unwritable
@@ -64,7 +71,12 @@ def ladder(
         stacks, read = stacks_and_model(session, logs, model, effects, channel)
         from tirelog.diagnosis.ladder import ladder as climb
 
-        result = climb(stacks, read, effects=own_effects(effects), progress=(lambda text: None) if quiet else say)
+        result = climb(
+            stacks,
+            read,
+            effects=own_effects(effects),
+            progress=(lambda text: None) if quiet else say,
+        )
         if not quiet:
             _bars(result)
         _remember(result, model)
@@ -89,7 +101,9 @@ def _bars(result: Ladder) -> None:
     from tirelog.cli.discrepancy_page import shown
 
     factor, unit = shown(result.observable, result.unit)
-    errors = [step.rmse_fit if step.rmse_heldout is None else step.rmse_heldout for step in result.steps]
+    errors = [
+        step.rmse_fit if step.rmse_heldout is None else step.rmse_heldout for step in result.steps
+    ]
     largest = max(errors)
     for step, error in zip(result.steps, errors, strict=True):
         length = max(1, round(_BAR * error / largest))
@@ -100,8 +114,14 @@ def _bars(result: Ladder) -> None:
     for remark in result.remarks:
         _line(f"   {remark}")
     if result.rmse_untouched is not None:
-        error, floor_there = result.rmse_untouched * factor, (result.floor_untouched or 0.0) * factor
-        _line(f"   on manoeuvres that nothing had touched: {error:.3g} {unit}, floor {floor_there:.3g}")
+        error, floor_there = (
+            result.rmse_untouched * factor,
+            (result.floor_untouched or 0.0) * factor,
+        )
+        _line(
+            f"   on manoeuvres that nothing had touched: {error:.3g} {unit}, floor "
+            f"{floor_there:.3g}"
+        )
 
 
 def _line(text: str) -> None:

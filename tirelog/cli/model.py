@@ -19,9 +19,19 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
 
 Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", show_default=False)]
-Target = Annotated[Path, typer.Option("-o", "--output", help="Model file to write.", show_default=False)]
-EffectsFile = Annotated[Path | None, typer.Option("--effects", help="Python file with effects of your own; it is run.", show_default=False)]
-Sets = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="A parameter's value; several times.")]
+Target = Annotated[
+    Path, typer.Option("-o", "--output", help="Model file to write.", show_default=False)
+]
+EffectsFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--effects", help="Python file with effects of your own; it is run.", show_default=False
+    ),
+]
+Sets = Annotated[
+    list[str],
+    typer.Option("--set", metavar="NAME=VALUE", help="A parameter's value; several times."),
+]
 
 
 def _load(path: Path, effects: Path | None) -> Model:
@@ -49,7 +59,10 @@ def _assignments(sets: list[str], prefix: str = "") -> dict[str, float]:
         except ValueError:
             value = math.nan
         if not equals or not math.isfinite(value):
-            raise UsageError(f"--set {text}; NAME=VALUE with a finite number is allowed, such as --set line_mass_kg_m=4.5; correct it")
+            raise UsageError(
+                f"--set {text}; NAME=VALUE with a finite number is allowed, such as --set "
+                "line_mass_kg_m=4.5; correct it"
+            )
         values[prefix + name.strip().removeprefix(prefix)] = value
     return values
 
@@ -61,10 +74,16 @@ def new(
     setup: SetupFile = None,
     observable: Annotated[
         str | None,
-        typer.Option(help="What the model predicts, as in the model file; default what the setup's channels measure, else strain."),
+        typer.Option(
+            help="What the model predicts, as in the model file; default what the setup's "
+            "channels measure, else strain."
+        ),
     ] = None,
-    contact: Annotated[str | None, typer.Option(help="prescribed or flat_road; rings stand on a flat road by default.")] = None,
-    sets: Sets = [],  # noqa: B006  (typer reads it, nothing writes it)
+    contact: Annotated[
+        str | None,
+        typer.Option(help="prescribed or flat_road; rings stand on a flat road by default."),
+    ] = None,
+    sets: Sets = [],  # noqa: B006
     quiet: Quiet = False,
 ) -> None:
     """Make a model without effects; tire and conditions come from the setup where it has them."""
@@ -82,13 +101,18 @@ def new(
         for remark in _invented(model, given):
             say(f"note: {remark}")
         fitted = output.with_stem(f"{output.stem}_fitted")
-        say(f"wrote {output}; next: tirelog model fit LOG --model {output} -o {fitted}, or tirelog compare LOG --model {output}")
+        say(
+            f"wrote {output}; next: tirelog model fit LOG --model {output} -o {fitted}, or "
+            f"tirelog compare LOG --model {output}"
+        )
 
 
-#: A tire at less than this [Pa] stands on its rim, and bar, psi and kPa taken for Pa all lie below it: a
-#: fifth of it would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are driven at.
+#: A tire at less than this [Pa] stands on its rim, and bar, psi and kPa taken for Pa all lie below
+#: it: a fifth of it would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are
+#: driven at.
 LEAST_PRESSURE_PA = 5e3
-#: Speeds [m/s] and accelerations [m/s^2] that a tire is driven at; beyond them a number is in another unit.
+#: Speeds [m/s] and accelerations [m/s^2] that a tire is driven at; beyond them a number is in
+#: another unit.
 FASTEST_M_S, HARDEST_M_S2 = 200.0, 100.0
 
 
@@ -98,7 +122,8 @@ def check_pressure(pressure_Pa: float | None) -> None:
 
     if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
         raise ModelError(
-            f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa; 0, or {LEAST_PRESSURE_PA:g} and more, is allowed; "
+            f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa; "
+            f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed; "
             f"write it in Pa (2.2 bar is 2.2e5)"
         )
 
@@ -106,13 +131,21 @@ def check_pressure(pressure_Pa: float | None) -> None:
 def _measured(setup: Setup | None) -> str:
     """The waveform that a setup's channels measure: radial acceleration where no channel is strain."""
     kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
-    return "radial_acceleration" if "radial_acceleration" in kinds and not kinds & {"fbg_strain", "strain"} else "strain"
+    return (
+        "radial_acceleration"
+        if "radial_acceleration" in kinds and not kinds & {"fbg_strain", "strain"}
+        else "strain"
+    )
 
 
 def _invented(model: Model, given: dict[str, float]) -> list[str]:
     """What neither the setup nor --set gives, though it is this tire's or this drive's own."""
     own = ("load_N", "radius_m", "inflation_pressure_Pa", "width_m")
-    guessed = [f"{name} = {model.values[name]:g}" for name in own if name in model.parameters and name not in given]
+    guessed = [
+        f"{name} = {model.values[name]:g}"
+        for name in own
+        if name in model.parameters and name not in given
+    ]
     if not guessed:
         return []
     return [
@@ -133,21 +166,33 @@ def _from_setup(model: Model, setup: Setup | None) -> dict[str, float]:
         "load_N": conditions.load_N,
         "reference_load_N": conditions.load_N,
         "inflation_pressure_Pa": conditions.inflation_pressure_Pa,
-        "patch_half_length_m": None if tire.static_footprint_length_m is None else tire.static_footprint_length_m / 2.0,
+        "patch_half_length_m": None
+        if tire.static_footprint_length_m is None
+        else tire.static_footprint_length_m / 2.0,
     }
-    return {name: value for name, value in known.items() if value is not None and name in model.parameters}
+    return {
+        name: value
+        for name, value in known.items()
+        if value is not None and name in model.parameters
+    }
 
 
 @app.command()
 def show(
     model: Model_,
-    against: Annotated[Path | None, typer.Option(help="Another model: differences in sigma.", show_default=False)] = None,
-    history: Annotated[bool, typer.Option("--history", help="The ladders climbed from this model.")] = False,
+    against: Annotated[
+        Path | None, typer.Option(help="Another model: differences in sigma.", show_default=False)
+    ] = None,
+    history: Annotated[
+        bool, typer.Option("--history", help="The ladders climbed from this model.")
+    ] = False,
     effects: EffectsFile = None,
     output: Output = None,
     format: Format = None,
 ) -> None:
-    """Show a model to read, or its parameters as a table; with --against the difference of two models in sigma."""
+    """Show a model to read, or its parameters as a table; with --against the difference of two
+    models in sigma.
+    """
     from tirelog.cli.history import history_page, history_rows
     from tirelog.cli.model_page import difference_page, difference_rows, model_page, parameter_rows
 
@@ -155,9 +200,19 @@ def show(
     if history:
         rows: dict[str, Any] = history_rows(model)
     else:
-        rows = parameter_rows(read) if against is None else difference_rows(read, _load(against, effects))
+        rows = (
+            parameter_rows(read)
+            if against is None
+            else difference_rows(read, _load(against, effects))
+        )
     if format is None and output is None:
-        typer.echo(history_page(rows) if history else model_page(read) if against is None else difference_page(rows))
+        typer.echo(
+            history_page(rows)
+            if history
+            else model_page(read)
+            if against is None
+            else difference_page(rows)
+        )
         return
     with Session(None).table("model", output, format) as table:
         table.write(rows)
@@ -172,7 +227,9 @@ def add(
     setup: SetupFile = None,
     effects: EffectsFile = None,
 ) -> None:
-    """Add an effect at its start values (or --set ones); a grating's length is fixed where the setup gives it."""
+    """Add an effect at its start values (or --set ones); a grating's length is fixed where the
+    setup gives it.
+    """
     from tirelog.errors import ModelError, nearest
     from tirelog.physics.model.entry import ModelEffect
     from tirelog.physics.model.user_effects import catalogue_with
@@ -180,9 +237,14 @@ def add(
     catalogue = catalogue_with(effects)
     if effect not in catalogue:
         raise ModelError(
-            f"unknown effect {effect!r}{nearest(effect, catalogue)}; allowed are {', '.join(catalogue)}; see `tirelog effects`"
+            f"unknown effect {effect!r}{nearest(effect, catalogue)}; "
+            f"allowed are {', '.join(catalogue)}; see `tirelog effects`"
         )
-    changed = _load(model, effects).with_effect(ModelEffect.of(catalogue[effect])).with_values(_assignments(sets, f"{effect}."))
+    changed = (
+        _load(model, effects)
+        .with_effect(ModelEffect.of(catalogue[effect]))
+        .with_values(_assignments(sets, f"{effect}."))
+    )
     given = _setup(setup)
     if effect == "gauge_length" and given is not None:
         changed = _gauge_from_setup(changed, given)
@@ -193,7 +255,9 @@ def add(
 
 def _gauge_from_setup(model: Model, setup: Setup) -> Model:
     """The grating's length held at what the setup says, where its strain channels agree on one."""
-    lengths = {c.gauge_length_m for c in setup.channels.values() if c.kind in ("fbg_strain", "strain")}
+    lengths = {
+        c.gauge_length_m for c in setup.channels.values() if c.kind in ("fbg_strain", "strain")
+    }
     length = lengths.pop() if len(lengths) == 1 else None
     if length is None:
         return model
@@ -203,7 +267,10 @@ def _gauge_from_setup(model: Model, setup: Setup) -> Model:
 
 @app.command()
 def remove(
-    model: Model_, effect: Annotated[str, typer.Argument(help="Effect of the model.")], output: Target, effects: EffectsFile = None
+    model: Model_,
+    effect: Annotated[str, typer.Argument(help="Effect of the model.")],
+    output: Target,
+    effects: EffectsFile = None,
 ) -> None:
     """Remove an effect."""
     from tirelog.physics.model.file import save_model
@@ -217,15 +284,27 @@ def fit(
     model: ModelFile,
     output: Target,
     setup: SetupFile = None,
-    channel: Annotated[list[str], typer.Option(help="Channel to fit; several times for several (default: the first that fits).")] = [],  # noqa: B006
-    nuisances: Annotated[str, typer.Option(help="Taken out of every revolution: offset, amplitude, shift (words, or none).")] = "shift",
+    channel: Annotated[
+        list[str],
+        typer.Option(
+            help="Channel to fit; several times for several (default: the first that fits)."
+        ),
+    ] = [],  # noqa: B006
+    nuisances: Annotated[
+        str,
+        typer.Option(
+            help="Taken out of every revolution: offset, amplitude, shift (words, or none)."
+        ),
+    ] = "shift",
     effects: EffectsFile = None,
     quiet: Quiet = False,
 ) -> None:
-    """Fit a model's free parameters to the logs as `compare` does, and write the model with values and standard errors.
+    """Fit a model's free parameters to the logs as `compare` does, and write the model with values
+    and standard errors.
 
-    Several channels, or other nuisances than the shift, are fitted revolution by revolution, which `compare` does not do.
-    Masses, damping and bristles of a coupled ring are fitted to the obstacles of logs whose setup has a [road].
+    Several channels, or other nuisances than the shift, are fitted revolution by revolution, which
+    `compare` does not do. Masses, damping and bristles of a coupled ring are fitted to the
+    obstacles of logs whose setup has a [road].
     """
     from tirelog.cli.model_page import fit_page, learned_page
     from tirelog.cli.targets import refuse_unwritable
@@ -235,7 +314,11 @@ def fit(
 
     refuse_unwritable(output)
     start = _load(model, effects)
-    words = [w for w in nuisances.replace(",", " ").split() if w != "none"] if start.observable in WAVEFORMS else ["shift"]
+    words = (
+        [w for w in nuisances.replace(",", " ").split() if w != "none"]
+        if start.observable in WAVEFORMS
+        else ["shift"]
+    )
     with Session(setup, quiet) as session:
         if len(channel) < 2 and words == ["shift"]:
             result, obstacles, remarks = _as_compare(session, logs, start, channel)
@@ -243,7 +326,9 @@ def fit(
             result, obstacles, remarks = _by_revolution(session, logs, start, channel, words)
         for remark in remarks:
             session.note(remark)
-        fitted = result.model.with_parameters({name: start.parameters[name] for name in motion_names(start)})
+        fitted = result.model.with_parameters(
+            {name: start.parameters[name] for name in motion_names(start)}
+        )
         learned = learn(obstacles, fitted) if obstacles and motion_names(start) else None
         from tirelog.physics.model.file import save_model
 
@@ -253,10 +338,15 @@ def fit(
             if learned is not None:
                 typer.echo(learned_page(learned))
             elif motion_names(start):
-                say(f"note: {', '.join(motion_names(start))}: told by obstacles alone; no log has a [road] in its setup: kept")
+                say(
+                    f"note: {', '.join(motion_names(start))}: told by obstacles alone; "
+                    "no log has a [road] in its setup: kept"
+                )
 
 
-def _as_compare(session: Session, logs: list[str], start: Model, channel: list[str]) -> tuple[FitResult, list[TransientLog], list[str]]:
+def _as_compare(
+    session: Session, logs: list[str], start: Model, channel: list[str]
+) -> tuple[FitResult, list[TransientLog], list[str]]:
     """The fit of `compare`, the obstacles, and remarks."""
     from tirelog.diagnosis.fitted import fit_measured
     from tirelog.inference.measured import measured
@@ -269,7 +359,9 @@ def _as_compare(session: Session, logs: list[str], start: Model, channel: list[s
 def _by_revolution(
     session: Session, logs: list[str], start: Model, channel: list[str], nuisances: list[str]
 ) -> tuple[FitResult, list[TransientLog], list[str]]:
-    """The fit to single revolutions of several channels or with nuisances of one's own, the obstacles, and remarks."""
+    """The fit to single revolutions of several channels or with nuisances of one's own, the
+    obstacles, and remarks.
+    """
     from tirelog.inference.fit.revolutions import fit as fit_model
     from tirelog.inference.measured import measured
     from tirelog.inference.motion import held
@@ -278,24 +370,35 @@ def _by_revolution(
     recordings = session.all_recordings(logs)
     stacks: list[Any] = []
     obstacles: list[TransientLog] = []
-    remarks = ["fitted revolution by revolution; `compare` has other weights, so its parameters, errors and chi-square differ somewhat"]
+    remarks = [
+        "fitted revolution by revolution; `compare` has other weights, so its parameters, errors "
+        "and chi-square differ somewhat"
+    ]
     for name in channel or (None,):
         found = measured(recordings, _observable(recordings, name, start), name)
-        stacks += [joined(found.stacks.of_log(number)) for number in range(len(found.stacks.logs))]  # the fit takes a log as a whole
+        stacks += [
+            joined(found.stacks.of_log(number)) for number in range(len(found.stacks.logs))
+        ]  # the fit takes a log as a whole
         obstacles += found.obstacles
         remarks += found.stacks.notes
     return fit_model(held(start), stacks, nuisances=nuisances, scatter=True), obstacles, remarks
 
 
 def _observable(recordings: list[Any], name: str | None, model: Model) -> str:
-    """What a named channel measures (strain and radial acceleration fit one tire together), else what the model predicts."""
-    kinds = {recording.channels[name].kind for recording in recordings if name in recording.channels}
+    """What a named channel measures (strain and radial acceleration fit one tire together), else
+    what the model predicts.
+    """
+    kinds = {
+        recording.channels[name].kind for recording in recordings if name in recording.channels
+    }
     if model.observable in ("strain", "radial_acceleration") and kinds:
         return "radial_acceleration" if kinds == {"radial_acceleration"} else "strain"
     return model.observable
 
 
-def _drivable(speed: float, acceleration: float, time: float, temperature: float | None, slip: float | None) -> None:
+def _drivable(
+    speed: float, acceleration: float, time: float, temperature: float | None, slip: float | None
+) -> None:
     """UsageError for conditions that no tire is driven under."""
     from tirelog.errors import UsageError
 
@@ -307,7 +410,9 @@ def _drivable(speed: float, acceleration: float, time: float, temperature: float
         ("slip", slip, -1.0, 1.0, "(positive in braking)"),
     ):
         if value is not None and not low <= value <= high:
-            raise UsageError(f"--{option} {value:g}; {low:g} to {high:g} {unit} is allowed; correct it")
+            raise UsageError(
+                f"--{option} {value:g}; {low:g} to {high:g} {unit} is allowed; correct it"
+            )
 
 
 @app.command()
@@ -317,35 +422,69 @@ def predict(
     setup: SetupFile = None,
     acceleration: Annotated[float, typer.Option(help="Longitudinal acceleration [m/s^2].")] = 0.0,
     time: Annotated[float, typer.Option(help="Time since the start [s].")] = 0.0,
-    temperature: Annotated[float | None, typer.Option(help="Temperature change [K].", show_default=False)] = None,
-    slip: Annotated[float | None, typer.Option(help="Longitudinal slip, positive in braking.", show_default=False)] = None,
-    surface: Annotated[
-        str | None, typer.Option(help="outer or inner; default the setup's strain channel, else outer.", show_default=False)
+    temperature: Annotated[
+        float | None, typer.Option(help="Temperature change [K].", show_default=False)
     ] = None,
-    points: Annotated[int, typer.Option(min=8, max=100_000, help="Angles over the revolution.")] = 1024,
-    road: Annotated[
+    slip: Annotated[
+        float | None,
+        typer.Option(help="Longitudinal slip, positive in braking.", show_default=False),
+    ] = None,
+    surface: Annotated[
         str | None,
         typer.Option(
-            help="Drive a coupled_ring over it: KIND,KEY=VALUE,... (step, cleat, sine, profile; keys as in a setup's [road]) or setup.",
+            help="outer or inner; default the setup's strain channel, else outer.",
             show_default=False,
         ),
     ] = None,
-    load_step: Annotated[list[str], typer.Option(metavar="TIME:LOAD", help="The load [N] steps at that time [s]; several times.")] = [],  # noqa: B006
+    points: Annotated[
+        int, typer.Option(min=8, max=100_000, help="Angles over the revolution.")
+    ] = 1024,
+    road: Annotated[
+        str | None,
+        typer.Option(
+            help="Drive a coupled_ring over it: KIND,KEY=VALUE,... (step, cleat, sine, profile; "
+            "keys as in a setup's [road]) or setup.",
+            show_default=False,
+        ),
+    ] = None,
+    load_step: Annotated[
+        list[str],
+        typer.Option(
+            metavar="TIME:LOAD", help="The load [N] steps at that time [s]; several times."
+        ),
+    ] = [],  # noqa: B006
     speed_ramp: Annotated[
-        list[str], typer.Option(metavar="FROM:TO:SPEED", help="The speed [m/s] goes to that between two times; several times.")
+        list[str],
+        typer.Option(
+            metavar="FROM:TO:SPEED",
+            help="The speed [m/s] goes to that between two times; several times.",
+        ),
     ] = [],  # noqa: B006
     duration: Annotated[
-        float | None, typer.Option(help="Time driven [s]; default half a second past the last event.", show_default=False)
+        float | None,
+        typer.Option(
+            help="Time driven [s]; default half a second past the last event.", show_default=False
+        ),
     ] = None,
-    step: Annotated[float | None, typer.Option(help="Step of the motion [s]; default the longest good one.", show_default=False)] = None,
-    sensor: Annotated[list[float], typer.Option(help="Sensor's angle on the belt [deg] at the start, 0 under the wheel.")] = [],  # noqa: B006
+    step: Annotated[
+        float | None,
+        typer.Option(
+            help="Step of the motion [s]; default the longest good one.", show_default=False
+        ),
+    ] = None,
+    sensor: Annotated[
+        list[float],
+        typer.Option(help="Sensor's angle on the belt [deg] at the start, 0 under the wheel."),
+    ] = [],  # noqa: B006
     effects: EffectsFile = None,
     output: Output = None,
     format: Format = None,
 ) -> None:
-    """One revolution as the model sees it, from half a turn before the patch centre to half a turn after.
+    """One revolution as the model sees it, from half a turn before the patch centre to half a turn
+    after.
 
-    With --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and spindle and what sensors read.
+    With --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and
+    spindle and what sensors read.
     """
     import numpy as np
 
@@ -353,7 +492,9 @@ def predict(
     from tirelog.errors import UsageError
 
     if speed < 0 or not np.isfinite(speed):
-        raise UsageError(f"--speed {speed:g}; allowed is a speed of 0 m/s or more, forwards; give that")
+        raise UsageError(
+            f"--speed {speed:g}; allowed is a speed of 0 m/s or more, forwards; give that"
+        )
     read, given = _load(model, effects), _setup(setup)
     _drivable(speed, acceleration, time, temperature, slip)
     check_pressure(read.values.get("inflation_pressure_Pa"))
@@ -368,9 +509,15 @@ def predict(
         names = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
         known |= {name: getattr(given.conditions, name) for name in names}
         check_pressure(given.conditions.inflation_pressure_Pa)
-        strain = [c.surface for c in given.channels.values() if c.kind in ("fbg_strain", "strain") and c.surface]
+        strain = [
+            c.surface
+            for c in given.channels.values()
+            if c.kind in ("fbg_strain", "strain") and c.surface
+        ]
         surface = surface or (strain[0] if strain else None)
-    conditions = Conditions.of(1, **{name: value for name, value in known.items() if value is not None})
+    conditions = Conditions.of(
+        1, **{name: value for name, value in known.items() if value is not None}
+    )
     if road is not None or load_step or speed_ramp:
         from tirelog.cli.passage import course_of, road_words, rows
         from tirelog.physics.moving.transient import drive
@@ -386,11 +533,20 @@ def predict(
             table.write(rows(passage, sensor or [180.0], surface or "outer"))
         return
     phi = np.linspace(-np.pi, np.pi, points, endpoint=False) + np.pi / points
-    columns: dict[str, Any] = {"xi_m": phi * read.parameters["radius_m"].value, "phi_deg": np.degrees(phi)}
-    wanted = {"displacement_m": "displacement", "strain": "strain", "radial_acceleration_m_s2": "radial_acceleration"}
+    columns: dict[str, Any] = {
+        "xi_m": phi * read.parameters["radius_m"].value,
+        "phi_deg": np.degrees(phi),
+    }
+    wanted = {
+        "displacement_m": "displacement",
+        "strain": "strain",
+        "radial_acceleration_m_s2": "radial_acceleration",
+    }
     wanted |= {"contact_pressure_N_m": "contact_pressure", "shear_traction_N_m": "shear_traction"}
     for column, observable in wanted.items():
-        columns[column] = read.predict(conditions, phi, surface=surface or "outer", observable=observable)[0]
+        columns[column] = read.predict(
+            conditions, phi, surface=surface or "outer", observable=observable
+        )[0]
     with Session(None).table("predict", output, format) as table:
         table.write(columns)
 
@@ -399,19 +555,30 @@ def predict(
 def modes(
     model: Model_,
     speed: Annotated[float, typer.Option(help="Speed [m/s] at which the tire turns.")] = 0.0,
-    load: Annotated[float | None, typer.Option(help="Load [N] on the road; default the model's.", show_default=False)] = None,
+    load: Annotated[
+        float | None,
+        typer.Option(help="Load [N] on the road; default the model's.", show_default=False),
+    ] = None,
     hub_mass: Annotated[
-        float | None, typer.Option(help="Mass m_h [kg] of hub and rim; default the model's, else 20.", show_default=False)
+        float | None,
+        typer.Option(
+            help="Mass m_h [kg] of hub and rim; default the model's, else 20.", show_default=False
+        ),
     ] = None,
     hub_inertia: Annotated[
-        float | None, typer.Option(help="Moment of inertia J_h [kg m^2] about the axle; default the model's, else 0.8.", show_default=False)
+        float | None,
+        typer.Option(
+            help="Moment of inertia J_h [kg m^2] about the axle; default the model's, else 0.8.",
+            show_default=False,
+        ),
     ] = None,
     to_frequency: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 300.0,
     effects: EffectsFile = None,
     output: Output = None,
     format: Format = None,
 ) -> None:
-    """Natural frequencies, damping and shapes of a ring model, in the air and (with contact = "flat_road") on the road.
+    """Natural frequencies, damping and shapes of a ring model, in the air and (with contact =
+    "flat_road") on the road.
 
     The ring moves on the sidewall of a hub with the mass given; the model's effects are not in it.
     """
@@ -425,7 +592,8 @@ def modes(
     read = _load(model, effects)
     if steady_carcass(read.carcass) != "ring":
         raise ModelError(
-            f'a {read.carcass} has no natural modes here; carcass = "ring" or "coupled_ring" is allowed; make one with --carcass ring',
+            f'a {read.carcass} has no natural modes here; carcass = "ring" or "coupled_ring" is '
+            "allowed; make one with --carcass ring",
             file=model,
         )
     tire = of_model(read.values, hub_mass_kg=hub_mass, hub_inertia_kg_m2=hub_inertia)
@@ -434,7 +602,9 @@ def modes(
         supports["road"] = read.values["load_N"] if load is None else load
     elif load is not None:
         raise ModelError(
-            '--load needs a tread to stand on; contact = "flat_road" is allowed; leave it out, or make such a model', file=model
+            '--load needs a tread to stand on; contact = "flat_road" is allowed; '
+            "leave it out, or make such a model",
+            file=model,
         )
     found = [
         {"support": support, "speed_m_s": speed, **asdict(mode)}

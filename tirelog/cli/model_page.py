@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from tirelog.physics.parameters import Parameter
 
 
-#: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in `diagnose`; twice as high would leave unsaid
-#: a misfit as large as the noise itself
+#: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
+#: `diagnose`; twice as high would leave unsaid a misfit as large as the noise itself
 FORM_IN_DOUBT = 1.2
 
 
@@ -22,7 +22,9 @@ def _aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
     """Rows of text in columns as wide as their widest cell."""
     rows = list(rows)
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))] if rows else []
-    return "\n".join((indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths))).rstrip() for row in rows)
+    return "\n".join(
+        (indent + "  ".join(cell.ljust(w) for cell, w in zip(row, widths))).rstrip() for row in rows
+    )
 
 
 def _unit(unit: str) -> str:
@@ -38,10 +40,16 @@ def _cells(p: Parameter) -> tuple[str, ...]:
 def model_page(model: Model) -> str:
     """The model as a person reads it."""
     road = ", on a flat road" if model.contact == "flat_road" else ""
-    parts = [f"{model.observable} of a {model.carcass}{road}", _aligned(_cells(p) for p in model.base)]
+    parts = [
+        f"{model.observable} of a {model.carcass}{road}",
+        _aligned(_cells(p) for p in model.base),
+    ]
     for e in model.effects:
         options = "".join(f", {key} = {word}" for key, word in e.options.items())
-        parts += [f"{e.id}: {e.effect.mechanism}{options}", _aligned(_cells(p) for p in e.parameters) or "  no parameters"]
+        parts += [
+            f"{e.id}: {e.effect.mechanism}{options}",
+            _aligned(_cells(p) for p in e.parameters) or "  no parameters",
+        ]
     if not model.effects:
         parts.append("no effects; `tirelog effects` lists what can be added")
     return "\n".join(parts)
@@ -64,13 +72,20 @@ def parameter_rows(model: Model) -> dict[str, list[Any]]:
 def difference_rows(one: Model, other: Model) -> dict[str, list[Any]]:
     """Parameters of two models side by side; `difference_sigma` where either has a standard error."""
     names = [*one.parameters, *(n for n in other.parameters if n not in one.parameters)]
-    rows: dict[str, list[Any]] = {"parameter": names, "value": [], "against": [], "difference_sigma": []}
+    rows: dict[str, list[Any]] = {
+        "parameter": names,
+        "value": [],
+        "against": [],
+        "difference_sigma": [],
+    }
     for name in names:
         a, b = one.parameters.get(name), other.parameters.get(name)
         error = sum((p.se or 0.0) ** 2 for p in (a, b) if p is not None) ** 0.5
         rows["value"].append(a.value if a else float("nan"))
         rows["against"].append(b.value if b else float("nan"))
-        rows["difference_sigma"].append((a.value - b.value) / error if a and b and error > 0 else float("nan"))
+        rows["difference_sigma"].append(
+            (a.value - b.value) / error if a and b and error > 0 else float("nan")
+        )
     return rows
 
 
@@ -78,7 +93,11 @@ def difference_page(rows: dict[str, list[Any]]) -> str:
     """`difference_rows` to read."""
     header = ("parameter", "value", "against", "difference in sigma")
     body = (
-        (name, *("-" if v != v else f"{v:.6g}" for v in (value, against)), "" if sigma != sigma else f"{sigma:+.1f}")
+        (
+            name,
+            *("-" if v != v else f"{v:.6g}" for v in (value, against)),
+            "" if sigma != sigma else f"{sigma:+.1f}",
+        )
         for name, value, against, sigma in zip(*rows.values())
     )
     return _aligned([header, *body], indent="")
@@ -89,25 +108,48 @@ def fit_page(result: FitResult) -> str:
     names = [name.split(".")[-1] for name in result.names]
     parameters = [result.model.parameters[name] for name in result.names]
     rows = [
-        (full, f"{value:.6g}", f"+- {se:.2g}" if se < float("inf") else "not determined", _unit(p.unit))
+        (
+            full,
+            f"{value:.6g}",
+            f"+- {se:.2g}" if se < float("inf") else "not determined",
+            _unit(p.unit),
+        )
         for full, value, se, p, _ in zip(result.names, result.values, result.se, parameters, names)
     ]
     aside = f" ({result.set_aside} of them set aside as outliers)" if result.set_aside else ""
-    of = " of single revolutions" if result.residuals else ""  # else of means of like revolutions, as `compare` has it
-    lines = [f"{result.revolutions} revolutions{aside}, reduced chi-square{of} {result.reduced_chi2:.3f}", _aligned(rows)]
+    of = (
+        " of single revolutions" if result.residuals else ""
+    )  # else of means of like revolutions, as `compare` has it
+    lines = [
+        f"{result.revolutions} revolutions{aside}, reduced chi-square{of} "
+        f"{result.reduced_chi2:.3f}",
+        _aligned(rows),
+    ]
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]
     lines += [f"{name} stands at a bound" for name in result.at_bound]
     if result.reduced_chi2 > FORM_IN_DOUBT:
-        lines.append("what is left is more than noise: the errors hold only as far as the model's form does; `tirelog diagnose` tells more")
+        lines.append(
+            "what is left is more than noise: the errors hold only as far as the model's form "
+            "does; `tirelog diagnose` tells more"
+        )
     return "\n".join([*lines, *result.degenerate])
 
 
 def learned_page(learned: Learned) -> str:
     """What obstacles told."""
     found = [learned.model.parameters[name] for name in learned.names]
-    rows = [(p.name, f"{p.value:.6g}", "" if p.se is None else f"+- {p.se:.2g}", _unit(p.unit)) for p in found]
+    rows = [
+        (p.name, f"{p.value:.6g}", "" if p.se is None else f"+- {p.se:.2g}", _unit(p.unit))
+        for p in found
+    ]
     less = 100.0 * (1.0 - learned.after / learned.before)
-    return "\n".join([f"{learned.hits} hits on obstacles; the error of the answer to them fell by {less:.0f} %", _aligned(rows)])
+    return "\n".join(
+        [
+            f"{learned.hits} hits on obstacles; the error of the answer to them fell by "
+            f"{less:.0f} %",
+            _aligned(rows),
+        ]
+    )
 
 
 def effect_page(effect: Effect) -> str:
@@ -123,10 +165,23 @@ def effect_page(effect: Effect) -> str:
     ]
     rows += [(f"option {name}", " | ".join(words)) for name, words in effect.options.items()]
     numbers = [
-        (p.name, f"start {p.value:g}", f"[{p.min:g}, {p.max:g}]", _unit(p.unit), p.description + ("" if p.free else " (fixed)"))
+        (
+            p.name,
+            f"start {p.value:g}",
+            f"[{p.min:g}, {p.max:g}]",
+            _unit(p.unit),
+            p.description + ("" if p.free else " (fixed)"),
+        )
         for p in effect.parameters
     ]
-    return "\n".join([f"{effect.id}: {effect.mechanism}", _aligned(rows), "  parameters", _aligned(numbers, indent="    ")])
+    return "\n".join(
+        [
+            f"{effect.id}: {effect.mechanism}",
+            _aligned(rows),
+            "  parameters",
+            _aligned(numbers, indent="    "),
+        ]
+    )
 
 
 def catalogue_page(effects: Iterable[Effect]) -> str:
@@ -134,7 +189,10 @@ def catalogue_page(effects: Iterable[Effect]) -> str:
     lines = []
     for e in effects:
         lines.append(f"{e.id}: {e.mechanism}")
-        lines.append(f"  acts on {', '.join(e.acts_on)}; follows {e.follows}; {', '.join(p.name for p in e.parameters)}; {e.source}")
+        lines.append(
+            f"  acts on {', '.join(e.acts_on)}; follows {e.follows}; "
+            f"{', '.join(p.name for p in e.parameters)}; {e.source}"
+        )
     return "\n".join(lines)
 
 

@@ -1,6 +1,8 @@
-"""`tirelog model predict --road | --load-step | --speed-ramp`: a coupled ring driven in time, as a table.
+"""`tirelog model predict --road | --load-step | --speed-ramp`: a coupled ring driven in time, as a
+table.
 
-words of the options --`course_of`--> Course --physics--> Transient --`rows`--> a row a sensor and time
+words of the options --`course_of`--> Course --physics--> Transient --`rows`--> a row a sensor and
+time
 """
 
 from __future__ import annotations
@@ -25,12 +27,21 @@ def road_words(words: str, setup: Setup | None) -> RoadSetup:
     if words != "setup":
         return parse_road(words)
     if setup is None or setup.road.kind == "flat":
-        raise UsageError("--road setup, and the setup has no [road]; a road in words is allowed, such as cleat,height_m=0.01,length_m=0.04")
+        raise UsageError(
+            "--road setup, and the setup has no [road]; a road in words is allowed, such as "
+            "cleat,height_m=0.01,length_m=0.04"
+        )
     return setup.road
 
 
 def course_of(
-    road: RoadSetup, folder: Path | None, speed_m_s: float, load_N: float, loads: list[str], ramps: list[str], duration_s: float | None
+    road: RoadSetup,
+    folder: Path | None,
+    speed_m_s: float,
+    load_N: float,
+    loads: list[str],
+    ramps: list[str],
+    duration_s: float | None,
 ) -> Course:
     """The course that the options describe; UsageError and ModelError for words that are none."""
     from tirelog.errors import UsageError
@@ -45,7 +56,10 @@ def course_of(
         reached = at / speed_m_s if road.kind != "flat" and speed_m_s > 0.0 else 0.0
         duration_s = max(reached, load.time_s[-1], speed.time_s[-1]) + _AFTER_S
     if not 0.0 < duration_s <= 100.0:
-        raise UsageError(f"{duration_s:g} s to drive; above zero and up to 100 s is allowed; give --duration or a nearer obstacle")
+        raise UsageError(
+            f"{duration_s:g} s to drive; above zero and up to 100 s is allowed; give --duration "
+            "or a nearer obstacle"
+        )
     return Course(speed, load, road_of(road, at, folder=folder), duration_s)
 
 
@@ -94,18 +108,26 @@ def _later(option: str, text: str, time_s: float, before_s: float) -> None:
     from tirelog.errors import UsageError
 
     if time_s < before_s:
-        raise UsageError(f"{option} {text} goes back in time; times that grow, from 0 s on, are allowed; correct it")
+        raise UsageError(
+            f"{option} {text} goes back in time; times that grow, from 0 s on, are allowed; "
+            "correct it"
+        )
 
 
 def rows(transient: Transient, sensors_deg: list[float], surface: str) -> dict[str, Any]:
-    """The table's columns: the passage once for each sensor, at `sensors_deg` on the belt ahead of the patch centre at the start."""
+    """The table's columns: the passage once for each sensor, at `sensors_deg` on the belt ahead of
+    the patch centre at the start.
+    """
     import numpy as np
 
     m, course = transient.motion, transient.course
     speed = np.array([course.speed_m_s(t) for t in m.time_s])
     passage = {
         "time_s": m.time_s,
-        "distance_m": np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(m.time_s))]) + speed[0] * m.time_s[0],
+        "distance_m": np.concatenate(
+            [[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(m.time_s))]
+        )
+        + speed[0] * m.time_s[0],
         "speed_m_s": speed,
         "load_N": np.array([course.load_N(t) for t in m.time_s]),
         "wheel_angle_deg": np.degrees(m.psi_rad),
@@ -118,7 +140,13 @@ def rows(transient: Transient, sensors_deg: list[float], surface: str) -> dict[s
     size = m.time_s.size
     columns: dict[str, Any] = {"sensor_deg": np.repeat(np.asarray(sensors_deg, float), size)}
     columns |= {name: np.tile(values, len(sensors_deg)) for name, values in passage.items()}
-    for name, observable in (("strain", "strain"), ("radial_acceleration_m_s2", "radial_acceleration")):
-        readings = [transient.sensed(observable, np.radians(angle), surface=surface) for angle in sensors_deg]
+    for name, observable in (
+        ("strain", "strain"),
+        ("radial_acceleration_m_s2", "radial_acceleration"),
+    ):
+        readings = [
+            transient.sensed(observable, np.radians(angle), surface=surface)
+            for angle in sensors_deg
+        ]
         columns[name] = np.concatenate(readings)
     return columns

@@ -20,12 +20,26 @@ def phase_shift(
     setup: SetupFile = None,
     output: Output = None,
     format: Format = None,
-    calibration: Annotated[Path | None, typer.Option(help="Calibration file to apply.", show_default=False)] = None,
-    calibrate: Annotated[
-        Path | None, typer.Option(help="Calibration file to write, learnt from these logs, and applied.", show_default=False)
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration file to apply.", show_default=False)
     ] = None,
-    zero: Annotated[str, typer.Option(help="Zero of the phase shift: auto, none, a speed in m/s, or START:STOP in s.")] = "auto",
-    fit_forces: Annotated[bool, typer.Option("--fit-forces", help="With --calibrate: force maps from the force channels.")] = False,
+    calibrate: Annotated[
+        Path | None,
+        typer.Option(
+            help="Calibration file to write, learnt from these logs, and applied.",
+            show_default=False,
+        ),
+    ] = None,
+    zero: Annotated[
+        str,
+        typer.Option(
+            help="Zero of the phase shift: auto, none, a speed in m/s, or START:STOP in s."
+        ),
+    ] = "auto",
+    fit_forces: Annotated[
+        bool,
+        typer.Option("--fit-forces", help="With --calibrate: force maps from the force channels."),
+    ] = False,
     plot: Plot = None,
     quiet: Quiet = False,
 ) -> None:
@@ -35,9 +49,15 @@ def phase_shift(
     from tirelog.wheel.table import table
 
     if calibration is not None and calibrate is not None:
-        raise UsageError("--calibration and --calibrate; one reads a calibration, the other learns one; give one of them")
+        raise UsageError(
+            "--calibration and --calibrate; one reads a calibration, the other learns one; "
+            "give one of them"
+        )
     if fit_forces and calibrate is None:
-        raise UsageError("--fit-forces without --calibrate; the force maps are part of a calibration; give --calibrate FILE")
+        raise UsageError(
+            "--fit-forces without --calibrate; the force maps are part of a calibration; "
+            "give --calibrate FILE"
+        )
     applied = read_calibration(calibration) if calibration is not None else None
     with (
         Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
@@ -56,15 +76,22 @@ def phase_shift(
             for passages in kept:
                 writer.write(table(passages, applied))
         elif applied is None:
-            session.note("no calibration: the detrended and corrected columns are empty; learn one with --calibrate FILE")
+            session.note(
+                "no calibration: the detrended and corrected columns are empty; learn one with "
+                "--calibrate FILE"
+            )
         if plot is not None:
             from tirelog.plots.phase_shift import plot_phase_shift
 
             plot_phase_shift(kept, applied, plot)
 
 
-def _measured(session: Session, logs: list[str], zero: str, forces: bool, calibration: Calibration | None) -> Iterator[Passages]:
-    """The passages of every log; one without teeth or without a patch is lost, and the rest goes on."""
+def _measured(
+    session: Session, logs: list[str], zero: str, forces: bool, calibration: Calibration | None
+) -> Iterator[Passages]:
+    """The passages of every log; one without teeth or without a patch is lost, and the rest goes
+    on.
+    """
     from tirelog.errors import DataLoss
     from tirelog.wheel.table import measure_with
 
@@ -85,11 +112,14 @@ def _note_delay(session: Session, calibration: Calibration) -> None:
         known = (
             "the measured longitudinal force is not in it"
             if calibration.beside_force
-            else "so may be force that follows speed (drag, engine braking), which a longitudinal_force channel in every log would part"
+            else "so may be force that follows speed (drag, engine braking), which a "
+            "longitudinal_force channel in every log would part"
         )
         session.note(
-            f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} +- {se:.3f} ms later than the encoder: "
-            f"a telemetry delay plus any trend linear in speed, which no drive tells apart; {known}; "
+            f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} "
+            f"+- {se:.3f} ms later than the encoder: "
+            "a telemetry delay plus any trend linear in speed, which no drive tells apart; "
+            f"{known}; "
             "the speed map takes it off (delay_removed)"
         )
 
@@ -105,7 +135,10 @@ def _learn(session: Session, kept: list[Passages], path: Path, forces: bool) -> 
     write_calibration(path, learnt)
     _note_delay(session, learnt)
     if math.isnan(learnt.crosstalk):
-        session.note("no drive phase of an undriven wheel ([conditions] driven = false): no cross-talk, the corrected column is empty")
+        session.note(
+            "no drive phase of an undriven wheel ([conditions] driven = false): no cross-talk, "
+            "the corrected column is empty"
+        )
     else:
         session.note(f"cross-talk k = {learnt.crosstalk:.4f} +- {learnt.crosstalk_se:.4f}")
     for name, force in (("vertical", learnt.vertical), ("longitudinal", learnt.longitudinal)):

@@ -20,24 +20,50 @@ _SUFFIXES = (".html", ".htm")
 
 
 def report(
-    logs: Annotated[list[str] | None, typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False)] = None,
+    logs: Annotated[
+        list[str] | None,
+        typer.Argument(help="Logs or runs; '-' is standard input.", show_default=False),
+    ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="The page to write, .html.", show_default=False, callback=in_a_folder)
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="The page to write, .html.",
+            show_default=False,
+            callback=in_a_folder,
+        ),
     ] = None,
     setup: SetupFile = None,
-    table: Annotated[list[Path] | None, typer.Option("--table", help="A table already made; may be repeated.", show_default=False)] = None,
-    campaign: Annotated[Path | None, typer.Option("--campaign", help="A campaign's output folder.", show_default=False)] = None,
-    model: Annotated[Path | None, typer.Option("--model", help="Model file to hold against the logs.", show_default=False)] = None,
-    ladder: Annotated[Path | None, typer.Option("--ladder", help="The ladder kept beside the model.", show_default=False)] = None,
+    table: Annotated[
+        list[Path] | None,
+        typer.Option("--table", help="A table already made; may be repeated.", show_default=False),
+    ] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option("--campaign", help="A campaign's output folder.", show_default=False),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option("--model", help="Model file to hold against the logs.", show_default=False),
+    ] = None,
+    ladder: Annotated[
+        Path | None,
+        typer.Option("--ladder", help="The ladder kept beside the model.", show_default=False),
+    ] = None,
     channel: ChannelName = None,
     effects: Effects = None,
     format: Annotated[str, typer.Option("--format", help="html, or png for slides.")] = "html",
-    figures: Annotated[Path | None, typer.Option("--figures", help="Folder for the pictures.", show_default=False)] = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", help="Folder for the pictures.", show_default=False)
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Write one offline page: what was recorded, what came of it, where the model fails."""
     one_thread()
-    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # the default one keeps what is freed: 50 MB for an hour's tables
+    os.environ.setdefault(
+        "ARROW_DEFAULT_MEMORY_POOL", "system"
+    )  # the default one keeps what is freed: 50 MB for an hour's tables
     from tirelog.report.asked import Asked
     from tirelog.report.build import build
 
@@ -45,33 +71,55 @@ def report(
     paths = tuple(logs or ())
     asked = Asked(paths, setup, model, ladder, campaign, tuple(table or ()), channel, effects)
     with Session(setup, quiet, hashed=True) as session:
-        made = build(session.all_recordings(list(paths)) if paths else [], asked, (lambda text: None) if quiet else say)
+        made = build(
+            session.all_recordings(list(paths)) if paths else [],
+            asked,
+            (lambda text: None) if quiet else say,
+        )
         if output is not None:
             _write_page(made, output, session)
         if format == "png" and figures is not None:
             from tirelog.report.pictures import write_pictures
 
-            written = write_pictures([f for section in made.sections for f in section.figures], figures)
+            written = write_pictures(
+                [f for section in made.sections for f in section.figures], figures
+            )
             session.note(f"{figures}: {len(written)} pictures")
 
 
-def _possible(logs: list[str] | None, output: Path | None, campaign: Path | None, format: str, figures: Path | None) -> None:
+def _possible(
+    logs: list[str] | None,
+    output: Path | None,
+    campaign: Path | None,
+    format: str,
+    figures: Path | None,
+) -> None:
     """UsageError, before any work, where nothing could come of it."""
     from tirelog.cli.targets import refuse_unwritable
     from tirelog.errors import UsageError, nearest
     from tirelog.report.page import plotting_library
 
     if format not in _FORMATS:
-        raise UsageError(f"--format {format}{nearest(format, _FORMATS)}; allowed are {', '.join(_FORMATS)}; choose one")
+        raise UsageError(
+            f"--format {format}{nearest(format, _FORMATS)}; allowed are {', '.join(_FORMATS)}; "
+            "choose one"
+        )
     if not logs and campaign is None:
-        raise UsageError("nothing to report on; allowed are logs, runs and --campaign DIR; give one")
+        raise UsageError(
+            "nothing to report on; allowed are logs, runs and --campaign DIR; give one"
+        )
     if (format == "png") != (figures is not None):
         raise UsageError("--format png and --figures DIR belong together; give both or neither")
     if output is None and figures is None:
-        raise UsageError("nothing to write; allowed are -o PAGE.html and --format png --figures DIR; add one")
+        raise UsageError(
+            "nothing to write; allowed are -o PAGE.html and --format png --figures DIR; add one"
+        )
     if output is not None:
         if output.suffix.lower() not in _SUFFIXES and (output.is_file() or not output.exists()):
-            raise UsageError(f"-o {output}: the page is HTML; allowed are the suffixes {', '.join(_SUFFIXES)}; rename it")
+            raise UsageError(
+                f"-o {output}: the page is HTML; allowed are the suffixes "
+                f"{', '.join(_SUFFIXES)}; rename it"
+            )
         refuse_unwritable(output)
         plotting_library()
     if figures is not None:

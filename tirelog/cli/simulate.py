@@ -11,17 +11,33 @@ from tirelog.cli.common import in_a_folder, say
 
 
 def simulate(
-    scenario: Annotated[Path, typer.Argument(help="TOML file: manoeuvres, tire, road, sensors, effects, seed.", show_default=False)],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="The log: .csv, .txt, .mcap or .h5.", show_default=False, callback=in_a_folder)
+    scenario: Annotated[
+        Path,
+        typer.Argument(
+            help="TOML file: manoeuvres, tire, road, sensors, effects, seed.", show_default=False
+        ),
     ],
-    seed: Annotated[int | None, typer.Option("--seed", help="Another seed than the scenario's.", show_default=False)] = None,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--output",
+            help="The log: .csv, .txt, .mcap or .h5.",
+            show_default=False,
+            callback=in_a_folder,
+        ),
+    ],
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", help="Another seed than the scenario's.", show_default=False),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No summary on standard error.")] = False,
 ) -> None:
     """Write a log with known truth: LOG, LOG.truth.json and its setup.
 
-    A scenario's truth is "beam" or "ring", steady at every instant, or "coupled_ring", a tire that moves: over the [road] (flat, step,
-    cleat, sine, profile), under [[load_steps]], through every [[manoeuvres]]. The keys are explained in sample_data/README.md.
+    A scenario's truth is "beam" or "ring", steady at every instant, or "coupled_ring", a tire that
+    moves: over the [road] (flat, step, cleat, sine, profile), under [[load_steps]], through every
+    [[manoeuvres]]. The keys are explained in sample_data/README.md.
     """
     from dataclasses import replace
 
@@ -33,10 +49,17 @@ def simulate(
 
     suffix_of(output)
     if setup_of(output).resolve() == scenario.resolve():
-        raise UsageError("its setup would take the scenario's place; allowed is a log of another name; change -o", file=output)
+        raise UsageError(
+            "its setup would take the scenario's place; allowed is a log of another name; "
+            "change -o",
+            file=output,
+        )
     refuse_inputs(truth_of(output), setup_of(output))
     described = load_scenario(scenario)
     files = write_log(make(described if seed is None else replace(described, seed=seed)), output)
     if not quiet:
         planted = ", ".join(effect.name for effect in described.effects) or "no effect"
-        say(f"note: {described.duration_s:g} s of log with {planted} planted; wrote {', '.join(str(f) for f in files)}")
+        say(
+            f"note: {described.duration_s:g} s of log with {planted} planted; "
+            f"wrote {', '.join(str(f) for f in files)}"
+        )

@@ -16,13 +16,20 @@ def speed(
     format: Format = None,
     quiet: Quiet = False,
     calibrate_radius: Annotated[
-        bool, typer.Option("--calibrate-radius", help="Take the rolling radius from the log's vehicle_speed, with its error.")
+        bool,
+        typer.Option(
+            "--calibrate-radius",
+            help="Take the rolling radius from the log's vehicle_speed, with its error.",
+        ),
     ] = False,
 ) -> None:
     """Tell the speed at each passage of the patch, with standard error and acceleration."""
     from tirelog.strain.speed import speed_tables
 
-    with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session, session.table("speed", output, format) as table:
+    with (
+        Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
+        session.table("speed", output, format) as table,
+    ):
         for recording in session.recordings(logs):
             tables, remarks = speed_tables(recording, calibrate_radius)
             for columns in tables:

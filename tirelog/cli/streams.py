@@ -1,6 +1,7 @@
 """The process's standard streams and the signals that end it, as every command may rely on them.
 
-standard output   closed, full or of another encoding: an OutputError or an escaped letter, never a crash
+standard output   closed, full or of another encoding: an OutputError or an escaped letter, never a
+                  crash
 SIGTERM, SIGHUP   unwind like an interrupt, so that what is not finished is removed
 """
 
@@ -51,7 +52,9 @@ def endings_unwind() -> Iterator[None]:
 
 
 class _Out(io.FileIO):
-    """Standard output's bytes; what cannot be written is an OutputError, a reader that leaves is not."""
+    """Standard output's bytes; what cannot be written is an OutputError, a reader that leaves is
+    not.
+    """
 
     def write(self, data: Any) -> int:
         try:
@@ -63,10 +66,11 @@ class _Out(io.FileIO):
 
 
 def open_streams() -> None:
-    """Standard streams that are there, whoever started the process; to be called before any file is opened.
+    """Standard streams that are there, whoever started the process; to be called before any file is
+    opened.
 
-    A closed one is replaced by the null device in the direction that fails, or the next file that is
-    opened would take its number.
+    A closed one is replaced by the null device in the direction that fails, or the next file that
+    is opened would take its number.
     """
     for number, way in ((0, os.O_WRONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
         try:
@@ -74,7 +78,7 @@ def open_streams() -> None:
         except OSError:
             os.open(os.devnull, way)
     if sys.stdin is None:
-        sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 - as long as the process
+        sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"

@@ -1,6 +1,8 @@
-"""`tirelog tables LOG... -o FOLDER`: what `speed`, `footprint`, `dissipation` and `phase-shift` write, in one go.
+"""`tirelog tables LOG... -o FOLDER`: what `speed`, `footprint`, `dissipation` and `phase-shift`
+write, in one go.
 
-The log is read once and each channel's passages are found once, two channels at a time; the rows are those of the single commands.
+The log is read once and each channel's passages are found once, two channels at a time; the rows
+are those of the single commands.
 """
 
 from __future__ import annotations
@@ -17,13 +19,28 @@ from tirelog.runtime import one_thread
 
 def tables(
     logs: Logs,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write FOLDER/NAME.csv into.", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="Folder to write FOLDER/NAME.csv into.", show_default=False
+        ),
+    ],
     setup: SetupFile = None,
     table: Annotated[
-        list[str] | None, typer.Option("--table", help="One of the tables; without it all that the logs have channels for.")
+        list[str] | None,
+        typer.Option(
+            "--table", help="One of the tables; without it all that the logs have channels for."
+        ),
     ] = None,
     format: Annotated[str, typer.Option("--format", help="csv, ndjson, parquet or json.")] = "csv",
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Channels worked on at a time; each takes some 45 MB for an hour.")] = 2,
+    workers: Annotated[
+        int,
+        typer.Option(
+            "--workers",
+            min=1,
+            help="Channels worked on at a time; each takes some 45 MB for an hour.",
+        ),
+    ] = 2,
     quiet: Quiet = False,
 ) -> None:
     """Make several tables in one go, each log read once."""
@@ -35,7 +52,10 @@ def tables(
 
     for name in table or ():
         if name not in MAKERS:
-            raise UsageError(f"--table {name}{nearest(name, MAKERS)}; allowed are {', '.join(MAKERS)}; choose among them")
+            raise UsageError(
+                f"--table {name}{nearest(name, MAKERS)}; allowed are {', '.join(MAKERS)}; "
+                "choose among them"
+            )
     suffix = table_format(None, format)
     with (
         Session(setup, quiet, hashed=keeps_hashes(None, format)) as session,
@@ -49,13 +69,19 @@ def tables(
                 session.note(f"{recording.log}: no channel for {name}")
             if not suited:
                 raise UsageError(
-                    f"no channel for {' or '.join(table or MAKERS)}; see `tirelog info`; name one in the setup", file=recording.log
+                    f"no channel for {' or '.join(table or MAKERS)}; see `tirelog info`; "
+                    "name one in the setup",
+                    file=recording.log,
                 )
             told = set()
-            for name, columns, remarks in tables_of(recording, {name: {} for name in suited}, workers):
+            for name, columns, remarks in tables_of(
+                recording, {name: {} for name in suited}, workers
+            ):
                 if name not in writers:
                     make_folder(output)
-                    writers[name] = open_tables.enter_context(session.table(name, output / f"{name}.{suffix}", format))
+                    writers[name] = open_tables.enter_context(
+                        session.table(name, output / f"{name}.{suffix}", format)
+                    )
                 writers[name].write(columns)
                 for remark in remarks:
                     if remark not in told:

@@ -6,7 +6,9 @@ from pathlib import Path
 
 
 def refuse_unwritable(*paths: Path | None) -> None:
-    """OutputError: the folder of one of the files to write is not there, or the path is a folder itself."""
+    """OutputError: the folder of one of the files to write is not there, or the path is a folder
+    itself.
+    """
     import errno
 
     from tirelog.storage.remote import address
@@ -21,7 +23,10 @@ def refuse_unwritable(*paths: Path | None) -> None:
 
 
 def refuse_picture(path: Path | None) -> None:
-    """UsageError: it has no picture's suffix, or matplotlib is missing.  OutputError: its folder is not there."""
+    """UsageError: it has no picture's suffix, or matplotlib is missing.
+
+    OutputError: its folder is not there.
+    """
     if path is None:
         return
     from importlib.util import find_spec
@@ -30,7 +35,12 @@ def refuse_picture(path: Path | None) -> None:
     from tirelog.plots.style import SUFFIXES
 
     if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(f"--plot {path}: suffix {path.suffix!r}; allowed are {', '.join(SUFFIXES)}; rename it")
+        raise UsageError(
+            f"--plot {path}: suffix {path.suffix!r}; allowed are {', '.join(SUFFIXES)}; rename it"
+        )
     if find_spec("matplotlib") is None:
-        raise UsageError("--plot needs matplotlib; allowed without it are tables; install it: pip install 'tirelog[plot]'")
+        raise UsageError(
+            "--plot needs matplotlib; allowed without it are tables; install it: "
+            "pip install 'tirelog[plot]'"
+        )
     refuse_unwritable(path)

@@ -1,4 +1,6 @@
-"""What `compare` shows of logs whose setup has a [road]: the model's answer to the obstacles, hit by hit, and its picture."""
+"""What `compare` shows of logs whose setup has a [road]: the model's answer to the obstacles, hit
+by hit, and its picture.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +21,23 @@ def transients_page(result: TransientComparison) -> None:
     factor, unit = shown(result.observable, result.unit)
     total = result.to_json()
     out.print(
-        f"obstacles: {len(result.hits)} hits; the model covers {100.0 * total['covered']:.0f} % of what they added "
-        f"({total['nuisance_parameters']} nuisance numbers: when, phase, level and alignment of each)"
+        f"obstacles: {len(result.hits)} hits; the model covers {100.0 * total['covered']:.0f} % "
+        "of what they added "
+        f"({total['nuisance_parameters']} nuisance numbers: when, phase, level and alignment of "
+        "each)"
     )
     names = ["added", "missed", "rmse", "rmse_steady", "noise_floor", "excess"]
     rows = [
-        [f"  {row['log']} at {row['time_s']:.4f} +- {row['time_se_s']:.1g} s", row["speed_m_s"], *(row[name] * factor for name in names)]
+        [
+            f"  {row['log']} at {row['time_s']:.4f} +- {row['time_se_s']:.1g} s",
+            row["speed_m_s"],
+            *(row[name] * factor for name in names),
+        ]
         for row in result.tables["hit"]
     ]
-    out.print(_table([f"in {unit}", "m/s", "added", "missed", "rmse", "steady", "floor", "excess"], rows))
+    out.print(
+        _table([f"in {unit}", "m/s", "added", "missed", "rmse", "steady", "floor", "excess"], rows)
+    )
 
 
 def draw_transients(result: TransientComparison, path: Path) -> Path:

@@ -1,13 +1,15 @@
 """What flows through the package, as frozen values with arrays in SI.
 
-    log --readers, clock--> Recording (channels on exact time axes; `store.py` keeps it as a run file)
+    log --readers, clock--> Recording (channels on exact time axes; `store.py` keeps it as a run
+    file)
         --estimators------> passages and tables, a row a revolution
         --stack-----------> Stack (revolutions x angle) with Conditions (one value a revolution)
         --discrepancy-----> model against measurement
 
-Orientation: the tread coordinate xi [m] and the angle phi = xi / R [rad] grow with time, in the direction in which tread
-material passes through the patch: entry edge at -L, patch centre at 0, exit edge at +L (errata, "one orientation").
-Lost samples are NaN.  Array shapes stand at each field: n revolutions, m angles.
+Orientation: the tread coordinate xi [m] and the angle phi = xi / R [rad] grow with time, in the
+direction in which tread material passes through the patch: entry edge at -L, patch centre at 0,
+exit edge at +L (errata, "one orientation"). Lost samples are NaN. Array shapes stand at each field:
+n revolutions, m angles.
 """
 
 from __future__ import annotations
@@ -29,9 +31,10 @@ BLOCK_SAMPLES = 1 << 17
 class TimeAxis:
     """The time of every sample, in seconds from the start of the log.
 
-    Either uniform segments (a gap in the recording starts a new one) or explicit times for samples that have no clock of their own.
-    `first` shape (k,): index of each segment's first sample; `start_s` shape (k,): its time; `period_s` shape (k,): its step.
-    `explicit` reads times [start, stop) where the axis is not made of segments; `rate_Hz` is then the median rate.
+    Either uniform segments (a gap in the recording starts a new one) or explicit times for samples
+    that have no clock of their own. `first` shape (k,): index of each segment's first sample;
+    `start_s` shape (k,): its time; `period_s` shape (k,): its step. `explicit` reads times [start,
+    stop) where the axis is not made of segments; `rate_Hz` is then the median rate.
     """
 
     size: int
@@ -44,7 +47,9 @@ class TimeAxis:
     @classmethod
     def uniform(cls, size: int, rate_Hz: float, start_s: float = 0.0) -> TimeAxis:
         """One gapless segment of `size` samples at `rate_Hz`."""
-        return cls(size, rate_Hz, np.zeros(1, np.int64), np.array([start_s]), np.array([1.0 / rate_Hz]))
+        return cls(
+            size, rate_Hz, np.zeros(1, np.int64), np.array([start_s]), np.array([1.0 / rate_Hz])
+        )
 
     @classmethod
     def of_times(cls, times_s: FloatArray) -> TimeAxis:
@@ -52,7 +57,14 @@ class TimeAxis:
         steps = np.diff(times_s)
         rate = float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else 1.0
         none = np.zeros(0)
-        return cls(times_s.size, rate, none.astype(np.int64), none, none, lambda start, stop: times_s[start:stop])
+        return cls(
+            times_s.size,
+            rate,
+            none.astype(np.int64),
+            none,
+            none,
+            lambda start, stop: times_s[start:stop],
+        )
 
     def time(self, start: int = 0, stop: int | None = None) -> FloatArray:
         """Times [s] of the samples [start, stop), shape (stop - start,)."""
@@ -69,7 +81,9 @@ class TimeAxis:
             high = int(np.clip(np.ceil(index.max(initial=0)) + 1, low + 1, self.size))
             return np.interp(index, np.arange(low, high), self.explicit(low, high))
         segment = np.clip(np.searchsorted(self.first, index, side="right") - 1, 0, None)
-        with np.errstate(over="ignore", invalid="ignore"):  # a clock of 1e300 s leaves the range of floats
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # a clock of 1e300 s leaves the range of floats
             return self.start_s[segment] + (index - self.first[segment]) * self.period_s[segment]
 
     def index(self, time_s: FloatArray | float) -> FloatArray:
@@ -80,23 +94,33 @@ class TimeAxis:
         segment = np.clip(np.searchsorted(self.start_s, time_s, side="right") - 1, 0, None)
         last = np.append(self.first[1:], self.size)[segment] - 1
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return np.minimum(self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment], last)
+            return np.minimum(
+                self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment],
+                last,
+            )
 
     @property
     def duration_s(self) -> float:
         return float(self.at(float(self.size - 1)) - self.at(0.0)) if self.size else 0.0
 
     def gaps(self) -> list[tuple[int, float]]:
-        """(index of the first sample after the gap, length of the gap [s]) for each gap between segments."""
+        """(index of the first sample after the gap, length of the gap [s]) for each gap between
+        segments.
+        """
         ends = self.start_s[:-1] + (self.first[1:] - 1 - self.first[:-1]) * self.period_s[:-1]
-        return [(int(i), float(start - end)) for i, start, end in zip(self.first[1:], self.start_s[1:], ends, strict=True)]
+        return [
+            (int(i), float(start - end))
+            for i, start, end in zip(self.first[1:], self.start_s[1:], ends, strict=True)
+        ]
 
 
 @dataclass(frozen=True)
 class Scaled:
-    """Samples as they are stored, brought to SI when they are read: raw x scale + offset, NaN where raw is `lost` (None: never).
+    """Samples as they are stored, brought to SI when they are read: raw x scale + offset, NaN where
+    raw is `lost` (None: never).
 
-    `raw(start, stop)` gives the stored numbers; counts of int32 take half of the memory of what they become.
+    `raw(start, stop)` gives the stored numbers; counts of int32 take half of the memory of what
+    they become.
     """
 
     raw: Callable[[int, int], NDArray[Any]]
@@ -107,7 +131,9 @@ class Scaled:
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)
         values = raw.astype(np.float64)
-        with np.errstate(over="ignore", invalid="ignore"):  # a cell of 1e308 leaves the range of floats, as its channel's unit may
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # a cell of 1e308 leaves the range of floats, as its channel's unit may
             values *= self.scale
             values += self.offset
         if self.lost is not None:
@@ -117,11 +143,13 @@ class Scaled:
 
 @dataclass(frozen=True)
 class Channel:
-    """One recorded channel in SI.  `samples(start, stop)` reads values, shape (stop - start,), NaN where lost.
+    """One recorded channel in SI. `samples(start, stop)` reads values, shape (stop - start,), NaN
+    where lost.
 
-    `unit` is the SI unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only), `resolution` the step of the
-    source in SI (0 where unknown), `flags` (start, stop, word) sample ranges that reader or clock doubted, `settings` the
-    channel's own keys of the setup (steps of an encoder, ...).
+    `unit` is the SI unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only),
+    `resolution` the step of the source in SI (0 where unknown), `flags` (start, stop, word) sample
+    ranges that reader or clock doubted, `settings` the channel's own keys of the setup (steps of an
+    encoder, ...).
     """
 
     name: str
@@ -139,7 +167,10 @@ class Channel:
         return self.axis.size
 
     def read(self, start: int = 0, stop: int | None = None) -> FloatArray:
-        """Values [start, stop) in SI, shape (stop - start,); NaN where lost.  Indices outside the channel are cut off."""
+        """Values [start, stop) in SI, shape (stop - start,); NaN where lost.
+
+        Indices outside the channel are cut off.
+        """
         stop = self.size if stop is None else min(stop, self.size)
         return self.samples(max(start, 0), stop)
 
@@ -149,17 +180,23 @@ class Channel:
             yield start, self.read(start, start + size)
 
     @classmethod
-    def of_array(cls, name: str, kind: str, values: FloatArray, axis: TimeAxis, **more: Any) -> Channel:
+    def of_array(
+        cls, name: str, kind: str, values: FloatArray, axis: TimeAxis, **more: Any
+    ) -> Channel:
         """A channel in memory."""
-        return cls(name, kind, more.pop("unit", ""), axis, lambda start, stop: values[start:stop], **more)
+        return cls(
+            name, kind, more.pop("unit", ""), axis, lambda start, stop: values[start:stop], **more
+        )
 
 
 @dataclass(frozen=True)
 class Recording:
-    """One log in SI: its channels, its setup (`tirelog.data.setup.Setup`), where it came from and what was repaired.
+    """One log in SI: its channels, its setup (`tirelog.data.setup.Setup`), where it came from and
+    what was repaired.
 
-    `log` is the path as the user gave it; `remarks` are sentences on the whole log that a command says once on standard error;
-    `losses` are sentences on input that was lost (status 3); the list grows when a damaged chunk is met while reading.
+    `log` is the path as the user gave it; `remarks` are sentences on the whole log that a command
+    says once on standard error; `losses` are sentences on input that was lost (status 3); the list
+    grows when a damaged chunk is met while reading.
     """
 
     log: str
@@ -176,10 +213,12 @@ class Recording:
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a revolution was driven under, one value a revolution: each field shape (n,), SI, NaN where it is not known.
+    """What a revolution was driven under, one value a revolution: each field shape (n,), SI, NaN
+    where it is not known.
 
-    `speed_m_s` holds at the patch centre; `acceleration_m_s2` is constant over the revolution; `time_s` counts from the start of
-    the log; `temperature_K` is the change against the channel's reference, from a temperature channel; `slip` is positive in braking.
+    `speed_m_s` holds at the patch centre; `acceleration_m_s2` is constant over the revolution;
+    `time_s` counts from the start of the log; `temperature_K` is the change against the channel's
+    reference, from a temperature channel; `slip` is positive in braking.
     """
 
     speed_m_s: FloatArray
@@ -195,7 +234,12 @@ class Conditions:
     @classmethod
     def of(cls, n: int, **values: Any) -> Conditions:
         """`n` revolutions; a scalar is repeated, a field that is not given is NaN."""
-        return cls(**{f.name: np.broadcast_to(np.asarray(values.get(f.name, np.nan), float), (n,)) for f in fields(cls)})
+        return cls(
+            **{
+                f.name: np.broadcast_to(np.asarray(values.get(f.name, np.nan), float), (n,))
+                for f in fields(cls)
+            }
+        )
 
     def __len__(self) -> int:
         return int(self.speed_m_s.size)
@@ -210,21 +254,29 @@ class Conditions:
 
     @classmethod
     def concatenate(cls, parts: list[Conditions]) -> Conditions:
-        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
+        return cls(
+            **{
+                f.name: np.concatenate([getattr(part, f.name) for part in parts])
+                for f in fields(cls)
+            }
+        )
 
 
 @dataclass(frozen=True)
 class Stack:
-    """One channel cut into revolutions, patch centre to patch centre +- half a turn, on one grid of angle bins.
+    """One channel cut into revolutions, patch centre to patch centre +- half a turn, on one grid of
+    angle bins.
 
     values        (n, m)  mean of the samples in the bin, SI, NaN where the bin holds none
     phi_rad       (m,)    bin centres, ascending in (-pi, pi)
-    phi_mean      (n, m)  mean angle of the bin's samples [rad] (samples lock to fixed angles at constant speed, so it is not the centre)
+    phi_mean      (n, m)  mean angle of the bin's samples [rad] (samples lock to fixed angles at
+                  constant speed, so it is not the centre)
     phi_variance  (n, m)  variance of the angles in the bin [rad^2]
     count         (n, m)  samples in the bin
     noise         (n,)    standard deviation of one sample's noise
     conditions            one value a revolution
-    log, manoeuvre, revolution  (n,) integers: which log (index in `logs`), which manoeuvre (unique over all logs), ordinal of the passage
+    log, manoeuvre, revolution  (n,) integers: which log (index in `logs`), which manoeuvre (unique
+                                over all logs), ordinal of the passage
     regime        (n,)    'cruise', 'drive', 'coast' or 'brake'
     """
 
@@ -250,5 +302,19 @@ class Stack:
 
     def take(self, which: Any) -> Stack:
         """The revolutions `which` (mask, slice or indices)."""
-        rows = ("values", "phi_mean", "phi_variance", "count", "noise", "log", "manoeuvre", "revolution", "regime")
-        return replace(self, conditions=self.conditions.take(which), **{name: getattr(self, name)[which] for name in rows})
+        rows = (
+            "values",
+            "phi_mean",
+            "phi_variance",
+            "count",
+            "noise",
+            "log",
+            "manoeuvre",
+            "revolution",
+            "regime",
+        )
+        return replace(
+            self,
+            conditions=self.conditions.take(which),
+            **{name: getattr(self, name)[which] for name in rows},
+        )

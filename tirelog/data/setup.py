@@ -2,8 +2,9 @@
 
     TOML text --parse--> tables --fields of the dataclasses below--> Setup (frozen, validated)
 
-The dataclasses are the schema: a key is allowed if it is a field, a number must be finite and inside the field's range, and an
-unknown key is refused with its line, what is allowed and the nearest spelling.  Units are only checked here; `ingest` converts.
+The dataclasses are the schema: a key is allowed if it is a field, a number must be finite and
+inside the field's range, and an unknown key is refused with its line, what is allowed and the
+nearest spelling. Units are only checked here; `ingest` converts.
 """
 
 from __future__ import annotations
@@ -40,13 +41,15 @@ ROADS = ("flat", "step", "cleat", "sine", "profile")
 
 
 def _number(low: float, high: float, *, above: bool = True, default: Any = None) -> Any:
-    """A number in (low, high] (`above`) or [low, high]; `default` where the key is absent, MISSING if it must stand there."""
+    """A number in (low, high] (`above`) or [low, high]; `default` where the key is absent, MISSING
+    if it must stand there.
+    """
     return field(default=default, metadata={"range": (low, high, above)})
 
 
 @dataclass(frozen=True)
 class Tire:
-    """[tire].  Lengths in m; `rolling_radius_m` is the loaded rolling radius R_e (errata, Speed)."""
+    """[tire]. Lengths in m; `rolling_radius_m` is the loaded rolling radius R_e (errata, Speed)."""
 
     name: str = ""
     unloaded_radius_m: float | None = _number(0.0, 5.0)
@@ -59,10 +62,16 @@ class Tire:
 
     @property
     def radius_m(self) -> float:
-        """The rolling radius, or the unloaded radius where the setup has none.  SetupError where it has neither."""
+        """The rolling radius, or the unloaded radius where the setup has none.
+
+        SetupError where it has neither.
+        """
         radius = self.rolling_radius_m or self.unloaded_radius_m
         if radius is None:
-            raise SetupError("the setup has no radius; [tire] takes rolling_radius_m or unloaded_radius_m; add one of them")
+            raise SetupError(
+                "the setup has no radius; [tire] takes rolling_radius_m or unloaded_radius_m; "
+                "add one of them"
+            )
         return radius
 
     @property
@@ -88,7 +97,10 @@ class LogConditions:
 
 @dataclass(frozen=True)
 class ChannelSetup:
-    """[channels.NAME].  The unit is the source's; `gauge_length_m` the length a grating averages over."""
+    """[channels.NAME].
+
+    The unit is the source's; `gauge_length_m` the length a grating averages over.
+    """
 
     kind: str = ""
     source: str = ""
@@ -122,9 +134,11 @@ class LogSetup:
 class RoadSetup:
     """[road]: what the wheel rolled over in this log; lengths in m along the direction of driving.
 
-    kind        flat; step (height_m, over a ramp of ramp_m); cleat (height_m, length_m at its foot, ramps of ramp_m within it); sine
-                (amplitude_m (1 - cos(2 pi x / wavelength_m))); profile (file: two columns, distance and height, beside the setup)
-    time_s      when the wheel's centre stands over the obstacle's beginning; searched for in the log where it is not given
+    kind        flat; step (height_m, over a ramp of ramp_m); cleat (height_m, length_m at its foot,
+                ramps of ramp_m within it); sine (amplitude_m (1 - cos(2 pi x / wavelength_m)));
+                profile (file: two columns, distance and height, beside the setup)
+    time_s      when the wheel's centre stands over the obstacle's beginning; searched for in the
+                log where it is not given
     position_m  the same as a distance driven since the log's start
     spacing_m   after which the obstacle comes again (a drum's circumference)
     """
@@ -143,7 +157,10 @@ class RoadSetup:
 
 @dataclass(frozen=True)
 class Setup:
-    """A whole setup file.  `text` is the file as it stood, for the run's provenance; `file` its path, for messages."""
+    """A whole setup file.
+
+    `text` is the file as it stood, for the run's provenance; `file` its path, for messages.
+    """
 
     tire: Tire = Tire()
     conditions: LogConditions = LogConditions()
@@ -183,15 +200,29 @@ def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
     """`value` as the field `spec` wants it, or a SetupError that says what is allowed."""
     key, wanted = spec.name, str(spec.type)
     if "tuple" in wanted:
-        if not (isinstance(value, list) and len(value) == 2 and all(_is_number(v) for v in value) and value[0] < value[1]):
-            raise source.error(f"{key} = {value!r}; allowed is a pair [low, high] in nm; write e.g. [1549.0, 1551.5]", table, key)
+        if not (
+            isinstance(value, list)
+            and len(value) == 2
+            and all(_is_number(v) for v in value)
+            and value[0] < value[1]
+        ):
+            raise source.error(
+                f"{key} = {value!r}; allowed is a pair [low, high] in nm; write e.g. "
+                "[1549.0, 1551.5]",
+                table,
+                key,
+            )
         return (float(value[0]), float(value[1]))
     if "float" in wanted or "int" in wanted:
         low, high, above = spec.metadata.get("range", (0, 100_000, True))
         inside = _is_number(value) and (value > low if above else value >= low) and value <= high
         if not inside or ("int" in wanted and value != int(value)):
-            allowed = f"a number {'above' if above else 'from'} {low:g} to {high:g}" + (", whole" if "int" in wanted else "")
-            raise source.error(f"{key} = {value!r}; allowed is {allowed}; mend the number", table, key)
+            allowed = f"a number {'above' if above else 'from'} {low:g} to {high:g}" + (
+                ", whole" if "int" in wanted else ""
+            )
+            raise source.error(
+                f"{key} = {value!r}; allowed is {allowed}; mend the number", table, key
+            )
         strange = doubt_of_key(key, value)
         if strange:
             raise source.error(f"{key} = {value!r}; {strange}; mend the number", table, key)
@@ -199,7 +230,10 @@ def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
     kind = bool if "bool" in wanted else str
     if not isinstance(value, kind):
         raise source.error(
-            f"{key} = {value!r}; allowed is {'true or false' if kind is bool else 'text in quotes'}; mend the value", table, key
+            f"{key} = {value!r}; "
+            f"allowed is {'true or false' if kind is bool else 'text in quotes'}; mend the value",
+            table,
+            key,
         )
     return value
 
@@ -211,12 +245,17 @@ def _is_number(value: Any) -> bool:
 def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
     """A TOML table as the dataclass `cls`."""
     if not isinstance(data, dict):
-        raise source.error(f"{name} is not a table; allowed is [{name}] with keys under it; mend it", "", name)
+        raise source.error(
+            f"{name} is not a table; allowed is [{name}] with keys under it; mend it", "", name
+        )
     specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
     for key in data:
         if key not in specs:
             raise source.error(
-                f"unknown key {key!r} in [{name}]{nearest(key, specs)}; allowed are {', '.join(specs)}; mend or remove it", name, key
+                f"unknown key {key!r} in [{name}]{nearest(key, specs)}; "
+                f"allowed are {', '.join(specs)}; mend or remove it",
+                name,
+                key,
             )
     return cls(**{key: _value(specs[key], value, source, name) for key, value in data.items()})
 
@@ -225,24 +264,43 @@ def _channel(name: str, data: Any, source: _Source, names: list[str]) -> Channel
     """One channel, with what its kind asks for."""
     table = f"channels.{name}"
     if not re.fullmatch(r"[\w.+-]+", name):
-        raise source.error(f"channel name {name!r}; allowed are letters, digits and _ . + -; rename it", table)
+        raise source.error(
+            f"channel name {name!r}; allowed are letters, digits and _ . + -; rename it", table
+        )
     channel = _table(ChannelSetup, data, source, table)
     if channel.kind not in KINDS:
-        raise source.error(f"kind {channel.kind!r}{nearest(channel.kind, KINDS)}; allowed are {', '.join(KINDS)}; mend it", table, "kind")
+        raise source.error(
+            f"kind {channel.kind!r}{nearest(channel.kind, KINDS)}; "
+            f"allowed are {', '.join(KINDS)}; mend it",
+            table,
+            "kind",
+        )
     if not channel.source and channel.window_nm is None:
-        raise source.error('no source; allowed is a column, topic or dataset path, or window_nm; add source = "..."', table)
+        raise source.error(
+            "no source; allowed is a column, topic or dataset path, or window_nm; "
+            'add source = "..."',
+            table,
+        )
     try:
         units.to_si(channel.source_unit, *KINDS[channel.kind][0])
     except SetupError as problem:
         raise source.error(problem.message, table, "unit") from None
     if channel.kind.startswith("fbg_") and channel.reference_wavelength_nm is None:
-        raise source.error("no reference_wavelength_nm; a grating needs its wavelength at rest in nm; add it", table)
+        raise source.error(
+            "no reference_wavelength_nm; a grating needs its wavelength at rest in nm; add it",
+            table,
+        )
     if channel.surface is not None and channel.surface not in SURFACES:
-        raise source.error(f"surface {channel.surface!r}; allowed are {', '.join(SURFACES)}; mend it", table, "surface")
+        raise source.error(
+            f"surface {channel.surface!r}; allowed are {', '.join(SURFACES)}; mend it",
+            table,
+            "surface",
+        )
     twin = channel.temperature_channel
     if twin is not None and (twin not in names or twin == name):
         raise source.error(
-            f"temperature_channel {twin!r} is no other channel{nearest(twin, names)}; name one of {', '.join(names)}",
+            f"temperature_channel {twin!r} is no other channel{nearest(twin, names)}; "
+            f"name one of {', '.join(names)}",
             table,
             "temperature_channel",
         )
@@ -252,7 +310,11 @@ def _channel(name: str, data: Any, source: _Source, names: list[str]) -> Channel
 def _tire(data: Any, source: _Source) -> Tire:
     """The tire, with radii that go together."""
     tire = _table(Tire, data, source, "tire")
-    strange = "" if tire.rolling_radius_m is None else doubt_of_radius(tire.rolling_radius_m, tire.unloaded_radius_m)
+    strange = (
+        ""
+        if tire.rolling_radius_m is None
+        else doubt_of_radius(tire.rolling_radius_m, tire.unloaded_radius_m)
+    )
     if strange:
         raise source.error(f"{strange}; mend one of the two", "tire", "rolling_radius_m")
     return tire
@@ -262,12 +324,20 @@ def _road(data: Any, source: _Source) -> RoadSetup:
     """The road, of a kind that there is; what the kind asks for is checked where the road is built."""
     road = _table(RoadSetup, data, source, "road")
     if road.kind not in ROADS:
-        raise source.error(f"kind {road.kind!r}{nearest(road.kind, ROADS)}; allowed are {', '.join(ROADS)}; mend it", "road", "kind")
+        raise source.error(
+            f"kind {road.kind!r}{nearest(road.kind, ROADS)}; allowed are {', '.join(ROADS)}; "
+            "mend it",
+            "road",
+            "kind",
+        )
     return road
 
 
 def parse_road(words: str) -> RoadSetup:
-    """[road] in one line, as a command takes it: `cleat,height_m=0.01,length_m=0.04`.  SetupError as for a setup file."""
+    """[road] in one line, as a command takes it: `cleat,height_m=0.01,length_m=0.04`.
+
+    SetupError as for a setup file.
+    """
     kind, *pairs = (word.strip() for word in words.split(","))
     given: dict[str, Any] = {"kind": kind}
     for pair in pairs:
@@ -275,7 +345,10 @@ def parse_road(words: str) -> RoadSetup:
         try:
             given[key] = value if key == "file" else float(value)
         except ValueError:
-            raise SetupError(f"{pair!r} in the road {words!r}; KEY=NUMBER is allowed, such as height_m=0.01; correct it") from None
+            raise SetupError(
+                f"{pair!r} in the road {words!r}; KEY=NUMBER is allowed, such as height_m=0.01; "
+                "correct it"
+            ) from None
     return _road(given, _Source("", "--road"))
 
 
@@ -286,10 +359,16 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
     sections = ("tire", "conditions", "channels", "log", "road")
     for key in data:
         if key not in sections:
-            raise source.error(f"unknown table [{key}]{nearest(key, sections)}; allowed are {', '.join(sections)}; mend or remove it", key)
+            raise source.error(
+                f"unknown table [{key}]{nearest(key, sections)}; "
+                f"allowed are {', '.join(sections)}; mend or remove it",
+                key,
+            )
     tables = data.get("channels", {})
     if not isinstance(tables, dict) or not tables:
-        raise source.error("no channels; a setup has at least one [channels.NAME]; add what the log holds")
+        raise source.error(
+            "no channels; a setup has at least one [channels.NAME]; add what the log holds"
+        )
     names = list(tables)
     channels = {name: _channel(name, table, source, names) for name, table in tables.items()}
     return Setup(
@@ -317,5 +396,11 @@ def setup_beside(log: Path | str) -> Path | None:
     candidates = [path.with_suffix(".toml")]
     while path.suffix:
         path = path.with_suffix("")
-        candidates.append(path.with_suffix(path.suffix + ".toml") if path.suffix else path.with_name(path.name + ".toml"))
-    return next((c for c in candidates if os.path.isfile(c)), None)  # also for a name too long for any file
+        candidates.append(
+            path.with_suffix(path.suffix + ".toml")
+            if path.suffix
+            else path.with_name(path.name + ".toml")
+        )
+    return next(
+        (c for c in candidates if os.path.isfile(c)), None
+    )  # also for a name too long for any file

@@ -1,7 +1,9 @@
 """All candidates against one fitted model: statistic, family-wise p, held-out gain, size.
 
-Base, signatures -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre -> `selection`
-                 -> held-out losses with the candidate's columns added -> gain (whitened) and removal (mean square)
+Base, signatures -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre ->
+`selection`
+                 -> held-out losses with the candidate's columns added -> gain (whitened) and
+                 removal (mean square)
 """
 
 from __future__ import annotations
@@ -32,8 +34,9 @@ _INVISIBLE = 1e-3
 
 @dataclass(frozen=True)
 class Assessed:
-    """A candidate's best variant: statistic, family-wise p, strengths (k,) of the linear fit, held-out gain with its standard error,
-    removed mean square [unit^2]."""
+    """A candidate's best variant: statistic, family-wise p, strengths (k,) of the linear fit,
+    held-out gain with its standard error, removed mean square [unit^2].
+    """
 
     signature: Signature
     statistic: float
@@ -49,7 +52,11 @@ class Assessed:
 
     def alarms(self, floor_square: float) -> bool:
         """All three rules: significance, held-out gain, size."""
-        return self.p <= ALARM_P and self.gain > GAIN_SIGMAS * self.gain_error and self.removed > LEAST_SHARE_OF_FLOOR * floor_square
+        return (
+            self.p <= ALARM_P
+            and self.gain > GAIN_SIGMAS * self.gain_error
+            and self.removed > LEAST_SHARE_OF_FLOOR * floor_square
+        )
 
 
 def nuisance(base: Base, more: FloatArray | None = None) -> Nuisance:
@@ -61,20 +68,31 @@ def nuisance(base: Base, more: FloatArray | None = None) -> Nuisance:
 def assess(
     base: Base, signatures: Sequence[Signature], more: FloatArray | None = None, seed: int = 0
 ) -> tuple[list[Assessed], dict[str, str]]:
-    """Every candidate's best variant, by falling statistic; and why some show nothing.  `more`: columns to project out besides."""
+    """Every candidate's best variant, by falling statistic; and why some show nothing.
+
+    `more`: columns to project out besides.
+    """
     other = nuisance(base, more)
-    residual = other.without(base.white(np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)))
+    residual = other.without(
+        base.white(
+            np.where(np.isfinite(base.cells.values), base.cells.values - base.fit.prediction, 0.0)
+        )
+    )
     kept, scores = [], []
     reasons: dict[str, str] = {}
     for signature in signatures:
         white = base.white(signature.columns)
         left = other.without(white)
-        visible = np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) / np.linalg.norm(white.reshape(-1, white.shape[-1]), axis=0)
+        visible = np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) / np.linalg.norm(
+            white.reshape(-1, white.shape[-1]), axis=0
+        )
         if not np.any(visible > _INVISIBLE):
             reasons[signature.effect.id] = "does here only what the model's own parameters do"
             continue
         flat = left.reshape(-1, left.shape[-1])
-        score = per_manoeuvre((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre)
+        score = per_manoeuvre(
+            (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
+        )
         kept.append(signature)
         scores.append(Scores(score, flat.T @ flat, signature.one_sided))
     statistic, p = flip_test(scores, base.cells.manoeuvres, seed)
@@ -83,13 +101,21 @@ def assess(
         name = signature.effect.id
         if name not in best or statistic[i] > statistic[best[name]]:
             best[name] = i
-    found = [_assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i])) for i in best.values()]
+    found = [
+        _assessed(base, kept[i], scores[i], float(statistic[i]), float(p[i])) for i in best.values()
+    ]
     tested = {a.id for a in found}
-    return sorted(found, key=lambda a: -a.statistic), {k: v for k, v in reasons.items() if k not in tested}
+    return sorted(found, key=lambda a: -a.statistic), {
+        k: v for k, v in reasons.items() if k not in tested
+    }
 
 
-def _assessed(base: Base, signature: Signature, scores: Scores, statistic: float, p: float) -> Assessed:
-    held_white, held_plain = held_out_losses(base.cells, base.white, base.plain, base.fit, signature.columns)
+def _assessed(
+    base: Base, signature: Signature, scores: Scores, statistic: float, p: float
+) -> Assessed:
+    held_white, held_plain = held_out_losses(
+        base.cells, base.white, base.plain, base.fit, signature.columns
+    )
     gain, error = gain_and_error(base.held_white, held_white)
     removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
     total = scores.scores.sum(axis=0)

@@ -1,6 +1,7 @@
 """`compare`: a fitted model against logs, error by error, and where and when it fails.
 
-Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps -> Comparison
+Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps ->
+Comparison
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ _SHOWN = 4
 _MAP_ROWS = 24
 
 
-#: what every question is asked of: the stacks of all logs, or their pieces where the revolutions are too many to keep
+#: what every question is asked of: the stacks of all logs, or their pieces where the revolutions
+#: are too many to keep
 Measured = Sequence[Stack] | Pieces
 
 
@@ -55,11 +57,15 @@ def single_revolutions(measured: Measured) -> Sequence[Stack]:
 
 
 def start(measured: Measured, model: Model) -> Base:
-    """The base of every question: cells of all logs, the model fitted.  UsageError where model and logs do not fit together."""
+    """The base of every question: cells of all logs, the model fitted.
+
+    UsageError where model and logs do not fit together.
+    """
     pieces = measured_pieces(measured)
     if pieces.observable != model.observable:
         raise UsageError(
-            f"the model predicts {model.observable}, the log gives {pieces.observable}; both must be the same; take a model for "
+            f"the model predicts {model.observable}, the log gives {pieces.observable}; "
+            "both must be the same; take a model for "
             f"{pieces.observable} (model new) or another log",
             file=pieces.logs[0],
         )
@@ -72,9 +78,14 @@ def compare(measured: Measured, model: Model) -> Comparison:
 
 
 def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
-    """Everything to show of a fitted base; the table by revolution is empty without the `stacks` that it was made of."""
+    """Everything to show of a fitted base; the table by revolution is empty without the `stacks`
+    that it was made of.
+    """
     measured = base.cells.values - base.offset_of_cell[:, None]
-    spread = base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum()) + base.floor.within
+    spread = (
+        base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum())
+        + base.floor.within
+    )
     waveform = base.model.observable not in SCALARS
     return Comparison(
         observable=base.model.observable,
@@ -86,7 +97,9 @@ def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
         noise_floor_within=float(np.sqrt(base.floor.within)),
         noise_floor_between=float(np.sqrt(base.floor.between)),
         reduced_chi2=base.reduced_chi2,
-        fit_percent=100.0 * (1.0 - float(np.sqrt(max(base.square_held, 0.0) / spread))) if spread > 0 else 0.0,
+        fit_percent=100.0 * (1.0 - float(np.sqrt(max(base.square_held, 0.0) / spread)))
+        if spread > 0
+        else 0.0,
         revolutions=int(base.cells.revolutions.sum()),
         manoeuvres=base.cells.manoeuvres,
         parameters=parameters_of(base.model),
@@ -101,14 +114,20 @@ def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
 
 def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
     """Value, standard error, unit, free or fixed, of every parameter."""
-    return {name: {"value": p.value, "se": p.se, "unit": p.unit, "free": p.free} for name, p in model.parameters.items()}
+    return {
+        name: {"value": p.value, "se": p.se, "unit": p.unit, "free": p.free}
+        for name, p in model.parameters.items()
+    }
 
 
 def remarks_of(base: Base) -> list[str]:
     """What a person should know of the fit before believing it."""
     said = list(base.cells.notes)
     if base.cells.manoeuvres < 2:
-        said.append("one manoeuvre: none can be held out from the fit, so there is no held-out error; drive more of them")
+        said.append(
+            "one manoeuvre: none can be held out from the fit, so there is no held-out error; "
+            "drive more of them"
+        )
     measured = np.nanmean(base.cells.values, axis=0)
     expected = np.nanmean(base.fit.prediction, axis=0)
     good = np.isfinite(measured) & np.isfinite(expected)
@@ -118,7 +137,8 @@ def remarks_of(base: Base) -> list[str]:
         if wanted != base.cells.surface:
             place, word = ("a maximum", "inner") if skew > 0 else ("a minimum", "outer")
             said.append(
-                f"the strain has {place} in the patch, as on the {word} surface; the setup says {base.cells.surface}; "
+                f"the strain has {place} in the patch, as on the {word} surface; the setup says "
+                f"{base.cells.surface}; "
                 f'write surface = "{word}" if that is where the grating is'
             )
     if not base.fit.settled:
@@ -126,19 +146,25 @@ def remarks_of(base: Base) -> list[str]:
     for name in base.fit.names:
         p = base.model.parameters[name]
         if p.value in (p.min, p.max) and "." not in name:
-            said.append(f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it")
+            said.append(
+                f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it"
+            )
     return said
 
 
 def _running_time(base: Base) -> FloatArray:
     """Time over all logs, one after the other, (C,)."""
     c = base.cells
-    ends = np.array([c.conditions.time_s[c.log == log].max(initial=0.0) for log in range(int(c.log.max()) + 1)])
+    ends = np.array(
+        [c.conditions.time_s[c.log == log].max(initial=0.0) for log in range(int(c.log.max()) + 1)]
+    )
     return c.conditions.time_s + np.concatenate([[0.0], np.cumsum(ends)])[c.log]
 
 
 def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
-    """Residual of the cells in the observable's unit with the shift removed, and in standard errors; (C, m), NaN where empty."""
+    """Residual of the cells in the observable's unit with the shift removed, and in standard
+    errors; (C, m), NaN where empty.
+    """
     good = base.plain.weights > 0
     left = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
     residual = np.where(good, base.plain(left) / np.where(good, base.plain.weights, 1.0), np.nan)
@@ -149,13 +175,27 @@ def _waveforms(base: Base) -> Waveforms:
     """Cells that span the speeds."""
     c = base.cells
     order = np.argsort(c.conditions.speed_m_s)
-    chosen = np.unique(order[np.linspace(0, order.size - 1, min(_SHOWN, order.size)).round().astype(int)], return_index=False)
+    chosen = np.unique(
+        order[np.linspace(0, order.size - 1, min(_SHOWN, order.size)).round().astype(int)],
+        return_index=False,
+    )
     chosen = chosen[np.argsort(c.conditions.speed_m_s[chosen])]
     columns = scatter_columns(c, base.fit)
-    between = (base.floor.load_sd * columns[..., 0]) ** 2 + (base.floor.baseline_sd * columns[..., 1]) ** 2
-    labels = tuple(f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {PurePath(c.logs[c.log[i]]).name}" for i in chosen)
+    between = (base.floor.load_sd * columns[..., 0]) ** 2 + (
+        base.floor.baseline_sd * columns[..., 1]
+    ) ** 2
+    labels = tuple(
+        f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {PurePath(c.logs[c.log[i]]).name}"
+        for i in chosen
+    )
     offset = base.offset_of_cell[:, None]
-    return Waveforms(c.phi[chosen], c.values[chosen], (base.fit.prediction + offset)[chosen], np.sqrt(c.within + between)[chosen], labels)
+    return Waveforms(
+        c.phi[chosen],
+        c.values[chosen],
+        (base.fit.prediction + offset)[chosen],
+        np.sqrt(c.within + between)[chosen],
+        labels,
+    )
 
 
 def _map(base: Base, axis: FloatArray, name: str) -> Map:
@@ -169,17 +209,22 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
     def mean(x: FloatArray, power: float) -> FloatArray:
         rows = [x[row == r] for r in used]
         count = [np.maximum(np.isfinite(part).sum(axis=0), 1) for part in rows]
-        return np.stack([np.nansum(part, axis=0) / n**power for part, n in zip(rows, count, strict=True)])
+        return np.stack(
+            [np.nansum(part, axis=0) / n**power for part, n in zip(rows, count, strict=True)]
+        )
 
     centre = np.array([axis[row == r].mean() for r in used])
     return Map(centre, name, phi, mean(residual, 1.0), mean(whitened, 0.5))
 
 
-# ---- tables ---------------------------------------------------------------------------------------------------------------------------
+# ---- tables
+# ---------------------------------------------------------------------------------------------------------------------------
 
 
 def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
-    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one row each, made when it is asked for."""
+    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one
+    row each, made when it is asked for.
+    """
     c = base.cells
     tables = {"angle": _by_angle(base)}
     band = np.floor(c.conditions.speed_m_s / 2.0) * 2.0 + 1.0
@@ -189,7 +234,10 @@ def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
         "conditions": ([str(int(n)) for n in c.log], lambda i: _log_conditions(base, i)),
     }
     for name, (labels, describe) in groups.items():
-        tables[name] = [_row(base, np.array(labels) == label, describe(labels.index(label))) for label in dict.fromkeys(labels)]
+        tables[name] = [
+            _row(base, np.array(labels) == label, describe(labels.index(label)))
+            for label in dict.fromkeys(labels)
+        ]
     tables["speed"].sort(key=lambda row: row["speed_m_s"])
     return Tables(tables, {"revolution": lambda: _by_revolution(base, stacks)})
 
@@ -198,16 +246,22 @@ def _log_conditions(base: Base, cell: int) -> dict[str, Any]:
     c = base.cells.conditions
     fields = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
     rows = base.cells.log == base.cells.log[cell]
-    return {"log": base.cells.logs[base.cells.log[cell]]} | {name: float(np.mean(getattr(c, name)[rows])) for name in fields}
+    return {"log": base.cells.logs[base.cells.log[cell]]} | {
+        name: float(np.mean(getattr(c, name)[rows])) for name in fields
+    }
 
 
 def _row(base: Base, rows: FloatArray, description: dict[str, Any]) -> dict[str, Any]:
     """Errors over some cells."""
     index = np.flatnonzero(rows)
     plain = Plain.of(_some(base, index))
-    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])[index]
+    residual = np.nan_to_num(
+        base.cells.values - base.fit.prediction - base.offset_of_cell[:, None]
+    )[index]
     share = plain.weights**2
-    within = float((share * np.where(share > 0, base.cells.within[index], 0.0)).sum() / plain.weight)
+    within = float(
+        (share * np.where(share > 0, base.cells.within[index], 0.0)).sum() / plain.weight
+    )
     rmse = float(np.sqrt(max(within + plain.mean_square((plain(residual) ** 2).sum()), 0.0)))
     floor = float(np.sqrt(within + base.floor.between))
     return description | {
@@ -235,7 +289,9 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
     residual, _ = _residual(base)
     share = base.plain.weights**2
     bias = share * np.where(share > 0, base.cells.sd, 0.0) ** 2
-    bias = bias + share * np.einsum("cmi,cij,cmj->cm", base.cells.random, base.cells.random_cov, base.cells.random)
+    bias = bias + share * np.einsum(
+        "cmi,cij,cmj->cm", base.cells.random, base.cells.random_cov, base.cells.random
+    )
     rows = []
     for name, zone in zones.items():
         total = share[:, zone].sum()
@@ -256,7 +312,9 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
 
 
 def _by_revolution(base: Base, stacks: Sequence[Stack]) -> Iterator[list[dict[str, Any]]]:
-    """One row a revolution, stack by stack: rms of measured less predicted, the offset of its log and its own shift taken out."""
+    """One row a revolution, stack by stack: rms of measured less predicted, the offset of its log
+    and its own shift taken out.
+    """
     first = 0
     for stack in stacks:
         yield _revolutions(base, stack, base.cells.cell[first : first + len(stack)])
@@ -267,16 +325,28 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     """The rows of the revolutions of one stack, which are in these cells, (n,)."""
     waves = stack.phi_rad.size > 1
     angles: dict[str, Any] = (
-        {"phi_rad": stack.phi_mean - base.cells.moved[cell][:, None], "phi_variance": stack.phi_variance} if waves else {"phi_rad": None}
+        {
+            "phi_rad": stack.phi_mean - base.cells.moved[cell][:, None],
+            "phi_variance": stack.phi_variance,
+        }
+        if waves
+        else {"phi_rad": None}
     )
     left_out = cell < 0  # of a log that many others left no room
     cell = np.maximum(cell, 0)
-    predicted = base.model.predict(stack.conditions, surface=stack.surface, **angles) + base.offset_of_cell[cell][:, None]
-    left = np.where(np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan)
+    predicted = (
+        base.model.predict(stack.conditions, surface=stack.surface, **angles)
+        + base.offset_of_cell[cell][:, None]
+    )
+    left = np.where(
+        np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan
+    )
     direction = base.plain.direction[cell]
     left = left - direction * np.nansum(left * direction, axis=1, keepdims=True)
     rmse = np.where(left_out, np.nan, np.sqrt(np.nanmean(left**2, axis=1)))
-    floor = np.where(left_out, np.nan, np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell])
+    floor = np.where(
+        left_out, np.nan, np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell]
+    )
     c = stack.conditions
     return [
         {

@@ -1,9 +1,12 @@
 """`diagnose`: which effect is missing, in one value with a verdict.
 
-Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what is left -> verdict
-    nothing_missing  no candidate alarms, no generic shape is left, and what is left is the floor by held-out error and chi-square
+Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what
+is left -> verdict
+    nothing_missing  no candidate alarms, no generic shape is left, and what is left is the floor by
+                     held-out error and chi-square
     scatter          the same, but what is left is more than the floor
-    missing          the selected effects remove at least 90 % of the excess, and nothing else of size is left
+    missing          the selected effects remove at least 90 % of the excess, and nothing else of
+                     size is left
     partial          they remove 70 to 90 %, or something repeatable is left
     ambiguous        they would be 'missing', and another effect does the same to these data
     unknown          there is repeatable structure that no effect explains (under 50 %)
@@ -46,7 +49,8 @@ from tirelog.physics.model.model import Model
 #: shares of the excess that the selected effects must remove
 EXPLAINED = 0.9
 MOST = 0.7
-#: and that several must remove together, where the first of them alone does not remove MOST: two wrong names imitate more than one
+#: and that several must remove together, where the first of them alone does not remove MOST: two
+#: wrong names imitate more than one
 TOGETHER = 0.85
 #: a rest is worth a word if it is this share of the excess, and of the squared floor
 REST_SHARE = 0.02
@@ -57,7 +61,9 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Found:
-    """What the search came to: the base before, the steps, the base with all that was named, and what later names made needless."""
+    """What the search came to: the base before, the steps, the base with all that was named, and
+    what later names made needless.
+    """
 
     before: Base
     steps: tuple[Step, ...]
@@ -66,13 +72,19 @@ class Found:
 
     @property
     def named(self) -> tuple[str, ...]:
-        return tuple(step.named.id for step in self.steps if step.named is not None and step.named.id not in self.dropped)
+        return tuple(
+            step.named.id
+            for step in self.steps
+            if step.named is not None and step.named.id not in self.dropped
+        )
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer to "which effect is missing" (contract, Diagnosis).  `before` and `after`: the model as it came and with what was
-    selected."""
+    """The answer to "which effect is missing" (contract, Diagnosis).
+
+    `before` and `after`: the model as it came and with what was selected.
+    """
 
     verdict: str
     sentence: str
@@ -111,12 +123,27 @@ class Diagnosis:
     def to_json(self) -> dict[str, Any]:
         apart = ("effects", "notes", "found", "stacks")
         names = [name for name in self.__dataclass_fields__ if name not in apart]
-        rows = [{name: getattr(c, name) for name in Candidate.__dataclass_fields__} for c in self.effects]
-        return plain({name: getattr(self, name) for name in names} | {"effects": rows, "note": " ".join(self.notes)})
+        rows = [
+            {name: getattr(c, name) for name in Candidate.__dataclass_fields__}
+            for c in self.effects
+        ]
+        return plain(
+            {name: getattr(self, name) for name in names}
+            | {"effects": rows, "note": " ".join(self.notes)}
+        )
 
 
-def diagnose(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Diagnosis:
-    """Which effect is missing.  `effects`: the user's own candidates beside the catalogue; `progress` hears what is being done."""
+def diagnose(
+    measured: Measured,
+    model: Model,
+    *,
+    effects: Iterable[Effect] = (),
+    progress: Progress = lambda text: None,
+) -> Diagnosis:
+    """Which effect is missing.
+
+    `effects`: the user's own candidates beside the catalogue; `progress` hears what is being done.
+    """
     extra = tuple(effects)
     progress("fitting the model")
     base = start(measured, model)
@@ -126,13 +153,20 @@ def diagnose(measured: Measured, model: Model, *, effects: Iterable[Effect] = ()
     return conclude(found, single_revolutions(measured))
 
 
-def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None) -> Found:
-    """Steps until nothing more is worth naming.  With too few manoeuvres: one step, contenders refitted, nothing named."""
+def search(
+    base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None
+) -> Found:
+    """Steps until nothing more is worth naming.
+
+    With too few manoeuvres: one step, contenders refitted, nothing named.
+    """
     step = first_step(base, extra)
     if base.cells.manoeuvres < FEWEST_MANOEUVRES:
         contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
         group = group_of(contenders) if contenders else ()
-        return Found(base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base)
+        return Found(
+            base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
+        )
     steps, after, excess = [step], base, base.excess
     while step.named is not None and len(steps) < MOST_EFFECTS:
         progress(f"named {step.named.id}; looking for another")
@@ -149,7 +183,9 @@ def search(base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lamb
     after, dropped = without_needless(after, named)
     after = settled(after) if dropped else after
     groups = regrouped(after, [name for name in named if name not in dropped], extra)
-    steps = [replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps]
+    steps = [
+        replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps
+    ]
     return Found(base, tuple(steps), after, dropped)
 
 
@@ -163,7 +199,11 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     left = describe(after)
     few = before.cells.manoeuvres < FEWEST_MANOEUVRES
     groups = tuple(s.group for s in found.steps if s.named is not None and s.group)
-    rest = left.significant and excess_after > LEAST_SHARE_OF_FLOOR * floor.square and excess_after > REST_SHARE * excess_before
+    rest = (
+        left.significant
+        and excess_after > LEAST_SHARE_OF_FLOOR * floor.square
+        and excess_after > REST_SHARE * excess_before
+    )
     alone = (
         1.0 - max(found.steps[0].named.base.square_held - floor.square, 0.0) / excess_before
         if found.steps[0].named and excess_before
@@ -171,16 +211,31 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     )
     enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
     silent = "nothing_missing" if quiet(before, floor.square) else "scatter"
-    verdict = _verdict(few, found.named, share if enough else 0.0, bool(groups), rest, "unknown" if left.significant else silent)
+    verdict = _verdict(
+        few,
+        found.named,
+        share if enough else 0.0,
+        bool(groups),
+        rest,
+        "unknown" if left.significant else silent,
+    )
     selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
-    if found.named and not selected:  # what was named is not claimed: the description is of what the model as it came leaves
+    if (
+        found.named and not selected
+    ):  # what was named is not claimed: the description is of what the model as it came leaves
         left, excess_after = describe(before), excess_before
         if not left.significant and excess_before <= LEAST_SHARE_OF_FLOOR * floor.square:
             verdict = silent  # what alarmed is gone, once less is taken for scatter
     ranking = _ranking(found, selected, excess_before, floor.square, share)
-    unexplained = _unexplained(left, found, ranking, excess_after, excess_before, floor.square, bool(selected))
+    unexplained = _unexplained(
+        left, found, ranking, excess_after, excess_before, floor.square, bool(selected)
+    )
     advice, notes = _advice(found, verdict)
-    notes += [said] if (said := not_varied(before.cells.conditions, candidate_effects(before.model))) else []
+    notes += (
+        [said]
+        if (said := not_varied(before.cells.conditions, candidate_effects(before.model)))
+        else []
+    )
     ranked = {c.effect for c in ranking}
     reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items() if k not in ranked}
     scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
@@ -208,7 +263,9 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         sentence=sentence_of(facts),
         selected=selected,
         effects=ranking,
-        ambiguous_groups=groups if selected else tuple(s.group for s in found.steps if few and s.group),
+        ambiguous_groups=groups
+        if selected
+        else tuple(s.group for s in found.steps if few and s.group),
         separating_manoeuvres=tuple(advice),
         unexplained=unexplained | {"scatter": scatter},
         not_tested=reasons,
@@ -227,7 +284,9 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     )
 
 
-def _verdict(few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, unnamed: str) -> str:
+def _verdict(
+    few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, unnamed: str
+) -> str:
     """`unnamed`: what is said where no effect is named."""
     if few:
         return "too_few"
@@ -240,17 +299,27 @@ def _verdict(few: bool, named: Sequence[str], share: float, grouped: bool, rest:
     return "ambiguous" if grouped else "missing"
 
 
-def _ranking(found: Found, selected: Sequence[str], excess: float, floor: float, share_of_all: float) -> tuple[Candidate, ...]:
-    """All candidates of the first step; those named later follow with what they did when they were named.
+def _ranking(
+    found: Found, selected: Sequence[str], excess: float, floor: float, share_of_all: float
+) -> tuple[Candidate, ...]:
+    """All candidates of the first step; those named later follow with what they did when they were
+    named.
 
-    Where one effect was selected its share is `share_of_all`, so that the table and the sentence say one number.
+    Where one effect was selected its share is `share_of_all`, so that the table and the sentence
+    say one number.
     """
     first = found.steps[0]
     refitted = {r.id: r for r in first.contenders}
     rows: list[tuple[Assessed, float, Mapping[str, Any]]] = []
-    tested = [a for a in first.assessed if a.id not in first.reasons or a.id in selected]  # a failed refit is no number
+    tested = [
+        a for a in first.assessed if a.id not in first.reasons or a.id in selected
+    ]  # a failed refit is no number
     for a in tested:
-        removed = refitted[a.id].base.square_held if a.id in refitted else first.before.square_held - a.removed
+        removed = (
+            refitted[a.id].base.square_held
+            if a.id in refitted
+            else first.before.square_held - a.removed
+        )
         unphysical = a.signature.one_sided and a.strengths[0] < 0.0 and a.id not in refitted
         shared = excess > LEAST_SHARE_OF_FLOOR * floor and not unphysical
         share = (first.before.square_held - removed) / excess if shared else 0.0
@@ -278,22 +347,39 @@ def _ranking(found: Found, selected: Sequence[str], excess: float, floor: float,
 
 
 def _strengths(found: Found, a: Assessed, refitted: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The effect's parameters with errors and units: from the final model, its own refit, or the linear fit."""
+    """The effect's parameters with errors and units: from the final model, its own refit, or the
+    linear fit.
+    """
     for model in (found.after.model, *([refitted[a.id].base.model] if a.id in refitted else [])):
         own = {n.split(".")[1]: q for n, q in model.parameters.items() if n.startswith(f"{a.id}.")}
         if own:
-            return {name: {"value": q.value, "se": q.se, "unit": q.unit} for name, q in own.items() if q.free}
+            return {
+                name: {"value": q.value, "se": q.se, "unit": q.unit}
+                for name, q in own.items()
+                if q.free
+            }
     units = {q.name: q.unit for q in a.signature.effect.parameters}
-    return {n: {"value": float(v), "se": None, "unit": units[n]} for n, v in zip(a.signature.strengths, a.strengths, strict=True)}
+    return {
+        n: {"value": float(v), "se": None, "unit": units[n]}
+        for n, v in zip(a.signature.strengths, a.strengths, strict=True)
+    }
 
 
 def _unexplained(
-    left: Leftover, found: Found, ranking: Sequence[Candidate], after: float, before: float, floor: float, selected: bool
+    left: Leftover,
+    found: Found,
+    ranking: Sequence[Candidate],
+    after: float,
+    before: float,
+    floor: float,
+    selected: bool,
 ) -> dict[str, Any]:
     """What remains, in the contract's keys and a sentence."""
     near = [c for c in ranking if not c.selected and c.excess_removed >= REST_SHARE]
     nearest = max(near, key=lambda c: c.excess_removed) if near and left.significant else None
-    share = float(np.clip(after / before, 0.0, 1.0)) if before > LEAST_SHARE_OF_FLOOR * floor else 0.0
+    share = (
+        float(np.clip(after / before, 0.0, 1.0)) if before > LEAST_SHARE_OF_FLOOR * floor else 0.0
+    )
     facts = {
         "significant": left.significant,
         "share_of_excess": share,
@@ -309,7 +395,9 @@ def _unexplained(
         "nearest_effect": nearest.effect if nearest and not selected else None,
         "nearest_share": nearest.excess_removed if nearest and not selected else None,
     }
-    return facts | {"sentence": unexplained_sentence(facts, found.before.cells.manoeuvres < FEWEST_MANOEUVRES)}
+    return facts | {
+        "sentence": unexplained_sentence(facts, found.before.cells.manoeuvres < FEWEST_MANOEUVRES)
+    }
 
 
 def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]]:
@@ -318,7 +406,8 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
     notes: list[str] = []
     if verdict == "too_few":
         notes.append(
-            f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two mixed logs of a minute have a dozen: "
+            f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two "
+            "mixed logs of a minute have a dozen: "
             "drive more of them."
         )
         rivals = [(r.id, r.base.model) for r in step.contenders[:3]]

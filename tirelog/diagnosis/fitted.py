@@ -1,6 +1,7 @@
 """`model fit`: the fit that `compare` makes, as a result to write down.
 
-measured revolutions, Model --`comparison.start`--> Base --> FitResult: the same values, errors and chi-square as `compare` shows
+measured revolutions, Model --`comparison.start`--> Base --> FitResult: the same values, errors and
+chi-square as `compare` shows
 """
 
 from __future__ import annotations
@@ -18,15 +19,22 @@ from tirelog.physics.model.model import Model
 def fit_measured(measured: Measured, model: Model) -> tuple[FitResult, tuple[str, ...]]:
     """The model's free parameters fitted to measured revolutions, and remarks on the fit.
 
-    ModelError  nothing is free, or a log does not know a condition that an effect of the model needs
+    ModelError  nothing is free, or a log does not know a condition that an effect of the model
+                needs
     """
     if not model.free:
-        raise ModelError("the model has no free parameter; one with { value, min, max } is needed; free one in the model file")
+        raise ModelError(
+            "the model has no free parameter; one with { value, min, max } is needed; "
+            "free one in the model file"
+        )
     pieces = measured_pieces(measured)
     for log in np.unique(pieces.log):
-        for effect, lacking in model.missing_conditions(pieces.conditions.take(pieces.log == log)).items():
+        for effect, lacking in model.missing_conditions(
+            pieces.conditions.take(pieces.log == log)
+        ).items():
             raise ModelError(
-                f"effect {effect!r} needs {', '.join(lacking)}, which {pieces.logs[log]} does not know; "
+                f"effect {effect!r} needs {', '.join(lacking)}, which {pieces.logs[log]} does "
+                "not know; "
                 f"every log must know it; add it to the setup, or remove the effect"
             )
     base = start(pieces, model)

@@ -1,7 +1,10 @@
-"""`ladder`: effects added one by one until nothing more is worth it, the error falling to the floor.
+"""`ladder`: effects added one by one until nothing more is worth it, the error falling to the
+floor.
 
-Stacks, Model -> some manoeuvres are locked away (with twelve or more) -> search on the rest -> a row a step
-              -> the model at the top against the locked manoeuvres: the one number that nothing has touched
+Stacks, Model -> some manoeuvres are locked away (with twelve or more) -> search on the rest -> a
+row a step
+              -> the model at the top against the locked manoeuvres: the one number that nothing has
+              touched
 """
 
 from __future__ import annotations
@@ -32,8 +35,17 @@ _LOCK_EVERY = 7
 _LOCK_LEAST = 12
 
 
-def ladder(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), progress: Progress = lambda text: None) -> Ladder:
-    """The ladder from `model` upwards.  `effects`: the user's own candidates beside the catalogue."""
+def ladder(
+    measured: Measured,
+    model: Model,
+    *,
+    effects: Iterable[Effect] = (),
+    progress: Progress = lambda text: None,
+) -> Ladder:
+    """The ladder from `model` upwards.
+
+    `effects`: the user's own candidates beside the catalogue.
+    """
     seen, locked = locked_away(measured_pieces(measured))
     progress("fitting the model")
     base = start(seen, model)
@@ -49,24 +61,32 @@ def ladder(measured: Measured, model: Model, *, effects: Iterable[Effect] = (), 
         verdict=_verdict(found),
         rmse_untouched=untouched[0],
         floor_untouched=untouched[1],
-        strengths_by_log=tuple(row for name in found.named for row in strengths_by_log(after, name)),
+        strengths_by_log=tuple(
+            row for name in found.named for row in strengths_by_log(after, name)
+        ),
         revolutions=int(after.cells.revolutions.sum()),
         manoeuvres=after.cells.manoeuvres,
         logs=after.cells.logs,
         manoeuvres_locked=kept_back,
-        remarks=(*remarks_of(found.before), *([_said(base.cells.manoeuvres, kept_back)] if kept_back else [])),
+        remarks=(
+            *remarks_of(found.before),
+            *([_said(base.cells.manoeuvres, kept_back)] if kept_back else []),
+        ),
     )
 
 
 def _said(seen: int, locked: int) -> str:
     return (
-        f"{locked} of {seen + locked} manoeuvres are locked away until the last step is made; the errors of the steps are those on the "
+        f"{locked} of {seen + locked} manoeuvres are locked away until the last step is made; "
+        "the errors of the steps are those on the "
         f"other {seen}, so the first differs somewhat from what `compare` says on all"
     )
 
 
 def locked_away(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
-    """(what the search may see, what nothing touches): every seventh manoeuvre, from the fourth, where twelve remain."""
+    """(what the search may see, what nothing touches): every seventh manoeuvre, from the fourth,
+    where twelve remain.
+    """
     numbers = np.unique(pieces.manoeuvre)
     chosen = numbers[3::_LOCK_EVERY]
     if numbers.size - chosen.size < _LOCK_LEAST:
@@ -76,7 +96,9 @@ def locked_away(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
 
 
 def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
-    """rmse of the model on the locked manoeuvres, offsets as fitted on the others, and the floor there."""
+    """rmse of the model on the locked manoeuvres, offsets as fitted on the others, and the floor
+    there.
+    """
     cells = cells_of(locked)
     for _ in range(3):
         cells, _farthest = centred(cells, _fit_on(after, cells).prediction)
@@ -86,7 +108,12 @@ def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
     offsets = np.zeros(len(cells))
     if after.fit.offsets.size:
         seen = np.unique(after.cells.log)
-        offsets = np.array([after.fit.offsets[np.searchsorted(seen, log)] if log in seen else 0.0 for log in cells.log])
+        offsets = np.array(
+            [
+                after.fit.offsets[np.searchsorted(seen, log)] if log in seen else 0.0
+                for log in cells.log
+            ]
+        )
     left = plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None]))
     share = plain.weights**2
     within = float((share * np.where(share > 0, cells.within, 0.0)).sum() / plain.weight)
@@ -96,7 +123,10 @@ def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
 
 def _fit_on(after: Base, cells: Any) -> Any:
     """The fitted model's prediction on other cells."""
-    return replace(after.fit, prediction=after.model.predict(cells.conditions, surface=cells.surface, **cells.angles))
+    return replace(
+        after.fit,
+        prediction=after.model.predict(cells.conditions, surface=cells.surface, **cells.angles),
+    )
 
 
 def _verdict(found: Found) -> str:
@@ -104,7 +134,9 @@ def _verdict(found: Found) -> str:
         return "too_few"
     if not found.named:
         return "nothing_added"
-    before, after = (max(b.square_held - found.after.floor.square, 0.0) for b in (found.before, found.after))
+    before, after = (
+        max(b.square_held - found.after.floor.square, 0.0) for b in (found.before, found.after)
+    )
     return "at_the_floor" if after <= (1.0 - EXPLAINED) * before else "above_the_floor"
 
 
@@ -121,7 +153,12 @@ def _steps(found: Found) -> Iterable[LadderStep]:
     if found.dropped:
         row = _row(len(bases), found.after, last, None)
         names = ", ".join(found.dropped)
-        yield replace(row, effect=names, decision="removed", sentence=f"{names} removed: what came later has made it needless.")
+        yield replace(
+            row,
+            effect=names,
+            decision="removed",
+            sentence=f"{names} removed: what came later has made it needless.",
+        )
         bases.append(found.after)
     final = found.steps[-1]
     if final.named is None and final.assessed:
@@ -129,7 +166,11 @@ def _steps(found: Found) -> Iterable[LadderStep]:
         row = _row(len(bases), bases[-1], bases[-1], None)
         few = found.before.cells.manoeuvres < FEWEST_MANOEUVRES
         reason = (
-            "too few manoeuvres" if few else "within what a different form of the others would leave" if final.contenders else "no gain"
+            "too few manoeuvres"
+            if few
+            else "within what a different form of the others would leave"
+            if final.contenders
+            else "no gain"
         )
         noise = probability(best.p, bases[-1].cells.manoeuvres)
         yield replace(
@@ -137,7 +178,8 @@ def _steps(found: Found) -> Iterable[LadderStep]:
             effect=best.id,
             p_adjusted=best.p,
             decision=f"not added: {reason}",
-            sentence=f"An improvement by {best.id} has probability {noise} of being noise; it is not added ({reason}).",
+            sentence=f"An improvement by {best.id} has probability {noise} of being noise; "
+            f"it is not added ({reason}).",
         )
 
 
@@ -150,7 +192,8 @@ def _row(number: int, base: Base, last: Base | None, step: Step | None) -> Ladde
         others = [name for name in step.group if name != named.id]
         decision = "added" if not others else f"added (or {', '.join(others)})"
         sentence = (
-            f"{named.id} added: the improvement has probability {probability(named.assessed.p, base.cells.manoeuvres)} of being noise."
+            f"{named.id} added: the improvement has probability "
+            f"{probability(named.assessed.p, base.cells.manoeuvres)} of being noise."
         )
     return LadderStep(
         step=number,
@@ -182,7 +225,9 @@ def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]
 
 
 def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
-    """The effect's strengths fitted on each log alone, everything else held: one row a log and strength."""
+    """The effect's strengths fitted on each log alone, everything else held: one row a log and
+    strength.
+    """
     own = next(e for e in base.model.effects if e.id == effect)
     names = [f"{effect}.{name}" for name in own.effect.strength]
     problem = Problem(base.cells, base.white)
@@ -196,7 +241,11 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
         if log >= normal.gram.shape[0] or not np.any(base.cells.log == log):
             continue
         scale = 1.0 / np.sqrt(np.maximum(np.diag(normal.gram[log]), 1e-300))
-        covariance = np.linalg.pinv(normal.gram[log] * scale[:, None] * scale, rcond=1e-10) * scale[:, None] * scale
+        covariance = (
+            np.linalg.pinv(normal.gram[log] * scale[:, None] * scale, rcond=1e-10)
+            * scale[:, None]
+            * scale
+        )
         for i, name in enumerate(names):
             visible = normal.gram[log, i, i] > 1e-6 * normal.gram[:, i, i].max()
             p = base.model.parameters[name]
@@ -207,7 +256,9 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
                     "unit": p.unit,
                     "value": p.value + float(step[log, i]) if visible else None,
                     "se": float(np.sqrt(max(covariance[i, i], 0.0))) if visible else None,
-                    "distance_km": float(np.mean(base.cells.conditions.distance_km[base.cells.log == log])),
+                    "distance_km": float(
+                        np.mean(base.cells.conditions.distance_km[base.cells.log == log])
+                    ),
                     "load_N": float(np.mean(base.cells.conditions.load_N[base.cells.log == log])),
                 }
             )

@@ -1,10 +1,13 @@
-"""What is left after the last step, in physical words: where, even or odd, what it follows, at which exponent of speed or fixed frequency.
+"""What is left after the last step, in physical words: where, even or odd, what it follows, at
+which exponent of speed or fixed frequency.
 
-    projected whitened residual against families of columns  (what a cell is driven under) x (free shapes over the angle)
-        1, (v/20)^e for a few e, acceleration, time, load, distance, water          -> the family with the largest T describes it
-        rings after the exit edge at a fixed frequency in time, or a fixed wavelength along the tread -> which of the two
+    projected whitened residual against families of columns  (what a cell is driven under) x (free
+        shapes over the angle) 1, (v/20)^e for a few e, acceleration, time, load, distance, water
+        -> the family with the largest T describes it rings after the exit edge at a fixed frequency
+        in time, or a fixed wavelength along the tread -> which of the two
 
-Significance by the same sign flips of manoeuvres, the largest over families; size by the held-out removal of the best family.
+Significance by the same sign flips of manoeuvres, the largest over families; size by the held-out
+removal of the best family.
 """
 
 from __future__ import annotations
@@ -37,25 +40,29 @@ _FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
 _WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
 _DECAYS_M = (0.1, 0.3)
-#: a fixed frequency must explain so much more than a fixed wavelength, and so much of what free shapes explain
+#: a fixed frequency must explain so much more than a fixed wavelength, and so much of what free
+#: shapes explain
 _RINGS_MORE = 1.15
 _RINGS_SHARE = 0.35
 #: share of the energy that makes a parity
 _PARITY = 0.9
-#: half lengths of the patch within which a shape belongs to the patch (even or odd), or to the edge of its side (a wake is longer)
+#: half lengths of the patch within which a shape belongs to the patch (even or odd), or to the edge
+#: of its side (a wake is longer)
 _NEAR = 3.5
 _WAKE = 6.0
 _SOME_CELLS = 24
 #: what one side must explain of both, and more than the other side
 _ONE_SIDED = 0.93
 _MORE = 1.03
-#: single logs that a remainder may follow; a quantity is named in place of a log from this share of its statistic on; and two quantities
-#: that move together beyond this correlation are not told apart
+#: single logs that a remainder may follow; a quantity is named in place of a log from this share of
+#: its statistic on; and two quantities that move together beyond this correlation are not told
+#: apart
 MOST_LOGS = 4
 _NAMED_FIRST = 0.95
 _TOGETHER = 0.98
-#: share of what is left that one shape must make up to be said, and rank correlation over manoeuvres of its size with what it is said
-#: to follow: so much, and so many standard errors of a correlation of none (a dozen factors are looked at); doubling either says nothing
+#: share of what is left that one shape must make up to be said, and rank correlation over
+#: manoeuvres of its size with what it is said to follow: so much, and so many standard errors of a
+#: correlation of none (a dozen factors are looked at); doubling either says nothing
 _ONE_SHAPE = 0.5
 _FOLLOWS = 0.5
 _FOLLOWS_SIGMAS = 3.0
@@ -64,8 +71,9 @@ _FOLLOWS_SIGMAS = 3.0
 @dataclass(frozen=True)
 class Leftover:
     """`size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` where a
-    change of the contact pressure explains it best; `shape` (m,) the residual's leading one over `phi_rad`
-    (m,)."""
+    change of the contact pressure explains it best; `shape` (m,) the residual's leading one over
+    `phi_rad` (m,).
+    """
 
     significant: bool
     p: float
@@ -83,8 +91,10 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Scattered:
-    """What does not repeat: its root mean square `size` in the observable's unit, whether it looks like a load that changes, and the
-    quantity with which it is large ("" where none), growing with it or falling, and what went along with that."""
+    """What does not repeat: its root mean square `size` in the observable's unit, whether it looks
+    like a load that changes, and the quantity with which it is large ("" where none), growing with
+    it or falling, and what went along with that.
+    """
 
     size: float
     like_load: bool
@@ -94,9 +104,14 @@ class Scattered:
 
 
 def scattered(base: Base, floor_square: float) -> Scattered:
-    """Size and course of what is left beside the floor.  Where only chi-square tells of it, the size is that of cell means."""
+    """Size and course of what is left beside the floor.
+
+    Where only chi-square tells of it, the size is that of cell means.
+    """
     plain, cells = base.plain, base.cells
-    beyond = max(base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0)
+    beyond = max(
+        base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0
+    )
     left = plain(np.nan_to_num(cells.values - base.fit.prediction - base.offset_of_cell[:, None]))
     square = (left**2).sum(axis=1)
     load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
@@ -104,10 +119,16 @@ def scattered(base: Base, floor_square: float) -> Scattered:
     like_load = cells.phi.shape[1] > 1 and bool(along.sum() > _ONE_SHAPE * square.sum())
     factors, best, name = _factors(base), 0.0, ""
     number = np.bincount(cells.manoeuvre)  # cells of a manoeuvre go together: it is what counts
-    size = np.bincount(cells.manoeuvre, np.log(np.maximum(square / cells.revolutions, 1e-300))) / number
+    size = (
+        np.bincount(cells.manoeuvre, np.log(np.maximum(square / cells.revolutions, 1e-300)))
+        / number
+    )
     least = max(_FOLLOWS, _FOLLOWS_SIGMAS / np.sqrt(max(cells.manoeuvres - 1, 1)))
     for factor, values in factors.items():
-        mean = np.bincount(cells.manoeuvre, np.abs(values) if factor == "acceleration" else values) / number
+        mean = (
+            np.bincount(cells.manoeuvre, np.abs(values) if factor == "acceleration" else values)
+            / number
+        )
         if np.ptp(mean) > 0.0:
             rank = float(np.corrcoef(_ranks(size), _ranks(mean))[0, 1])
             if abs(rank) > max(abs(best), least):
@@ -134,29 +155,45 @@ def _factors(base: Base) -> dict[str, FloatArray]:
         ("water", c.water_depth_mm),
     ):
         if np.isfinite(values).all() and np.ptp(values) > 1e-3 * np.abs(values).max():
-            result[name] = (values - (values.mean() if name != "acceleration" else 0.0)) / np.abs(values).max()
+            result[name] = (values - (values.mean() if name != "acceleration" else 0.0)) / np.abs(
+                values
+            ).max()
     logs = np.unique(base.cells.log)
     for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
-        result[f"log {number}"] = (base.cells.log == number) - float(np.mean(base.cells.log == number))
+        result[f"log {number}"] = (base.cells.log == number) - float(
+            np.mean(base.cells.log == number)
+        )
     return result
 
 
 def _best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
-    """The factor that explains most; a quantity is preferred to the log itself where it explains nearly as much."""
+    """The factor that explains most; a quantity is preferred to the log itself where it explains
+    nearly as much.
+    """
     best = int(np.argmax(statistic))
     names = list(factors)
     if names[best].startswith("log "):
-        near = [i for i, name in enumerate(names) if not name.startswith("log ") and statistic[i] >= _NAMED_FIRST * statistic[best]]
+        near = [
+            i
+            for i, name in enumerate(names)
+            if not name.startswith("log ") and statistic[i] >= _NAMED_FIRST * statistic[best]
+        ]
         best = max(near, key=lambda i: statistic[i]) if near else best
     return best
 
 
 def _alike(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
-    """Other quantities that went along with the factor `name` in these cells, so that it could be any of them."""
+    """Other quantities that went along with the factor `name` in these cells, so that it could be
+    any of them.
+    """
     mine = factors[name]
     if name.startswith("speed") or np.ptp(mine) == 0.0:
         return ()
-    others = [n for n, x in factors.items() if n != name and not n.startswith(("speed", "log ")) and np.ptp(x) > 0.0]
+    others = [
+        n
+        for n, x in factors.items()
+        if n != name and not n.startswith(("speed", "log ")) and np.ptp(x) > 0.0
+    ]
     return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
 
 
@@ -166,11 +203,24 @@ def _shapes(base: Base) -> FloatArray:
     return hats(phi) if phi.shape[1] > 1 else np.ones((*phi.shape, 1))
 
 
-def _score(base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray, factor: FloatArray | float = 1.0) -> Scores:
-    """Evidence for factor x columns, (C, m, k); free shapes are many, so some columns are projected at a time."""
+def _score(
+    base: Base,
+    taken: Nuisance,
+    residual: FloatArray,
+    columns: FloatArray,
+    factor: FloatArray | float = 1.0,
+) -> Scores:
+    """Evidence for factor x columns, (C, m, k); free shapes are many, so some columns are projected
+    at a time.
+    """
     left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
     flat = left.reshape(-1, left.shape[-1])
-    return Scores(per_manoeuvre((np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre), flat.T @ flat)
+    return Scores(
+        per_manoeuvre(
+            (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
+        ),
+        flat.T @ flat,
+    )
 
 
 def describe(base: Base) -> Leftover:
@@ -179,7 +229,9 @@ def describe(base: Base) -> Leftover:
     taken = nuisance(base)
     residual = taken.without(base.white(np.nan_to_num(cells.values - base.fit.prediction)))
     factors, free = _factors(base), _shapes(base)
-    scores = [_score(base, taken, residual, free, factor[:, None, None]) for factor in factors.values()]
+    scores = [
+        _score(base, taken, residual, free, factor[:, None, None]) for factor in factors.values()
+    ]
     statistic, p = flip_test(scores, cells.manoeuvres)
     best = _best_factor(factors, statistic)
     name = list(factors)[best]
@@ -189,45 +241,92 @@ def describe(base: Base) -> Leftover:
     gain, error = gain_and_error(base.held_white, held_white)
     size = float((base.held_plain - held_plain).sum()) / base.plain.weight
     shape, phi = leading_shape(base), np.nanmean(cells.phi, axis=0)
-    if p[best] > ALARM_P or gain < GAIN_SIGMAS * error or size < LEAST_SHARE_OF_FLOOR * base.floor.square:
+    if (
+        p[best] > ALARM_P
+        or gain < GAIN_SIGMAS * error
+        or size < LEAST_SHARE_OF_FLOOR * base.floor.square
+    ):
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
     free = _shapes(base)
-    exponent, in_pressure = _exponent(base, taken, residual, free) if name.startswith("speed") else (None, False)
+    exponent, in_pressure = (
+        _exponent(base, taken, residual, free) if name.startswith("speed") else (None, False)
+    )
     if cells.phi.shape[1] == 1:
-        return Leftover(True, float(p[best]), size, None, None, name.split("^")[0], exponent, None, shape, phi, together=together)
+        return Leftover(
+            True,
+            float(p[best]),
+            size,
+            None,
+            None,
+            name.split("^")[0],
+            exponent,
+            None,
+            shape,
+            phi,
+            together=together,
+        )
     where, parity = place_and_parity(base, shape, phi)
     side = _one_side(base, taken, residual, free, exponent or 0.0) if where == "patch" else None
     where, parity = (side, "mixed") if side else (where, parity)
     follows = "nothing" if exponent == 0.0 else name.split("^")[0]
-    return Leftover(True, float(p[best]), size, where, parity, follows, exponent, _frequency(base), shape, phi, in_pressure, together)
+    return Leftover(
+        True,
+        float(p[best]),
+        size,
+        where,
+        parity,
+        follows,
+        exponent,
+        _frequency(base),
+        shape,
+        phi,
+        in_pressure,
+        together,
+    )
 
 
-def _exponent(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray) -> tuple[float, bool]:
-    """The exponent of speed with which free shapes explain most, and whether these are shapes of the pressure rather than of the
-    observable."""
+def _exponent(
+    base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray
+) -> tuple[float, bool]:
+    """The exponent of speed with which free shapes explain most, and whether these are shapes of
+    the pressure rather than of the observable.
+    """
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
-    kinds = [lambda: free] if free.shape[-1] == 1 else [lambda: pressure_columns(base), lambda: free]  # one after the other in memory
+    kinds = (
+        [lambda: free] if free.shape[-1] == 1 else [lambda: pressure_columns(base), lambda: free]
+    )  # one after the other in memory
     explained = [_explained_by_exponent(base, taken, residual, kind(), speed) for kind in kinds]
     best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
     return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
 
 
-def _explained_by_exponent(base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray, speed: FloatArray) -> list[float]:
+def _explained_by_exponent(
+    base: Base, taken: Nuisance, residual: FloatArray, columns: FloatArray, speed: FloatArray
+) -> list[float]:
     return [_explained(_score(base, taken, residual, columns, speed**e)) for e in FINE_EXPONENTS]
 
 
-def _one_side(base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray, exponent: float) -> str | None:
-    """'entry' or 'exit' where shapes on that side alone, with the base parameters free, explain what shapes on both sides do.
+def _one_side(
+    base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray, exponent: float
+) -> str | None:
+    """'entry' or 'exit' where shapes on that side alone, with the base parameters free, explain
+    what shapes on both sides do.
 
-    Patch length, shift and stiffness make a one-sided cause look two-sided once they are fitted; the question takes that back.
+    Patch length, shift and stiffness make a one-sided cause look two-sided once they are fitted;
+    the question takes that back.
     """
     reach, phi = _WAKE * half_angle(base), np.nan_to_num(base.cells.phi)
     factor = (base.cells.conditions.speed_m_s / 20.0)[:, None, None] ** exponent
 
     def explains(low: float, high: float) -> float:
-        return _explained(_score(base, taken, residual, free, factor * ((phi >= low) & (phi <= high))[..., None]))
+        return _explained(
+            _score(base, taken, residual, free, factor * ((phi >= low) & (phi <= high))[..., None])
+        )
 
-    both, sides = explains(-reach, reach), {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)}
+    both, sides = (
+        explains(-reach, reach),
+        {"entry": explains(-reach, 0.0), "exit": explains(0.0, reach)},
+    )
     best, other = sorted(sides, key=lambda name: -sides[name])
     return best if sides[best] > _ONE_SIDED * both and sides[best] > _MORE * sides[other] else None
 
@@ -238,10 +337,16 @@ def _explained(score: Scores) -> float:
 
 
 def leading_shape(base: Base) -> FloatArray:
-    """The residual's leading shape over the angle, (m,), in the observable's unit at the cell where it is largest."""
-    residual = base.plain(np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None]))
+    """The residual's leading shape over the angle, (m,), in the observable's unit at the cell where
+    it is largest.
+    """
+    residual = base.plain(
+        np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
+    )
     size, strength, shape = np.linalg.svd(residual, full_matrices=False)
-    scale = strength[0] * np.abs(size[:, 0] / np.maximum(base.plain.weights.max(axis=1), 1e-300)).max()
+    scale = (
+        strength[0] * np.abs(size[:, 0] / np.maximum(base.plain.weights.max(axis=1), 1e-300)).max()
+    )
     sign = np.sign(size[np.argmax(np.abs(size[:, 0])), 0])
     return sign * scale * shape[0]
 
@@ -255,7 +360,8 @@ def half_angle(base: Base) -> float:
 def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[str, str]:
     """(entry, patch, exit or away; even, odd or mixed) of a shape (m,) at angles (m,).
 
-    What is far from the patch is away; what is as strong on one side as on the other belongs to the patch, else to the edge of its side.
+    What is far from the patch is away; what is as strong on one side as on the other belongs to the
+    patch, else to the edge of its side.
     """
     edge = half_angle(base)
     energy = shape**2
@@ -266,11 +372,15 @@ def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[st
         return "away", parity
     if parity != "mixed" or energy[np.abs(phi) < 0.6 * edge].sum() > 0.5 * total:
         return "patch", parity
-    return ("exit" if energy[phi > 0.6 * edge].sum() > energy[phi < -0.6 * edge].sum() else "entry"), parity
+    return (
+        "exit" if energy[phi > 0.6 * edge].sum() > energy[phi < -0.6 * edge].sum() else "entry"
+    ), parity
 
 
 def _frequency(base: Base) -> float | None:
-    """The frequency [Hz] of a ring-down after the exit edge, where a fixed one in time explains more than a fixed wavelength."""
+    """The frequency [Hz] of a ring-down after the exit edge, where a fixed one in time explains
+    more than a fixed wavelength.
+    """
     base = thinned(base, _SOME_CELLS)
     cells, radius = base.cells, base.model.values["radius_m"]
     taken = nuisance(base)
@@ -280,13 +390,27 @@ def _frequency(base: Base) -> float | None:
     since = behind / cells.conditions.speed_m_s[:, None]
     factor = (cells.conditions.speed_m_s / 20.0)[:, None, None]
 
-    def best(numbers: FloatArray, phase: FloatArray, decays: tuple[float, ...]) -> tuple[float, float]:
+    def best(
+        numbers: FloatArray, phase: FloatArray, decays: tuple[float, ...]
+    ) -> tuple[float, float]:
         found = []
         for number in numbers:
             for decay in decays:
                 turn, fall = phase * (2.0 * np.pi * number), np.exp(-phase / decay)[..., None]
                 wave = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * fall
-                found.append((_explained(_score(base, taken, residual, np.concatenate([wave, factor * wave], axis=-1))), float(number)))
+                found.append(
+                    (
+                        _explained(
+                            _score(
+                                base,
+                                taken,
+                                residual,
+                                np.concatenate([wave, factor * wave], axis=-1),
+                            )
+                        ),
+                        float(number),
+                    )
+                )
         return max(found)
 
     in_time, frequency = best(_FREQUENCIES_HZ, since, _DECAYS_S)

@@ -1,14 +1,16 @@
-"""Which effect it is: refits of the best candidates, sets that cannot be told apart, second effects.
+"""Which effect it is: refits of the best candidates, sets that cannot be told apart, second
+effects.
 
-    Assessed, by falling statistic -> contenders -> refitted with the base parameters from two strengths -> least held-out loss names
+    Assessed, by falling statistic -> contenders -> refitted with the base parameters from two
+    strengths -> least held-out loss names
 
-Likeness of two effects on these data is the nonlinear cosine sqrt(what B explains / what A explains),
-each refitted as well as it can.  It is defined without noise, and it finds a rival that can stand for
-A once all its parameters have moved.
+Likeness of two effects on these data is the nonlinear cosine sqrt(what B explains / what A
+explains), each refitted as well as it can. It is defined without noise, and it finds a rival that
+can stand for A once all its parameters have moved.
 
-A second effect must survive freedom of shape: the first effect's size per cell, times free shapes over
-the angle, is projected out.  A real tire does not follow our forms, and what a form that is somewhat
-wrong leaves repeats perfectly.
+A second effect must survive freedom of shape: the first effect's size per cell, times free shapes
+over the angle, is projected out. A real tire does not follow our forms, and what a form that is
+somewhat wrong leaves repeats perfectly.
 """
 
 from __future__ import annotations
@@ -36,11 +38,13 @@ MOST_CONTENDERS = 4
 #: starts of a candidate are tried on so many cells, so many steps
 _TRIAL_CELLS = 24
 _TRIAL_STEPS = 12
-#: starts that end so near the least chi-square, as a share of it, fit alike; of these the one counts that stays nearest to the values
-#: given: EJ, k, y and tension share a scale, and along it a fit may drift until something stands at a bound.  Ten times what settles
-#: a fit; doubling changes nothing seen
+#: starts that end so near the least chi-square, as a share of it, fit alike; of these the one
+#: counts that stays nearest to the values given: EJ, k, y and tension share a scale, and along it a
+#: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
+#: nothing seen
 SAME_CHI2 = 1e-3
-#: cosine above which two effects are one to these data; and above which they are if the wrong one leaves less than a third of the floor
+#: cosine above which two effects are one to these data; and above which they are if the wrong one
+#: leaves less than a third of the floor
 TWINS = 0.95
 LIKE = 0.90
 _THIRD = 1.0 / 9.0
@@ -52,8 +56,8 @@ SECOND_LEAST = 0.5
 _SYMMETRIC = 0.95
 #: a rest of the excess that no form of the first effect would leave
 NOT_FORM = 0.12
-#: standard errors (of all strengths together, per root of their number) from which an effect is there at all; doubled it would
-#: ask of a name more than the test asks of an alarm
+#: standard errors (of all strengths together, per root of their number) from which an effect is
+#: there at all; doubled it would ask of a name more than the test asks of an alarm
 ESTABLISHED_SIGMAS = 2.0
 #: standard errors by which a rival is clearly worse than one that is right to the floor
 WORSE_SIGMAS = 3.0
@@ -65,10 +69,11 @@ QUIET_CHI2 = 1.2
 
 @dataclass(frozen=True)
 class Refitted:
-    """A candidate in the model, refitted: the base with it, and its likeness to the best of its step.
+    """A candidate in the model, refitted: the base with it, and its likeness to the best of its
+    step.
 
-    The likeness is given in whitened units and in size; it is 1 for the best itself.  `sigmas`: by how
-    many standard errors its strengths differ from nothing.
+    The likeness is given in whitened units and in size; it is 1 for the best itself. `sigmas`: by
+    how many standard errors its strengths differ from nothing.
     """
 
     assessed: Assessed
@@ -83,7 +88,9 @@ class Refitted:
 
     @property
     def established(self) -> bool:
-        """Its strengths are distinguishable from nothing; what stands at its bounds, or what other parameters do as well, is not."""
+        """Its strengths are distinguishable from nothing; what stands at its bounds, or what other
+        parameters do as well, is not.
+        """
         return self.sigmas >= ESTABLISHED_SIGMAS
 
     @property
@@ -94,7 +101,8 @@ class Refitted:
 
 @dataclass(frozen=True)
 class Step:
-    """One step: base before, all candidates assessed, why others are not, the contenders refitted (best first), the named one or None.
+    """One step: base before, all candidates assessed, why others are not, the contenders refitted
+    (best first), the named one or None.
 
     The signatures' columns have served then and are not kept.
     """
@@ -116,42 +124,61 @@ class Step:
         *,
         named: bool = False,
     ) -> Step:
-        """A step in which the best of the contenders is `named`, or nothing; what is not established is never named."""
+        """A step in which the best of the contenders is `named`, or nothing; what is not
+        established is never named.
+        """
         named = named and nameable(contenders)
         light = [replace(r, assessed=_without_columns(r.assessed)) for r in contenders]
         best, group = (light[0], group_of(contenders)) if named else (None, ())
-        return cls(before, tuple(_without_columns(a) for a in assessed), reasons, tuple(light), best, group)
+        return cls(
+            before, tuple(_without_columns(a) for a in assessed), reasons, tuple(light), best, group
+        )
 
 
 def _without_columns(a: Assessed) -> Assessed:
     return replace(a, signature=replace(a.signature, columns=np.zeros((0, 0, 0))))
 
 
-def assess_all(base: Base, extra: Iterable[Effect], more: FloatArray | None = None) -> tuple[list[Assessed], dict[str, str]]:
+def assess_all(
+    base: Base, extra: Iterable[Effect], more: FloatArray | None = None
+) -> tuple[list[Assessed], dict[str, str]]:
     """Signatures of every candidate at the fitted point, assessed."""
     problem = Problem(base.cells, base.white)
-    found, reasons = all_signatures(problem, base.model, candidate_effects(base.model, extra), base.fit.prediction)
+    found, reasons = all_signatures(
+        problem, base.model, candidate_effects(base.model, extra), base.fit.prediction
+    )
     assessed, invisible = assess(base, found, more)
     return assessed, {**reasons, **invisible}
 
 
 def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
-    """The best refit with the candidate, from its linear strength and from its probe, tried on `few` cells and finished on all.
+    """The best refit with the candidate, from its linear strength and from its probe, tried on
+    `few` cells and finished on all.
 
     ModelError where no start leads below the base: a worse refit is a failed refit.
     """
     effect = candidate.signature.effect
     linear = dict(zip(candidate.signature.strengths, candidate.strengths, strict=True))
-    probes = {p.name: p.probe * (np.sign(linear.get(p.name, 1.0)) or 1.0) for p in effect.parameters if p.name in linear}
+    probes = {
+        p.name: p.probe * (np.sign(linear.get(p.name, 1.0)) or 1.0)
+        for p in effect.parameters
+        if p.name in linear
+    }
     shape = dict(candidate.signature.shape)
     problem, found = Problem(few.cells, few.white), []
     models = [base.model]
-    if base.fit.held and base.given is not None:  # what drove the base to a bound may be the very effect: begin within, too
-        within = {name: base.given.values[name] for name in base.fit.names if name in base.given.values}
+    if (
+        base.fit.held and base.given is not None
+    ):  # what drove the base to a bound may be the very effect: begin within, too
+        within = {
+            name: base.given.values[name] for name in base.fit.names if name in base.given.values
+        }
         models.append(base.model.with_values(within))
     for model, strengths in ((m, s) for m in models for s in (linear, probes)):
         try:
-            start = with_candidate(model, effect, {**shape, **strengths}).resolved(base.cells.conditions)
+            start = with_candidate(model, effect, {**shape, **strengths}).resolved(
+                base.cells.conditions
+            )
             found.append(descend(problem, start, free_names(start, few.cells), steps=_TRIAL_STEPS))
         except ModelError:
             continue
@@ -166,7 +193,9 @@ def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
 
 
 def _moved(base: Base, model: Model) -> float:
-    """How far the base's free parameters are from what the model file gave, as shares of the larger, summed."""
+    """How far the base's free parameters are from what the model file gave, as shares of the
+    larger, summed.
+    """
     given = (base.given or base.model).values
     pairs = [(given[name], model.values[name]) for name in base.fit.names if name in given]
     return float(sum(abs(a - b) / max(abs(a), abs(b), 1e-300) for a, b in pairs))
@@ -176,7 +205,9 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
     """The leading candidates refitted, by rising held-out loss; a failed refit goes to `reasons`."""
     if not assessed:
         return []
-    leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][:MOST_CONTENDERS]
+    leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][
+        :MOST_CONTENDERS
+    ]
     tried, few = [], thinned(base, _TRIAL_CELLS)
     for candidate in leading:
         try:
@@ -192,25 +223,36 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
 
 
 def strength_sigmas(base: Base, effect_id: str) -> float:
-    """By how many standard errors an effect's strengths together differ from nothing, per root of their number.
+    """By how many standard errors an effect's strengths together differ from nothing, per root of
+    their number.
 
-    The errors are marginal: what the base, other effects and the effect's own shape can do as well is no evidence.  In a waveform a
-    direction that changes nothing at all is the scale that EJ, k, mu, y and T share, and says nothing against an effect; in a number per
-    revolution it does, since there almost any effect can stand in for another.
+    The errors are marginal: what the base, other effects and the effect's own shape can do as well
+    is no evidence. In a waveform a direction that changes nothing at all is the scale that EJ, k,
+    mu, y and T share, and says nothing against an effect; in a number per revolution it does, since
+    there almost any effect can stand in for another.
     """
     fit = base.fit
     own = next(e.effect for e in base.model.effects if e.id == effect_id)
     strengths = [f"{effect_id}.{name}" for name in own.strength]
-    columns = Offsets.of(base.cells, base.white).without(base.white(fit.moving)).reshape(-1, len(fit.names))
+    columns = (
+        Offsets.of(base.cells, base.white)
+        .without(base.white(fit.moving))
+        .reshape(-1, len(fit.names))
+    )
     norm = np.linalg.norm(columns, axis=0)
     seen = [i for i in range(len(fit.names)) if norm[i] > 0.0]
     mine = np.array([i for i, at in enumerate(seen) if fit.names[at] in strengths], int)
     if not mine.size:
         return 0.0
     values = np.array([base.model.values[fit.names[seen[i]]] * norm[seen[i]] for i in mine])
-    size, direction = np.linalg.eigh(columns[:, seen].T @ columns[:, seen] / norm[seen][:, None] / norm[seen])
+    size, direction = np.linalg.eigh(
+        columns[:, seen].T @ columns[:, seen] / norm[seen][:, None] / norm[seen]
+    )
     good = size > NULL * size[-1]
-    if base.cells.phi.shape[1] == 1 and np.abs(direction[mine][:, ~good]).max(initial=0.0) > _UNDETERMINED:
+    if (
+        base.cells.phi.shape[1] == 1
+        and np.abs(direction[mine][:, ~good]).max(initial=0.0) > _UNDETERMINED
+    ):
         return 0.0
     root = direction[mine][:, good] / np.sqrt(size[good])
     spread, axes = np.linalg.eigh(root @ root.T)
@@ -228,9 +270,14 @@ def nameable(contenders: Sequence[Refitted]) -> bool:
 
 
 def clearly_worse(one: Base, other: Base, sigmas: float = WORSE_SIGMAS) -> bool:
-    """Is the held-out error of `one` above that of `other`, by the scatter of manoeuvres and by more than a twentieth of the floor?"""
+    """Is the held-out error of `one` above that of `other`, by the scatter of manoeuvres and by
+    more than a twentieth of the floor?
+    """
     gain, error = gain_and_error(one.held_plain, other.held_plain)
-    return gain > sigmas * error and one.square_held - other.square_held > LEAST_SHARE_OF_FLOOR * other.floor.square
+    return (
+        gain > sigmas * error
+        and one.square_held - other.square_held > LEAST_SHARE_OF_FLOOR * other.floor.square
+    )
 
 
 def quiet(base: Base, floor_square: float) -> bool:
@@ -239,7 +286,9 @@ def quiet(base: Base, floor_square: float) -> bool:
 
 
 def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
-    """Nonlinear cosines of two refits: the root of what the rival explains over what the best does, whitened and in size."""
+    """Nonlinear cosines of two refits: the root of what the rival explains over what the best does,
+    whitened and in size.
+    """
     white = (base.fit.chi2 - rival.fit.chi2) / max(base.fit.chi2 - best.fit.chi2, 1e-300)
     size = (base.square_held - rival.square_held) / max(base.square_held - best.square_held, 1e-300)
     return float(np.sqrt(np.clip(white, 0.0, 1.0))), float(np.sqrt(np.clip(size, 0.0, 1.0)))
@@ -248,8 +297,9 @@ def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
 def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
     """The best and those that these data cannot tell from it; empty where it stands alone.
 
-    Likeness of shape decides, since no tire follows our forms.  But where the best leaves the noise floor alone its form is right, and a
-    rival that leaves clearly more, and more than the floor, is none.
+    Likeness of shape decides, since no tire follows our forms. But where the best leaves the noise
+    floor alone its form is right, and a rival that leaves clearly more, and more than the floor, is
+    none.
     """
     best = contenders[0]
     floor = best.base.floor.square
@@ -259,7 +309,10 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
         if r.established
         and (
             min(r.likeness, r.likeness_of_size) >= TWINS
-            or (r.likeness_of_size >= LIKE and r.base.square_held - best.base.square_held < _THIRD * floor)
+            or (
+                r.likeness_of_size >= LIKE
+                and r.base.square_held - best.base.square_held < _THIRD * floor
+            )
         )
     ]
     if like and right_to_the_floor(best):
@@ -268,7 +321,9 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
 
 
 def right_to_the_floor(best: Refitted) -> bool:
-    """Does the model with it leave the noise floor alone, once what it explains is no longer taken for scatter?"""
+    """Does the model with it leave the noise floor alone, once what it explains is no longer taken
+    for scatter?
+    """
     if best.at_bounds:
         return False
     after = settled(best.base)
@@ -278,7 +333,10 @@ def right_to_the_floor(best: Refitted) -> bool:
 def worth_it(before: Base, after: Base) -> bool:
     """Held-out gain of a refit above its error, and a size above the rule's."""
     gain, error = gain_and_error(before.held_white, after.held_white)
-    return gain > GAIN_SIGMAS * error and before.square_held - after.square_held > LEAST_SHARE_OF_FLOOR * before.floor.square
+    return (
+        gain > GAIN_SIGMAS * error
+        and before.square_held - after.square_held > LEAST_SHARE_OF_FLOOR * before.floor.square
+    )
 
 
 def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
@@ -288,12 +346,26 @@ def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
     if not alarming:
         return Step.of(base, assessed, reasons)
     contenders = contend(base, assessed, reasons)
-    return Step.of(base, assessed, reasons, contenders, named=bool(contenders) and worth_it(base, contenders[0].base))
+    return Step.of(
+        base,
+        assessed,
+        reasons,
+        contenders,
+        named=bool(contenders) and worth_it(base, contenders[0].base),
+    )
 
 
 def hats(phi: FloatArray) -> FloatArray:
-    """Free shapes over the angle: triangles on nodes 3 degrees apart within +-60 degrees, 10 beyond; (C, m) to (C, m, k)."""
-    nodes = np.deg2rad(np.r_[np.arange(-180.0, -60.0, 10.0), np.arange(-60.0, 60.0, 3.0), np.arange(60.0, 180.0, 10.0)])
+    """Free shapes over the angle: triangles on nodes 3 degrees apart within +-60 degrees, 10
+    beyond; (C, m) to (C, m, k).
+    """
+    nodes = np.deg2rad(
+        np.r_[
+            np.arange(-180.0, -60.0, 10.0),
+            np.arange(-60.0, 60.0, 3.0),
+            np.arange(60.0, 180.0, 10.0),
+        ]
+    )
     ring = np.r_[nodes[-1] - 2 * np.pi, nodes, nodes[0] + 2 * np.pi]
     x = np.nan_to_num((phi + np.pi) % (2 * np.pi) - np.pi)
     place = np.clip(np.searchsorted(ring, x, side="right") - 1, 0, ring.size - 2)
@@ -307,11 +379,13 @@ def hats(phi: FloatArray) -> FloatArray:
 def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     """Columns (C, m, k): an effect's size per cell times free shapes over the angle.
 
-    A form that is somewhat wrong keeps its symmetry: where the effect's own contribution is even (or odd) about the patch centre, so are
-    the shapes.
+    A form that is somewhat wrong keeps its symmetry: where the effect's own contribution is even
+    (or odd) about the patch centre, so are the shapes.
     """
     problem = Problem(base.cells, base.white)
-    contribution = np.nan_to_num(base.fit.prediction - problem.predict(base.model.without_effect(effect_id), {}))
+    contribution = np.nan_to_num(
+        base.fit.prediction - problem.predict(base.model.without_effect(effect_id), {})
+    )
     weight = base.plain.weights
     size, strength, shape = np.linalg.svd(contribution * weight, full_matrices=False)
     loading = size[:, 0] * strength[0] / np.maximum(weight.max(axis=1), 1e-300)
@@ -341,8 +415,12 @@ def _independent(columns: FloatArray) -> FloatArray:
     return columns[..., :half]
 
 
-def next_step(base: Base, named: Sequence[str], excess: float, extra: Iterable[Effect] = ()) -> Step:
-    """A further effect beside those `named`; `excess` is the mean square that the first base left above the floor."""
+def next_step(
+    base: Base, named: Sequence[str], excess: float, extra: Iterable[Effect] = ()
+) -> Step:
+    """A further effect beside those `named`; `excess` is the mean square that the first base left
+    above the floor.
+    """
     assessed, reasons = assess_all(base, extra)
     floor = base.floor.square
     if base.excess < LEAST_SHARE_OF_FLOOR * floor or not any(a.alarms(floor) for a in assessed):
@@ -353,11 +431,15 @@ def next_step(base: Base, named: Sequence[str], excess: float, extra: Iterable[E
     best = contenders[0]
     taken = base.square_held - best.base.square_held
     beyond_form = base.excess > NOT_FORM * excess and taken > 0.5 * base.excess
-    return Step.of(base, assessed, reasons, contenders, named=beyond_form or survives(base, named, best))
+    return Step.of(
+        base, assessed, reasons, contenders, named=beyond_form or survives(base, named, best)
+    )
 
 
 def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str, ...]]:
-    """The base without those named effects that the others have made needless, and their names: a first name may have stood in for two."""
+    """The base without those named effects that the others have made needless, and their names: a
+    first name may have stood in for two.
+    """
     dropped: list[str] = []
     for name in named:
         if len(named) - len(dropped) == 1:
@@ -371,13 +453,19 @@ def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str
     return after, tuple(dropped)
 
 
-def regrouped(after: Base, named: Sequence[str], extra: Iterable[Effect] = ()) -> dict[str, tuple[str, ...]]:
-    """For each of several named effects the set of those that could stand in its place beside the others."""
+def regrouped(
+    after: Base, named: Sequence[str], extra: Iterable[Effect] = ()
+) -> dict[str, tuple[str, ...]]:
+    """For each of several named effects the set of those that could stand in its place beside the
+    others.
+    """
     groups = {}
     for name in named:
         without_it = refit(after, after.model.without_effect(name))
         assessed, reasons = assess_all(without_it, extra)
-        rivals = [a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic][:MOST_CONTENDERS]
+        rivals = [
+            a for a in assessed if a.id == name or a.statistic >= CONTENDER * assessed[0].statistic
+        ][:MOST_CONTENDERS]
         contenders = contend(without_it, rivals, reasons)
         groups[name] = group_of(contenders) if contenders and contenders[0].id == name else ()
     return groups
@@ -392,4 +480,6 @@ def survives(base: Base, named: Sequence[str], candidate: Refitted) -> bool:
     _, without_it = held_out_losses(base.cells, base.white, base.plain, base.fit, free)
     own = candidate.assessed.signature.columns
     _, with_it = held_out_losses(base.cells, base.white, base.plain, base.fit, free, own)
-    return float((without_it - with_it).sum()) / base.plain.weight > SECOND_LEAST * base.floor.square
+    return (
+        float((without_it - with_it).sum()) / base.plain.weight > SECOND_LEAST * base.floor.square
+    )

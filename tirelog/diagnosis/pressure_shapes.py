@@ -1,10 +1,11 @@
-"""Free shapes of the contact pressure as columns of the observable: what a cause in the patch looks like through the carcass.
+"""Free shapes of the contact pressure as columns of the observable: what a cause in the patch looks
+like through the carcass.
 
     bells on the patch, one after the other -> the model's own response to each -> columns (C, m, k)
 
-A carcass answers a pressure the more the faster it rolls (the beam near its critical speed doubles it),
-so an exponent of speed that is read off the strain is not that of a cause in the patch.  If these few
-columns explain as much as free shapes of the strain do, they tell the exponent.
+A carcass answers a pressure the more the faster it rolls (the beam near its critical speed doubles
+it), so an exponent of speed that is read off the strain is not that of a cause in the patch. If
+these few columns explain as much as free shapes of the strain do, they tell the exponent.
 """
 
 from __future__ import annotations
@@ -39,7 +40,11 @@ def _probe(centre: float) -> Effect:
         mechanism="a bell of pressure",
         follows="nothing",
         acts_on=("contact_pressure",),
-        parameters=(Parameter("height", "1", "height over the mean pressure", 0.0, -1.0, 1.0, probe=_HEIGHT),),
+        parameters=(
+            Parameter(
+                "height", "1", "height over the mean pressure", 0.0, -1.0, 1.0, probe=_HEIGHT
+            ),
+        ),
         strength=("height",),
         source="",
         valid="",
@@ -53,7 +58,13 @@ def pressure_columns(base: Base) -> FloatArray:
     problem = Problem(base.cells, base.white)
     return np.stack(
         [
-            (problem.predict(with_candidate(base.model, _probe(float(c)), {"height": _HEIGHT}), {}) - base.fit.prediction) / _HEIGHT
+            (
+                problem.predict(
+                    with_candidate(base.model, _probe(float(c)), {"height": _HEIGHT}), {}
+                )
+                - base.fit.prediction
+            )
+            / _HEIGHT
             for c in _CENTRES
         ],
         axis=-1,

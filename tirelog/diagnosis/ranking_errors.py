@@ -1,4 +1,6 @@
-"""Errors of the ranking: how well the share of the excess that an effect removes is known, by the scatter of manoeuvres."""
+"""Errors of the ranking: how well the share of the excess that an effect removes is known, by the
+scatter of manoeuvres.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +13,20 @@ if TYPE_CHECKING:
 
 
 def removed_errors(found: Found) -> dict[str, float]:
-    """Effect -> standard error of the share of the held-out excess mean-square error that it removes alone.
+    """Effect -> standard error of the share of the held-out excess mean-square error that it
+    removes alone.
 
-    The share is a ratio of sums over manoeuvres, gain over excess; its error is that of the sum of (gain - share x excess).  Known for the
-    candidates that were refitted in the first step; empty where there is no excess to share.
+    The share is a ratio of sums over manoeuvres, gain over excess; its error is that of the sum of
+    (gain - share x excess). Known for the candidates that were refitted in the first step; empty
+    where there is no excess to share.
     """
     base = found.steps[0].before
     floor = (found.after if found.named else found.before).floor
-    excess = base.held_plain - (base.plain.bias + (floor.square - base.floor.within) * base.plain.weight) / base.held_plain.size
+    excess = (
+        base.held_plain
+        - (base.plain.bias + (floor.square - base.floor.within) * base.plain.weight)
+        / base.held_plain.size
+    )
     if excess.sum() <= 0.0:
         return {}
     errors = {}

@@ -1,6 +1,8 @@
-"""What comparisons, diagnoses and ladders give: frozen values, JSON by `to_json`, arrays beside for plots and pages.
+"""What comparisons, diagnoses and ladders give: frozen values, JSON by `to_json`, arrays beside for
+plots and pages.
 
-`Comparison` carries waveforms with the floor's band and the residual as maps; a page that shows it computes nothing.
+`Comparison` carries waveforms with the floor's band and the residual as maps; a page that shows it
+computes nothing.
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ Rows = list[dict[str, Any]]
 
 @dataclass(frozen=True)
 class Waveforms:
-    """Some cells to look at: measured, predicted, floor (k, m) in the observable's unit at angles phi (k, m) [rad]; `labels` (k,)."""
+    """Some cells to look at: measured, predicted, floor (k, m) in the observable's unit at angles
+    phi (k, m) [rad]; `labels` (k,).
+    """
 
     phi_rad: FloatArray
     measured: FloatArray
@@ -44,10 +48,14 @@ class Map:
 
 
 class Tables(Mapping[str, Rows]):
-    """Rows by the name of their table; a large table is made when it is asked for, by `parts` without being in memory as a whole."""
+    """Rows by the name of their table; a large table is made when it is asked for, by `parts`
+    without being in memory as a whole.
+    """
 
     def __init__(
-        self, small: Mapping[str, list[dict[str, Any]]], large: Mapping[str, Callable[[], Iterator[list[dict[str, Any]]]]]
+        self,
+        small: Mapping[str, list[dict[str, Any]]],
+        large: Mapping[str, Callable[[], Iterator[list[dict[str, Any]]]]],
     ) -> None:
         self._small, self._large = small, large
 
@@ -67,13 +75,18 @@ class Tables(Mapping[str, Rows]):
 
 @dataclass(frozen=True)
 class Comparison:
-    """A fitted model against logs.  Errors in the observable's unit, for one revolution's value at one angle.
+    """A fitted model against logs.
+
+    Errors in the observable's unit, for one revolution's value at one angle.
 
     rmse          on the revolutions of the fit
-    rmse_heldout  on manoeuvres that the fit had not seen, each left out in its turn; None if there is but one
-    noise_floor   what scatter alone leaves; its part `between` like manoeuvres is seen through this model
+    rmse_heldout  on manoeuvres that the fit had not seen, each left out in its turn; None if there
+                  is but one
+    noise_floor   what scatter alone leaves; its part `between` like manoeuvres is seen through this
+                  model
     reduced_chi2  per degree of freedom, against noise and scatter alone, of the fitted point
-    `tables`: rows by revolution, angle, speed, regime, conditions.  `half_angle_rad` is the patch's half length as an angle.
+    `tables`: rows by revolution, angle, speed, regime, conditions.  `half_angle_rad` is the patch's
+    half length as an angle.
     """
 
     observable: str
@@ -107,13 +120,22 @@ class Comparison:
 
     def to_json(self) -> dict[str, Any]:
         apart = ("model", "tables", "waveforms", "by_speed", "by_time", "half_angle_rad", "remarks")
-        names = [name for name in self.__dataclass_fields__ if name not in apart] + ["excess", "excess_heldout"]
-        return plain({name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)})
+        names = [name for name in self.__dataclass_fields__ if name not in apart] + [
+            "excess",
+            "excess_heldout",
+        ]
+        return plain(
+            {name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)}
+        )
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One row of the ranking.  `strengths`: name -> value, se, unit of the effect's parameters after its refit (or of the linear fit)."""
+    """One row of the ranking.
+
+    `strengths`: name -> value, se, unit of the effect's parameters after its refit (or of the
+    linear fit).
+    """
 
     effect: str
     rank: int
@@ -127,7 +149,9 @@ class Candidate:
 
 @dataclass(frozen=True)
 class LadderStep:
-    """One row of a ladder; `parameters` name -> value, se, unit, shift_sigma against the row before; `probability` of being noise."""
+    """One row of a ladder; `parameters` name -> value, se, unit, shift_sigma against the row
+    before; `probability` of being noise.
+    """
 
     step: int
     effect: str
@@ -143,10 +167,12 @@ class LadderStep:
 
 @dataclass(frozen=True)
 class Ladder:
-    """Steps from the base model to the floor, the model at the top, and its error on manoeuvres that nothing had touched.
+    """Steps from the base model to the floor, the model at the top, and its error on manoeuvres
+    that nothing had touched.
 
-    The errors of the steps are those of `compare` on the `manoeuvres` that the search saw; `manoeuvres_locked` others were kept from
-    it, and `rmse_untouched` is the last model's error on them.
+    The errors of the steps are those of `compare` on the `manoeuvres` that the search saw;
+    `manoeuvres_locked` others were kept from it, and `rmse_untouched` is the last model's error on
+    them.
     """
 
     observable: str
@@ -170,12 +196,18 @@ class Ladder:
         for step in self.steps:
             row = {name: getattr(step, name) for name in names}
             for name, value in step.parameters.items():
-                row |= {name: value["value"], f"{name}_se": value["se"], f"{name}_shift_sigma": value["shift_sigma"]}
+                row |= {
+                    name: value["value"],
+                    f"{name}_se": value["se"],
+                    f"{name}_shift_sigma": value["shift_sigma"],
+                }
             result.append(plain(row))
         return result
 
     def to_json(self) -> dict[str, Any]:
-        steps = [{name: getattr(s, name) for name in LadderStep.__dataclass_fields__} for s in self.steps]
+        steps = [
+            {name: getattr(s, name) for name in LadderStep.__dataclass_fields__} for s in self.steps
+        ]
         names = (
             "observable",
             "unit",

@@ -1,9 +1,11 @@
 """Which manoeuvre to drive next, so that rivals part.
 
-    rivals, each refitted -> predictions on a list of allowed manoeuvres -> what no refit of the second can imitate of the first, old
-    and new data together -> separation in standard errors, repeats until it reaches 3
+    rivals, each refitted -> predictions on a list of allowed manoeuvres -> what no refit of the
+    second can imitate of the first, old and new data together -> separation in standard errors,
+    repeats until it reaches 3
 
-Two effects that stay alike in shape on every manoeuvre of the list (cosine above `LIKE`) cannot be parted by driving, and that is said.
+Two effects that stay alike in shape on every manoeuvre of the list (cosine above `LIKE`) cannot be
+parted by driving, and that is said.
 """
 
 from __future__ import annotations
@@ -29,8 +31,9 @@ WANTED_SIGMA = 3.0
 _REVOLUTIONS = 40
 _ANGLES = 128
 _SPEEDS = 6
-#: a planned stretch has been driven where speed, load, age or water come within this share of the plan; where most of the range of speeds
-#: was passed, at an acceleration no further off than by this factor; or where the log is as long.  Cells average over a band of speed
+#: a planned stretch has been driven where speed, load, age or water come within this share of the
+#: plan; where most of the range of speeds was passed, at an acceleration no further off than by
+#: this factor; or where the log is as long.  Cells average over a band of speed
 SAME = 0.1
 _MOST_OF = 0.7
 _SLOWER = 0.4
@@ -39,7 +42,9 @@ _LONG_S = 60.0
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """Something a driver can be asked for: speeds [m/s] passed through, acceleration [m/s^2], factors on the load and so on."""
+    """Something a driver can be asked for: speeds [m/s] passed through, acceleration [m/s^2],
+    factors on the load and so on.
+    """
 
     name: str
     speed_m_s: tuple[float, float]
@@ -79,8 +84,12 @@ def planned(base: Base, manoeuvre: Manoeuvre) -> Conditions:
         temperature_K=float(np.mean(c.temperature_K)),
         load_N=load,
         inflation_pressure_Pa=float(np.mean(c.inflation_pressure_Pa)),
-        distance_km=float(np.mean(c.distance_km)) if manoeuvre.distance_km is None else manoeuvre.distance_km,
-        water_depth_mm=float(np.mean(c.water_depth_mm)) if manoeuvre.water_depth_mm is None else manoeuvre.water_depth_mm,
+        distance_km=float(np.mean(c.distance_km))
+        if manoeuvre.distance_km is None
+        else manoeuvre.distance_km,
+        water_depth_mm=float(np.mean(c.water_depth_mm))
+        if manoeuvre.water_depth_mm is None
+        else manoeuvre.water_depth_mm,
     )
 
 
@@ -89,7 +98,9 @@ def driven(base: Base, manoeuvre: Manoeuvre) -> bool:
     c, number = base.cells.conditions, base.cells.manoeuvre
     if manoeuvre.time_s > _LONG_S and not np.any(c.time_s >= manoeuvre.time_s):
         return False
-    wanted = {"load_N": manoeuvre.load * float(np.median(c.load_N)) if manoeuvre.load != 1.0 else None}
+    wanted = {
+        "load_N": manoeuvre.load * float(np.median(c.load_N)) if manoeuvre.load != 1.0 else None
+    }
     wanted |= {name: getattr(manoeuvre, name) for name in ("distance_km", "water_depth_mm")}
     alike = np.ones(len(base.cells), bool)
     for name, value in wanted.items():
@@ -111,15 +122,21 @@ def driven(base: Base, manoeuvre: Manoeuvre) -> bool:
 
 
 def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]:
-    """For every allowed manoeuvre how far it would part `first` (taken as true) from any refit of `second`, best first."""
+    """For every allowed manoeuvre how far it would part `first` (taken as true) from any refit of
+    `second`, best first.
+    """
     names = free_names(second, base.cells)
     problem = Problem(base.cells, base.white)
     mine, _ = problem.linearised(first, (), {})
     theirs, jacobian = problem.linearised(second, names, {})
-    old = problem.offsets.without(base.white(np.concatenate([np.nan_to_num(mine - theirs)[..., None], jacobian], axis=-1)))
+    old = problem.offsets.without(
+        base.white(np.concatenate([np.nan_to_num(mine - theirs)[..., None], jacobian], axis=-1))
+    )
     old = old.reshape(-1, old.shape[-1])
     phi = np.asarray((np.arange(_ANGLES) + 0.5) * (2.0 * np.pi / _ANGLES) - np.pi, dtype=np.float64)
-    noise = np.sqrt(base.floor.within * _ANGLES / base.plain.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS))
+    noise = np.sqrt(
+        base.floor.within * _ANGLES / base.plain.cells.phi.shape[1] / (_REVOLUTIONS / _SPEEDS)
+    )
     result = []
     for manoeuvre in ALLOWED:
         try:
@@ -131,38 +148,65 @@ def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]
         shift = np.gradient(other, phi, axis=1)[..., None] * np.eye(_SPEEDS)[:, None, :]
         between = _load_columns(base, first, conditions, phi, ours)
         own = np.ones((_SPEEDS, _ANGLES, 1))
-        new = np.concatenate([(ours - other)[..., None], np.moveaxis(slopes, 0, -1), own, shift, between], axis=-1) / noise
+        new = (
+            np.concatenate(
+                [(ours - other)[..., None], np.moveaxis(slopes, 0, -1), own, shift, between],
+                axis=-1,
+            )
+            / noise
+        )
         new = new.reshape(-1, new.shape[-1])
-        both = np.vstack([np.hstack([old, np.zeros((old.shape[0], new.shape[1] - old.shape[1]))]), new])
+        both = np.vstack(
+            [np.hstack([old, np.zeros((old.shape[0], new.shape[1] - old.shape[1]))]), new]
+        )
         basis = orthonormal(both[:, 1:])
         left = both[:, 0] - basis @ (basis.T @ both[:, 0])
         sigma = float(np.linalg.norm(left[old.shape[0] :]))
         if np.isfinite(sigma):
-            result.append({"manoeuvre": manoeuvre.name, "separation_sigma": sigma, "rest": float(left[old.shape[0] :].std() * noise)})
+            result.append(
+                {
+                    "manoeuvre": manoeuvre.name,
+                    "separation_sigma": sigma,
+                    "rest": float(left[old.shape[0] :].std() * noise),
+                }
+            )
     return sorted(result, key=lambda row: -row["separation_sigma"])
 
 
-def _load_columns(base: Base, model: Model, conditions: Conditions, phi: FloatArray, level: FloatArray) -> FloatArray:
+def _load_columns(
+    base: Base, model: Model, conditions: Conditions, phi: FloatArray, level: FloatArray
+) -> FloatArray:
     """One column: what a load other than planned would do."""
-    loaded = model.predict(replace(conditions, load_N=conditions.load_N * 1.01), phi, surface=base.cells.surface)
+    loaded = model.predict(
+        replace(conditions, load_N=conditions.load_N * 1.01), phi, surface=base.cells.surface
+    )
     slope = (loaded - level) / 0.01
     return np.where(np.isfinite(slope), slope, level)[..., None]
 
 
-def advise(base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3) -> tuple[list[dict[str, Any]], list[str]]:
-    """The best manoeuvres for the first rival against each other one, and notes where no drive on the list parts them."""
+def advise(
+    base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """The best manoeuvres for the first rival against each other one, and notes where no drive on
+    the list parts them.
+    """
     if base.cells.phi.shape[1] == 1:
-        return [], ["the list of manoeuvres is searched for waveforms only: compare the rivals there."]
+        return [], [
+            "the list of manoeuvres is searched for waveforms only: compare the rivals there."
+        ]
     rows, notes = [], []
     name, model = rivals[0]
     floor = np.sqrt(base.floor.square)
     held = {manoeuvre.name for manoeuvre in ALLOWED if driven(base, manoeuvre)}
     for other, rival in rivals[1:]:
         found = separations(base, model, rival)
-        useful = [row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0]
+        useful = [
+            row for row in found if row["separation_sigma"] >= 1.0 and row["rest"] > floor / 9.0
+        ]
         if not useful:
             notes.append(
-                f"no manoeuvre on the list tells {name} from {other}: they stay alike in shape (cosine above {LIKE:g}) on each of them."
+                f"no manoeuvre on the list tells {name} from {other}: they stay alike in shape "
+                f"(cosine above {LIKE:g}) on each of them."
             )
         new = [row for row in useful if row["manoeuvre"] not in held]
         if useful and not new:
@@ -173,6 +217,11 @@ def advise(base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3) -> tu
         for row in new[:most]:
             repeats = max(1, int(np.ceil((WANTED_SIGMA / row["separation_sigma"]) ** 2)))
             rows.append(
-                {"manoeuvre": row["manoeuvre"], "separates": [name, other], "separation_sigma": row["separation_sigma"], "repeats": repeats}
+                {
+                    "manoeuvre": row["manoeuvre"],
+                    "separates": [name, other],
+                    "separation_sigma": row["separation_sigma"],
+                    "repeats": repeats,
+                }
             )
     return rows, notes

@@ -1,11 +1,17 @@
-"""Is it there?  Joint sign flips of manoeuvres with the maximum over candidates, leave-one-manoeuvre-out gain, and the size rule.
+"""Is it there?
 
-    scores (M, k) of each candidate: inner product of its projected signature with the projected residual, manoeuvre by manoeuvre
-    T = | L^-1 sum of scores |, L L' = Gram of the projected signature (one column: sum / norm; only its sign where one is physical)
-    the same signs for all candidates flip a manoeuvre as a whole; p of a candidate = share of flips whose *largest* T reaches its T
+Joint sign flips of manoeuvres with the maximum over candidates, leave-one-manoeuvre-out gain, and
+the size rule.
 
-If nothing is missing a manoeuvre's scores are as likely to point one way as the other, whatever the correlation inside the manoeuvre:
-the rate of false alarms over all candidates is p.  The smallest p that M manoeuvres allow is 2^-M, or 2^(1-M) where both signs count.
+    scores (M, k) of each candidate: inner product of its projected signature with the projected
+    residual, manoeuvre by manoeuvre T = | L^-1 sum of scores |, L L' = Gram of the projected
+    signature (one column: sum / norm; only its sign where one is physical) the same signs for all
+    candidates flip a manoeuvre as a whole; p of a candidate = share of flips whose *largest* T
+    reaches its T
+
+If nothing is missing a manoeuvre's scores are as likely to point one way as the other, whatever the
+correlation inside the manoeuvre: the rate of false alarms over all candidates is p. The smallest p
+that M manoeuvres allow is 2^-M, or 2^(1-M) where both signs count.
 """
 
 from __future__ import annotations
@@ -31,14 +37,18 @@ _BLOCK = 1024
 
 @dataclass(frozen=True)
 class Scores:
-    """One signature's evidence: scores (M, k), Gram (k, k); `one_sided` where only a positive strength is physical (k = 1)."""
+    """One signature's evidence: scores (M, k), Gram (k, k); `one_sided` where only a positive
+    strength is physical (k = 1).
+    """
 
     scores: FloatArray
     gram: FloatArray
     one_sided: bool = False
 
     def root(self) -> FloatArray:
-        """(k, r) W with T = | scores W |: inverse root of the Gram matrix on its support, whatever units the strengths have."""
+        """(k, r) W with T = | scores W |: inverse root of the Gram matrix on its support, whatever
+        units the strengths have.
+        """
         length = np.sqrt(np.diag(self.gram))
         length = np.where(length > 0.0, length, np.inf)
         values, vectors = np.linalg.eigh(self.gram / length[:, None] / length)
@@ -48,17 +58,23 @@ class Scores:
 
 
 def least_p(manoeuvres: int) -> float:
-    """The smallest p that the test can give for a one-sided question; what is within twice of it is "at most" that."""
+    """The smallest p that the test can give for a one-sided question; what is within twice of it is
+    "at most" that.
+    """
     return 0.5**manoeuvres if manoeuvres <= _EXACT else 1.0 / (_RANDOM + 1)
 
 
 def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
-    """(F, M) of +-1: all sign patterns up to 13 manoeuvres, else random ones; the first is what was measured."""
+    """(F, M) of +-1: all sign patterns up to 13 manoeuvres, else random ones; the first is what was
+    measured.
+    """
     if manoeuvres <= _EXACT:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1
         return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
     random, signs = np.random.default_rng(seed), np.empty((_RANDOM + 1, manoeuvres))
-    for start in range(0, signs.shape[0], _BLOCK):  # row by row, so that the signs are those of one draw
+    for start in range(
+        0, signs.shape[0], _BLOCK
+    ):  # row by row, so that the signs are those of one draw
         block = signs[start : start + _BLOCK]
         block[:] = random.integers(0, 2, block.shape) * 2.0 - 1.0
     signs[0] = 1.0
@@ -76,13 +92,19 @@ def statistics(candidates: Sequence[Scores], signs: FloatArray) -> FloatArray:
             flipped = signs[rows] @ projected
             if flipped.shape[1] == 1:
                 sign = np.sign(root[0, 0]) if candidate.one_sided else 1.0
-                result[rows, i] = np.maximum(sign * flipped[:, 0], 0.0) if candidate.one_sided else np.abs(flipped[:, 0])
+                result[rows, i] = (
+                    np.maximum(sign * flipped[:, 0], 0.0)
+                    if candidate.one_sided
+                    else np.abs(flipped[:, 0])
+                )
             else:
                 result[rows, i] = np.linalg.norm(flipped, axis=1)
     return result
 
 
-def flip_test(candidates: Sequence[Scores], manoeuvres: int, seed: int = 0) -> tuple[FloatArray, FloatArray]:
+def flip_test(
+    candidates: Sequence[Scores], manoeuvres: int, seed: int = 0
+) -> tuple[FloatArray, FloatArray]:
     """(T (K,), family-wise p (K,)) of the candidates."""
     if not candidates:
         return np.zeros(0), np.zeros(0)
@@ -96,4 +118,6 @@ def flip_test(candidates: Sequence[Scores], manoeuvres: int, seed: int = 0) -> t
 def gain_and_error(before: FloatArray, after: FloatArray) -> tuple[float, float]:
     """Held-out gain, summed over manoeuvres (M,), and its standard error from their scatter."""
     gain = before - after
-    return float(gain.sum()), float(np.sqrt(gain.size) * gain.std(ddof=1)) if gain.size > 1 else float("inf")
+    return float(gain.sum()), float(
+        np.sqrt(gain.size) * gain.std(ddof=1)
+    ) if gain.size > 1 else float("inf")

@@ -1,8 +1,11 @@
-"""What each candidate would do to the waveforms of these cells: columns (C, m, k), and which candidates cannot be tested, and why.
+"""What each candidate would do to the waveforms of these cells: columns (C, m, k), and which
+candidates cannot be tested, and why.
 
-A signature is the change of the fitted model's prediction when the effect is switched on at its probe strength, per unit of strength, one
-column a strength parameter.  Where an effect has shape parameters besides (the width of a pulse, a time constant), it is tried at a few of
-them, one at a time: variants, of which the one with the largest statistic stands for the effect (all take part in the family-wise maximum).
+A signature is the change of the fitted model's prediction when the effect is switched on at its
+probe strength, per unit of strength, one column a strength parameter. Where an effect has shape
+parameters besides (the width of a pulse, a time constant), it is tried at a few of them, one at a
+time: variants, of which the one with the largest statistic stands for the effect (all take part in
+the family-wise maximum).
 """
 
 from __future__ import annotations
@@ -28,7 +31,9 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True)
 class Signature:
-    """`columns` (C, m, k) in the observable's unit per unit of each of `strengths`; `shape` the shape parameters it holds at."""
+    """`columns` (C, m, k) in the observable's unit per unit of each of `strengths`; `shape` the
+    shape parameters it holds at.
+    """
 
     effect: Effect
     strengths: tuple[str, ...]
@@ -38,7 +43,9 @@ class Signature:
 
 
 def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect]:
-    """The catalogue and the user's own, for this observable and carcass, without what the model holds already."""
+    """The catalogue and the user's own, for this observable and carcass, without what the model
+    holds already.
+    """
     held = {effect.id for effect in model.effects}
     known = {**BY_ID, **{effect.id: effect for effect in extra}}
     return [
@@ -54,12 +61,18 @@ def variants(effect: Effect) -> list[dict[str, float]]:
     """Values of the free shape parameters to try: their start, then each moved alone."""
     shapes = [p for p in effect.parameters if p.name not in effect.strength and p.free]
     start = {p.name: p.value for p in shapes}
-    moved = [{**start, p.name: float(np.clip(f * p.probe, p.min, p.max))} for p in shapes for f in _FACTORS]
+    moved = [
+        {**start, p.name: float(np.clip(f * p.probe, p.min, p.max))}
+        for p in shapes
+        for f in _FACTORS
+    ]
     return [start, *(m for m in moved if m != start)]
 
 
 def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) -> Model:
-    """The model with the effect at these values, strengths not given at zero, clipped to the bounds."""
+    """The model with the effect at these values, strengths not given at zero, clipped to the
+    bounds.
+    """
     zero = dict.fromkeys(effect.strength, 0.0)
     clipped = {}
     for p in effect.parameters:
@@ -68,8 +81,13 @@ def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) ->
     return model.with_effect(ModelEffect.of(effect), **clipped)
 
 
-def signatures_of(problem: Problem, model: Model, effect: Effect, prediction: FloatArray) -> list[Signature]:
-    """All variants of one candidate.  ModelError where it cannot be computed here (`needs`, or the physics refuses it)."""
+def signatures_of(
+    problem: Problem, model: Model, effect: Effect, prediction: FloatArray
+) -> list[Signature]:
+    """All variants of one candidate.
+
+    ModelError where it cannot be computed here (`needs`, or the physics refuses it).
+    """
     lacking = effect.missing(problem.cells.conditions)
     if lacking:
         raise ModelError(f"needs {', '.join(lacking)}")
@@ -79,16 +97,22 @@ def signatures_of(problem: Problem, model: Model, effect: Effect, prediction: Fl
     for shape in variants(effect):
         columns, names = [], []
         for name in effect.strength:
-            added = with_candidate(model, effect, {**shape, name: own[name].probe}).resolved(problem.cells.conditions)
+            added = with_candidate(model, effect, {**shape, name: own[name].probe}).resolved(
+                problem.cells.conditions
+            )
             change = (problem.predict(added, {}) - prediction) / own[name].probe
             if np.nanmax(np.abs(change)) * abs(own[name].probe) > _NOTHING * size:
                 columns.append(change)
                 names.append(name)
         if columns:
             single = len(names) == 1 and own[names[0]].min >= 0.0 and own[names[0]].probe > 0
-            result.append(Signature(effect, tuple(names), shape, np.stack(columns, axis=-1), single))
+            result.append(
+                Signature(effect, tuple(names), shape, np.stack(columns, axis=-1), single)
+            )
     if not result:
-        raise ModelError("does nothing under these conditions (a quantity it follows is zero or does not vary)")
+        raise ModelError(
+            "does nothing under these conditions (a quantity it follows is zero or does not vary)"
+        )
     return result
 
 

@@ -1,6 +1,8 @@
-"""What these logs do not vary, and which effects follow it: said with every diagnosis, since no statistic can.
+"""What these logs do not vary, and which effects follow it: said with every diagnosis, since no
+statistic can.
 
-conditions of the cells, the catalogue's `follows` -> one sentence, or none where everything that effects follow varies
+conditions of the cells, the catalogue's `follows` -> one sentence, or none where everything that
+effects follow varies
 """
 
 from __future__ import annotations
@@ -30,18 +32,27 @@ def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     who: list[str] = []
     candidates = list(effects)
     for word, (field, name, unit) in _FOLLOWED.items():
-        followers = [effect.id for effect in candidates if word in [part.strip() for part in effect.follows.split(",")]]
+        followers = [
+            effect.id
+            for effect in candidates
+            if word in [part.strip() for part in effect.follows.split(",")]
+        ]
         values = getattr(conditions, field)
         known = bool(np.isfinite(values).all())
         if not followers or (known and np.ptp(values) > _SAME * np.abs(values).max()):
             continue
-        (same if known else unknown).append(f"{name} {np.mean(values):.6g} {unit}" if known else name)
+        (same if known else unknown).append(
+            f"{name} {np.mean(values):.6g} {unit}" if known else name
+        )
         who += [name for name in followers if name not in who]
     if not who:
         return ""
-    parts = ([f"the same throughout: {', '.join(same)}"] if same else []) + ([f"not known: {', '.join(unknown)}"] if unknown else [])
+    parts = ([f"the same throughout: {', '.join(same)}"] if same else []) + (
+        [f"not known: {', '.join(unknown)}"] if unknown else []
+    )
     said = "; ".join(parts)
     return (
-        f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its shape at most; "
+        f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its "
+        "shape at most; "
         "logs that differ in them would tell more."
     )

@@ -1,4 +1,7 @@
-"""Sentences: facts of a diagnosis in, text out.  The only place where a diagnosis is put into words."""
+"""Sentences: facts of a diagnosis in, text out.
+
+The only place where a diagnosis is put into words.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,12 @@ from typing import Any
 from tirelog.diagnosis.sign_flips import least_p
 from tirelog.physics.model.model import Model
 
-_WHERE = {"entry": "at the entry edge", "patch": "in the patch", "exit": "behind the exit edge", "away": "away from the patch"}
+_WHERE = {
+    "entry": "at the entry edge",
+    "patch": "in the patch",
+    "exit": "behind the exit edge",
+    "away": "away from the patch",
+}
 _SHAPELESS = "does not repeat from manoeuvre to manoeuvre, or is too small to matter"
 #: wrong conditions look like missing physics, and are likelier
 CONDITIONS = "First check what the setups say of load, pressure, water depth and radius."
@@ -21,52 +29,87 @@ READ: Mapping[str, tuple[float, str]] = {
 }
 #: more logs than these are not spelled out in a command
 _MOST_LOGS = 12
-_PARITY = {"even": "even about the patch centre", "odd": "odd about the patch centre", "mixed": "neither even nor odd"}
+_PARITY = {
+    "even": "even about the patch centre",
+    "odd": "odd about the patch centre",
+    "mixed": "neither even nor odd",
+}
 
 
 def sentence_of(facts: Mapping[str, Any]) -> str:
     """The verdict in one sentence; what is no physics first where conditions may be wrong."""
     verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
     names = " and ".join(selected)
-    excess = max(facts["before"] - facts["floor"], 0.0) / facts["floor"] if facts["floor"] > 0 else 0.0
+    excess = (
+        max(facts["before"] - facts["floor"], 0.0) / facts["floor"] if facts["floor"] > 0 else 0.0
+    )
     if verdict == "nothing_missing":
-        return "Nothing is missing that this data could show: what the model leaves is the noise floor."
+        return (
+            "Nothing is missing that this data could show: what the model leaves is the noise "
+            "floor."
+        )
     if verdict == "scatter":
         return f"{_scatter(facts)} {CONDITIONS}"
     if verdict == "too_few":
-        return f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none is claimed."
+        return (
+            f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none "
+            "is claimed."
+        )
     if verdict == "unknown":
-        return f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. {CONDITIONS}"
+        return (
+            f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. "
+            f"{CONDITIONS}"
+        )
     if verdict == "ambiguous":
         sets = "; ".join(" or ".join(group) for group in facts["groups"])
         shares = facts["shares"]
         each = ", ".join(
-            f"{name} removes {percent(shares[name])} of the excess" for group in facts["groups"] for name in group if name in shares
+            f"{name} removes {percent(shares[name])} of the excess"
+            for group in facts["groups"]
+            for name in group
+            if name in shares
         )
         return f"Missing is {sets}: these data cannot tell which; {each}."
     if verdict == "partial":
         rest = facts["unexplained"]
         explains = (
-            f"{names} {'explains' if len(selected) == 1 else 'explain'} {percent(share)} of the excess; the other {percent(1 - share)}"
+            f"{names} {'explains' if len(selected) == 1 else 'explain'} {percent(share)} of the "
+            f"excess; the other {percent(1 - share)}"
         )
         if share >= 0.9:
-            return f"{explains} repeats and is within what a somewhat different form of {names} would leave. {CONDITIONS}"
+            return (
+                f"{explains} repeats and is within what a somewhat different form of {names} "
+                f"would leave. {CONDITIONS}"
+            )
         if not rest.get("significant"):
             return f"{explains} has no name: {_SHAPELESS}. {CONDITIONS}"
         where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
         return f"{explains} repeats{where} and has no name yet. {CONDITIONS}"
     one = len(selected) == 1
-    return f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} {percent(share)} of the excess."
+    return (
+        f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} "
+        f"{percent(share)} of the excess."
+    )
 
 
 def _nearest(facts: Mapping[str, Any]) -> str:
     """What no effect explains; or what one would explain, and why it is not named all the same."""
-    nearest, share = facts["unexplained"].get("nearest_effect"), facts["unexplained"].get("nearest_share")
+    nearest, share = (
+        facts["unexplained"].get("nearest_effect"),
+        facts["unexplained"].get("nearest_share"),
+    )
     if not nearest:
         return " that no effect of the catalogue explains"
     if share < facts["enough"]:
-        return f" that no effect of the catalogue explains; the nearest, {nearest}, explains {percent(share)}"
-    why = "its strength cannot be told from nothing here" if nearest in facts["unestablished"] else "that is not beyond doubt"
+        return (
+            f" that no effect of the catalogue explains; the nearest, {nearest}, explains "
+            f"{percent(share)}"
+        )
+    why = (
+        "its strength cannot be told from nothing here"
+        if nearest in facts["unestablished"]
+        else "that is not beyond doubt"
+    )
     return f"; {nearest} would explain {percent(share)} of the excess, but {why}, so none is named"
 
 
@@ -76,7 +119,9 @@ def percent(share: float) -> str:
 
 
 def probability(p: float, manoeuvres: int) -> str:
-    """A p-value for a reader; where it is the least that so many manoeuvres allow, it is at most that."""
+    """A p-value for a reader; where it is the least that so many manoeuvres allow, it is at most
+    that.
+    """
     return f"<= {p:.2g}" if p <= 2.0 * least_p(manoeuvres) else f"{p:.2g}"
 
 
@@ -88,13 +133,20 @@ def _scatter(facts: Mapping[str, Any]) -> str:
     looks = " It looks like a load that changes." if scatter["like_load"] else ""
     follows = scatter["follows"]
     if follows.startswith("log "):
-        goes = f" It is {'larger' if scatter['grows'] else 'smaller'} in log {int(follows[4:]) + 1} than in the others."
+        goes = (
+            f" It is {'larger' if scatter['grows'] else 'smaller'} in log {int(follows[4:]) + 1} "
+            "than in the others."
+        )
     elif follows:
-        goes = f" It {'grows' if scatter['grows'] else 'falls'} with {follows}{_or_those(scatter['together'])}."
+        goes = (
+            f" It {'grows' if scatter['grows'] else 'falls'} with "
+            f"{follows}{_or_those(scatter['together'])}."
+        )
     else:
         goes = " It follows nothing that the logs hold."
     return (
-        f"What is left does not repeat from manoeuvre to manoeuvre, and is more than noise: {scatter['size'] * factor:.3g} {unit} "
+        "What is left does not repeat from manoeuvre to manoeuvre, and is more than noise: "
+        f"{scatter['size'] * factor:.3g} {unit} "
         f"(held out {floors:.2f} floors, reduced chi-square {facts['chi2']:.3g}).{looks}{goes}"
     )
 
@@ -121,7 +173,10 @@ def unexplained_sentence(facts: Mapping[str, Any], few: bool) -> str:
         parts.append("as a change of the contact pressure would be")
     near = ""
     if facts["nearest_effect"]:
-        near = f" The nearest effect is {facts['nearest_effect']}: {percent(facts['nearest_share'])} of the excess."
+        near = (
+            f" The nearest effect is {facts['nearest_effect']}: "
+            f"{percent(facts['nearest_share'])} of the excess."
+        )
     return f"What remains repeats: {', '.join(parts)}.{near}"
 
 
@@ -138,7 +193,9 @@ def _or_those(along: Sequence[str]) -> str:
     return f" (or {' or '.join(along)}, which went along with it)" if along else ""
 
 
-def next_command(verdict: str, selected: Sequence[str], *, model: Model, logs: Sequence[str]) -> str:
+def next_command(
+    verdict: str, selected: Sequence[str], *, model: Model, logs: Sequence[str]
+) -> str:
     """The command to type next."""
     file = str(model.path) if model.path else "MODEL.toml"
     stem = file.removesuffix(".toml")

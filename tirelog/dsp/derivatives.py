@@ -32,8 +32,10 @@ def gain(frequency_Hz: float, cutoff_Hz: float) -> float:
 
 @compiled
 def closed(windows: FloatArray) -> FloatArray:
-    """`windows` (n, m) with NaN bridged by straight lines (the nearest sample at the ends), less the line through the means of the first
-    and the last m / 32, so that they close without a step; rows that are all NaN become 0."""
+    """`windows` (n, m) with NaN bridged by straight lines (the nearest sample at the ends), less
+    the line through the means of the first and the last m / 32, so that they close without a step;
+    rows that are all NaN become 0.
+    """
     count = windows.shape[1]
     edge = max(count // 32, 1)
     out = windows.copy()
@@ -57,7 +59,9 @@ def closed(windows: FloatArray) -> FloatArray:
 
 
 @compiled
-def _shaped(spectra: ComplexArray, factor: ComplexArray, step_Hz: float, cutoff_Hz: FloatArray) -> ComplexArray:
+def _shaped(
+    spectra: ComplexArray, factor: ComplexArray, step_Hz: float, cutoff_Hz: FloatArray
+) -> ComplexArray:
     """`spectra` (n, f) times the low-pass of each row and `factor` (f,)."""
     out = np.empty_like(spectra)
     for row in range(spectra.shape[0]):
@@ -71,19 +75,32 @@ def window_spectra(windows: FloatArray) -> ComplexArray:
     return np.fft.rfft(closed(windows), axis=1)
 
 
-def derivative(spectra: ComplexArray, rate_Hz: float, cutoff_Hz: FloatArray, order: int, count: int, upsample: int) -> FloatArray:
-    """The `order`-th time derivative of rows of `count` samples with `spectra`, low-passed at `cutoff_Hz` (n,), at `upsample` x `count`
-    points."""
-    factor: ComplexArray = (2j * np.pi * np.fft.rfftfreq(count, 1.0 / rate_Hz)).astype(np.complex128) ** order * upsample
+def derivative(
+    spectra: ComplexArray,
+    rate_Hz: float,
+    cutoff_Hz: FloatArray,
+    order: int,
+    count: int,
+    upsample: int,
+) -> FloatArray:
+    """The `order`-th time derivative of rows of `count` samples with `spectra`, low-passed at
+    `cutoff_Hz` (n,), at `upsample` x `count` points.
+    """
+    factor: ComplexArray = (2j * np.pi * np.fft.rfftfreq(count, 1.0 / rate_Hz)).astype(
+        np.complex128
+    ) ** order * upsample
     if count % 2 == 0:
         factor[-1] = factor[-1].real * (0.5 if upsample > 1 else 1.0)
-    return np.fft.irfft(_shaped(spectra, factor, rate_Hz / count, cutoff_Hz), n=count * upsample, axis=1)
+    return np.fft.irfft(
+        _shaped(spectra, factor, rate_Hz / count, cutoff_Hz), n=count * upsample, axis=1
+    )
 
 
 @compiled
 def noise_gains(count: int, rate_Hz: float, cutoff_Hz: FloatArray) -> FloatArray:
-    """Standard deviation of the second and of the third time derivative of low-passed white noise of one a sample in windows of `count`
-    samples, shape (n, 2)."""
+    """Standard deviation of the second and of the third time derivative of low-passed white noise
+    of one a sample in windows of `count` samples, shape (n, 2).
+    """
     out = np.zeros((cutoff_Hz.size, 2))
     for row in range(cutoff_Hz.size):
         for k in range(count // 2 + 1):

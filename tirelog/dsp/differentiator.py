@@ -1,6 +1,8 @@
-"""A band-limited differentiator for whole channels, its response, and what white noise brings through it.
+"""A band-limited differentiator for whole channels, its response, and what white noise brings
+through it.
 
-    samples, block by block --lost and wild samples bridged--> --FIR, zero-phase (`differentiator`)--> time derivative
+    samples, block by block --lost and wild samples bridged--> --FIR, zero-phase
+    (`differentiator`)--> time derivative
 
 The filter is antisymmetric, so it has no delay.
 """
@@ -15,7 +17,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: half length of the filter in half periods of its pass edge, at least and at most [samples]
 HALF_PERIODS, SHORTEST, LONGEST = 10.0, 10, 400
-#: the stop band begins at this multiple of the pass edge; its weight against the pass band's relative error
+#: the stop band begins at this multiple of the pass edge; its weight against the pass band's
+#: relative error
 STOP, STOP_WEIGHT = 1.3, 0.02
 
 
@@ -23,14 +26,17 @@ def averaging_gain(omega: FloatArray, averaged: int) -> FloatArray:
     """Gain of the mean of `averaged` samples at `omega` [rad per mean] of the means' own rate."""
     fine = np.asarray(omega, float) / averaged
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(fine == 0, 1.0, np.sin(0.5 * averaged * fine) / (averaged * np.sin(0.5 * fine)))
+        return np.where(
+            fine == 0, 1.0, np.sin(0.5 * averaged * fine) / (averaged * np.sin(0.5 * fine))
+        )
 
 
 def differentiator(rate_Hz: float, edge_Hz: float, averaged: int = 1) -> FloatArray:
-    """Coefficients, shape (2 k + 1,): np.convolve(values, coefficients, 'valid') is the derivative [1/s] of what lies below `edge_Hz`.
+    """Coefficients, shape (2 k + 1,): np.convolve(values, coefficients, 'valid') is the derivative
+    [1/s] of what lies below `edge_Hz`.
 
-    Least squares: relative error in the pass band, size in the stop band.  `averaged`: `values` are means of so many samples, whose
-    droop is made up for.
+    Least squares: relative error in the pass band, size in the stop band. `averaged`: `values` are
+    means of so many samples, whose droop is made up for.
     """
     half = int(np.clip(np.ceil(HALF_PERIODS * rate_Hz / (2.0 * edge_Hz)), SHORTEST, LONGEST))
     place = np.arange(1, half + 1)
@@ -55,9 +61,10 @@ def response(coefficients: FloatArray, rate_Hz: float, frequency_Hz: FloatArray)
 
 
 def bridged(values: FloatArray, wild: float) -> FloatArray:
-    """`values` (n,) with lost samples, and such as leave the cubic through their four neighbours by more than `wild` and more than those
-    leave theirs, replaced: by that cubic where the neighbours are there, else linearly.  `values` themselves where all are good; zeros
-    where all are lost."""
+    """`values` (n,) with lost samples, and such as leave the cubic through their four neighbours by
+    more than `wild` and more than those leave theirs, replaced: by that cubic where the neighbours
+    are there, else linearly. `values` themselves where all are good; zeros where all are lost.
+    """
     if not _doubtful(values, wild):
         return values
     filled, lost = values.copy(), np.empty(values.size, bool)
@@ -69,7 +76,9 @@ def _doubtful(values: FloatArray, wild: float) -> bool:
     """True where any of `values` is lost or leaves the cubic by more than `wild`."""
     count, most = 0, 6.0 * wild
     for i in range(min(values.size, 2)):
-        count += values[i] != values[i] or values[values.size - 1 - i] != values[values.size - 1 - i]
+        count += (
+            values[i] != values[i] or values[values.size - 1 - i] != values[values.size - 1 - i]
+        )
     if values.size > 4:
         # slices, so that the compiler knows that no place is counted from the end
         a, b, c, d, e = values[:-4], values[1:-3], values[2:-2], values[3:-1], values[4:]
@@ -83,7 +92,10 @@ def _bend(values: FloatArray, i: int) -> float:
     """How far a sample is off the cubic; 0 where that is not known."""
     if i < 2 or i >= values.size - 2:
         return 0.0
-    bend = abs(values[i - 2] + values[i + 2] - 4.0 * (values[i - 1] + values[i + 1]) + 6.0 * values[i]) / 6.0
+    bend = (
+        abs(values[i - 2] + values[i + 2] - 4.0 * (values[i - 1] + values[i + 1]) + 6.0 * values[i])
+        / 6.0
+    )
     return bend if bend == bend else 0.0
 
 
@@ -103,13 +115,17 @@ def _bridge(values: FloatArray, wild: float, lost: NDArray[np.bool_], filled: Fl
         if not lost[i]:
             before = i
         elif 2 <= i < n - 2 and not (lost[i - 2] or lost[i - 1] or lost[i + 1] or lost[i + 2]):
-            filled[i] = (4.0 * (values[i - 1] + values[i + 1]) - values[i - 2] - values[i + 2]) / 6.0
+            filled[i] = (
+                4.0 * (values[i - 1] + values[i + 1]) - values[i - 2] - values[i + 2]
+            ) / 6.0
         else:
             after = max(after, i)
             while after < n and lost[after]:
                 after += 1
             if before >= 0 and after < n:
-                filled[i] = values[before] + (values[after] - values[before]) * (i - before) / (after - before)
+                filled[i] = values[before] + (values[after] - values[before]) * (i - before) / (
+                    after - before
+                )
             elif known > 0:
                 filled[i] = values[before] if before >= 0 else values[after]
     return known > 0

@@ -1,6 +1,7 @@
 """Means and medians over sliding windows: x (n,), width --> (n,), the array reflected at its ends.
 
-What scipy.ndimage does too, at 20 MB and a fifth of a second of import for whoever needs nothing else of it.
+What scipy.ndimage does too, at 20 MB and a fifth of a second of import for whoever needs nothing
+else of it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ ROWS = 1 << 12
 
 def sliding_mean(x: FloatArray, width: int) -> FloatArray:
     """Mean over `width` values around each of x, shape (n,)."""
-    with np.errstate(over="ignore", invalid="ignore"):  # values of 1e308 have sums beyond the floats
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # values of 1e308 have sums beyond the floats
         middle = float(np.mean(x))  # small sums keep their digits
         total = np.cumsum(np.concatenate([[0.0], _reflected(x - middle, width)]))
         return np.asarray((total[width:] - total[:-width]) / width + middle)
@@ -25,7 +28,9 @@ def sliding_mean(x: FloatArray, width: int) -> FloatArray:
 def sliding_median(x: FloatArray, width: int) -> FloatArray:
     """Median of `width` values around each of x, shape (n,)."""
     windows = sliding_window_view(_reflected(x, width), width)
-    return np.concatenate([np.median(windows[start : start + ROWS], axis=1) for start in range(0, x.size, ROWS)])
+    return np.concatenate(
+        [np.median(windows[start : start + ROWS], axis=1) for start in range(0, x.size, ROWS)]
+    )
 
 
 def _reflected(x: FloatArray, width: int) -> FloatArray:

@@ -1,6 +1,7 @@
 """Where every question starts: cells, metric, floor and the fitted base model, in one value.
 
-Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres -> metric with it -> fit again (a few steps)
+Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres -> metric with
+it -> fit again (a few steps)
 """
 
 from __future__ import annotations
@@ -24,15 +25,18 @@ from tirelog.inference.metric.whitening import Whitener, whitener
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
-#: before anything is fitted the model may miss this share of the waveform's rms; and a discrepancy below this share of the floor is none
+#: before anything is fitted the model may miss this share of the waveform's rms; and a discrepancy
+#: below this share of the floor is none
 _FIRST_DISCREPANCY = 0.03
 _LEAST_DISCREPANCY = 0.02
 
 
 @dataclass(frozen=True)
 class Base:
-    """A fitted model on its cells: metrics `white` (significance) and `plain` (size), the floor, and held-out losses by manoeuvre (M,).
-    `given`: the model as it came, with the values that the search started from."""
+    """A fitted model on its cells: metrics `white` (significance) and `plain` (size), the floor,
+    and held-out losses by manoeuvre (M,). `given`: the model as it came, with the values that the
+    search started from.
+    """
 
     cells: Cells
     white: Whitener
@@ -49,7 +53,9 @@ class Base:
     def reduced_chi2(self) -> float:
         """Of the fitted point, against noise and random effects alone."""
         scatter = np.array([self.floor.load_sd, self.floor.baseline_sd])
-        noise = whitener(self.cells).with_manoeuvres(self.cells.manoeuvre, scatter_columns(self.cells, self.fit), scatter)
+        noise = whitener(self.cells).with_manoeuvres(
+            self.cells.manoeuvre, scatter_columns(self.cells, self.fit), scatter
+        )
         residual = noise(self.cells.values - self.fit.prediction - self.offset_of_cell[:, None])
         return float((residual**2).sum()) / self.fit.freedom
 
@@ -87,7 +93,10 @@ class Base:
 
 
 def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
-    """The base model fitted, with its floor.  ModelError where it cannot be computed at these speeds."""
+    """The base model fitted, with its floor.
+
+    ModelError where it cannot be computed at these speeds.
+    """
     model = model.resolved(cells.conditions)
     rough = (_FIRST_DISCREPANCY**2) * float(np.nanmean(cells.values**2))
     fit = fit_model(cells, whitener(cells, rough), model, several=several)
@@ -95,8 +104,9 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
 
 
 def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
-    """Cells at their mean speeds by this fit; metric and floor with the scatter between manoeuvres and the discrepancy that this fit
-    leaves, and the model fitted in them; twice."""
+    """Cells at their mean speeds by this fit; metric and floor with the scatter between manoeuvres
+    and the discrepancy that this fit leaves, and the model fitted in them; twice.
+    """
     cells = at_mean_speed(raw, fit)
     plain = Plain.of(cells)
     for _ in range(2):
@@ -105,7 +115,9 @@ def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
         load_sd, baseline_sd = scatter_between(cells, own, fit, columns)
         floor = measure_floor(cells, plain, columns, load_sd, baseline_sd)
         discrepancy = _discrepancy(cells, plain, fit, floor)
-        white = whitener(cells, discrepancy).with_manoeuvres(cells.manoeuvre, columns, np.array([load_sd, baseline_sd]))
+        white = whitener(cells, discrepancy).with_manoeuvres(
+            cells.manoeuvre, columns, np.array([load_sd, baseline_sd])
+        )
         fit = fit_model(cells, white, fit.model, several=False)
         cells = fit.cells
     held_white, held_plain = held_out_losses(cells, white, plain, fit)
@@ -113,16 +125,31 @@ def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
 
 
 def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
-    """Mean square [unit^2] that the fit leaves above the floor; nothing where it is too small to matter."""
-    offsets = fit.offsets[np.searchsorted(np.unique(cells.log), cells.log)] if fit.offsets.size else np.zeros(len(cells))
-    left = plain.mean_square((plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None])) ** 2).sum()) - floor.between
+    """Mean square [unit^2] that the fit leaves above the floor; nothing where it is too small to
+    matter.
+    """
+    offsets = (
+        fit.offsets[np.searchsorted(np.unique(cells.log), cells.log)]
+        if fit.offsets.size
+        else np.zeros(len(cells))
+    )
+    left = (
+        plain.mean_square(
+            (plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None])) ** 2).sum()
+        )
+        - floor.between
+    )
     return left if left > _LEAST_DISCREPANCY * floor.square else 0.0
 
 
 def settled(base: Base) -> Base:
-    """The same model with the scatter between manoeuvres measured anew: once an effect is in, less is taken for scatter."""
+    """The same model with the scatter between manoeuvres measured anew: once an effect is in, less
+    is taken for scatter.
+    """
     raw = base.raw or base.cells
-    anew = _with_scatter(replace(raw, phi=base.cells.phi, moved=base.cells.moved), base.fit, base.discrepancy)
+    anew = _with_scatter(
+        replace(raw, phi=base.cells.phi, moved=base.cells.moved), base.fit, base.discrepancy
+    )
     return replace(anew, given=base.given)
 
 
@@ -134,13 +161,22 @@ def refit(base: Base, model: Model) -> Base:
 
 
 def thinned(base: Base, most: int) -> Base:
-    """The same fit on at most `most` cells that span logs, manoeuvres and speeds, for trying things."""
+    """The same fit on at most `most` cells that span logs, manoeuvres and speeds, for trying
+    things.
+    """
     if len(base.cells) <= most:
         return base
     rows = np.unique(np.linspace(0, len(base.cells) - 1, most).round().astype(int))
     cells = take_cells(base.cells, rows)
     cells = replace(cells, manoeuvre=np.unique(cells.manoeuvre, return_inverse=True)[1])
-    fit = replace(base.fit, prediction=base.fit.prediction[rows], jacobian=base.fit.jacobian[rows], residual=base.fit.residual[rows])
+    fit = replace(
+        base.fit,
+        prediction=base.fit.prediction[rows],
+        jacobian=base.fit.jacobian[rows],
+        residual=base.fit.residual[rows],
+    )
     scatter = np.array([base.floor.load_sd, base.floor.baseline_sd])
-    white = whitener(cells, base.discrepancy).with_manoeuvres(cells.manoeuvre, scatter_columns(cells, fit), scatter)
+    white = whitener(cells, base.discrepancy).with_manoeuvres(
+        cells.manoeuvre, scatter_columns(cells, fit), scatter
+    )
     return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)

@@ -1,12 +1,15 @@
 """The noise floor, and errors in the observable's own unit.
 
-    within    repeatability of revolutions inside a manoeuvre, by angle: noise and the random effects of revolutions
-    between   scatter between manoeuvres: load (amplitude and width together) and baseline, as random effects about what follows
-              speed, acceleration and time (which is physics, and for the candidates to explain)
+    within    repeatability of revolutions inside a manoeuvre, by angle: noise and the random
+              effects of revolutions
+    between   scatter between manoeuvres: load (amplitude and width together) and baseline, as
+              random effects about what follows speed, acceleration and time (which is physics, and
+              for the candidates to explain)
     floor^2 = within^2 + between^2,   excess^2 = rmse^2 - floor^2
 
 rmse is that of one revolution's value at one angle.  A cell's mean shows it as
-    rmse^2 = within^2 + mean over revolutions of (|cell mean - model|^2 - what noise alone would leave of it)
+    rmse^2 = within^2 + mean over revolutions of (|cell mean - model|^2 - what noise alone would
+    leave of it)
 so more revolutions sharpen the excess and do not move the floor.
 """
 
@@ -34,7 +37,9 @@ _SOME_CELLS = 64
 
 @dataclass(frozen=True)
 class Plain:
-    """The metric of size: shift removed, each cell weighted by its revolutions, so that sums of squares are mean squares times `weight`."""
+    """The metric of size: shift removed, each cell weighted by its revolutions, so that sums of
+    squares are mean squares times `weight`.
+    """
 
     cells: Cells
     weights: FloatArray
@@ -71,13 +76,17 @@ class Plain:
         return replace(self, weights=self.weights[rows], direction=self.direction[rows])
 
     def mean_square(self, losses: FloatArray) -> float:
-        """Mean square error of a revolution's value above `within`, from sums of squares (M,) of cell means."""
+        """Mean square error of a revolution's value above `within`, from sums of squares (M,) of
+        cell means.
+        """
         return (float(np.sum(losses)) - self.bias) / self.weight
 
 
 @dataclass(frozen=True)
 class Floor:
-    """Mean squares [unit^2]: within, between, and by angle (m,); `load_sd` relative, `baseline_sd` [unit]: scatter between manoeuvres."""
+    """Mean squares [unit^2]: within, between, and by angle (m,); `load_sd` relative, `baseline_sd`
+    [unit]: scatter between manoeuvres.
+    """
 
     within: float
     between: float
@@ -92,12 +101,21 @@ class Floor:
 
 
 def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
-    """Change of the prediction per relative change of the load, (C, m); where the model does not know what a load does, its amplitude."""
+    """Change of the prediction per relative change of the load, (C, m); where the model does not
+    know what a load does, its amplitude.
+    """
     conditions = cells.conditions
-    load = np.where(np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan))
+    load = np.where(
+        np.isfinite(conditions.load_N), conditions.load_N, fit.model.values.get("load_N", np.nan)
+    )
     try:
         ends = [
-            fit.model.predict(replace(conditions, load_N=load * (1.0 + s * _STEP)), surface=cells.surface, **cells.angles) for s in (1, -1)
+            fit.model.predict(
+                replace(conditions, load_N=load * (1.0 + s * _STEP)),
+                surface=cells.surface,
+                **cells.angles,
+            )
+            for s in (1, -1)
         ]
     except ModelError:
         return fit.prediction
@@ -109,9 +127,9 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
     """The cells with their values moved to the cell's mean speed by the fitted model.
 
     A bin's samples have a mean speed of their own, and a waveform that bends with speed does not
-    average to that at the mean.  What amplitude, width, shift and baseline of single revolutions took
-    along with the speed is gone from the values already.  And a wheel that speeds up is slower at the
-    entry edge than at the exit edge.  Only for waveforms.
+    average to that at the mean. What amplitude, width, shift and baseline of single revolutions
+    took along with the speed is gone from the values already. And a wheel that speeds up is slower
+    at the entry edge than at the exit edge. Only for waveforms.
     """
     if cells.phi.shape[1] == 1:
         return cells
@@ -119,7 +137,11 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
     speed = cells.conditions.speed_m_s
     try:
         up, down = (
-            fit.model.predict(replace(cells.conditions, speed_m_s=speed + s * step), surface=cells.surface, **cells.angles)
+            fit.model.predict(
+                replace(cells.conditions, speed_m_s=speed + s * step),
+                surface=cells.surface,
+                **cells.angles,
+            )
             for s in (1.0, -1.0)
         )
     except ModelError:
@@ -129,11 +151,22 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
     weight = np.isfinite(cells.values)[..., None]
     columns, slope_left = np.where(weight, taken, 0.0), np.where(weight[..., 0], slope, 0.0)
     gram = np.swapaxes(columns, 1, 2) @ columns
-    slope_left = slope_left - (columns @ solve_scaled(gram, np.einsum("cmk,cm->ck", columns, slope_left))[..., None])[..., 0]
+    slope_left = (
+        slope_left
+        - (columns @ solve_scaled(gram, np.einsum("cmk,cm->ck", columns, slope_left))[..., None])[
+            ..., 0
+        ]
+    )
     travelled = np.nan_to_num(cells.phi) * fit.model.values["radius_m"]
     faster = (cells.conditions.acceleration_m_s2 / speed)[:, None] * travelled
     bend = (up + down - 2.0 * fit.prediction) / step[:, None] ** 2
-    return replace(cells, values=cells.values - slope_left * cells.speed_mean - slope * faster - 0.5 * bend * cells.speed_square)
+    return replace(
+        cells,
+        values=cells.values
+        - slope_left * cells.speed_mean
+        - slope * faster
+        - 0.5 * bend * cells.speed_square,
+    )
 
 
 def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
@@ -142,10 +175,11 @@ def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
 
 
 def trend_columns(cells: Cells) -> FloatArray:
-    """What physics may follow, one row a manoeuvre (M, k): each log's level, acceleration, time, and v, v^2 log by log.
+    """What physics may follow, one row a manoeuvre (M, k): each log's level, acceleration, time,
+    and v, v^2 log by log.
 
-    What follows speed may follow a log's load, pressure, water or age besides.  The last columns come only where enough manoeuvres are left
-    to show scatter.
+    What follows speed may follow a log's load, pressure, water or age besides. The last columns
+    come only where enough manoeuvres are left to show scatter.
     """
     M = cells.manoeuvres
     number = np.bincount(cells.manoeuvre, cells.revolutions, M)
@@ -160,15 +194,27 @@ def trend_columns(cells: Cells) -> FloatArray:
     c = cells.conditions
     v, a, t = mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.time_s)
     columns = [per_log]
-    for more in (v[:, None], a[:, None], np.stack([v**2, t], axis=1), per_log * v[:, None], per_log * (v**2)[:, None]):
+    for more in (
+        v[:, None],
+        a[:, None],
+        np.stack([v**2, t], axis=1),
+        per_log * v[:, None],
+        per_log * (v**2)[:, None],
+    ):
         if sum(x.shape[1] for x in (*columns, more)) <= 0.6 * M:
             columns.append(more)
     return np.hstack(columns)
 
 
-def scatter_between(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray) -> tuple[float, float]:
-    """Standard deviations between manoeuvres of the relative load and the baseline, by the method of moments."""
-    residual = Nuisance.of(Offsets.of(cells, white), white(fit.jacobian)).without(white(cells.values - fit.prediction))
+def scatter_between(
+    cells: Cells, white: Whitener, fit: Fit, columns: FloatArray
+) -> tuple[float, float]:
+    """Standard deviations between manoeuvres of the relative load and the baseline, by the method
+    of moments.
+    """
+    residual = Nuisance.of(Offsets.of(cells, white), white(fit.jacobian)).without(
+        white(cells.values - fit.prediction)
+    )
     normal = Normal.of(white(columns), residual, cells.manoeuvre)
     coefficients = solve_scaled(normal.gram, normal.right)
     trend = trend_columns(cells)
@@ -176,7 +222,10 @@ def scatter_between(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray
     freedom = float(trend.shape[0] - np.trace(hat))
     if freedom < 2.0:
         return 0.0, 0.0
-    inverse = np.stack([solve_scaled(normal.gram, np.broadcast_to(e, normal.right.shape)) for e in np.eye(2)], axis=-1)
+    inverse = np.stack(
+        [solve_scaled(normal.gram, np.broadcast_to(e, normal.right.shape)) for e in np.eye(2)],
+        axis=-1,
+    )
     result = []
     for i in range(2):
         left = np.asarray(coefficients[:, i] - hat @ coefficients[:, i], dtype=np.float64)
@@ -185,7 +234,9 @@ def scatter_between(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray
     return result[0], result[1]
 
 
-def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, load_sd: float, baseline_sd: float) -> Floor:
+def measure_floor(
+    cells: Cells, plain: Plain, columns: FloatArray, load_sd: float, baseline_sd: float
+) -> Floor:
     """The floor from the cells' repeatability and the scatter between manoeuvres."""
     share = plain.weights**2
     total = np.maximum(share.sum(axis=0), 1e-300)
@@ -202,11 +253,15 @@ def measure_floor(cells: Cells, plain: Plain, columns: FloatArray, load_sd: floa
     )
 
 
-def held_out_losses(cells: Cells, white: Whitener, plain: Plain, fit: Fit, *more: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Losses (M,) of each manoeuvre when all the others decide the parameters: in whitened units, and in the plain metric.
+def held_out_losses(
+    cells: Cells, white: Whitener, plain: Plain, fit: Fit, *more: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Losses (M,) of each manoeuvre when all the others decide the parameters: in whitened units,
+    and in the plain metric.
 
-    One step from the fitted point, which is where leaving one manoeuvre out moves it.  `more` (C, m, k) each add columns to the model.
-    What the same step would gain on all data is no part of it: the fit could not take it (bounds, a bent way), so leaving data out cannot.
+    One step from the fitted point, which is where leaving one manoeuvre out moves it. `more` (C, m,
+    k) each add columns to the model. What the same step would gain on all data is no part of it:
+    the fit could not take it (bounds, a bent way), so leaving data out cannot.
     """
     in_white, in_plain = (_levelled(cells, metric, fit, more) for metric in (white, plain))
     theta, offset = in_white.left_out()
@@ -215,18 +270,34 @@ def held_out_losses(cells: Cells, white: Whitener, plain: Plain, fit: Fit, *more
     return in_white.loss(theta, offset), in_plain.loss(theta, offset)
 
 
-def _levelled(cells: Cells, metric: Whitener | Plain, fit: Fit, more: Sequence[FloatArray]) -> Levelled:
-    """The normal equations of every manoeuvre; no metric couples two of them, so some are worked on at a time."""
+def _levelled(
+    cells: Cells, metric: Whitener | Plain, fit: Fit, more: Sequence[FloatArray]
+) -> Levelled:
+    """The normal equations of every manoeuvre; no metric couples two of them, so some are worked on
+    at a time.
+    """
     parts, made = [fit.moving, *more], []
     level = float(cells.phi.shape[1] > 1)  # a number per revolution has no offset of its own
-    last = np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right") // _SOME_CELLS
+    last = (
+        np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right")
+        // _SOME_CELLS
+    )
     for numbers in np.split(np.arange(cells.manoeuvres), np.flatnonzero(np.diff(last)) + 1):
         manoeuvres = slice(int(numbers[0]), int(numbers[-1]) + 1)
-        rows = np.flatnonzero((cells.manoeuvre >= manoeuvres.start) & (cells.manoeuvre < manoeuvres.stop))
+        rows = np.flatnonzero(
+            (cells.manoeuvre >= manoeuvres.start) & (cells.manoeuvre < manoeuvres.stop)
+        )
         some, values = metric.some(rows, manoeuvres), cells.values[rows]
         residual = some(np.where(np.isfinite(values), values - fit.prediction[rows], 0.0))
-        columns, offset = side_by_side(some, [part[rows] for part in parts]), some(np.full(values.shape, level))
-        made.append(Levelled.of(columns, residual, offset, cells.manoeuvre[rows] - manoeuvres.start, cells.log[rows]))
+        columns, offset = (
+            side_by_side(some, [part[rows] for part in parts]),
+            some(np.full(values.shape, level)),
+        )
+        made.append(
+            Levelled.of(
+                columns, residual, offset, cells.manoeuvre[rows] - manoeuvres.start, cells.log[rows]
+            )
+        )
     log = np.zeros(cells.manoeuvres, np.int64)
     log[cells.manoeuvre] = np.unique(cells.log, return_inverse=True)[1]
     return Levelled.joined(made, log)

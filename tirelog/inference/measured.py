@@ -1,10 +1,14 @@
-"""The one door from logs to measured revolutions, for fit, compare, diagnose, ladder, report and campaign.
+"""The one door from logs to measured revolutions, for fit, compare, diagnose, ladder, report and
+campaign.
 
-    recordings --stacks_from_logs--> revolutions of all logs --obstacles of logs with a [road] found--> MeasuredLogs
-                                                                         the revolutions off them, and the obstacles beside
+    recordings --stacks_from_logs--> revolutions of all logs --obstacles of logs with a [road]
+    found--> MeasuredLogs
+                                                                         the revolutions off them,
+                                                                         and the obstacles beside
 
-`measured_pieces` makes of it the means of like revolutions that every question is asked of, under one limit of memory.  What was
-set apart, taken together or left out on the way is in `notes`, and goes with the revolutions into every answer.
+`measured_pieces` makes of it the means of like revolutions that every question is asked of, under
+one limit of memory. What was set apart, taken together or left out on the way is in `notes`, and
+goes with the revolutions into every answer.
 """
 
 from __future__ import annotations
@@ -23,7 +27,10 @@ from tirelog.physics.carcass.numbers import WAVEFORMS
 
 @dataclass(frozen=True)
 class MeasuredLogs:
-    """Steady revolutions of all logs; beside them the logs that met an obstacle.  `notes`: what a reader must know of both."""
+    """Steady revolutions of all logs; beside them the logs that met an obstacle.
+
+    `notes`: what a reader must know of both.
+    """
 
     stacks: Stacks
     obstacles: tuple[TransientLog, ...] = ()
@@ -34,28 +41,45 @@ class MeasuredLogs:
 
 
 def measured(
-    recordings: Iterable[Recording], observable: str = "strain", channel: str | None = None, *, most: int = STRETCH
+    recordings: Iterable[Recording],
+    observable: str = "strain",
+    channel: str | None = None,
+    *,
+    most: int = STRETCH,
 ) -> MeasuredLogs:
     """The revolutions of the recordings that are to be compared with a model of the observable.
 
-    observable  what the model predicts; `channel` the name of the one to take (default: the first that measures it)
+    observable  what the model predicts; `channel` the name of the one to take (default: the first
+                that measures it)
     most        revolutions of a log that are in memory at a time
-    UsageError  no such channel, fewer than ten revolutions, or a [road] without an obstacle or steady rolling beside it
+    UsageError  no such channel, fewer than ten revolutions, or a [road] without an obstacle or
+                steady rolling beside it
     """
     kept: dict[str, Recording] = {}
-    stacks = stacks_from_logs(_watched(recordings, observable, channel, kept), observable, channel, most=most)
+    stacks = stacks_from_logs(
+        _watched(recordings, observable, channel, kept), observable, channel, most=most
+    )
     if not kept:
         return MeasuredLogs(stacks)
     return _parted(stacks, kept)
 
 
-def _watched(recordings: Iterable[Recording], observable: str, channel: str | None, kept: dict[str, Recording]) -> Iterator[Recording]:
-    """The recordings as they come; of those that met an obstacle the observed channel is kept in memory, by log."""
+def _watched(
+    recordings: Iterable[Recording],
+    observable: str,
+    channel: str | None,
+    kept: dict[str, Recording],
+) -> Iterator[Recording]:
+    """The recordings as they come; of those that met an obstacle the observed channel is kept in
+    memory, by log.
+    """
     for recording in recordings:
         if recording.setup.road.kind != "flat":
             source, _ = outward(observe_channel(recording, observable, channel))
             axis = replace(TimeAxis.of_times(source.axis.time()), rate_Hz=source.axis.rate_Hz)
-            copy = Channel.of_array(source.name, source.kind, source.read(), axis, surface=source.surface)
+            copy = Channel.of_array(
+                source.name, source.kind, source.read(), axis, surface=source.surface
+            )
             kept[recording.log] = replace(recording, channels={source.name: copy})
         yield recording
 
@@ -77,13 +101,15 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
         rest = steady_revolutions(stack, found.hits_s)
         if not len(rest):
             raise UsageError(
-                f"every revolution of channel {stack.channel} is on an obstacle; steady ones are needed beside it; "
+                f"every revolution of channel {stack.channel} is on an obstacle; steady ones are "
+                "needed beside it; "
                 f"give a log that rolls on before or after it",
                 file=log,
             )
         steady.add(log, [rest])
         steady.note(
-            f"{log}: {found.hits_s.size} hits on an obstacle; {len(stack) - len(rest)} of {len(stack)} revolutions are "
+            f"{log}: {found.hits_s.size} hits on an obstacle; {len(stack) - len(rest)} of "
+            f"{len(stack)} revolutions are "
             f"disturbed by them and kept apart from the steady ones"
         )
         if stack.observable in WAVEFORMS:
@@ -93,7 +119,9 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
 
 
 def _waveforms(recording: Recording, source: Channel, stack: Stack) -> Stack:
-    """The stack itself, or that of the channel from which its numbers per revolution come: an obstacle shows in a waveform."""
+    """The stack itself, or that of the channel from which its numbers per revolution come: an
+    obstacle shows in a waveform.
+    """
     if stack.observable in WAVEFORMS:
         return stack
     observable = "radial_acceleration" if source.kind == "radial_acceleration" else "strain"

@@ -1,4 +1,6 @@
-"""Parameters that only a motion tells: masses, damping and bristles of a coupled ring that meets an obstacle."""
+"""Parameters that only a motion tells: masses, damping and bristles of a coupled ring that meets an
+obstacle.
+"""
 
 from __future__ import annotations
 
@@ -13,4 +15,6 @@ def motion_names(model: Model) -> tuple[str, ...]:
 
 def held(model: Model) -> Model:
     """The model as the steady waveform is fitted: without what only a motion tells."""
-    return model.with_parameters({name: model.parameters[name].fixed() for name in motion_names(model)})
+    return model.with_parameters(
+        {name: model.parameters[name].fixed() for name in motion_names(model)}
+    )

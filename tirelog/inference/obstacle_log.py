@@ -1,11 +1,14 @@
-"""A log that met an obstacle: what its steady revolutions look like, what repeats in them, and where something else happened.
+"""A log that met an obstacle: what its steady revolutions look like, what repeats in them, and
+where something else happened.
 
-    Recording with a [road] + Stack --`transient_log`--> TransientLog: samples, steady waveform T(phi), rough times of the hits
-    Stack --`steady_revolutions`--> the revolutions off the obstacle, for the steady comparison
+    Recording with a [road] + Stack --`transient_log`--> TransientLog: samples, steady waveform
+    T(phi), rough times of the hits Stack --`steady_revolutions`--> the revolutions off the
+    obstacle, for the steady comparison
 
-An obstacle shows as samples that leave T(phi) by far more than the steady revolutions do.  Times of hits are rough here, within a
-revolution; `diagnosis.obstacles.fit` refines them with the model's answer.  Passages that an obstacle disturbs do not tell the wheel's angle: it is
-drawn smoothly through those before and after.
+An obstacle shows as samples that leave T(phi) by far more than the steady revolutions do. Times of
+hits are rough here, within a revolution; `diagnosis.obstacles.fit` refines them with the model's
+answer. Passages that an obstacle disturbs do not tell the wheel's angle: it is drawn smoothly
+through those before and after.
 """
 
 from __future__ import annotations
@@ -24,14 +27,17 @@ from tirelog.inference.stacks.align import WheelAngle, split_turns, template
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
-#: A hit is compared for this long [s] after the obstacle was reached, and for this many revolutions it disturbs the steady waveform.
+#: A hit is compared for this long [s] after the obstacle was reached, and for this many revolutions
+#: it disturbs the steady waveform.
 WINDOW_S = 0.5
 #: Mean square over this time [s] that is so many times its median is no steady rolling.
 _SMOOTH_S, _STANDS_OUT = 0.01, 8.0
 _MOST_HITS = 12
-#: A hit closer than this [s] to an end of the log cannot be compared; passages so many turns around it may be disturbed.
+#: A hit closer than this [s] to an end of the log cannot be compared; passages so many turns around
+#: it may be disturbed.
 _ROOM_S = 0.1
-#: Revolutions without a passage that may be counted by the speed, and by how much of one the count may be off.
+#: Revolutions without a passage that may be counted by the speed, and by how much of one the count
+#: may be off.
 _LONGEST_GAP, _PLAIN = 20.0, 0.25
 #: Steady rolling nearest to a hit that it is compared with [s].
 _STEADY_S = 4.0
@@ -44,8 +50,10 @@ class TransientLog:
     """One channel of one log around its obstacles.
 
     time_s, values  (N,) samples that are there
-    passages_s      (k,), turns (k,) their numbers, and wheel: theta(t) through those that no obstacle disturbs
-    steady          T(phi), of the observable (for an acceleration less gravity, over (Omega / Omega_0)^2, Omega_0 `spin_rad_s`)
+    passages_s      (k,), turns (k,) their numbers, and wheel: theta(t) through those that no
+                    obstacle disturbs
+    steady          T(phi), of the observable (for an acceleration less gravity, over (Omega /
+                    Omega_0)^2, Omega_0 `spin_rad_s`)
     calm            (N,) True where no obstacle disturbs; hits_s rough times, (h,)
     """
 
@@ -70,13 +78,19 @@ class TransientLog:
 
     def off(self) -> FloatArray:
         """Samples less the steady waveform at the angle of the passages, (N,)."""
-        return self.values - self.steady_at(self.wheel.theta(self.time_s), self.wheel.speed_rad_s(self.time_s))
+        return self.values - self.steady_at(
+            self.wheel.theta(self.time_s), self.wheel.speed_rad_s(self.time_s)
+        )
 
     def steady_at(self, theta_rad: FloatArray, spin_rad_s: FloatArray) -> FloatArray:
         """T at wheel angles (m,) and spins (m,)."""
         phi = split_turns(theta_rad)[1]
         wave: FloatArray = self.steady(phi)
-        return wave * (spin_rad_s / self.spin_rad_s) ** 2 + _gravity(phi) if self.observable == "radial_acceleration" else wave
+        return (
+            wave * (spin_rad_s / self.spin_rad_s) ** 2 + _gravity(phi)
+            if self.observable == "radial_acceleration"
+            else wave
+        )
 
 
 def _gravity(phi_rad: FloatArray) -> FloatArray:
@@ -85,7 +99,8 @@ def _gravity(phi_rad: FloatArray) -> FloatArray:
 
 
 def transient_log(recording: Recording, channel: Channel, stack: Stack) -> TransientLog:
-    """The log around its obstacles; UsageError where fewer than five steady revolutions, or no obstacle, are in it.
+    """The log around its obstacles; UsageError where fewer than five steady revolutions, or no
+    obstacle, are in it.
 
     stack  the channel's own revolutions of this log
     """
@@ -125,7 +140,8 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
 
 
 def _numbered(stack: Stack) -> tuple[FloatArray, FloatArray]:
-    """Times and numbers of passages, (k,) each, through stretches where an obstacle hid some: their number follows from the speed.
+    """Times and numbers of passages, (k,) each, through stretches where an obstacle hid some: their
+    number follows from the speed.
 
     Where that is not plain (the wheel stood, or a long gap) the longest stretch is taken.
     """
@@ -144,16 +160,21 @@ def _wheel(passages_s: FloatArray, turns: FloatArray) -> WheelAngle:
 
 
 def _with_steady(log: TransientLog) -> TransientLog:
-    """With T from the calm samples: bin medians would need more revolutions, means do after two rounds."""
+    """With T from the calm samples: bin medians would need more revolutions, means do after two
+    rounds.
+    """
     theta = log.wheel.theta(log.time_s[log.calm])
     turn, phi = split_turns(theta)
     values = log.values[log.calm]
     if log.observable == "radial_acceleration":
-        values = (values - _gravity(phi)) * (log.spin_rad_s / log.wheel.speed_rad_s(log.time_s[log.calm])) ** 2
+        values = (values - _gravity(phi)) * (
+            log.spin_rad_s / log.wheel.speed_rad_s(log.time_s[log.calm])
+        ) ** 2
     turns = np.unique(turn).size
     if turns < _FEWEST_STEADY:
         raise UsageError(
-            f"{turns} steady revolutions beside the obstacles of channel {log.channel}; {_FEWEST_STEADY} or more are needed to know what "
+            f"{turns} steady revolutions beside the obstacles of channel {log.channel}; "
+            f"{_FEWEST_STEADY} or more are needed to know what "
             f"the obstacle adds; give a log that rolls on before or after it",
             file=log.log,
         )
@@ -161,9 +182,13 @@ def _with_steady(log: TransientLog) -> TransientLog:
 
 
 def around(log: TransientLog, time_s: float) -> TransientLog:
-    """The log with the calm samples nearest to a time alone, and their T: what speed and torque are there, the steady waveform knows."""
+    """The log with the calm samples nearest to a time alone, and their T: what speed and torque are
+    there, the steady waveform knows.
+    """
     calm = np.flatnonzero(log.calm)
-    nearest = np.argsort(np.abs(log.time_s[calm] - time_s), kind="stable")[: round(_STEADY_S * log.rate_Hz)]
+    nearest = np.argsort(np.abs(log.time_s[calm] - time_s), kind="stable")[
+        : round(_STEADY_S * log.rate_Hz)
+    ]
     near = np.zeros(log.time_s.size, bool)
     near[calm[nearest]] = True
     return _with_steady(replace(log, calm=near))
@@ -181,7 +206,9 @@ def _smooth_wheel(log: TransientLog, hits_s: FloatArray, turn_s: float) -> Wheel
     """The wheel's angle through the passages that no hit disturbs."""
     kept = np.ones(log.passages_s.size, bool)
     for hit in hits_s:
-        kept &= (log.passages_s < hit + DISTURBED[0] * turn_s) | (log.passages_s > hit + DISTURBED[1] * turn_s)
+        kept &= (log.passages_s < hit + DISTURBED[0] * turn_s) | (
+            log.passages_s > hit + DISTURBED[1] * turn_s
+        )
     if kept.sum() < _FEWEST_STEADY:
         return log.wheel
     times = log.passages_s[kept]
@@ -189,7 +216,9 @@ def _smooth_wheel(log: TransientLog, hits_s: FloatArray, turn_s: float) -> Wheel
 
 
 def _hits(log: TransientLog) -> FloatArray:
-    """Rough times of the hits: what the setup says, else where the samples leave the steady waveform."""
+    """Rough times of the hits: what the setup says, else where the samples leave the steady
+    waveform.
+    """
     road, found = log.road, np.zeros(0)
     if road.time_s is not None:
         found = np.array([road.time_s])
@@ -206,26 +235,35 @@ def _hits(log: TransientLog) -> FloatArray:
         found = found[0] + period * np.arange(np.floor((log.time_s[-1] - found[0]) / period) + 1)
         # the way driven is known to a percent: what stands out nearby tells better
         seen = _outbursts(log)
-        nearest = seen[np.argmin(np.abs(seen[None, :] - found[:, None]), axis=1)] if seen.size else found
+        nearest = (
+            seen[np.argmin(np.abs(seen[None, :] - found[:, None]), axis=1)] if seen.size else found
+        )
         found = np.where(np.abs(nearest - found) < np.pi / log.spin_rad_s, nearest, found)
     found = found[(found > log.time_s[0] + _ROOM_S) & (found < log.time_s[-1] - _ROOM_S)]
     if not found.size:
         raise UsageError(
-            f"no obstacle in channel {log.channel} where the setup's [road] says {road.kind}; one that stands out of the steady "
+            f"no obstacle in channel {log.channel} where the setup's [road] says {road.kind}; "
+            "one that stands out of the steady "
             f"revolutions is needed; give time_s or position_m, or leave [road] out",
             file=log.log,
         )
-    return found[np.unique(np.linspace(0, found.size - 1, min(found.size, _MOST_HITS)).round().astype(int))]
+    return found[
+        np.unique(np.linspace(0, found.size - 1, min(found.size, _MOST_HITS)).round().astype(int))
+    ]
 
 
 def _outbursts(log: TransientLog) -> FloatArray:
-    """Times at which the mean square of what is off the steady waveform begins to stand out, strongest stretches, in order."""
+    """Times at which the mean square of what is off the steady waveform begins to stand out,
+    strongest stretches, in order.
+    """
     width = max(round(_SMOOTH_S * log.rate_Hz), 3)
     power = uniform_filter1d(log.off() ** 2, width)
     # where the sensor passes the patch more is off, also when nothing happens
     phase = (split_turns(log.wheel.theta(log.time_s))[1] + np.pi) * (64 / (2.0 * np.pi))
     bins = phase.astype(np.int64) % 64
-    usual = np.array([np.median(power[bins == b]) if np.any(bins == b) else np.inf for b in range(64)])
+    usual = np.array(
+        [np.median(power[bins == b]) if np.any(bins == b) else np.inf for b in range(64)]
+    )
     above = power / np.maximum(usual, np.median(usual) * 0.1)[bins]
     times: list[float] = []
     quiet_until = -np.inf

@@ -1,7 +1,8 @@
 """Brush friction with adhesion and slip on a parabolic pressure (P2 3, (13)-(18), with the errata).
 
-tau = sigma C_x (xi + L) up to f_s p at x_s = L (1 - 2 |sigma|), then sign(sigma) f_d p to the exit edge; braking > 0, towards the exit.
-C_x = 2 gamma L f_s (17).  On the beam the traction acts as a couple with the lever h: p_fri = h d tau / d xi, with the jump of tau at x_s.
+tau = sigma C_x (xi + L) up to f_s p at x_s = L (1 - 2 |sigma|), then sign(sigma) f_d p to the exit
+edge; braking > 0, towards the exit. C_x = 2 gamma L f_s (17). On the beam the traction acts as a
+couple with the lever h: p_fri = h d tau / d xi, with the jump of tau at x_s.
 """
 
 from __future__ import annotations
@@ -15,18 +16,24 @@ STATIC_FRICTION = 0.8
 SLIDING_FRICTION = 0.6
 
 
-def slip_stiffness(load_N: FloatArray, half_length_m: FloatArray, static_friction: float = STATIC_FRICTION) -> FloatArray:
+def slip_stiffness(
+    load_N: FloatArray, half_length_m: FloatArray, static_friction: float = STATIC_FRICTION
+) -> FloatArray:
     """C_x [N/m^2] by P2 (17)."""
     gamma = 0.75 * load_N / half_length_m**3
     return 2.0 * gamma * half_length_m * static_friction
 
 
 def transition(slip: FloatArray, half_length_m: FloatArray) -> FloatArray:
-    """x_s [m], where adhesion ends and slip begins, P2 (15) with (17): L (1 - 2 |sigma|), not below -L."""
+    """x_s [m], where adhesion ends and slip begins, P2 (15) with (17): L (1 - 2 |sigma|), not below
+    -L.
+    """
     return half_length_m * np.maximum(1.0 - 2.0 * np.abs(slip), -1.0)
 
 
-def traction(xi_m: FloatArray, load_N: FloatArray, half_length_m: FloatArray, slip: FloatArray) -> FloatArray:
+def traction(
+    xi_m: FloatArray, load_N: FloatArray, half_length_m: FloatArray, slip: FloatArray
+) -> FloatArray:
     """tau(xi) [N/m], positive in braking; P2 (13)."""
     gamma = 0.75 * load_N / half_length_m**3
     stick = slip * slip_stiffness(load_N, half_length_m) * (xi_m + half_length_m)
@@ -35,16 +42,21 @@ def traction(xi_m: FloatArray, load_N: FloatArray, half_length_m: FloatArray, sl
     return np.where(np.abs(xi_m) < half_length_m, tau, 0.0)
 
 
-def traction_modes(load_N: FloatArray, half_length_m: FloatArray, slip: FloatArray, radius_m: float) -> ComplexArray:
+def traction_modes(
+    load_N: FloatArray, half_length_m: FloatArray, slip: FloatArray, radius_m: float
+) -> ComplexArray:
     """Fourier coefficients of tau(xi) [N/m], columns (n, 1) to (n, K); closed form."""
     L, x_s = half_length_m, transition(slip, half_length_m)
     gamma = 0.75 * load_N / L**3
     stick, slide = slip * slip_stiffness(load_N, L), np.sign(slip) * SLIDING_FRICTION * gamma
     q = np.arange(1, MODES) / radius_m
     a, b, c = (powers(-x / radius_m)[:, 1:] for x in (-L, x_s, L))
-    # int f exp(-i q xi) = exp(-i q xi) (i f / q + f' / q^2 - i f'' / q^3), at the ends of each piece
+    # int f exp(-i q xi) = exp(-i q xi) (i f / q + f' / q^2 - i f'' / q^3), at the ends of each
+    # piece
     adhesion = b * (1j * (x_s + L) / q + 1.0 / q**2) - a / q**2
-    sliding = c * (-2.0 * L / q**2 + 2j / q**3) - b * (1j * (L**2 - x_s**2) / q - 2.0 * x_s / q**2 + 2j / q**3)
+    sliding = c * (-2.0 * L / q**2 + 2j / q**3) - b * (
+        1j * (L**2 - x_s**2) / q - 2.0 * x_s / q**2 + 2j / q**3
+    )
     modes = np.empty((b.shape[0] if b.shape[0] > 1 else a.shape[0], MODES), dtype=np.complex128)
     modes[:, :1] = 0.5 * stick * (x_s + L) ** 2 + slide * (L**2 * (L - x_s) - (L**3 - x_s**3) / 3.0)
     modes[:, 1:] = stick * adhesion + slide * sliding

@@ -12,8 +12,9 @@ from tirelog.errors import ModelError
 class Parameter:
     """One number of a model.
 
-    `value` in `unit`, allowed within [min, max]; `free` says whether a fit moves it; `probe` is a typical size (not zero), used for
-    steps, for plots and as a second start; `se` the standard error of the last fit.
+    `value` in `unit`, allowed within [min, max]; `free` says whether a fit moves it; `probe` is a
+    typical size (not zero), used for steps, for plots and as a second start; `se` the standard
+    error of the last fit.
     """
 
     name: str
@@ -27,7 +28,9 @@ class Parameter:
     se: float | None = None
 
     def at(self, value: float, *, se: float | None = None) -> Parameter:
-        """The same parameter with another value; ModelError where it is not a number within the bounds."""
+        """The same parameter with another value; ModelError where it is not a number within the
+        bounds.
+        """
         return replace(self, value=float(value), se=se).checked()
 
     def within(self, minimum: float, maximum: float) -> Parameter:
@@ -43,12 +46,14 @@ class Parameter:
         label = label or self.name
         if not (self.min < self.max and all(map(math.isfinite, (self.value, self.min, self.max)))):
             raise ModelError(
-                f"{label}: value {self.value:g}, bounds [{self.min:g}, {self.max:g}] are no number in an interval; "
+                f"{label}: value {self.value:g}, bounds [{self.min:g}, {self.max:g}] are no "
+                "number in an interval; "
                 f"finite numbers with min < max are allowed; correct the parameter"
             )
         if not self.min <= self.value <= self.max:
             raise ModelError(
-                f"{label} = {self.value:g} {self.unit} lies outside its bounds; allowed is [{self.min:g}, {self.max:g}]; "
+                f"{label} = {self.value:g} {self.unit} lies outside its bounds; "
+                f"allowed is [{self.min:g}, {self.max:g}]; "
                 f"change the value or give wider min and max"
             )
         return self

@@ -1,7 +1,8 @@
 """Fourier coefficients of the shapes that a contact pressure is made of.
 
-Every function returns P_n = (1 / C) int p(xi) exp(-i q_n xi) d xi, shape (n, K) from columns of shape (n, 1), in closed form: sampling the
-parabola on a grid would miss its slope jump at the edges by 1e-4.  C = 2 pi R.  P_0 C is the force.
+Every function returns P_n = (1 / C) int p(xi) exp(-i q_n xi) d xi, shape (n, K) from columns of
+shape (n, 1), in closed form: sampling the parabola on a grid would miss its slope jump at the edges
+by 1e-4. C = 2 pi R. P_0 C is the force.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ _N = np.arange(1, MODES, dtype=np.float64)
 
 
 def parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: float) -> FloatArray:
-    """P2 (12): p = gamma (L^2 - xi^2), gamma = 3 F / (4 L^3); an even function has real coefficients."""
+    """P2 (12): p = gamma (L^2 - xi^2), gamma = 3 F / (4 L^3); an even function has real
+    coefficients.
+    """
     x = half_length_m / radius_m * _N
     turn = powers(half_length_m / radius_m)[:, 1:]
     shape = np.empty((x.shape[0], MODES))
@@ -33,14 +36,18 @@ def tilted_parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: flo
     return (load_N / (2.0 * np.pi * radius_m)) * shape
 
 
-def bell(height: FloatArray, centre_m: FloatArray, width_m: FloatArray, radius_m: float) -> ComplexArray:
+def bell(
+    height: FloatArray, centre_m: FloatArray, width_m: FloatArray, radius_m: float
+) -> ComplexArray:
     """height exp(-((xi - centre) / width)^2 / 2)."""
     q = np.arange(MODES) / radius_m
     size = height * width_m * (np.sqrt(2.0 * np.pi) / (2.0 * np.pi * radius_m))
     return (size * np.exp(-0.5 * (q * width_m) ** 2)) * powers(-centre_m / radius_m)
 
 
-def wedge(height: FloatArray, edge_m: FloatArray, length_m: FloatArray, radius_m: float) -> ComplexArray:
+def wedge(
+    height: FloatArray, edge_m: FloatArray, length_m: FloatArray, radius_m: float
+) -> ComplexArray:
     """height u exp(1 - u) ahead of the edge: u = (edge - xi) / length > 0."""
     q = np.arange(MODES) / radius_m
     size = height * length_m * (np.e / (2.0 * np.pi * radius_m))

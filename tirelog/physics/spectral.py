@@ -1,8 +1,10 @@
-"""Fourier tools on the tread's circumference: powers, and the evaluation of a waveform at the angles asked.
+"""Fourier tools on the tread's circumference: powers, and the evaluation of a waveform at the
+angles asked.
 
-A waveform f(phi) over one revolution stands as its coefficients c_n, n = 0 ... K-1, shape (..., K), with
-f(phi) = Re[ c_0 + 2 sum c_n exp(i n phi) ].  Strain has c_n ~ n^-4 (the parabola's slope jumps at +-L), so K = 1024 leaves 2e-7
-of the largest strain at the edges of the patch; a grid of 3072 points with local cubic interpolation adds 4e-7 there.
+A waveform f(phi) over one revolution stands as its coefficients c_n, n = 0 ... K-1, shape (..., K),
+with f(phi) = Re[ c_0 + 2 sum c_n exp(i n phi) ]. Strain has c_n ~ n^-4 (the parabola's slope jumps
+at +-L), so K = 1024 leaves 2e-7 of the largest strain at the edges of the patch; a grid of 3072
+points with local cubic interpolation adds 4e-7 there.
 """
 
 from __future__ import annotations
@@ -60,8 +62,9 @@ def to_modes(values: FloatArray) -> ComplexArray:
 class Angles:
     """The angles at which waveforms are wanted, with their interpolation weights made once.
 
-    `phi_rad` (m,) for all revolutions or (n, m), NaN allowed; `phi_variance` of a shape that broadcasts with it [rad^2] adds f''/2 times
-    it: the mean over a bin of samples with that variance.
+    `phi_rad` (m,) for all revolutions or (n, m), NaN allowed; `phi_variance` of a shape that
+    broadcasts with it [rad^2] adds f''/2 times it: the mean over a bin of samples with that
+    variance.
     """
 
     def __init__(self, phi_rad: FloatArray, phi_variance: FloatArray | None = None) -> None:
@@ -70,7 +73,8 @@ class Angles:
         floor = np.floor(position)
         t = position - floor
         u = 1.0 - t
-        # cubic through four points: the chord, less the curvature that runs linearly from the first to the second
+        # cubic through four points: the chord, less the curvature that runs linearly from the first
+        # to the second
         bend = [-t * u * (1.0 + u) / 6.0, -t * u * (1.0 + t) / 6.0]
         if phi_variance is not None:
             spread = np.atleast_2d(phi_variance) * (0.5 / STEP**2)

@@ -1,4 +1,6 @@
-"""The picture of `compare`: waveforms with the floor's band, and the residual over angle x speed and angle x time, whitened too."""
+"""The picture of `compare`: waveforms with the floor's band, and the residual over angle x speed
+and angle x time, whitened too.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ if TYPE_CHECKING:
     from tirelog.diagnosis.results import Comparison, Map
 
 _SHOWN = {"strain": (1e6, "microstrain")}
-#: the map's colours end at this quantile of the residual, and whitened ones at so many standard errors
+#: the map's colours end at this quantile of the residual, and whitened ones at so many standard
+#: errors
 _QUANTILE = 99.5
 _SIGMAS = 5.0
 
@@ -26,13 +29,28 @@ def figure(result: Comparison) -> Any:
     canvas = Figure(figsize=(12.0, 9.5), layout="constrained")
     grid = canvas.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 1.0))
     _waveforms(canvas.add_subplot(grid[0, :]), result, factor, unit)
-    for row, (kind, label) in enumerate((("residual", f"residual [{unit}]"), ("whitened", "residual [standard errors]")), start=1):
-        for column, (map_, name) in enumerate(((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]"))):
+    for row, (kind, label) in enumerate(
+        (("residual", f"residual [{unit}]"), ("whitened", "residual [standard errors]")), start=1
+    ):
+        for column, (map_, name) in enumerate(
+            ((result.by_speed, "speed [m/s]"), (result.by_time, "time [s]"))
+        ):
             axes = canvas.add_subplot(grid[row, column])
-            _map(canvas, axes, map_, kind, factor if kind == "residual" else 1.0, label, name, result.half_angle_rad)
+            _map(
+                canvas,
+                axes,
+                map_,
+                kind,
+                factor if kind == "residual" else 1.0,
+                label,
+                name,
+                result.half_angle_rad,
+            )
     canvas.suptitle(
-        f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor {result.noise_floor * factor:.3g}, "
-        f"excess {in_unit(result.excess_heldout, factor)}; reduced chi-square {result.reduced_chi2:.3g}"
+        f"held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor "
+        f"{result.noise_floor * factor:.3g}, "
+        f"excess {in_unit(result.excess_heldout, factor)}; reduced chi-square "
+        f"{result.reduced_chi2:.3g}"
     )
     return canvas
 
@@ -52,28 +70,55 @@ def _waveforms(axes: Any, result: Comparison, factor: float, unit: str) -> None:
         band = waves.floor[i] * factor
         (line,) = axes.plot(phi, waves.predicted[i] * factor, lw=1.2, label=f"model, {label}")
         axes.fill_between(
-            phi, waves.predicted[i] * factor - 2 * band, waves.predicted[i] * factor + 2 * band, color=line.get_color(), alpha=0.2, lw=0
+            phi,
+            waves.predicted[i] * factor - 2 * band,
+            waves.predicted[i] * factor + 2 * band,
+            color=line.get_color(),
+            alpha=0.2,
+            lw=0,
         )
         axes.plot(phi, waves.measured[i] * factor, ".", ms=2.5, color=line.get_color())
     _edges(axes, result.half_angle_rad)
-    axes.set(xlabel="angle from the patch centre [deg], entry to exit", ylabel=f"{result.observable} [{unit}]")
+    axes.set(
+        xlabel="angle from the patch centre [deg], entry to exit",
+        ylabel=f"{result.observable} [{unit}]",
+    )
     if result.half_angle_rad > 0:
         reach = np.rad2deg(6.0 * result.half_angle_rad)
         axes.set_xlim(-reach, reach)
-    axes.set_title("dots measured (means of like revolutions), lines predicted, band two noise floors", fontsize=9)
+    axes.set_title(
+        "dots measured (means of like revolutions), lines predicted, band two noise floors",
+        fontsize=9,
+    )
     axes.legend(fontsize=7)
 
 
-def _map(canvas: Any, axes: Any, map_: Map, kind: str, factor: float, label: str, name: str, edge: float) -> None:
+def _map(
+    canvas: Any, axes: Any, map_: Map, kind: str, factor: float, label: str, name: str, edge: float
+) -> None:
     values = getattr(map_, kind) * factor
     known = np.abs(values[np.isfinite(values)])
-    limit = _SIGMAS if kind == "whitened" else (float(np.percentile(known, _QUANTILE)) if known.size else 1.0)
+    limit = (
+        _SIGMAS
+        if kind == "whitened"
+        else (float(np.percentile(known, _QUANTILE)) if known.size else 1.0)
+    )
     shading = "nearest" if map_.axis.size > 1 and map_.phi_rad.size > 1 else "flat"
     if shading == "flat":
-        axes.plot(np.rad2deg(map_.phi_rad) if map_.phi_rad.size > 1 else map_.axis, np.ravel(values), ".")
+        axes.plot(
+            np.rad2deg(map_.phi_rad) if map_.phi_rad.size > 1 else map_.axis, np.ravel(values), "."
+        )
         axes.set(xlabel=name if map_.phi_rad.size == 1 else "angle [deg]", ylabel=label)
         return
-    mesh = axes.pcolormesh(np.rad2deg(map_.phi_rad), map_.axis, values, cmap="RdBu_r", vmin=-limit, vmax=limit, shading=shading)
+    mesh = axes.pcolormesh(
+        np.rad2deg(map_.phi_rad),
+        map_.axis,
+        values,
+        cmap="RdBu_r",
+        vmin=-limit,
+        vmax=limit,
+        shading=shading,
+    )
     canvas.colorbar(mesh, ax=axes, label=label)
     _edges(axes, edge)
     axes.set(xlabel="angle [deg]", ylabel=name)

@@ -1,10 +1,12 @@
 """The footprint of whatever logs a command has worked on, as one page (P2 Figs. 17 to 22).
 
-    Recording and FootprintOfChannel of each channel --while the log is open--> Sketch --all of them--> PNG, SVG or PDF
+    Recording and FootprintOfChannel of each channel --while the log is open--> Sketch --all of
+    them--> PNG, SVG or PDF
 
-Left: strain and speed over time of the first channel (Figs. 17, 20), contact lengths over time and speed of all.  Right: one passage, free
-rolling if there is one, and the one with the clearest slip onset: strain, first and second derivative along the tread, raw and low-passed,
-edges by each method (Figs. 18, 19, 21).
+Left: strain and speed over time of the first channel (Figs. 17, 20), contact lengths over time and
+speed of all. Right: one passage, free rolling if there is one, and the one with the clearest slip
+onset: strain, first and second derivative along the tread, raw and low-passed, edges by each method
+(Figs. 18, 19, 21).
 """
 
 from __future__ import annotations
@@ -44,7 +46,9 @@ MOST, WINDOW = 8, 2.2
 
 @dataclass(frozen=True)
 class Sketch:
-    """What the page needs of one channel, read while its log is open: `signal` decimated; `shown`: (row, title, window) of the passages."""
+    """What the page needs of one channel, read while its log is open: `signal` decimated; `shown`:
+    (row, title, window) of the passages.
+    """
 
     recording: Recording
     found: FootprintOfChannel
@@ -57,7 +61,16 @@ class Sketch:
         shown = []
         for row, title in _passages(found):
             window = next(
-                iter(gather_windows(found.channel, found.passages.sign, found.passages.index, _reach(found, row), np.array([row]))), None
+                iter(
+                    gather_windows(
+                        found.channel,
+                        found.passages.sign,
+                        found.passages.index,
+                        _reach(found, row),
+                        np.array([row]),
+                    )
+                ),
+                None,
             )
             if window is not None:
                 shown.append((row, title, window))
@@ -70,7 +83,9 @@ def footprint_picture(sketches: Sequence[Sketch], path: Path) -> None:
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     shown = first.shown
     figure = page(13.5 if len(shown) < 2 else 17.0, 10.5)
-    left, right = np.asarray(figure.subfigures(1, 2, width_ratios=[1.0, 0.8 * max(len(shown), 1)])).ravel()
+    left, right = np.asarray(
+        figure.subfigures(1, 2, width_ratios=[1.0, 0.8 * max(len(shown), 1)])
+    ).ravel()
     strain, speed, lengths, by_speed = left.subplots(4, 1, height_ratios=[1.0, 0.7, 1.0, 1.0])
     _drive(strain, speed, first)
     _lengths(lengths, by_speed, kept)
@@ -86,19 +101,41 @@ def _drive(strain: Axes, speed: Axes, sketch: Sketch) -> None:
     """Strain and speed over time (P2 Figs. 17, 20)."""
     recording, found = sketch.recording, sketch.found
     draw_signal(strain, sketch.signal)
-    label(strain, "", "strain [µε]", f"{Path(recording.log).name}: {found.channel.name} ({found.channel.surface} surface)")
-    speed.plot(found.passages.time_s, found.passages.speed_m_s, ".-", color=COLOURS[0], ms=2, lw=0.8)
+    label(
+        strain,
+        "",
+        "strain [µε]",
+        f"{Path(recording.log).name}: {found.channel.name} ({found.channel.surface} surface)",
+    )
+    speed.plot(
+        found.passages.time_s, found.passages.speed_m_s, ".-", color=COLOURS[0], ms=2, lw=0.8
+    )
     label(speed, "", "speed [m/s]")
 
 
-def _lengths(over_time: Axes, over_speed: Axes, kept: Sequence[tuple[Recording, FootprintOfChannel]]) -> None:
-    """Contact lengths by the three methods over time and speed, each channel in its colour, and the static footprint."""
+def _lengths(
+    over_time: Axes, over_speed: Axes, kept: Sequence[tuple[Recording, FootprintOfChannel]]
+) -> None:
+    """Contact lengths by the three methods over time and speed, each channel in its colour, and the
+    static footprint.
+    """
     values = []
     for number, (_, found) in enumerate(kept[:MOST]):
         f, p = found.footprint, found.passages
         for axes, x in ((over_time, p.time_s), (over_speed, p.speed_m_s)):
-            for length, marker, alpha in ((f.length_d2_m, "^", 0.25), (f.length_d1_m, "v", 0.25), (f.length_m, ".", 0.9)):
-                axes.plot(x, 1e3 * length, marker, color=COLOURS[number % len(COLOURS)], ms=4 if marker == "." else 2.5, alpha=alpha)
+            for length, marker, alpha in (
+                (f.length_d2_m, "^", 0.25),
+                (f.length_d1_m, "v", 0.25),
+                (f.length_m, ".", 0.9),
+            ):
+                axes.plot(
+                    x,
+                    1e3 * length,
+                    marker,
+                    color=COLOURS[number % len(COLOURS)],
+                    ms=4 if marker == "." else 2.5,
+                    alpha=alpha,
+                )
         values += [1e3 * f.length_m, 1e3 * f.length_d2_m, 1e3 * f.length_d1_m]
         onset = np.isfinite(f.slip.onset_m)
         over_time.plot(p.time_s[onset], 1e3 * f.length_m[onset], "o", mfc="none", mec=MARK, ms=6)
@@ -106,7 +143,9 @@ def _lengths(over_time: Axes, over_speed: Axes, kept: Sequence[tuple[Recording, 
     statics = {recording.setup.tire.static_footprint_length_m for recording, _ in kept} - {None}
     for static in statics:
         for axes in (over_time, over_speed):
-            axes.axhline(1e3 * static, color="black", ls=":", lw=1.2, label=f"static {1e3 * static:.0f} mm")
+            axes.axhline(
+                1e3 * static, color="black", ls=":", lw=1.2, label=f"static {1e3 * static:.0f} mm"
+            )
         limits = min(limits[0], 0.97e3 * static), max(limits[1], 1.03e3 * static)
     for axes, marker, text in (
         (over_time, ".", "best estimate"),
@@ -117,7 +156,11 @@ def _lengths(over_time: Axes, over_speed: Axes, kept: Sequence[tuple[Recording, 
     if any(np.isfinite(found.footprint.slip.onset_m).any() for _, found in kept):
         over_time.plot([], [], "o", mfc="none", mec=MARK, label="slip onset seen")
     for number, (recording, found) in enumerate(kept[:MOST]):
-        name = found.channel.name if len(kept) == 1 else f"{Path(recording.log).name}: {found.channel.name}"
+        name = (
+            found.channel.name
+            if len(kept) == 1
+            else f"{Path(recording.log).name}: {found.channel.name}"
+        )
         over_speed.plot([], [], "s", color=COLOURS[number % len(COLOURS)], label=name)
     over_time.legend(fontsize=6.5, ncols=3, loc="upper center")
     over_speed.legend(fontsize=7, ncols=3, loc="upper center")
@@ -127,13 +170,19 @@ def _lengths(over_time: Axes, over_speed: Axes, kept: Sequence[tuple[Recording, 
 
 
 def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
-    """Rows worth a look: a clean one of free rolling, well sampled; and the one with the surest slip onset."""
+    """Rows worth a look: a clean one of free rolling, well sampled; and the one with the surest
+    slip onset.
+    """
     f, p = found.footprint, found.passages
     if not len(p):
         return []
     clean = np.array([not words for words in f.quality]) & np.isfinite(f.length_m)
     some = np.flatnonzero(clean) if clean.any() else np.arange(len(p))
-    free = some[np.argsort(np.abs(np.nan_to_num(p.acceleration_m_s2[some])), kind="stable")[: max(some.size // 3, 1)]]
+    free = some[
+        np.argsort(np.abs(np.nan_to_num(p.acceleration_m_s2[some])), kind="stable")[
+            : max(some.size // 3, 1)
+        ]
+    ]
     row = int(free[np.argsort(p.speed_m_s[free], kind="stable")[free.size // 4]])
     chosen = [(row, "passage")]
     onset = np.flatnonzero(np.isfinite(f.slip.onset_m) & clean)
@@ -147,12 +196,16 @@ def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
 def _reach(found: FootprintOfChannel, row: int) -> FloatArray:
     """Half window [samples] that shows passage `row`, for every passage."""
     length, rate = _length(found, row), found.channel.axis.rate_Hz
-    samples = 0.7 * WINDOW * length / found.passages.speed_m_s[row] * rate + 3.0 * rate / _cutoff(found, row)
+    samples = 0.7 * WINDOW * length / found.passages.speed_m_s[row] * rate + 3.0 * rate / _cutoff(
+        found, row
+    )
     return np.full(len(found.passages), samples)
 
 
 def _length(found: FootprintOfChannel, row: int) -> float:
-    return float(found.footprint.length_m[row]) if np.isfinite(found.footprint.length_m[row]) else 0.1
+    return (
+        float(found.footprint.length_m[row]) if np.isfinite(found.footprint.length_m[row]) else 0.1
+    )
 
 
 def _cutoff(found: FootprintOfChannel, row: int) -> float:
@@ -160,8 +213,12 @@ def _cutoff(found: FootprintOfChannel, row: int) -> float:
     return float(min(asked if np.isfinite(asked) else 400.0, 0.49 * found.channel.axis.rate_Hz))
 
 
-def _passage(panels: Sequence[Axes], found: FootprintOfChannel, row: int, title: str, windows: PatchWindows) -> None:
-    """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21), raw and low-passed, with the edges."""
+def _passage(
+    panels: Sequence[Axes], found: FootprintOfChannel, row: int, title: str, windows: PatchWindows
+) -> None:
+    """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21), raw and low-passed, with
+    the edges.
+    """
     p = found.passages
     speed, acceleration = p.speed_m_s[[row]], np.nan_to_num(p.acceleration_m_s2[[row]])
     length, cutoff = _length(found, row), np.array([_cutoff(found, row)])
@@ -171,18 +228,41 @@ def _passage(panels: Sequence[Axes], found: FootprintOfChannel, row: int, title:
     ends = [float(part.mean()) if part.size else 0.0 for part in (known[:edge], known[-edge:])]
     panes = []
     for cut, upsample in ((np.array([1e9]), 1), (cutoff, 4)):
-        tread = along_tread(windows.values, windows.rate_Hz, windows.centre, speed, acceleration, cut, upsample)
+        tread = along_tread(
+            windows.values, windows.rate_Hz, windows.centre, speed, acceleration, cut, upsample
+        )
         strain = lowpassed(windows.values, windows.rate_Hz, cut, upsample)[0]
-        panes.append((1e3 * tread.xi_m[0], (strain + np.linspace(ends[0], ends[1], strain.size), tread.first[0], tread.second[0])))
+        panes.append(
+            (
+                1e3 * tread.xi_m[0],
+                (
+                    strain + np.linspace(ends[0], ends[1], strain.size),
+                    tread.first[0],
+                    tread.second[0],
+                ),
+            )
+        )
     units = (("strain [µε]", MICRO), ("d/dξ [µε/mm]", 1e3), ("d²/dξ² [µε/mm²]", 1.0))
     for number, (axes, (text, scale)) in enumerate(zip(panels, units, strict=True)):
-        for (xi, curves), colour, width, style in ((panes[0], RAW, 0.8, ".-"), (panes[1], COLOURS[0], 1.4, "-")):
+        for (xi, curves), colour, width, style in (
+            (panes[0], RAW, 0.8, ".-"),
+            (panes[1], COLOURS[0], 1.4, "-"),
+        ):
             axes.plot(xi, upward * scale * curves[number], style, color=colour, lw=width, ms=3)
         _edges(axes, found, row)
         xi, curves = panes[1]
         shown = upward * scale * curves[number][np.abs(xi) < 1e3 * WINDOW * 0.5 * length]
-        label(axes, "", text, xlim=(-1e3 * WINDOW * 0.5 * length, 1e3 * WINDOW * 0.5 * length), ylim=robust_range(shown, share=0.0))
-    speed_text = f"{p.time_s[row]:.2f} s, {speed[0]:.1f} m/s, {acceleration[0]:+.1f} m/s², low-pass {cutoff[0]:.0f} Hz"
+        label(
+            axes,
+            "",
+            text,
+            xlim=(-1e3 * WINDOW * 0.5 * length, 1e3 * WINDOW * 0.5 * length),
+            ylim=robust_range(shown, share=0.0),
+        )
+    speed_text = (
+        f"{p.time_s[row]:.2f} s, {speed[0]:.1f} m/s, {acceleration[0]:+.1f} m/s², low-pass "
+        f"{cutoff[0]:.0f} Hz"
+    )
     panels[0].set_title(f"{title}: {speed_text}", loc="left", fontsize=9)
     panels[2].set_xlabel("ξ from the patch centre [mm]   (entry − … exit +)")
     panels[0].legend(fontsize=7, loc="lower right")
@@ -193,12 +273,28 @@ def _edges(axes: Axes, found: FootprintOfChannel, row: int) -> None:
     f = found.footprint
     middle, half = f.fits.shift_m[row], 0.5 * f.length_m[row]
     for number, place in enumerate((middle - half, middle + half)):
-        axes.axvline(1e3 * place, color=EDGE, lw=1.3, label="edges, best estimate" if number == 0 else None)
+        axes.axvline(
+            1e3 * place, color=EDGE, lw=1.3, label="edges, best estimate" if number == 0 else None
+        )
     for number, place in enumerate((f.d2_entry_m[row], f.d2_exit_m[row])):
-        axes.axvline(1e3 * place, color="black", lw=0.9, ls="--", label="by the 2nd derivative" if number == 0 else None)
+        axes.axvline(
+            1e3 * place,
+            color="black",
+            lw=0.9,
+            ls="--",
+            label="by the 2nd derivative" if number == 0 else None,
+        )
     half = 0.5 * f.length_d1_m[row]
     for number, place in enumerate((middle - half, middle + half)):
-        axes.axvline(1e3 * place, color="black", lw=0.9, ls=":", label="by the 1st derivative" if number == 0 else None)
+        axes.axvline(
+            1e3 * place,
+            color="black",
+            lw=0.9,
+            ls=":",
+            label="by the 1st derivative" if number == 0 else None,
+        )
     if np.isfinite(f.slip.onset_m[row]):
         onset = 1e3 * (middle + f.slip.onset_m[row])
-        axes.axvline(onset, color=MARK, lw=1.5, label=f"slip onset {1e3 * f.slip.onset_m[row]:.1f} mm")
+        axes.axvline(
+            onset, color=MARK, lw=1.5, label=f"slip onset {1e3 * f.slip.onset_m[row]:.1f} mm"
+        )

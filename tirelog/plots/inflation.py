@@ -1,4 +1,5 @@
-"""Static tests as one page (P2 Figs. 15, 16): strain over time with its ramps and stops, and over the inflation pressure.
+"""Static tests as one page (P2 Figs. 15, 16): strain over time with its ramps and stops, and over
+the inflation pressure.
 
 Recording and InflationOfChannel of each channel --> PNG, SVG or PDF
 """
@@ -22,19 +23,40 @@ def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path
     for (over_time, over_pressure), (recording, found) in zip(panels, kept, strict=True):
         s, test = found.series, found.inflation
         over_time.plot(s.time_s, MICRO * (s.strain - s.strain[0]), color=COLOURS[0], lw=1.4)
-        for stretch, start, duration, leak in zip(test.stretch, test.time_s, test.duration_s, test.leak, strict=True):
+        for stretch, start, duration, leak in zip(
+            test.stretch, test.time_s, test.duration_s, test.leak, strict=True
+        ):
             if stretch == "stop":
                 lost = np.nan_to_num(leak) != 0
-                over_time.axvspan(start, start + duration, color=EDGE if lost else "#999999", alpha=0.2, lw=0)
+                over_time.axvspan(
+                    start, start + duration, color=EDGE if lost else "#999999", alpha=0.2, lw=0
+                )
                 if lost:
-                    over_time.annotate(f"−{MICRO * abs(leak):.1f} µε", (start, 0.04), xycoords=("data", "axes fraction"), fontsize=8)
-        label(over_time, "time [s]", "strain since the start [µε]", f"{Path(recording.log).name}: {found.channel.name}; stops shaded")
+                    over_time.annotate(
+                        f"−{MICRO * abs(leak):.1f} µε",
+                        (start, 0.04),
+                        xycoords=("data", "axes fraction"),
+                        fontsize=8,
+                    )
+        label(
+            over_time,
+            "time [s]",
+            "strain since the start [µε]",
+            f"{Path(recording.log).name}: {found.channel.name}; stops shaded",
+        )
         if np.isfinite(s.pressure_Pa).any():
             bar = 1e-5 * s.pressure_Pa
             over_pressure.plot(bar, MICRO * (s.strain - s.strain[0]), ".", color=COLOURS[0], ms=3)
             ends = np.array([np.nanmin(s.pressure_Pa), np.nanmax(s.pressure_Pa)])
-            line = s.strain.mean() - s.strain[0] + test.slope_1_Pa[0] * (ends - np.nanmean(s.pressure_Pa))
-            text = f"{1e11 * test.slope_1_Pa[0]:.1f} µε/bar, straight to {100 * test.nonlinearity[0]:.1f} %"
+            line = (
+                s.strain.mean()
+                - s.strain[0]
+                + test.slope_1_Pa[0] * (ends - np.nanmean(s.pressure_Pa))
+            )
+            text = (
+                f"{1e11 * test.slope_1_Pa[0]:.1f} µε/bar, straight to "
+                f"{100 * test.nonlinearity[0]:.1f} %"
+            )
             over_pressure.plot(1e-5 * ends, MICRO * line, color=MARK, lw=1.5, label=text)
             over_pressure.legend(fontsize=8)
         static = recording.setup.tire.static_footprint_length_m

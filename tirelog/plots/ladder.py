@@ -23,12 +23,26 @@ def figure(result: Ladder) -> Any:
     held_out = [float("nan") if s.rmse_heldout is None else s.rmse_heldout * factor for s in steps]
     axes.bar(place, held_out, width=0.6, color="tab:blue", label="held-out error")
     axes.plot(place, [s.rmse_fit * factor for s in steps], "k_", ms=22, label="error of the fit")
-    axes.step(place, [s.noise_floor * factor for s in steps], where="mid", color="tab:red", label="noise floor")
+    axes.step(
+        place,
+        [s.noise_floor * factor for s in steps],
+        where="mid",
+        color="tab:red",
+        label="noise floor",
+    )
     for x, s in zip(place, steps, strict=True):
         text = s.decision if s.p_adjusted is None else f"{s.decision}\np = {s.p_adjusted:.2g}"
-        axes.annotate(text, (x, (s.rmse_heldout or s.rmse_fit) * factor), ha="center", va="bottom", fontsize=8)
+        axes.annotate(
+            text, (x, (s.rmse_heldout or s.rmse_fit) * factor), ha="center", va="bottom", fontsize=8
+        )
     if result.rmse_untouched is not None:
-        axes.plot([place[-1]], [result.rmse_untouched * factor], "D", color="tab:green", label="manoeuvres that nothing had touched")
+        axes.plot(
+            [place[-1]],
+            [result.rmse_untouched * factor],
+            "D",
+            color="tab:green",
+            label="manoeuvres that nothing had touched",
+        )
     axes.set_xticks(place, [s.effect for s in steps])
     axes.set(ylabel=f"{result.observable} error [{unit}]")
     axes.margins(y=0.2)

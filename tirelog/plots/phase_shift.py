@@ -2,8 +2,9 @@
 
     Passages of each accelerometer, Calibration --> PNG or SVG
 
-Top: fronts in the acceleration over wheel angle (Fig. 7), maps of shift and width over speed (Fig. 9).  Below, a column for each of
-the first accelerometers: speed, shift and width over time, raw (Fig. 8), detrended (Fig. 10), corrected (Figs. 11 to 13).
+Top: fronts in the acceleration over wheel angle (Fig. 7), maps of shift and width over speed (Fig.
+9). Below, a column for each of the first accelerometers: speed, shift and width over time, raw
+(Fig. 8), detrended (Fig. 10), corrected (Figs. 11 to 13).
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ def plot_phase_shift(logs: Sequence[Passages], calibration: Calibration | None, 
     if shown:
         panels = bottom.subplots(3, columns, sharex="col", squeeze=False)
         for column, passages in enumerate(shown):
-            _times(panels[:, column], passages, clean(passages, calibration) if calibration else None)
+            _times(
+                panels[:, column], passages, clean(passages, calibration) if calibration else None
+            )
     with whole_file(path) as target:
         figure.savefig(target, format=path.suffix.lstrip(".").lower() or "png", dpi=110)
 
@@ -48,10 +51,22 @@ def _fronts(axes: Axes, logs: Sequence[Passages]) -> None:
         if not p.example.size:
             continue
         angle, level, entry, leave = p.example[0], p.example[1], p.example[2, 0], p.example[2, 1]
-        axes.plot(angle, level, ".-", lw=0.7, ms=2, color=f"C{number}", label=f"{p.channel}, {Path(p.log).name}")
+        axes.plot(
+            angle,
+            level,
+            ".-",
+            lw=0.7,
+            ms=2,
+            color=f"C{number}",
+            label=f"{p.channel}, {Path(p.log).name}",
+        )
         axes.vlines([entry, leave], -0.5, 1.5, colors=f"C{number}", linestyles="dashed", lw=1)
     axes.axhline(0.5, color="0.8", lw=0.8)
-    axes.set(xlabel="wheel angle from the patch's middle [deg]", ylabel="acceleration / level outside [-]", title="Fronts (P4 Fig. 7)")
+    axes.set(
+        xlabel="wheel angle from the patch's middle [deg]",
+        ylabel="acceleration / level outside [-]",
+        title="Fronts (P4 Fig. 7)",
+    )
     if logs:
         axes.legend(fontsize=7, loc="lower left")  # where no front passes
 
@@ -65,10 +80,20 @@ def _map(axes: Axes, logs: Sequence[Passages], calibration: Calibration | None, 
         one = calibration.shift if what == "shift" else calibration.width
         speed = np.linspace(one.low_m_s, one.high_m_s, 200)
         change = one(speed, calibration.reference_speed_m_s)
-        axes.plot(speed, change + (calibration.patch_width_deg if what == "width" else 0.0), "k", lw=1.5, label="map")
+        axes.plot(
+            speed,
+            change + (calibration.patch_width_deg if what == "width" else 0.0),
+            "k",
+            lw=1.5,
+            label="map",
+        )
         axes.legend(fontsize=7)
     name = "phase shift" if what == "shift" else "patch width"
-    axes.set(xlabel="speed [m/s]", ylabel=f"{name} [deg]", title=f"{name.capitalize()} and speed (P4 Fig. 9)")
+    axes.set(
+        xlabel="speed [m/s]",
+        ylabel=f"{name} [deg]",
+        title=f"{name.capitalize()} and speed (P4 Fig. 9)",
+    )
 
 
 def _times(panels: Sequence[Axes], p: Passages, cleaned: Cleaned | None) -> None:
@@ -77,13 +102,32 @@ def _times(panels: Sequence[Axes], p: Passages, cleaned: Cleaned | None) -> None
     speed.plot(p.time_s, p.speed_m_s, color="k", lw=1)
     driven = {True: ", driven", False: ", undriven", None: ""}[p.driven]
     speed.set(ylabel="speed [m/s]", title=f"{Path(p.log).name}: {p.channel}{driven}")
-    detrended_shift, detrended_width = (cleaned.shift_deg, cleaned.width_deg) if cleaned is not None else (None, None)
-    for axes, raw, detrended in ((shift, p.shift_deg, detrended_shift), (width, p.width_deg, detrended_width)):
+    detrended_shift, detrended_width = (
+        (cleaned.shift_deg, cleaned.width_deg) if cleaned is not None else (None, None)
+    )
+    for axes, raw, detrended in (
+        (shift, p.shift_deg, detrended_shift),
+        (width, p.width_deg, detrended_width),
+    ):
         axes.plot(p.time_s[p.good], raw[p.good], ".", ms=3, color=RAW, label="measured (Fig. 8)")
         if detrended is not None:
-            axes.plot(p.time_s[p.good], detrended[p.good], ".", ms=3, color=DETRENDED, label="detrended (Fig. 10)")
+            axes.plot(
+                p.time_s[p.good],
+                detrended[p.good],
+                ".",
+                ms=3,
+                color=DETRENDED,
+                label="detrended (Fig. 10)",
+            )
     if cleaned is not None and np.isfinite(cleaned.corrected_deg).any():
-        shift.plot(p.time_s[p.good], cleaned.corrected_deg[p.good], ".", ms=3, color=CORRECTED, label="corrected (Figs. 11-13)")
+        shift.plot(
+            p.time_s[p.good],
+            cleaned.corrected_deg[p.good],
+            ".",
+            ms=3,
+            color=CORRECTED,
+            label="corrected (Figs. 11-13)",
+        )
     shift.axhline(0.0, color="0.8", lw=0.8, zorder=0)
     shift.set(ylabel="phase shift [deg]")
     width.set(ylabel="patch width [deg]", xlabel="time [s]")

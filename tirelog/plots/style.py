@@ -1,6 +1,8 @@
-"""What the strain pictures share: a page, its colours, long signals drawn so that no peak vanishes, and writing it whole.
+"""What the strain pictures share: a page, its colours, long signals drawn so that no peak vanishes,
+and writing it whole.
 
-matplotlib is an extra (`pip install 'tirelog[plot]'`): it is imported here, when a picture was asked for, and its absence is said in words.
+matplotlib is an extra (`pip install 'tirelog[plot]'`): it is imported here, when a picture was
+asked for, and its absence is said in words.
 """
 
 from __future__ import annotations
@@ -33,15 +35,23 @@ def page(width: float, height: float) -> Figure:
     try:
         from matplotlib.figure import Figure
     except ImportError:
-        raise UsageError("--plot needs matplotlib; allowed without it are tables; install it: pip install 'tirelog[plot]'") from None
+        raise UsageError(
+            "--plot needs matplotlib; allowed without it are tables; install it: "
+            "pip install 'tirelog[plot]'"
+        ) from None
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def write(figure: Figure, path: Path) -> None:
-    """The page as a file of its suffix's format, whole or not at all.  UsageError: not a picture's suffix."""
+    """The page as a file of its suffix's format, whole or not at all.
+
+    UsageError: not a picture's suffix.
+    """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise UsageError(f"--plot {path}: suffix {suffix!r}; allowed are {', '.join(SUFFIXES)}; rename it")
+        raise UsageError(
+            f"--plot {path}: suffix {suffix!r}; allowed are {', '.join(SUFFIXES)}; rename it"
+        )
     with whole_file(path) as target:
         figure.savefig(target, format=suffix[1:], dpi=120)
 
@@ -54,8 +64,12 @@ def label(axes: Axes, x: str, y: str, title: str = "", **limits: Any) -> None:
     axes.grid(alpha=0.25, linewidth=0.6)
 
 
-def least_and_most(channel: Channel, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Time, least and largest value of the channel in `columns` cells of equal numbers of samples: no peak is lost on the page."""
+def least_and_most(
+    channel: Channel, columns: int = COLUMNS
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Time, least and largest value of the channel in `columns` cells of equal numbers of samples:
+    no peak is lost on the page.
+    """
     size = max(-(-channel.size // columns), 1)
     times, low, high = [], [], []
     step = max(BLOCK_SAMPLES // size, 1) * size
@@ -64,19 +78,27 @@ def least_and_most(channel: Channel, columns: int = COLUMNS) -> tuple[FloatArray
         short = -values.size % size
         rows = np.pad(values, (0, short), constant_values=np.nan).reshape(-1, size)
         rows = rows[np.isfinite(rows).any(axis=1)]
-        times.append(channel.axis.at(np.asarray(start + size * (np.arange(rows.shape[0]) + 0.5), np.float64)))
+        times.append(
+            channel.axis.at(np.asarray(start + size * (np.arange(rows.shape[0]) + 0.5), np.float64))
+        )
         low.append(np.nanmin(rows, axis=1) if rows.size else np.zeros(0))
         high.append(np.nanmax(rows, axis=1) if rows.size else np.zeros(0))
     return np.concatenate(times), np.concatenate(low), np.concatenate(high)
 
 
-def draw_signal(axes: Axes, signal: tuple[FloatArray, FloatArray, FloatArray], colour: str = COLOURS[0]) -> None:
-    """The whole strain of a channel in microstrain over time; `signal` as `least_and_most` gives it."""
+def draw_signal(
+    axes: Axes, signal: tuple[FloatArray, FloatArray, FloatArray], colour: str = COLOURS[0]
+) -> None:
+    """The whole strain of a channel in microstrain over time; `signal` as `least_and_most` gives
+    it.
+    """
     time, low, high = signal
     axes.fill_between(time, MICRO * low, MICRO * high, color=colour, linewidth=0.5, alpha=0.9)
 
 
-def robust_range(*values: FloatArray, share: float = 0.01, margin: float = 0.15) -> tuple[float, float]:
+def robust_range(
+    *values: FloatArray, share: float = 0.01, margin: float = 0.15
+) -> tuple[float, float]:
     """Limits that hold all but `share` of the finite values at either end, with a margin."""
     finite = np.concatenate([v[np.isfinite(v)] for v in values] or [np.zeros(0)])
     if not finite.size:

@@ -1,4 +1,6 @@
-"""The picture of `compare` on transients: a hit a row, in time (measured, predicted, missed) and in frequency (added, missed, floor)."""
+"""The picture of `compare` on transients: a hit a row, in time (measured, predicted, missed) and in
+frequency (added, missed, floor).
+"""
 
 from __future__ import annotations
 
@@ -40,9 +42,24 @@ def _in_time(axes: Any, result: HitResult, factor: float, unit: str, *, first: b
     axes.plot(time, factor * hit.measured[at], color=COLOURS[6], lw=0.9, label="measured")
     axes.plot(time, factor * hit.predicted[at], color=COLOURS[0], lw=0.9, label="model")
     below = factor * (hit.measured[at].min() - 1.2 * np.abs(hit.added[at]).max())
-    axes.plot(time, below + factor * hit.added[at], color=COLOURS[7], lw=0.8, label="added by the obstacle")
-    axes.plot(time, below + factor * hit.missed[at], color=COLOURS[1], lw=0.8, label="of that missed by the model")
-    title = f"{Path(result.log.log).name}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s: {100 * result.row()['covered']:.0f} % covered"
+    axes.plot(
+        time,
+        below + factor * hit.added[at],
+        color=COLOURS[7],
+        lw=0.8,
+        label="added by the obstacle",
+    )
+    axes.plot(
+        time,
+        below + factor * hit.missed[at],
+        color=COLOURS[1],
+        lw=0.8,
+        label="of that missed by the model",
+    )
+    title = (
+        f"{Path(result.log.log).name}, {hit.time_s:.3f} s, {hit.speed_m_s:.1f} m/s: "
+        f"{100 * result.row()['covered']:.0f} % covered"
+    )
     label(axes, "time since the hit [ms]", unit, title)
     if first:
         axes.legend(fontsize=7, ncols=2)
@@ -58,7 +75,12 @@ def _in_frequency(axes: Any, result: HitResult, factor: float, unit: str, *, fir
         ("floor", s.floor, 2),
     )
     for name, squares, colour in lines:
-        axes.stairs(factor * np.sqrt(np.maximum(squares, 0.0)), s.edges_Hz, color=COLOURS[colour], label=name)
+        axes.stairs(
+            factor * np.sqrt(np.maximum(squares, 0.0)),
+            s.edges_Hz,
+            color=COLOURS[colour],
+            label=name,
+        )
     axes.set_yscale("log")
     label(axes, "frequency [Hz]", f"rms in the band [{unit}]")
     if first:

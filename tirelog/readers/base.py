@@ -5,8 +5,9 @@
         .blocks()  RawBlock after RawBlock, in the order of the file, for any of the groups
         .report    what was lost, repaired or doubted; complete once the blocks are read to the end
 
-Values are in the *source's* unit, NaN where the instrument marks a sample as lost (blank, NaN, 0, -1, ...), or counts of its last decimal;
-`tirelog.runs.ingest` scales them to SI, builds the time axis from the stamps (`tirelog.runs.clock`) and writes the run.
+Values are in the *source's* unit, NaN where the instrument marks a sample as lost (blank, NaN, 0,
+-1, ...), or counts of its last decimal; `tirelog.runs.ingest` scales them to SI, builds the time
+axis from the stamps (`tirelog.runs.clock`) and writes the run.
 """
 
 from __future__ import annotations
@@ -28,7 +29,9 @@ LOST_COUNT = -(1 << 31)
 
 
 def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
-    """Samples as floats: counts are divided by 10^decimals, which rounds correctly, as a parser of decimal numbers does."""
+    """Samples as floats: counts are divided by 10^decimals, which rounds correctly, as a parser of
+    decimal numbers does.
+    """
     if samples.dtype != np.int32:
         return np.asarray(samples, np.float64)
     values = samples / 10.0 ** (decimals or 0)
@@ -38,17 +41,21 @@ def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
 
 def lost_samples(samples: Samples) -> int:
     """How many of them are lost."""
-    return int(np.count_nonzero(samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples)))
+    return int(
+        np.count_nonzero(samples == LOST_COUNT if samples.dtype == np.int32 else np.isnan(samples))
+    )
 
 
 @dataclass(frozen=True)
 class Group:
     """Channels sampled together.
 
-    `channels` are names of the setup; `rate_Hz` is what the file itself says (None: the setup or the stamps must tell);
-    `stamp_resolution_s` the step of the file's stamps (0 where it is as fine as the samples); `counted` is true where the sample
-    number in the file, not the stamp, is the clock; `decimals` the decimals of each channel's source (None: binary floats);
-    `scale`, `offset` turn stored numbers into the source's unit where the file has such attributes (already applied in blocks).
+    `channels` are names of the setup; `rate_Hz` is what the file itself says (None: the setup or
+    the stamps must tell); `stamp_resolution_s` the step of the file's stamps (0 where it is as fine
+    as the samples); `counted` is true where the sample number in the file, not the stamp, is the
+    clock; `decimals` the decimals of each channel's source (None: binary floats); `scale`, `offset`
+    turn stored numbers into the source's unit where the file has such attributes (already applied
+    in blocks).
     """
 
     name: str
@@ -63,11 +70,11 @@ class Group:
 class RawBlock:
     """Some consecutive samples of a group.
 
-    `values[channel]` shape (n,), source unit: float64, NaN where lost, or int32 counts of 10^-decimals (those of the
-    group), LOST_COUNT where lost;
-    `stamps_s` shape (n,) seconds from the first stamp of the log, or
-    None where the file has no stamps; `number` shape (n,) the file's own sample numbers (gaps in them are lost samples), or
-    None; `flags` (channel, start, stop, word) in samples of this block.
+    `values[channel]` shape (n,), source unit: float64, NaN where lost, or int32 counts of
+    10^-decimals (those of the group), LOST_COUNT where lost; `stamps_s` shape (n,) seconds from the
+    first stamp of the log, or None where the file has no stamps; `number` shape (n,) the file's own
+    sample numbers (gaps in them are lost samples), or None; `flags` (channel, start, stop, word) in
+    samples of this block.
     """
 
     group: str
@@ -79,7 +86,11 @@ class RawBlock:
 
 @dataclass
 class ReadReport:
-    """What the reader met.  `losses` make status 3; `remarks` are said once; `counts` (bad rows, ...) go into the provenance."""
+    """What the reader met.
+
+    `losses` make status 3; `remarks` are said once; `counts` (bad rows, ...) go into the
+    provenance.
+    """
 
     format: str = ""
     start: str | None = None  # absolute start of the log, ISO 8601, where the file tells it

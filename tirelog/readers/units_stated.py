@@ -1,4 +1,6 @@
-"""The unit that a log itself states, in a header or an attribute: the default of a channel whose setup names none."""
+"""The unit that a log itself states, in a header or an attribute: the default of a channel whose
+setup names none.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from tirelog.vocabulary import units
 
 
 def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:
-    """(the setup with the units that the log states for channels without one; what to say about them)."""
+    """(the setup with the units that the log states for channels without one; what to say about
+    them).
+    """
     channels, said = dict(setup.channels), []
     for name, spelt in stated.items():
         channel = channels[name]
@@ -27,13 +31,18 @@ def _fits(unit: str, channel: ChannelSetup) -> bool:
 
 
 def _contradiction(channel: ChannelSetup, spelt: str, unit: str | None) -> str:
-    """What to say if the log's unit is not the one that is used; the empty string if it is, or if it says nothing."""
+    """What to say if the log's unit is not the one that is used; the empty string if it is, or if
+    it says nothing.
+    """
     used = channel.source_unit
     if channel.unit is None:
         if unit == "1" and units.UNITS[used][1] == 1.0 and KINDS[channel.kind][1] == "":
             return ""  # [-] over strain
         wrong = f"is none of {' or '.join(KINDS[channel.kind][0])}" if unit else "is not known"
-        return f"the file gives the unit {spelt!r}, which {wrong}; {used!r} is taken; write unit in the setup"
+        return (
+            f"the file gives the unit {spelt!r}, which {wrong}; {used!r} is taken; "
+            "write unit in the setup"
+        )
     if unit is None or units.UNITS[unit] == units.UNITS[units.canonical(used) or unit]:
         return ""
     return (

@@ -11,7 +11,9 @@ from tirelog.storage.remote import shown
 
 @dataclass(frozen=True)
 class Asked:
-    """What the user gave: paths as typed, so that the commands on the page can be typed again, but for what an address keeps secret."""
+    """What the user gave: paths as typed, so that the commands on the page can be typed again, but
+    for what an address keeps secret.
+    """
 
     logs: tuple[str, ...] = ()
     setup: Path | None = None
@@ -40,6 +42,11 @@ class Asked:
         words = ["tirelog", "report", *self._logs()]
         single = {"--setup": self.setup, "--model": self.model, "--ladder": self.ladder, "--campaign": self.campaign,
                   "--channel": self.channel, "--effects": self.effects}  # fmt: skip
-        words += [word for option, value in single.items() if value is not None for word in (option, str(value))]
+        words += [
+            word
+            for option, value in single.items()
+            if value is not None
+            for word in (option, str(value))
+        ]
         words += [word for path in self.tables for word in ("--table", str(path))]
         return shlex.join([*words, "-o", "report.html"])

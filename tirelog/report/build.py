@@ -3,7 +3,8 @@
 Asked (paths and options) + open recordings
     --sources--> one table after the other, given or made --> sections of tables
     campaign's folder --stored--> the sections of its models
-    --discrepancy--> Diagnosis --> the model against the measurement, the diagnosis; with a ladder its steps and the switches
+    --discrepancy--> Diagnosis --> the model against the measurement, the diagnosis; with a ladder
+    its steps and the switches
 whatever cannot be shown --> (what and why, the command that would show it)
 """
 
@@ -43,37 +44,60 @@ class Report:
     commands: list[str] = field(default_factory=list)
 
 
-def build(recordings: Sequence[Recording], asked: Asked, progress: Progress = lambda text: None) -> Report:
-    """The report on `recordings`.  UsageError, ModelError: a file that was given with an option cannot be used."""
+def build(
+    recordings: Sequence[Recording], asked: Asked, progress: Progress = lambda text: None
+) -> Report:
+    """The report on `recordings`.
+
+    UsageError, ModelError: a file that was given with an option cannot be used.
+    """
     tables = given_tables(asked.tables, asked.campaign)
     climbed = read_ladder(asked.ladder) if asked.ladder else None
     report = Report(_title(recordings, asked))
     if recordings:
         report.sections.append(sections.recorded(recordings, asked.command("info")))
     else:
-        report.missing.append(("what was recorded, and the signals: no log was given", asked.command("info")))
+        report.missing.append(
+            ("what was recorded, and the signals: no log was given", asked.command("info"))
+        )
     if asked.campaign is not None:
-        report.sections.append(table_sections.campaign(asked.campaign / "summary.csv", "tirelog campaign run MANIFEST"))
+        report.sections.append(
+            table_sections.campaign(asked.campaign / "summary.csv", "tirelog campaign run MANIFEST")
+        )
     _tables(report, recordings, tables, asked, progress)
-    pages = list(model_pages(asked.campaign)) if asked.campaign is not None and asked.model is None else []
+    pages = (
+        list(model_pages(asked.campaign))
+        if asked.campaign is not None and asked.model is None
+        else []
+    )
     for made, missing in pages:
         report.sections += made
         report.missing += missing
     if not pages or climbed is not None:
         _models(report, recordings, climbed, asked, progress)
-    report.commands += dict.fromkeys([*(section.command for section in report.sections), asked.report_command()])
+    report.commands += dict.fromkeys(
+        [*(section.command for section in report.sections), asked.report_command()]
+    )
     report.provenance += _provenance(recordings, asked)
     return report
 
 
 def _title(recordings: Sequence[Recording], asked: Asked) -> str:
     tires = list(dict.fromkeys(r.setup.tire.name for r in recordings if r.setup.tire.name))
-    names = list(sections.short_names([r.log for r in recordings]).values()) or [str(asked.campaign)]
+    names = list(sections.short_names([r.log for r in recordings]).values()) or [
+        str(asked.campaign)
+    ]
     logs = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
     return f"{', '.join(tires) or 'Tire'}: {logs}"
 
 
-def _tables(report: Report, recordings: Sequence[Recording], tables: Tables, asked: Asked, progress: Progress) -> None:
+def _tables(
+    report: Report,
+    recordings: Sequence[Recording],
+    tables: Tables,
+    asked: Asked,
+    progress: Progress,
+) -> None:
     """One table after the other, so that no more than two are in memory."""
     speed: pd.DataFrame | None = None
     for name in _COMMANDS:
@@ -99,16 +123,23 @@ def _tables(report: Report, recordings: Sequence[Recording], tables: Tables, ask
             continue
         if name == "speed":
             report.sections.append(sections.drive(recordings, table, command, remarks))
-            speed = table.loc[_first(table, recordings), ["log", "channel", "revolution", "acceleration_m_s2"]]
+            speed = table.loc[
+                _first(table, recordings), ["log", "channel", "revolution", "acceleration_m_s2"]
+            ]
             del table  # an hour of 16 gratings is half a million rows
         elif name == "footprint":
-            passage = [f for recording in recordings[:1] for f in passage_figures(recording, table, speed)]
+            passage = [
+                f for recording in recordings[:1] for f in passage_figures(recording, table, speed)
+            ]
             report.sections.append(table_sections.footprint(table, command, remarks, passage))
         elif name == "dissipation":
             report.sections.append(table_sections.dissipation(table, command, remarks, lines))
             if lines is None:
                 report.missing.append(
-                    ("dissipation: the regressions on speed (give the file with --table)", asked.command(name, "--fit", "-o", "fit.csv"))
+                    (
+                        "dissipation: the regressions on speed (give the file with --table)",
+                        asked.command(name, "--fit", "-o", "fit.csv"),
+                    )
                 )
         else:
             _phase_shift(report, table, command, remarks, asked)
@@ -119,30 +150,47 @@ def _first(table: pd.DataFrame, recordings: Sequence[Recording]) -> pd.Series:
     return table["log"] == (recordings[0].log if recordings else "")
 
 
-def _phase_shift(report: Report, table: pd.DataFrame, command: str, remarks: Sequence[str], asked: Asked) -> None:
+def _phase_shift(
+    report: Report, table: pd.DataFrame, command: str, remarks: Sequence[str], asked: Asked
+) -> None:
     """The section, and what a calibration would add to it."""
     report.sections.append(table_sections.phase_shift(table, command, remarks))
     wanted = {
         "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
         "vertical_force_N": "forces by the calibration's maps",
     }
-    absent = [what for column, what in wanted.items() if column not in table or not table[column].notna().any()]
+    absent = [
+        what
+        for column, what in wanted.items()
+        if column not in table or not table[column].notna().any()
+    ]
     if absent:
         again = asked.command("phase-shift", "--calibration", "CALIBRATION.toml", "-o", "phase.csv")
-        report.missing.append((f"phase shift: {' and '.join(absent)} (give the table with --table)", again))
+        report.missing.append(
+            (f"phase shift: {' and '.join(absent)} (give the table with --table)", again)
+        )
 
 
-def _models(report: Report, recordings: Sequence[Recording], climbed: Any, asked: Asked, progress: Progress) -> None:
+def _models(
+    report: Report, recordings: Sequence[Recording], climbed: Any, asked: Asked, progress: Progress
+) -> None:
     """Comparison, diagnosis, ladder and switches; or what is missing for them."""
     if climbed is not None:
         report.sections.append(model_sections.ladder(climbed, asked.command("ladder", model=True)))
     else:
         report.missing.append(
-            ("the ladder, the error falling to the floor (then --ladder M.ladder.json)", asked.command("ladder", model=True))
+            (
+                "the ladder, the error falling to the floor (then --ladder M.ladder.json)",
+                asked.command("ladder", model=True),
+            )
         )
     if asked.model is None:
         report.missing.append(
-            ("the model against the measurement, the diagnosis, switches for effects (then --model M)", _make_model(asked))
+            (
+                "the model against the measurement, the diagnosis, switches for effects (then "
+                "--model M)",
+                _make_model(asked),
+            )
         )
         return
     from tirelog.physics.model.user_effects import catalogue_with
@@ -151,12 +199,19 @@ def _models(report: Report, recordings: Sequence[Recording], climbed: Any, asked
     catalogue = catalogue_with(asked.effects)
     model = load_model(asked.model, catalogue=catalogue)
     if not recordings:
-        report.missing.append(("the model against the measurement: no log was given", asked.command("compare", model=True)))
+        report.missing.append(
+            (
+                "the model against the measurement: no log was given",
+                asked.command("compare", model=True),
+            )
+        )
         return
     try:
         story = model_story(recordings, model, climbed, asked, catalogue, progress)
     except TirelogError as problem:
-        report.missing.append((f"the model against the measurement: {problem}", asked.command("compare", model=True)))
+        report.missing.append(
+            (f"the model against the measurement: {problem}", asked.command("compare", model=True))
+        )
         return
     ladder = [report.sections.pop()] if climbed is not None else []
     report.sections += [*story.before_ladder, *ladder, *story.after_ladder]
@@ -164,8 +219,14 @@ def _models(report: Report, recordings: Sequence[Recording], climbed: Any, asked
 
 
 def _make_model(asked: Asked) -> str:
-    setup = asked.setup or (Path(asked.logs[0]).name.split(".")[0] + ".toml" if asked.logs and asked.logs[0] != "-" else "SETUP.toml")
-    return shlex.join(["tirelog", "model", "new", "--carcass", "beam", "--setup", str(setup), "-o", "M.toml"])
+    setup = asked.setup or (
+        Path(asked.logs[0]).name.split(".")[0] + ".toml"
+        if asked.logs and asked.logs[0] != "-"
+        else "SETUP.toml"
+    )
+    return shlex.join(
+        ["tirelog", "model", "new", "--carcass", "beam", "--setup", str(setup), "-o", "M.toml"]
+    )
 
 
 def _provenance(recordings: Sequence[Recording], asked: Asked) -> list[str]:
@@ -175,7 +236,10 @@ def _provenance(recordings: Sequence[Recording], asked: Asked) -> list[str]:
     said = [f"tirelog {__version__}"]
     for recording in recordings:
         about = recording.provenance
-        said.append(f"{recording.log}: {about.get('format')}, {about.get('bytes')} bytes, sha256 {about.get('sha256')}")
+        said.append(
+            f"{recording.log}: {about.get('format')}, {about.get('bytes')} bytes, sha256 "
+            f"{about.get('sha256')}"
+        )
     for path in (asked.setup, asked.model, asked.ladder, asked.effects, *asked.tables):
         if path is not None and path.is_file():
             with path.open("rb") as stream:

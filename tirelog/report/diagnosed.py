@@ -1,6 +1,7 @@
 """What a model says of the logs: one search for missing effects, told in sections.
 
-recordings, Model --stacks, `diagnose`--> comparison, diagnosis         (a campaign: pieces of its logs, and what it was asked for)
+recordings, Model --stacks, `diagnose`--> comparison, diagnosis         (a campaign: pieces of its
+    logs, and what it was asked for)
 + a ladder, or what the diagnosis selected --> top model --`switches`--> effects on and off
 """
 
@@ -65,8 +66,10 @@ def story_of(
     catalogue: Mapping[str, Effect],
     progress: Callable[[str], None],
 ) -> Story:
-    """The sections of what was found on `measured`: the comparison, the diagnosis and the switches.  `command(name)`: the line that
-    repeats it."""
+    """The sections of what was found on `measured`: the comparison, the diagnosis and the switches.
+
+    `command(name)`: the line that repeats it.
+    """
     story = Story()
     story.before_ladder.append(model_sections.comparison(compared, command("compare")))
     if found is not None:
@@ -82,6 +85,10 @@ def story_of(
     if section is not None:
         story.after_ladder.append(section)
     else:
-        why = "its full model cannot be computed on these logs" if switched else "no effect is in the model, and none was found missing"
+        why = (
+            "its full model cannot be computed on these logs"
+            if switched
+            else "no effect is in the model, and none was found missing"
+        )
         story.missing.append((f"switches for effects: {why}", command("ladder")))
     return story

@@ -1,8 +1,9 @@
-"""Figures as plain data: traces and layout of the plotting library, drawn by the page's script or as PNG by `pictures`.
+"""Figures as plain data: traces and layout of the plotting library, drawn by the page's script or
+as PNG by `pictures`.
 
-Arrays travel as base64 of float32: a trace of n points costs about 5 n bytes a coordinate.  Long series are decimated by min-max
-buckets first, which keeps every peak.  Names go through `safe`: the plotting library reads a few HTML elements in its
-texts, links among them.
+Arrays travel as base64 of float32: a trace of n points costs about 5 n bytes a coordinate. Long
+series are decimated by min-max buckets first, which keeps every peak. Names go through `safe`: the
+plotting library reads a few HTML elements in its texts, links among them.
 """
 
 from __future__ import annotations
@@ -22,10 +23,17 @@ from tirelog.vocabulary.arrays import FloatArray
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#999999")
 EDGE = "#999999"
 #: blue below zero, red above, light between
-DIVERGING = ((0.0, "#2166ac"), (0.25, "#92c5de"), (0.5, "#f7f7f7"), (0.75, "#f4a582"), (1.0, "#b2182b"))
+DIVERGING = (
+    (0.0, "#2166ac"),
+    (0.25, "#92c5de"),
+    (0.5, "#f7f7f7"),
+    (0.75, "#f4a582"),
+    (1.0, "#b2182b"),
+)
 BUCKETS = 2000
 SCATTER_POINTS = 6000
-#: a map's colours end at this percentile of the sizes, so that one odd cell does not bleach the rest
+#: a map's colours end at this percentile of the sizes, so that one odd cell does not bleach the
+#: rest
 _COLOUR_PERCENTILE = 99.5
 #: samples that are decimated at once
 _BLOCK = 1 << 18
@@ -61,7 +69,9 @@ def unpacked(values: Any) -> Any:
     if not (isinstance(values, dict) and "bdata" in values):
         return values
     array = np.frombuffer(base64.b64decode(values["bdata"]), np.float32)
-    return array.reshape([int(n) for n in values["shape"].split(",")]) if "shape" in values else array
+    return (
+        array.reshape([int(n) for n in values["shape"].split(",")]) if "shape" in values else array
+    )
 
 
 def axis(title: str, **more: Any) -> dict[str, Any]:
@@ -70,7 +80,9 @@ def axis(title: str, **more: Any) -> dict[str, Any]:
 
 
 def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
-    """A plain layout with axis titles; `xrange`, `yrange`: what is shown at first; `lines`: abscissae of dashed vertical lines."""
+    """A plain layout with axis titles; `xrange`, `yrange`: what is shown at first; `lines`:
+    abscissae of dashed vertical lines.
+    """
     axes = {"xaxis": axis(x), "yaxis": axis(y)}
     for name, key in (("xrange", "xaxis"), ("yrange", "yaxis")):
         if more.get(name) is not None and np.isfinite(more[name]).all():
@@ -79,20 +91,44 @@ def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
     lines = more.pop("lines", ())
     if len(lines):
         style = {"color": EDGE, "width": 1, "dash": "dash"}
-        more["shapes"] = [{"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": float(v), "x1": float(v), "line": style} for v in lines]
+        more["shapes"] = [
+            {
+                "type": "line",
+                "yref": "paper",
+                "y0": 0,
+                "y1": 1,
+                "x0": float(v),
+                "x1": float(v),
+                "line": style,
+            }
+            for v in lines
+        ]
     return {**axes, **more}
 
 
 def line(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
     """A line."""
     style = {"color": COLOURS[colour % len(COLOURS)], "width": 1.5, **more.pop("line", {})}
-    return {"type": "scatter", "mode": "lines", "x": packed(x), "y": packed(y), "name": safe(name), "line": style, **more}
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": packed(x),
+        "y": packed(y),
+        "name": safe(name),
+        "line": style,
+        **more,
+    }
 
 
 def dots(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
     """Points; evenly thinned where there are more than a page can carry (`thinned` says so)."""
     step = thinning(np.size(x))
-    marker = {"color": COLOURS[colour % len(COLOURS)], "size": 5, "opacity": 0.7, "symbol": ["circle", "square", "diamond"][colour % 3]}
+    marker = {
+        "color": COLOURS[colour % len(COLOURS)],
+        "size": 5,
+        "opacity": 0.7,
+        "symbol": ["circle", "square", "diamond"][colour % 3],
+    }
     return {
         "type": "scatter",
         "mode": "markers",
@@ -115,18 +151,45 @@ def band(x: Any, low: Any, high: Any, name: str, colour: int = 0) -> list[dict[s
     shade = COLOURS[colour % len(COLOURS)] + "40"
     return [
         line(x, low, name, colour, line=edge, showlegend=False, hoverinfo="skip"),
-        line(x, high, name, colour, line=edge, fill="tonexty", fillcolor=shade, hoverinfo="skip", showlegend=False),
+        line(
+            x,
+            high,
+            name,
+            colour,
+            line=edge,
+            fill="tonexty",
+            fillcolor=shade,
+            hoverinfo="skip",
+            showlegend=False,
+        ),
     ]
 
 
-def bars(labels: Sequence[str], values: Any, name: str, colour: int = 0, *, across: bool = False, **more: Any) -> dict[str, Any]:
-    """Bars over words; `across`: lying, so that long words stay readable.  `error`: standard errors, NaN where there is none."""
+def bars(
+    labels: Sequence[str],
+    values: Any,
+    name: str,
+    colour: int = 0,
+    *,
+    across: bool = False,
+    **more: Any,
+) -> dict[str, Any]:
+    """Bars over words; `across`: lying, so that long words stay readable.
+
+    `error`: standard errors, NaN where there is none.
+    """
     words = [safe(label) for label in labels]
     x, y = (packed(values), words) if across else (words, packed(values))
     marker = {"color": COLOURS[colour % len(COLOURS)]}
     if "error" in more:
         key = "error_x" if across else "error_y"
-        more[key] = {"type": "data", "array": packed(more.pop("error")), "visible": True, "color": "#6b6b6b", "thickness": 1.5}
+        more[key] = {
+            "type": "data",
+            "array": packed(more.pop("error")),
+            "visible": True,
+            "color": "#6b6b6b",
+            "thickness": 1.5,
+        }
     return {
         "type": "bar",
         "width": 0.6,
@@ -161,7 +224,8 @@ def heat(x: Any, y: Any, z: Any, unit: str, reach: float | None = None) -> dict[
 
 
 def decimated(channel: Channel, buckets: int = BUCKETS) -> tuple[FloatArray, FloatArray]:
-    """(times [s], values) of a channel, its smallest and largest sample of every bucket in their order: no peak vanishes.
+    """(times [s], values) of a channel, its smallest and largest sample of every bucket in their
+    order: no peak vanishes.
 
     Reads block by block; shapes (<= 2 buckets + 2,).
     """
@@ -176,8 +240,13 @@ def decimated(channel: Channel, buckets: int = BUCKETS) -> tuple[FloatArray, Flo
         known = np.isfinite(table).any(axis=1)
         low = np.argmin(np.where(np.isnan(table), np.inf, table), axis=1)
         high = np.argmax(np.where(np.isnan(table), -np.inf, table), axis=1)
-        pair = np.sort(np.stack([low, high], axis=1), axis=1)[known] + (np.flatnonzero(known) * size)[:, None]
+        pair = (
+            np.sort(np.stack([low, high], axis=1), axis=1)[known]
+            + (np.flatnonzero(known) * size)[:, None]
+        )
         at.append((start + pair).ravel().astype(float))
         values.append(padded[pair.ravel()])
     index = np.concatenate(at) if at else np.zeros(0)
-    return channel.axis.at(index) if index.size else index, np.concatenate(values) if values else index
+    return channel.axis.at(index) if index.size else index, np.concatenate(
+        values
+    ) if values else index

@@ -24,7 +24,12 @@ if TYPE_CHECKING:
 _SHOWN = {"strain": (1e6, "µm/m"), "radial_acceleration": (1.0, "m/s²")}
 #: half lengths of the patch that a waveform or map shows at first
 _REACH = 6.0
-_ZONES = {"entry": "around the entry edge", "patch": "inside the patch", "exit": "around the exit edge", "away": "away from the patch"}
+_ZONES = {
+    "entry": "around the entry edge",
+    "patch": "inside the patch",
+    "exit": "around the exit edge",
+    "away": "away from the patch",
+}
 ANGLE = "angle from the patch centre [deg], entry to exit"
 GREY_BAR = "#6b6b6b"
 
@@ -42,14 +47,19 @@ def number(value: Any) -> str:
 
 
 def comparison(result: Comparison, command: str) -> Section:
-    """Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and angle and time."""
+    """Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and
+    angle and time.
+    """
     from tirelog.diagnosis.results import in_unit
 
     factor, unit = shown(result.observable, result.unit)
     words = [
-        f"Error of one revolution's value at one angle, on manoeuvres held out from the fit: {in_unit(result.rmse_heldout, factor)} "
-        f"{unit}; noise floor {result.noise_floor * factor:.3g}, excess {in_unit(result.excess_heldout, factor)}. On the data of the fit: "
-        f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; {result.revolutions} revolutions, "
+        "Error of one revolution's value at one angle, on manoeuvres held out from the fit: "
+        f"{in_unit(result.rmse_heldout, factor)} "
+        f"{unit}; noise floor {result.noise_floor * factor:.3g}, excess "
+        f"{in_unit(result.excess_heldout, factor)}. On the data of the fit: "
+        f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; "
+        f"{result.revolutions} revolutions, "
         f"{result.manoeuvres} manoeuvres.",
         _where(result, factor, unit),
         *(f"{remark}." for remark in result.remarks),
@@ -61,7 +71,12 @@ def comparison(result: Comparison, command: str) -> Section:
         residual_map("residual-time", "Residual over angle and time", result.by_time, result),
     ]
     return Section(
-        "model", "The model against the measurement", command, words, figures, [_errors(result, factor, unit), _parameters(result)]
+        "model",
+        "The model against the measurement",
+        command,
+        words,
+        figures,
+        [_errors(result, factor, unit), _parameters(result)],
     )
 
 
@@ -73,8 +88,10 @@ def _where(result: Comparison, factor: float, unit: str) -> str:
     if angle["excess"] == 0.0:
         return "The model fails nowhere by more than the floor."
     return (
-        f"It fails most {_ZONES.get(angle['angle'], angle['angle'])} (excess {angle['excess'] * factor:.3g} {unit}), "
-        f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime in {regime['regime']} "
+        f"It fails most {_ZONES.get(angle['angle'], angle['angle'])} (excess "
+        f"{angle['excess'] * factor:.3g} {unit}), "
+        f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime "
+        f"in {regime['regime']} "
         f"({regime['excess'] * factor:.3g})."
     )
 
@@ -99,16 +116,29 @@ def short(label: str) -> str:
 def _waveforms(waves: Waveforms, result: Comparison, factor: float, unit: str) -> Figure:
     traces: list[dict[str, Any]] = []
     for i, label in enumerate(waves.labels):
-        phi, expected, floor = np.rad2deg(waves.phi_rad[i]), waves.predicted[i] * factor, 2.0 * factor * waves.floor[i]
+        phi, expected, floor = (
+            np.rad2deg(waves.phi_rad[i]),
+            waves.predicted[i] * factor,
+            2.0 * factor * waves.floor[i],
+        )
         traces += band(phi, expected - floor, expected + floor, f"two floors, {short(label)}", i)
         traces.append(line(phi, expected, f"model, {short(label)}", i))
-        traces.append(dots(phi, waves.measured[i] * factor, f"measured, {short(label)}", i, marker={"size": 4}))
+        traces.append(
+            dots(
+                phi, waves.measured[i] * factor, f"measured, {short(label)}", i, marker={"size": 4}
+            )
+        )
     alt = (
-        f"Measured means of like revolutions (points), the model (lines) and two noise floors about it (bands) at "
+        "Measured means of like revolutions (points), the model (lines) and two noise floors "
+        "about it (bands) at "
         f"{'; '.join(short(label) for label in waves.labels)}; dashed lines: the patch's edges."
     )
     shape = layout(
-        ANGLE, f"{result.observable} [{unit}]", xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad), height=520
+        ANGLE,
+        f"{result.observable} [{unit}]",
+        xrange=window(result.half_angle_rad),
+        lines=edges(result.half_angle_rad),
+        height=520,
     )
     return Figure("waveforms", "Waveforms", alt, traces, shape)
 
@@ -117,28 +147,56 @@ def _differences(waves: Waveforms, result: Comparison, factor: float, unit: str)
     """The same waveforms, measured less predicted, where the floor's band can be seen."""
     traces: list[dict[str, Any]] = []
     for i, label in enumerate(waves.labels):
-        phi, left, floor = np.rad2deg(waves.phi_rad[i]), (waves.measured[i] - waves.predicted[i]) * factor, 2.0 * factor * waves.floor[i]
-        traces = band(phi, -floor, floor, f"two floors, {short(label)}", i) + traces  # bands first, lines above them
+        phi, left, floor = (
+            np.rad2deg(waves.phi_rad[i]),
+            (waves.measured[i] - waves.predicted[i]) * factor,
+            2.0 * factor * waves.floor[i],
+        )
+        traces = (
+            band(phi, -floor, floor, f"two floors, {short(label)}", i) + traces
+        )  # bands first, lines above them
         traces.append(line(phi, left, short(label), i))
-    alt = f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two noise floors as bands about zero."
-    shape = layout(ANGLE, f"residual [{unit}]", xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad), height=460)
+    alt = (
+        f"Measured less predicted {result.observable} of the same waveforms, {unit}, with two "
+        "noise floors as bands about zero."
+    )
+    shape = layout(
+        ANGLE,
+        f"residual [{unit}]",
+        xrange=window(result.half_angle_rad),
+        lines=edges(result.half_angle_rad),
+        height=460,
+    )
     return Figure("differences", "What the model leaves of these waveforms", alt, traces, shape)
 
 
-def residual_map(id: str, title: str, found: Map, result: Comparison, reach: float | None = None) -> Figure:
-    """The residual, measured less predicted, over an axis and the angle; colours to `reach` in the page's unit."""
+def residual_map(
+    id: str, title: str, found: Map, result: Comparison, reach: float | None = None
+) -> Figure:
+    """The residual, measured less predicted, over an axis and the angle; colours to `reach` in the
+    page's unit.
+    """
     factor, unit = shown(result.observable, result.unit)
     name = {"speed_m_s": "speed [m/s]", "time_s": "time [s]"}[found.axis_name]
     phi = np.rad2deg(found.phi_rad)
     alt = (
-        f"Measured less predicted {result.observable} in {unit} as colour, blue below and red above zero, over the wheel angle and "
+        f"Measured less predicted {result.observable} in {unit} as colour, blue below and red "
+        "above zero, over the wheel angle and "
         f"{name.split(' [')[0]} from {found.axis.min():.4g} to {found.axis.max():.4g}."
     )
     if phi.size < 2:
         traces = [dots(found.axis, found.residual[:, 0] * factor, "residual")]
         return Figure(id, title, alt, traces, layout(name, f"residual [{unit}]"))
-    shape = layout(ANGLE, name, xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad))
-    return Figure(id, title, alt, [heat(phi, found.axis, found.residual * factor, f"residual [{unit}]", reach)], shape)
+    shape = layout(
+        ANGLE, name, xrange=window(result.half_angle_rad), lines=edges(result.half_angle_rad)
+    )
+    return Figure(
+        id,
+        title,
+        alt,
+        [heat(phi, found.axis, found.residual * factor, f"residual [{unit}]", reach)],
+        shape,
+    )
 
 
 def _errors(result: Comparison, factor: float, unit: str) -> Table:
@@ -146,22 +204,41 @@ def _errors(result: Comparison, factor: float, unit: str) -> Table:
     rows = []
     for table in ("angle", "speed", "regime", "conditions"):
         for row in result.tables[table]:
-            part = Path(row["log"]).name if table == "conditions" else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
+            part = (
+                Path(row["log"]).name
+                if table == "conditions"
+                else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
+            )
             cells = [number(row[name] * factor) for name in ("rmse", "noise_floor", "excess")]
-            rows.append([{"conditions": "log"}.get(table, table), part, *cells, str(row["revolutions"])])
-    return Table("Where the error is", ["by", "part", f"rmse [{unit}]", f"floor [{unit}]", f"excess [{unit}]", "revolutions"], rows)
+            rows.append(
+                [{"conditions": "log"}.get(table, table), part, *cells, str(row["revolutions"])]
+            )
+    return Table(
+        "Where the error is",
+        ["by", "part", f"rmse [{unit}]", f"floor [{unit}]", f"excess [{unit}]", "revolutions"],
+        rows,
+    )
 
 
 def _parameters(result: Comparison) -> Table:
     rows = [
-        [name, number(p["value"]), number(p["se"]) if p["free"] else "fixed", "" if p["unit"] == "1" else p["unit"]]
+        [
+            name,
+            number(p["value"]),
+            number(p["se"]) if p["free"] else "fixed",
+            "" if p["unit"] == "1" else p["unit"],
+        ]
         for name, p in result.parameters.items()
     ]
-    return Table("Parameters of the model as fitted", ["parameter", "value", "standard error", "unit"], rows)
+    return Table(
+        "Parameters of the model as fitted", ["parameter", "value", "standard error", "unit"], rows
+    )
 
 
 def diagnosis(result: Diagnosis, command: str) -> Section:
-    """Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and command."""
+    """Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and
+    command.
+    """
     from tirelog.diagnosis.ranking_errors import removed_errors
     from tirelog.diagnosis.results import in_unit
     from tirelog.diagnosis.wording import probability
@@ -175,8 +252,12 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         error = f"Error of the fit {in_unit(result.before.rmse, factor)} {unit}, none held out"
     words = [
         f"{result.verdict.replace('_', ' ').capitalize()}. {result.sentence}",
-        f"{error}; noise floor {result.noise_floor * factor:.3g}; {result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
-        *(f"These data cannot tell apart: {', '.join(group)}." for group in result.ambiguous_groups),
+        f"{error}; noise floor {result.noise_floor * factor:.3g}; {result.revolutions} "
+        f"revolutions, {result.manoeuvres} manoeuvres.",
+        *(
+            f"These data cannot tell apart: {', '.join(group)}."
+            for group in result.ambiguous_groups
+        ),
         str(result.unexplained["sentence"]),
         *(_manoeuvre(row) for row in result.separating_manoeuvres),
         *result.notes,
@@ -197,7 +278,13 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
         )
     ]  # fmt: skip
     if result.not_tested:
-        tables.append(Table("Not tested", ["effect", "why"], [[name, why] for name, why in result.not_tested.items()]))
+        tables.append(
+            Table(
+                "Not tested",
+                ["effect", "why"],
+                [[name, why] for name, why in result.not_tested.items()],
+            )
+        )
     figures = [_ranking(ranked, errors)] if ranked else []
     return Section("diagnosis", "The diagnosis", command, words, figures, tables)
 
@@ -205,7 +292,8 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
 def _manoeuvre(row: Mapping[str, Any]) -> str:
     times = "once" if row["repeats"] == 1 else f"{row['repeats']} times"
     return (
-        f"Drive next, to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} ({row['separation_sigma']:.1f} sigma a run)."
+        f"Drive next, to part {' from '.join(row['separates'])}: {row['manoeuvre']}, {times} "
+        f"({row['separation_sigma']:.1f} sigma a run)."
     )
 
 
@@ -213,7 +301,9 @@ def _strengths(strengths: Mapping[str, Mapping[str, Any]]) -> str:
     parts = []
     for name, s in strengths.items():
         error = f" ± {s['se']:.2g}" if s["se"] is not None and np.isfinite(s["se"]) else ""
-        parts.append(f"{name} {s['value']:.4g}{error}" + (f" {s['unit']}" if s["unit"] != "1" else ""))
+        parts.append(
+            f"{name} {s['value']:.4g}{error}" + (f" {s['unit']}" if s["unit"] != "1" else "")
+        )
     return ", ".join(parts)
 
 
@@ -224,12 +314,28 @@ def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
         some = [c for c in ranked if c.selected == selected][::-1]
         if some:
             error = [100.0 * errors.get(c.effect, np.nan) for c in some]
-            traces.append(bars([c.effect for c in some], [100.0 * c.excess_removed for c in some], name, colour, across=True, error=error))
+            traces.append(
+                bars(
+                    [c.effect for c in some],
+                    [100.0 * c.excess_removed for c in some],
+                    name,
+                    colour,
+                    across=True,
+                    error=error,
+                )
+            )
     best = ", ".join(f"{c.effect} {100 * c.excess_removed:.1f} %" for c in ranked[:5])
-    alt = f"Share of the excess that each effect removes alone: {best}. Error bars, one standard error, where the effect was refitted."
+    alt = (
+        f"Share of the excess that each effect removes alone: {best}. Error bars, one standard "
+        "error, where the effect was refitted."
+    )
     order = [c.effect for c in ranked][::-1]
     y = axis("", type="category", categoryorder="array", categoryarray=order)
-    shape = {"xaxis": axis("share of the excess removed alone [%]", rangemode="tozero"), "yaxis": y, "height": 140 + 24 * len(ranked)}
+    shape = {
+        "xaxis": axis("share of the excess removed alone [%]", rangemode="tozero"),
+        "yaxis": y,
+        "height": 140 + 24 * len(ranked),
+    }
     return Figure("ranking", "Which effect is missing", alt, traces, shape)
 
 
@@ -238,22 +344,33 @@ def ladder(climbed: Mapping[str, Any], command: str) -> Section:
     factor, unit = shown(climbed["observable"], climbed["unit"])
     steps = [step for step in climbed["steps"] if not step["decision"].startswith("not added")]
     names = [step["effect"] for step in steps]
-    held, fitted, floor = ([_times(step[name], factor) for step in steps] for name in ("rmse_heldout", "rmse_fit", "noise_floor"))
+    held, fitted, floor = (
+        [_times(step[name], factor) for step in steps]
+        for name in ("rmse_heldout", "rmse_fit", "noise_floor")
+    )
     marks = {"size": 14, "symbol": "line-ew-open", "color": GREY_BAR, "line": {"width": 3}}
     traces = [
         bars(names, held, "held-out error", 0),
         {**dots(range(len(names)), fitted, "error of the fit"), "x": names, "marker": marks},
         {**line(range(len(names)), floor, "noise floor", 1), "x": names},
     ]
-    words = [step["sentence"] for step in climbed["steps"]] + [f"{remark}." for remark in climbed.get("remarks", ())]
+    words = [step["sentence"] for step in climbed["steps"]] + [
+        f"{remark}." for remark in climbed.get("remarks", ())
+    ]
     if climbed.get("rmse_untouched") is not None:
         words.append(
-            f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} {unit}, "
+            f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} "
+            f"{unit}, "
             f"floor there {climbed['floor_untouched'] * factor:.3g}."
         )
-    said = [f"{n} {h:.3g} {unit}" if h == h else f"{n} none" for n, h in zip(names, held, strict=True)]
+    said = [
+        f"{n} {h:.3g} {unit}" if h == h else f"{n} none" for n, h in zip(names, held, strict=True)
+    ]
     alt = f"Held-out error falling to the floor: {', '.join(said)}"
-    shape = {"xaxis": axis("", type="category"), "yaxis": axis(f"{climbed['observable']} error [{unit}]", rangemode="tozero")}
+    shape = {
+        "xaxis": axis("", type="category"),
+        "yaxis": axis(f"{climbed['observable']} error [{unit}]", rangemode="tozero"),
+    }
     alt += f"; noise floor {floor[-1]:.3g} {unit}."
     figures = [Figure("ladder-steps", "The error falling to the floor", alt, traces, shape)]
     return Section("ladder", "The ladder", command, words, figures, [_steps(climbed, factor, unit)])
@@ -274,4 +391,8 @@ def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> Table:
         for s in climbed["steps"]
     ]  # fmt: skip
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
-    return Table("Steps of the ladder", ["step", "effect", *errors, "p, adjusted", "decision", "parameters"], rows)
+    return Table(
+        "Steps of the ladder",
+        ["step", "effect", *errors, "p, adjusted", "decision", "parameters"],
+        rows,
+    )

@@ -1,10 +1,13 @@
-"""One passage of the patch: strain and its derivatives along the tread, with the edges (P2 Figs. 18, 19, 21).
+"""One passage of the patch: strain and its derivatives along the tread, with the edges (P2 Figs.
+18, 19, 21).
 
-    rows of the footprint table (and accelerations of the speed table) --a clean, nearly free-rolling row--> its window of samples
-        --`strain.footprint.plain_edges.along_tread`, raw and low-passed--> three figures over xi, entry to exit
+    rows of the footprint table (and accelerations of the speed table) --a clean, nearly
+    free-rolling row--> its window of samples
+        --`strain.footprint.plain_edges.along_tread`, raw and low-passed--> three figures over xi,
+        entry to exit
 
-The edges of the best estimate are the table's times; those by the second derivative are the extrema that
-`strain.footprint.plain_edges.find_edges` sees in what is drawn.
+The edges of the best estimate are the table's times; those by the second derivative are the extrema
+that `strain.footprint.plain_edges.find_edges` sees in what is drawn.
 """
 
 from __future__ import annotations
@@ -38,8 +41,9 @@ _UPSAMPLED = 4
 
 @dataclass(frozen=True)
 class _Passage:
-    """A chosen row with what its window gave: `strain` (m,), patch downward, its derivatives; `edges_m` of the table, `by_derivative` as
-    found here."""
+    """A chosen row with what its window gave: `strain` (m,), patch downward, its derivatives;
+    `edges_m` of the table, `by_derivative` as found here.
+    """
 
     row: pd.Series
     acceleration_m_s2: float
@@ -51,10 +55,16 @@ class _Passage:
     by_derivative: Edges
 
 
-def passage_figures(recording: Recording, footprint: pd.DataFrame, speed: pd.DataFrame | None) -> list[Figure]:
-    """The figures of one passage of the recording's first grating with rows; none where there is no row without a mark."""
+def passage_figures(
+    recording: Recording, footprint: pd.DataFrame, speed: pd.DataFrame | None
+) -> list[Figure]:
+    """The figures of one passage of the recording's first grating with rows; none where there is no
+    row without a mark.
+    """
     for channel in recording.of_kind("fbg_strain", "strain"):
-        rows = footprint[(footprint["log"] == recording.log) & (footprint["channel"] == channel.name)]
+        rows = footprint[
+            (footprint["log"] == recording.log) & (footprint["channel"] == channel.name)
+        ]
         rows = rows[(rows["quality"] == "ok") & rows["length_m"].notna()]
         if len(rows):
             row, acceleration = _chosen(rows, speed)
@@ -67,18 +77,26 @@ def _chosen(rows: pd.DataFrame, speed: pd.DataFrame | None) -> tuple[pd.Series, 
     """A row of little acceleration and moderate speed, and its acceleration [m/s^2]."""
     acceleration = pd.Series(0.0, index=rows.index)
     if speed is not None:
-        known = speed[(speed["log"] == rows["log"].iloc[0]) & (speed["channel"] == rows["channel"].iloc[0])]
+        known = speed[
+            (speed["log"] == rows["log"].iloc[0]) & (speed["channel"] == rows["channel"].iloc[0])
+        ]
         known = known.drop_duplicates("revolution").set_index("revolution")["acceleration_m_s2"]
-        acceleration = pd.Series(known.reindex(rows["revolution"]).to_numpy(float), index=rows.index).fillna(0.0)
+        acceleration = pd.Series(
+            known.reindex(rows["revolution"]).to_numpy(float), index=rows.index
+        ).fillna(0.0)
     free = acceleration.abs().sort_values(kind="stable").index[: max(len(rows) // 3, 1)]
     chosen = rows.loc[free].sort_values("speed_m_s", kind="stable").iloc[len(free) // 4]
     return chosen, float(acceleration[rows["revolution"] == chosen["revolution"]].iloc[0])
 
 
-def _measured(recording: Recording, channel: Channel, row: pd.Series, acceleration: float) -> _Passage | None:
+def _measured(
+    recording: Recording, channel: Channel, row: pd.Series, acceleration: float
+) -> _Passage | None:
     speed, length = float(row["speed_m_s"]), float(row["length_m"])
     rate = channel.axis.rate_Hz
-    asked = Cutoff.parse(CUTOFF).frequency(np.array([speed]), recording.setup.tire.radius_m, float("nan"))
+    asked = Cutoff.parse(CUTOFF).frequency(
+        np.array([speed]), recording.setup.tire.radius_m, float("nan")
+    )
     cutoff = np.minimum(asked, 0.49 * rate)
     reach = np.array([0.7 * _WINDOW * length / speed * rate + _BESIDE * rate / cutoff[0]])
     index = np.atleast_1d(channel.axis.index(float(row["time_s"])))
@@ -88,12 +106,32 @@ def _measured(recording: Recording, channel: Channel, row: pd.Series, accelerati
         return None
     v, a = np.array([speed]), np.array([acceleration])
     raw, smooth = (
-        along_tread(window.values, window.rate_Hz, window.centre, v, a, cut, up) for cut, up in ((np.array([1e9]), 1), (cutoff, _UPSAMPLED))
+        along_tread(window.values, window.rate_Hz, window.centre, v, a, cut, up)
+        for cut, up in ((np.array([1e9]), 1), (cutoff, _UPSAMPLED))
     )
-    found = find_edges(window.values, window.rate_Hz, window.centre, v, a, cutoff, np.array([0.5 * length]), 0.0, _UPSAMPLED)
+    found = find_edges(
+        window.values,
+        window.rate_Hz,
+        window.centre,
+        v,
+        a,
+        cutoff,
+        np.array([0.5 * length]),
+        0.0,
+        _UPSAMPLED,
+    )
     times = np.array([row["entry_time_s"], row["exit_time_s"]], float) - float(row["time_s"])
     entry, leave = travelled(times, v, a)
-    return _Passage(row, acceleration, float(cutoff[0]), window.values[0], raw, smooth, (float(entry), float(leave)), found)
+    return _Passage(
+        row,
+        acceleration,
+        float(cutoff[0]),
+        window.values[0],
+        raw,
+        smooth,
+        (float(entry), float(leave)),
+        found,
+    )
 
 
 def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
@@ -101,7 +139,9 @@ def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
     reach = 1e3 * _WINDOW * 0.5 * length
     turned = -1.0 if channel.surface == "inner" else 1.0
     which = f"{Path(recording.log).name}, {channel.name}, revolution {p.row['revolution']}"
-    state = f"{p.row['time_s']:.2f} s, {p.row['speed_m_s']:.1f} m/s, {p.acceleration_m_s2:+.1f} m/s²"
+    state = (
+        f"{p.row['time_s']:.2f} s, {p.row['speed_m_s']:.1f} m/s, {p.acceleration_m_s2:+.1f} m/s²"
+    )
     figures = []
     raw, smooth = 1e3 * p.raw.xi_m[0], 1e3 * p.smooth.xi_m[0]
     for name, title, label, curves in (
@@ -122,7 +162,11 @@ def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
         traces = [
             line(x, y, words, colour, line={"width": width})
             for (x, y), words, colour, width in zip(
-                curves, ("samples", f"low-pass {p.cutoff_Hz:.0f} Hz"), (6 if len(curves) > 1 else 0, 0), (1.0, 1.5), strict=False
+                curves,
+                ("samples", f"low-pass {p.cutoff_Hz:.0f} Hz"),
+                (6 if len(curves) > 1 else 0, 0),
+                (1.0, 1.5),
+                strict=False,
             )
         ]
         x, y = curves[-1]
@@ -132,16 +176,33 @@ def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
         ends = (low - room, high + room)
         traces += _edge_lines(p, ends)
         alt = (
-            f"{title} along the tread, entry at the left: {which}, {state}. Contact length {1e3 * length:.1f} mm, "
-            f"edges at {1e3 * p.edges_m[0]:.1f} and {1e3 * p.edges_m[1]:.1f} mm from the patch centre."
+            f"{title} along the tread, entry at the left: {which}, {state}. Contact length "
+            f"{1e3 * length:.1f} mm, "
+            f"edges at {1e3 * p.edges_m[0]:.1f} and {1e3 * p.edges_m[1]:.1f} mm from the patch "
+            "centre."
         )
-        shape = layout("ξ from the patch centre [mm], entry to exit", label, xrange=(-reach, reach), yrange=ends)
-        figures.append(Figure(f"passage-{name}", f"One passage: {title.lower()} ({which}; {state})", alt, traces, shape))
+        shape = layout(
+            "ξ from the patch centre [mm], entry to exit",
+            label,
+            xrange=(-reach, reach),
+            yrange=ends,
+        )
+        figures.append(
+            Figure(
+                f"passage-{name}",
+                f"One passage: {title.lower()} ({which}; {state})",
+                alt,
+                traces,
+                shape,
+            )
+        )
     return figures
 
 
 def _edge_lines(p: _Passage, ends: tuple[float, float]) -> list[dict[str, Any]]:
-    """The edges as upright lines: best estimate (table), extrema of the second and the first derivative, slip onset."""
+    """The edges as upright lines: best estimate (table), extrema of the second and the first
+    derivative, slip onset.
+    """
     d = p.by_derivative
     middle = 0.5 * (p.edges_m[0] + p.edges_m[1])
     lines: list[tuple[str, tuple[float, ...], int, str]] = [
@@ -156,5 +217,7 @@ def _edge_lines(p: _Passage, ends: tuple[float, float]) -> list[dict[str, Any]]:
         x = [v for place in places for v in (1e3 * place, 1e3 * place, np.nan)]
         y = [v for _ in places for v in (*ends, np.nan)]
         if np.isfinite(np.asarray(x, float)).any():
-            drawn.append(line(x, y, name, colour, line={"dash": dash, "width": 1.5}, hoverinfo="skip"))
+            drawn.append(
+                line(x, y, name, colour, line={"dash": dash, "width": 1.5}, hoverinfo="skip")
+            )
     return drawn

@@ -1,4 +1,5 @@
-"""The page's figures as PNG files for slides: the same traces and layouts, drawn by matplotlib (extra `plot`).
+"""The page's figures as PNG files for slides: the same traces and layouts, drawn by matplotlib
+(extra `plot`).
 
 Figure --unpacked arrays--> matplotlib axes --> FOLDER/ID.png, each whole or not at all
 """
@@ -29,7 +30,10 @@ _TITLE = 90
 
 
 def write_pictures(figures: Sequence[Figure], folder: Path) -> list[Path]:
-    """Every figure as FOLDER/ID.png; the folder is made.  OutputError: the folder cannot be written."""
+    """Every figure as FOLDER/ID.png; the folder is made.
+
+    OutputError: the folder cannot be written.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
@@ -49,24 +53,33 @@ def need_matplotlib() -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError:
-        raise UsageError("--format png needs matplotlib; it comes with the extra: pip install 'tirelog[plot]'") from None
+        raise UsageError(
+            "--format png needs matplotlib; it comes with the extra: pip install 'tirelog[plot]'"
+        ) from None
 
 
 def _drawn(figure: Figure) -> Any:
     canvas = page(8.0, 4.5 * max(1.0, figure.layout.get("height", 380) / 420))
     axes = canvas.subplots()
     if "categoryarray" in figure.layout.get("yaxis", {}):
-        axes.yaxis.update_units([html.unescape(word) for word in figure.layout["yaxis"]["categoryarray"]])
+        axes.yaxis.update_units(
+            [html.unescape(word) for word in figure.layout["yaxis"]["categoryarray"]]
+        )
     for trace in figure.traces:
         _trace(canvas, axes, {key: unpacked(value) for key, value in trace.items()})
     for shape in figure.layout.get("shapes", ()):
         axes.axvline(shape["x0"], color=shape["line"]["color"], lw=0.8, ls="--")
-    for key, set_label, set_limits in (("xaxis", axes.set_xlabel, axes.set_xlim), ("yaxis", axes.set_ylabel, axes.set_ylim)):
+    for key, set_label, set_limits in (
+        ("xaxis", axes.set_xlabel, axes.set_xlim),
+        ("yaxis", axes.set_ylabel, axes.set_ylim),
+    ):
         described = figure.layout.get(key, {})
         set_label(html.unescape(described.get("title", {}).get("text", "")))
         if "range" in described:
             set_limits(*described["range"])
-    axes.set_title("\n".join(textwrap.wrap(figure.title, _TITLE)), loc="left", fontsize=10, parse_math=False)
+    axes.set_title(
+        "\n".join(textwrap.wrap(figure.title, _TITLE)), loc="left", fontsize=10, parse_math=False
+    )
     axes.grid(alpha=0.25, lw=0.5)
     handles, labels = axes.get_legend_handles_labels()
     if labels:
@@ -96,16 +109,36 @@ def _trace(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:
         )  # fmt: skip
     else:
         drawn = trace["line"]
-        axes.plot(trace["x"], trace["y"], _DASHES[drawn.get("dash", "solid")], lw=drawn["width"], color=drawn["color"], label=name)
+        axes.plot(
+            trace["x"],
+            trace["y"],
+            _DASHES[drawn.get("dash", "solid")],
+            lw=drawn["width"],
+            color=drawn["color"],
+            label=name,
+        )
 
 
 def _bars(axes: Axes, trace: dict[str, Any], name: str) -> None:
     colour = trace["marker"]["color"]
     if trace["orientation"] == "h":
         error = unpacked(trace["error_x"]["array"]) if "error_x" in trace else None
-        axes.barh([html.unescape(word) for word in trace["y"]], trace["x"], trace["width"], xerr=error, color=colour, label=name)
+        axes.barh(
+            [html.unescape(word) for word in trace["y"]],
+            trace["x"],
+            trace["width"],
+            xerr=error,
+            color=colour,
+            label=name,
+        )
     else:
-        axes.bar([html.unescape(word) for word in trace["x"]], trace["y"], trace["width"], color=colour, label=name)
+        axes.bar(
+            [html.unescape(word) for word in trace["x"]],
+            trace["y"],
+            trace["width"],
+            color=colour,
+            label=name,
+        )
 
 
 def _heat(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:
@@ -121,5 +154,13 @@ def _heat(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:
         columns = np.append(steps - half, steps[-1] + half)
     else:
         columns = np.asarray(trace["x"], float)
-    mesh = axes.pcolormesh(columns, rows, trace["z"], cmap=colours, vmin=trace["zmin"], vmax=trace["zmax"], shading=shading)
+    mesh = axes.pcolormesh(
+        columns,
+        rows,
+        trace["z"],
+        cmap=colours,
+        vmin=trace["zmin"],
+        vmax=trace["zmax"],
+        shading=shading,
+    )
     canvas.colorbar(mesh, ax=axes, label=trace["colorbar"]["title"]["text"])

@@ -1,6 +1,7 @@
 """Sections of what was recorded and driven, and what the sections share.
 
-Each takes recordings or a table's rows (pandas, the command's own columns) and draws them; nothing is estimated here.
+Each takes recordings or a table's rows (pandas, the command's own columns) and draws them; nothing
+is estimated here.
 """
 
 from __future__ import annotations
@@ -48,7 +49,12 @@ def recorded(recordings: Sequence[Recording], command: str) -> Section:
         about = recording.setup.tire.__dict__ | recording.setup.conditions.__dict__
         known = [[key, text(value)] for key, value in about.items() if value not in (None, "")]
         tables.append(Table(f"Tire and conditions of {who}", ["quantity", "value"], known))
-        repairs = [f"{what} ({n})" for done in recording.provenance.get("repairs", {}).values() for what, n in done.items() if n]
+        repairs = [
+            f"{what} ({n})"
+            for done in recording.provenance.get("repairs", {}).values()
+            for what, n in done.items()
+            if n
+        ]
         if repairs:
             paragraphs.append(f"{who}: repaired in the time axis: {', '.join(repairs)}.")
         paragraphs += [f"{who}: {remark}." for remark in recording.remarks]
@@ -61,7 +67,10 @@ def groups(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     logs = [str(log) for log in table["log"].unique()]
     names = short_names(logs)
     found = table.groupby(["log", "channel"], sort=False, observed=True)
-    named = ((f"{names[str(log)]}: {channel}" if len(logs) > 1 else str(channel), rows) for (log, channel), rows in found)
+    named = (
+        (f"{names[str(log)]}: {channel}" if len(logs) > 1 else str(channel), rows)
+        for (log, channel), rows in found
+    )
     return [group for _, group in zip(range(DRAWN_CHANNELS), named, strict=False)]
 
 
@@ -73,7 +82,8 @@ def drawn_of(table: pd.DataFrame) -> list[str]:
         words.append(f"Over time the first {DRAWN_CHANNELS} of {channels} channels are drawn.")
     if len(table) > SCATTER_POINTS:
         words.append(
-            f"Of {len(table)} rows each figure draws evenly chosen ones, at most {SCATTER_POINTS} a trace; the table has all of them."
+            f"Of {len(table)} rows each figure draws evenly chosen ones, at most "
+            f"{SCATTER_POINTS} a trace; the table has all of them."
         )
     return words
 
@@ -81,7 +91,11 @@ def drawn_of(table: pd.DataFrame) -> list[str]:
 def quality(table: pd.DataFrame, name: str) -> Table:
     """How many rows carry which quality."""
     counts = table["quality"].value_counts()
-    return Table(f"Rows of {name} by quality", ["quality", "rows"], [[str(word), str(n)] for word, n in counts.items() if n])
+    return Table(
+        f"Rows of {name} by quality",
+        ["quality", "rows"],
+        [[str(word), str(n)] for word, n in counts.items() if n],
+    )
 
 
 def reach(values: pd.Series, unit: str) -> str:
@@ -91,20 +105,41 @@ def reach(values: pd.Series, unit: str) -> str:
     return f"{values.min():.4g} to {values.max():.4g} {unit}"
 
 
-def drive(recordings: Sequence[Recording], speed: pd.DataFrame, command: str, remarks: Sequence[str]) -> Section:
+def drive(
+    recordings: Sequence[Recording], speed: pd.DataFrame, command: str, remarks: Sequence[str]
+) -> Section:
     """Speed, acceleration, and the recorded signal over time."""
     named = groups(speed)
     v = [dots(rows["time_s"], rows["speed_m_s"], name, i) for i, (name, rows) in enumerate(named)]
-    a = [dots(rows["time_s"], rows["acceleration_m_s2"], name, i) for i, (name, rows) in enumerate(named)]
+    a = [
+        dots(rows["time_s"], rows["acceleration_m_s2"], name, i)
+        for i, (name, rows) in enumerate(named)
+    ]
     driven, pushed = reach(speed["speed_m_s"], "m/s"), reach(speed["acceleration_m_s2"], "m/s²")
     figures = [
-        Figure("speed", "Speed of the wheel centre", f"Speed against time, {driven}.", v, layout("time [s]", "speed [m/s]")),
-        Figure("acceleration", "Acceleration", f"Acceleration against time, {pushed}.", a, layout("time [s]", "acceleration [m/s²]")),
+        Figure(
+            "speed",
+            "Speed of the wheel centre",
+            f"Speed against time, {driven}.",
+            v,
+            layout("time [s]", "speed [m/s]"),
+        ),
+        Figure(
+            "acceleration",
+            "Acceleration",
+            f"Acceleration against time, {pushed}.",
+            a,
+            layout("time [s]", "acceleration [m/s²]"),
+        ),
     ]
     names = short_names([r.log for r in recordings])
     for number, recording in enumerate(recordings[:DRAWN_LOGS]):
         figures += _signals(recording, number, names[recording.log])
-    words = [f"Speed {driven}, acceleration {pushed}, {len(speed)} passages of the patch.", *remarks, *drawn_of(speed)]
+    words = [
+        f"Speed {driven}, acceleration {pushed}, {len(speed)} passages of the patch.",
+        *remarks,
+        *drawn_of(speed),
+    ]
     if len(recordings) > DRAWN_LOGS:
         words.append(f"Signals of the first {DRAWN_LOGS} logs are drawn.")
     return Section("drive", "The drive", command, words, figures, [quality(speed, "speed")])
@@ -125,6 +160,17 @@ def _signals(recording: Recording, number: int, log: str) -> list[Figure]:
             time, values = decimated(channel)
             traces.append(line(time, values * factor, channel.name, i, line={"width": 1}))
         name = label.split(" [")[0]
-        alt = f"{name} of {', '.join(c.name for c in channels)} over the whole log, the extremes of each short stretch; drag to zoom."
-        figures.append(Figure(f"signal-{number}-{kinds[0]}", f"Recorded {name}, {log}", alt, traces, layout("time [s]", label)))
+        alt = (
+            f"{name} of {', '.join(c.name for c in channels)} over the whole log, the extremes "
+            "of each short stretch; drag to zoom."
+        )
+        figures.append(
+            Figure(
+                f"signal-{number}-{kinds[0]}",
+                f"Recorded {name}, {log}",
+                alt,
+                traces,
+                layout("time [s]", label),
+            )
+        )
     return figures

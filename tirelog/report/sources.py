@@ -1,7 +1,9 @@
-"""Where the page's tables come from: files given with --table, a campaign's folder, or the commands' own functions.
+"""Where the page's tables come from: files given with --table, a campaign's folder, or the
+commands' own functions.
 
-paths --columns--> kind of table --> `Tables`: nothing is read before it is asked for, and then only the columns that are drawn
-a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last ladder
+paths --columns--> kind of table --> `Tables`: nothing is read before it is asked for, and then only
+the columns that are drawn a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last
+ladder
 """
 
 from __future__ import annotations
@@ -32,7 +34,9 @@ _UNUSED = {
 
 @dataclass
 class Tables:
-    """Tables by the command that made them: (file, name of the log where the file does not hold it)."""
+    """Tables by the command that made them: (file, name of the log where the file does not hold
+    it).
+    """
 
     files: dict[str, list[tuple[Path, str | None]]] = field(default_factory=dict)
 
@@ -52,7 +56,9 @@ def table_kind(columns: Sequence[str], path: Path) -> str:
         if set(TABLES[name]) - OPTIONAL <= set(columns):
             return name
     raise UsageError(
-        "is no table of speed, footprint, dissipation or phase-shift; these can be given with --table; make it anew", file=path
+        "is no table of speed, footprint, dissipation or phase-shift; these can be given with "
+        "--table; make it anew",
+        file=path,
     )
 
 
@@ -74,18 +80,28 @@ def _read(path: Path, log: str | None) -> Iterator[pd.DataFrame]:
         import pyarrow.parquet as pq
 
         wanted = [name for name in _columns(path) if name not in _UNUSED]
-        with pq.ParquetFile(path, read_dictionary=[name for name in _WORDS if name in wanted]) as file:
+        with pq.ParquetFile(
+            path, read_dictionary=[name for name in _WORDS if name in wanted]
+        ) as file:
             for group in range(file.num_row_groups):
-                yield _lighter(file.read_row_group(group, columns=wanted, use_threads=False).to_pandas(), log)
+                yield _lighter(
+                    file.read_row_group(group, columns=wanted, use_threads=False).to_pandas(), log
+                )
         return
     frame = read_table(path)
     yield _lighter(frame.drop(columns=[name for name in frame.columns if name in _UNUSED]), log)
 
 
 def _lighter(frame: pd.DataFrame, log: str | None) -> pd.DataFrame:
-    """Words as categories, numbers as exact as a picture, times as they are; `log` in its column where it is not there."""
+    """Words as categories, numbers as exact as a picture, times as they are; `log` in its column
+    where it is not there.
+    """
     kinds: dict[str, Any] = {name: "category" for name in _WORDS if name in frame}
-    kinds |= {str(name): np.float32 for name in frame if frame[name].dtype == np.float64 and not str(name).endswith("time_s")}
+    kinds |= {
+        str(name): np.float32
+        for name in frame
+        if frame[name].dtype == np.float64 and not str(name).endswith("time_s")
+    }
     frame = frame.astype(kinds)
     if log is not None:
         frame["log"] = pd.Categorical([log]).repeat(len(frame))
@@ -96,13 +112,20 @@ def _joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Parts as one table; words stay categories."""
     if len(parts) == 1:
         return parts[0]
-    words = {name: pd.api.types.union_categoricals([p[name] for p in parts]) for name in _WORDS if all(name in p for p in parts)}
+    words = {
+        name: pd.api.types.union_categoricals([p[name] for p in parts])
+        for name in _WORDS
+        if all(name in p for p in parts)
+    }
     numbers = pd.concat([p.drop(columns=list(words)) for p in parts], ignore_index=True)
     return numbers.assign(**words)
 
 
 def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> Tables:
-    """The tables given with --table and those of a campaign's folder.  UsageError: no such table, no campaign."""
+    """The tables given with --table and those of a campaign's folder.
+
+    UsageError: no such table, no campaign.
+    """
     tables = Tables()
     for path in paths:
         tables.add(path)
@@ -110,7 +133,9 @@ def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> Tables:
         return tables
     if not (campaign / "summary.csv").is_file():
         raise UsageError(
-            "is no campaign's output (no summary.csv in it); give the folder that `tirelog campaign run` writes", file=campaign
+            "is no campaign's output (no summary.csv in it); give the folder that `tirelog "
+            "campaign run` writes",
+            file=campaign,
         )
     for kind in KINDS:
         for part in sorted(campaign.glob(f"table={kind}/log=*/part.parquet")):
@@ -119,7 +144,9 @@ def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> Tables:
 
 
 def made_table(name: str, recordings: Sequence[Recording]) -> tuple[pd.DataFrame | None, list[str]]:
-    """A table made by its command's own function from the logs that suit it, None where none does; and the command's remarks."""
+    """A table made by its command's own function from the logs that suit it, None where none does;
+    and the command's remarks.
+    """
     parts, said = [], []
     for recording in recordings:
         if MAKERS[name].suits(recording):
@@ -129,8 +156,12 @@ def made_table(name: str, recordings: Sequence[Recording]) -> tuple[pd.DataFrame
     return (pd.concat(parts, ignore_index=True) if parts else None), said
 
 
-def made_dissipation(recordings: Sequence[Recording]) -> tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]:
-    """The dissipation table, its regressions on speed, and the command's remarks, from one pass over the logs."""
+def made_dissipation(
+    recordings: Sequence[Recording],
+) -> tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]:
+    """The dissipation table, its regressions on speed, and the command's remarks, from one pass
+    over the logs.
+    """
     from tirelog.strain.dissipation_table import dissipation_of, regression_columns
 
     parts, lines, said = [], [], []
@@ -147,11 +178,18 @@ def made_dissipation(recordings: Sequence[Recording]) -> tuple[pd.DataFrame | No
 
 def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
     rows = max(np.shape(v)[0] for v in columns.values() if np.ndim(v))
-    return pd.DataFrame({name: np.broadcast_to(np.asarray(v), (rows,)) if np.ndim(v) == 0 else v for name, v in columns.items()})
+    return pd.DataFrame(
+        {
+            name: np.broadcast_to(np.asarray(v), (rows,)) if np.ndim(v) == 0 else v
+            for name, v in columns.items()
+        }
+    )
 
 
 def read_ladder(path: Path) -> Mapping[str, Any]:
-    """The last ladder of the file that `ladder` keeps beside the model, or a ladder's own JSON.  UsageError: neither."""
+    """The last ladder of the file that `ladder` keeps beside the model, or a ladder's own JSON.
+    UsageError: neither.
+    """
     try:
         found = json_value(path.read_text(encoding="utf-8"))
         climbed = found["ladders"][-1] if "ladders" in found else found
@@ -167,9 +205,15 @@ def read_ladder(path: Path) -> Mapping[str, Any]:
             "p_adjusted",
             "parameters",
         )
-        whole = bool(climbed["steps"]) and all(name in step for step in climbed["steps"] for name in needed)
+        whole = bool(climbed["steps"]) and all(
+            name in step for step in climbed["steps"] for name in needed
+        )
         if whole and isinstance(climbed["observable"], str) and isinstance(climbed["unit"], str):
             return dict(climbed)
     except (OSError, ValueError, KeyError, IndexError, TypeError):
         pass
-    raise UsageError("is no ladder; `tirelog ladder LOG --model M` keeps one beside the model, as M.ladder.json; give that", file=path)
+    raise UsageError(
+        "is no ladder; `tirelog ladder LOG --model M` keeps one beside the model, as "
+        "M.ladder.json; give that",
+        file=path,
+    )

@@ -1,4 +1,5 @@
-"""Sections as a file: what a campaign's models have to show is drawn where their results are, and put on the page later.
+"""Sections as a file: what a campaign's models have to show is drawn where their results are, and
+put on the page later.
 
 Sections --JSON--> models/<model>/page.json --> the same Sections
 """
@@ -22,7 +23,10 @@ _ID = re.compile(r"[a-z][a-z0-9_-]*")
 
 def stored(sections: Sequence[Section], missing: Sequence[tuple[str, str]]) -> dict[str, Any]:
     """The file's content."""
-    return {"sections": [asdict(section) for section in sections], "missing": [list(pair) for pair in missing]}
+    return {
+        "sections": [asdict(section) for section in sections],
+        "missing": [list(pair) for pair in missing],
+    }
 
 
 def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
@@ -32,7 +36,11 @@ def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
         sections = [_section(one) for one in content["sections"]]
         return sections, [(str(what), str(command)) for what, command in content["missing"]]
     except (OSError, ValueError, KeyError, TypeError):
-        raise UsageError("is no page of a campaign's model; `tirelog campaign run` writes it; remove it and run again", file=path) from None
+        raise UsageError(
+            "is no page of a campaign's model; `tirelog campaign run` writes it; "
+            "remove it and run again",
+            file=path,
+        ) from None
 
 
 def _section(data: dict[str, Any]) -> Section:
@@ -44,12 +52,16 @@ def _section(data: dict[str, Any]) -> Section:
 
 
 def model_pages(campaign: Path) -> Iterator[tuple[list[Section], list[tuple[str, str]]]]:
-    """Sections and what is missing of each model of a campaign; titles and ids told apart where there are several."""
+    """Sections and what is missing of each model of a campaign; titles and ids told apart where
+    there are several.
+    """
     files = sorted(campaign.glob("models/*/page.json"))
     for number, file in enumerate(files, 1):
         sections, missing = read_stored(file)
         if len(files) > 1:
-            sections = [_told_apart(section, file.parent.name, f"-{number}") for section in sections]
+            sections = [
+                _told_apart(section, file.parent.name, f"-{number}") for section in sections
+            ]
         yield sections, missing
 
 
@@ -58,7 +70,16 @@ def _told_apart(section: Section, model: str, mark: str) -> Section:
     switches = dict(section.switches)
     if switches:
         switches["states"] = {
-            mask: {**state, "figures": {name + mark: values for name, values in state["figures"].items()}}
+            mask: {
+                **state,
+                "figures": {name + mark: values for name, values in state["figures"].items()},
+            }
             for mask, state in switches["states"].items()
         }
-    return replace(section, id=section.id + mark, title=f"{section.title}: {model}", figures=figures, switches=switches)
+    return replace(
+        section,
+        id=section.id + mark,
+        title=f"{section.title}: {model}",
+        figures=figures,
+        switches=switches,
+    )

@@ -1,10 +1,13 @@
-"""Effects on and off: for every combination the fitted model, its waveforms, residual map and errors, made before the page is opened.
+"""Effects on and off: for every combination the fitted model, its waveforms, residual map and
+errors, made before the page is opened.
 
-    stacks, top model --cells once--> for each subset of its effects: `prepare` (fit, floor, held-out error) --comparison_of--> State
-    States --> a section whose figures show one state, and the data by which the page's script changes them
+    stacks, top model --cells once--> for each subset of its effects: `prepare` (fit, floor,
+    held-out error) --comparison_of--> State States --> a section whose figures show one state, and
+    the data by which the page's script changes them
 
-A combination is fitted anew, since a model without an effect bends its other parameters to make up for it: this is the error that the
-model without it really has.  All numbers are those of `compare` on that model.
+A combination is fitted anew, since a model without an effect bends its other parameters to make up
+for it: this is the error that the model without it really has. All numbers are those of `compare`
+on that model.
 """
 
 from __future__ import annotations
@@ -33,8 +36,13 @@ _THOROUGH = 4
 Progress = Callable[[str], None]
 
 
-def top_of_ladder(model: Model, climbed: Mapping[str, Any], catalogue: Mapping[str, Effect]) -> Model:
-    """The model with the effects that a ladder added and the values it found.  UsageError: an effect that nobody knows."""
+def top_of_ladder(
+    model: Model, climbed: Mapping[str, Any], catalogue: Mapping[str, Effect]
+) -> Model:
+    """The model with the effects that a ladder added and the values it found.
+
+    UsageError: an effect that nobody knows.
+    """
     added = [step for step in climbed["steps"] if step["decision"].startswith("added")]
     for step in added:
         name = step["effect"]
@@ -42,15 +50,24 @@ def top_of_ladder(model: Model, climbed: Mapping[str, Any], catalogue: Mapping[s
             continue
         if name not in catalogue:
             raise UsageError(
-                f"the ladder has the effect {name!r}{nearest(name, catalogue)}, which is not known here; give it with --effects"
+                f"the ladder has the effect {name!r}{nearest(name, catalogue)}, which is not "
+                "known here; give it with --effects"
             )
         model = model.with_effect(catalogue[name])
-    values = {name: p["value"] for step in added[-1:] for name, p in step["parameters"].items() if name in model.parameters}
+    values = {
+        name: p["value"]
+        for step in added[-1:]
+        for name, p in step["parameters"].items()
+        if name in model.parameters
+    }
     return model.with_values(values)
 
 
-def comparisons(measured: Measured, top: Model, names: Sequence[str], bare: Model, progress: Progress) -> dict[int, Comparison | str]:
-    """The comparison of each combination of the effects `names` of `top`, by bit mask; why where a combination cannot be computed.
+def comparisons(
+    measured: Measured, top: Model, names: Sequence[str], bare: Model, progress: Progress
+) -> dict[int, Comparison | str]:
+    """The comparison of each combination of the effects `names` of `top`, by bit mask; why where a
+    combination cannot be computed.
 
     `bare` gives the carcass's start values of combinations that lack an effect.
     """
@@ -76,8 +93,16 @@ def comparisons(measured: Measured, top: Model, names: Sequence[str], bare: Mode
     return found
 
 
-def switches(found: Mapping[int, Comparison | str], names: Sequence[str], command: str, left_out: Sequence[str] = ()) -> Section | None:
-    """The section with its switches, all effects on at first.  None where the full model cannot be computed."""
+def switches(
+    found: Mapping[int, Comparison | str],
+    names: Sequence[str],
+    command: str,
+    left_out: Sequence[str] = (),
+) -> Section | None:
+    """The section with its switches, all effects on at first.
+
+    None where the full model cannot be computed.
+    """
     start = max(found)
     full = found[start]
     if isinstance(full, str):
@@ -85,15 +110,33 @@ def switches(found: Mapping[int, Comparison | str], names: Sequence[str], comman
     factor, _ = shown(full.observable, full.unit)
     known = [result for result in found.values() if not isinstance(result, str)]
     reach = max(colour_reach(result.by_speed.residual * factor) for result in known)
-    highest = max(max(result.rmse, result.rmse_heldout or 0.0, result.noise_floor) for result in known) * factor
+    highest = (
+        max(max(result.rmse, result.rmse_heldout or 0.0, result.noise_floor) for result in known)
+        * factor
+    )
     title = "Residual over angle and speed, by switches"
-    figures = [_waveforms(full), residual_map("switch-map", title, full.by_speed, full, reach), _error(full, highest)]
-    states = {str(mask): _state(result, full, figures, _combination(mask, names)) for mask, result in found.items()}
-    words = ["Turn an effect off and see what the model without it, fitted anew, predicts and leaves."]
+    figures = [
+        _waveforms(full),
+        residual_map("switch-map", title, full.by_speed, full, reach),
+        _error(full, highest),
+    ]
+    states = {
+        str(mask): _state(result, full, figures, _combination(mask, names))
+        for mask, result in found.items()
+    }
+    words = [
+        "Turn an effect off and see what the model without it, fitted anew, predicts and leaves."
+    ]
     if left_out:
         words.append(f"Always on, for want of room: {', '.join(left_out)}.")
     return Section(
-        "switches", "Effects on and off", command, words, figures, (), {"effects": list(names), "start": start, "states": states}
+        "switches",
+        "Effects on and off",
+        command,
+        words,
+        figures,
+        (),
+        {"effects": list(names), "start": start, "states": states},
     )
 
 
@@ -108,9 +151,26 @@ def _waveforms(full: Comparison) -> Figure:
     for i, label in enumerate(full.waveforms.labels):
         phi = np.rad2deg(full.waveforms.phi_rad[i])
         traces.append(line(phi, full.waveforms.predicted[i] * factor, f"model, {short(label)}", i))
-        traces.append(dots(phi, full.waveforms.measured[i] * factor, f"measured, {short(label)}", i, marker={"size": 4}))
-    alt = "Measured (points) and predicted (lines) waveforms of the chosen combination of effects; its errors stand beside the switches."
-    shape = layout(ANGLE, f"{full.observable} [{unit}]", xrange=window(full.half_angle_rad), lines=edges(full.half_angle_rad), height=460)
+        traces.append(
+            dots(
+                phi,
+                full.waveforms.measured[i] * factor,
+                f"measured, {short(label)}",
+                i,
+                marker={"size": 4},
+            )
+        )
+    alt = (
+        "Measured (points) and predicted (lines) waveforms of the chosen combination of effects; "
+        "its errors stand beside the switches."
+    )
+    shape = layout(
+        ANGLE,
+        f"{full.observable} [{unit}]",
+        xrange=window(full.half_angle_rad),
+        lines=edges(full.half_angle_rad),
+        height=460,
+    )
     return Figure("switch-waves", "Prediction, by switches", alt, traces, shape)
 
 
@@ -119,9 +179,14 @@ def _error(full: Comparison, highest: float) -> Figure:
     factor, unit = shown(full.observable, full.unit)
     values = _errors(full, factor)
     words = ["fitted", "held out", "noise floor"]
-    shape = layout("", f"error [{unit}]", yrange=(0.0, 1.05 * highest), height=300, showlegend=False)
+    shape = layout(
+        "", f"error [{unit}]", yrange=(0.0, 1.05 * highest), height=300, showlegend=False
+    )
     shape["xaxis"] = {"type": "category", "automargin": True}
-    alt = "Error on the data of the fit, error on held-out manoeuvres, and noise floor of the chosen combination."
+    alt = (
+        "Error on the data of the fit, error on held-out manoeuvres, and noise floor of the "
+        "chosen combination."
+    )
     return Figure("switch-error", "Error, by switches", alt, [bars(words, values, "error")], shape)
 
 
@@ -131,7 +196,9 @@ def _errors(result: Comparison, factor: float) -> list[float]:
     return [error * factor for error in (result.rmse, held_out, result.noise_floor)]
 
 
-def _state(result: Comparison | str, full: Comparison, figures: Sequence[Figure], combination: str) -> dict[str, Any]:
+def _state(
+    result: Comparison | str, full: Comparison, figures: Sequence[Figure], combination: str
+) -> dict[str, Any]:
     """What changes when the switches stand so: the text, and values by figure and trace."""
     waves, map_, error = figures
     if isinstance(result, str):
@@ -148,11 +215,15 @@ def _state(result: Comparison | str, full: Comparison, figures: Sequence[Figure]
 
     factor, unit = shown(result.observable, result.unit)
     text = (
-        f"{combination}: held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise floor {result.noise_floor * factor:.3g}, "
-        f"excess {in_unit(result.excess_heldout, factor)}, reduced chi-square {result.reduced_chi2:.3g}."
+        f"{combination}: held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise "
+        f"floor {result.noise_floor * factor:.3g}, "
+        f"excess {in_unit(result.excess_heldout, factor)}, reduced chi-square "
+        f"{result.reduced_chi2:.3g}."
     )
     changes: dict[str, Any] = {
-        waves.id: {str(2 * i): {"y": packed(y * factor)} for i, y in enumerate(result.waveforms.predicted)},
+        waves.id: {
+            str(2 * i): {"y": packed(y * factor)} for i, y in enumerate(result.waveforms.predicted)
+        },
         error.id: {"0": {"y": packed(_errors(result, factor))}},
     }
     key = "z" if full.by_speed.phi_rad.size > 1 else "y"

@@ -1,6 +1,8 @@
-"""Sections made of one table each: footprint, dissipation, phase shift; and of a campaign's summary.
+"""Sections made of one table each: footprint, dissipation, phase shift; and of a campaign's
+summary.
 
-Rows of the command's own columns (pandas) --> Section; nothing is estimated here.  Rows with a quality word are counted, not drawn.
+Rows of the command's own columns (pandas) --> Section; nothing is estimated here. Rows with a
+quality word are counted, not drawn.
 """
 
 from __future__ import annotations
@@ -17,34 +19,67 @@ from tirelog.report.figures import Figure, dots, layout, line
 from tirelog.report.page import Section, Table
 from tirelog.report.sections import drawn_of, groups, quality, reach, short_names
 
-_METHODS = (("length_m", "best estimate"), ("length_d2_m", "second derivative"), ("length_d1_m", "first derivative"))
+_METHODS = (
+    ("length_m", "best estimate"),
+    ("length_d2_m", "second derivative"),
+    ("length_d1_m", "first derivative"),
+)
 _DRAWN = ("log", "channel", "time_s", "speed_m_s", "slip_onset_m", *(name for name, _ in _METHODS))
 _ASIDE = {"size": 4, "opacity": 0.35}
 
 
-def footprint(table: pd.DataFrame, command: str, remarks: Sequence[str], passage: Sequence[Figure] = ()) -> Section:
+def footprint(
+    table: pd.DataFrame, command: str, remarks: Sequence[str], passage: Sequence[Figure] = ()
+) -> Section:
     """Contact lengths by the three methods against speed and time; one passage; slip onsets."""
     good = table.loc[table["quality"] == "ok", [name for name in _DRAWN if name in table]]
     best = reach(good["length_m"] * 1e3, "mm")
     figures = []
-    for id, x, label in (("length-speed", "speed_m_s", "speed [m/s]"), ("length-time", "time_s", "time [s]")):
-        traces = [dots(good[x], good[column] * 1e3, name, i, marker=_ASIDE if i else {}) for i, (column, name) in enumerate(_METHODS)]
+    for id, x, label in (
+        ("length-speed", "speed_m_s", "speed [m/s]"),
+        ("length-time", "time_s", "time [s]"),
+    ):
+        traces = [
+            dots(good[x], good[column] * 1e3, name, i, marker=_ASIDE if i else {})
+            for i, (column, name) in enumerate(_METHODS)
+        ]
         alt = f"Contact length by three methods against {label}; best estimate {best}."
-        figures.append(Figure(id, f"Contact length against {label.split(' [')[0]}", alt, traces, layout(label, "contact length [mm]")))
+        figures.append(
+            Figure(
+                id,
+                f"Contact length against {label.split(' [')[0]}",
+                alt,
+                traces,
+                layout(label, "contact length [mm]"),
+            )
+        )
     figures += passage
     onset = good[good["slip_onset_m"].notna()] if "slip_onset_m" in good else good.iloc[:0]
     if len(onset):
         traces = [dots(onset["time_s"], onset["slip_onset_m"] * 1e3, "slip onset")]
-        alt = f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the patch centre, entry negative."
-        figures.append(Figure("slip-onset", "Slip onset", alt, traces, layout("time [s]", "slip onset [mm]")))
-    words = [f"Contact length, best estimate: {best} over {len(good)} passages without a mark.", *remarks, *drawn_of(good)]
+        alt = (
+            f"{len(onset)} slip onsets, {reach(onset['slip_onset_m'] * 1e3, 'mm')} from the "
+            "patch centre, entry negative."
+        )
+        figures.append(
+            Figure("slip-onset", "Slip onset", alt, traces, layout("time [s]", "slip onset [mm]"))
+        )
+    words = [
+        f"Contact length, best estimate: {best} over {len(good)} passages without a mark.",
+        *remarks,
+        *drawn_of(good),
+    ]
     if not len(onset):
         words.append("No slip onset was seen.")
     return Section("footprint", "Footprint", command, words, figures, [quality(table, "footprint")])
 
 
-def dissipation(table: pd.DataFrame, command: str, remarks: Sequence[str], lines: pd.DataFrame | None = None) -> Section:
-    """P1 Figs. 9 to 11: specific power and factor in time, with their moving averages; averages against speed, with the regressions."""
+def dissipation(
+    table: pd.DataFrame, command: str, remarks: Sequence[str], lines: pd.DataFrame | None = None
+) -> Section:
+    """P1 Figs. 9 to 11: specific power and factor in time, with their moving averages; averages
+    against speed, with the regressions.
+    """
     good = table[table["quality"] == "ok"]
     steady = good[good["steady"].astype(bool)]
     figures = []
@@ -53,24 +88,65 @@ def dissipation(table: pd.DataFrame, command: str, remarks: Sequence[str], lines
         ("dissipation factor", "dissipation_factor_1_m", "dissipation_factor_mean_1_m", "1/m"),
     ):
         title, label = quantity.capitalize(), f"{quantity} [{unit}]"
-        traces = [dots(good["time_s"], good[column], "each revolution", marker={"size": 4, "opacity": 0.5})]
+        traces = [
+            dots(
+                good["time_s"], good[column], "each revolution", marker={"size": 4, "opacity": 0.5}
+            )
+        ]
         traces += [dots(steady["time_s"], steady[mean], "moving average, constant speed", 1)]
-        alt = f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and moving averages (P1 Figs. 9, 10)."
-        figures.append(Figure(f"{column}-time", f"{title} against time", alt, traces, layout("time [s]", label)))
-        over = [dots(rows["speed_m_s"], rows[mean], name, i) for i, (name, rows) in enumerate(groups(steady))]
+        alt = (
+            f"{title} against time: {reach(good[column], unit)}, {len(good)} passages, and "
+            "moving averages (P1 Figs. 9, 10)."
+        )
+        figures.append(
+            Figure(
+                f"{column}-time", f"{title} against time", alt, traces, layout("time [s]", label)
+            )
+        )
+        over = [
+            dots(rows["speed_m_s"], rows[mean], name, i)
+            for i, (name, rows) in enumerate(groups(steady))
+        ]
         over += _regressions(lines, column)
-        alt = f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, {len(steady)} passages (P1 Fig. 11)."
-        figures.append(Figure(f"{column}-speed", f"{title} against speed", alt, over, layout("speed [m/s]", label)))
+        alt = (
+            f"Moving averages of the {quantity} against speed: {reach(steady[mean], unit)}, "
+            f"{len(steady)} passages (P1 Fig. 11)."
+        )
+        figures.append(
+            Figure(
+                f"{column}-speed", f"{title} against speed", alt, over, layout("speed [m/s]", label)
+            )
+        )
     for column, title, label in (
         ("strip_power_W", "Power of the strip under the grating", "power of the strip [W]"),
-        ("strip_rolling_resistance_N", "Rolling resistance of the strip under the grating", "resistance of the strip [N]"),
+        (
+            "strip_rolling_resistance_N",
+            "Rolling resistance of the strip under the grating",
+            "resistance of the strip [N]",
+        ),
     ):
         if column in good and good[column].notna().any():
             size = reach(good[column], label.split("[")[1][:-1])
-            alt = f"{title} against speed with the setup's viscosity and section, not the whole tire's: {size}."
-            figures.append(Figure(column, title, alt, [dots(good["speed_m_s"], good[column], title.lower())], layout("speed [m/s]", label)))
+            alt = (
+                f"{title} against speed with the setup's viscosity and section, not the whole "
+                f"tire's: {size}."
+            )
+            figures.append(
+                Figure(
+                    column,
+                    title,
+                    alt,
+                    [dots(good["speed_m_s"], good[column], title.lower())],
+                    layout("speed [m/s]", label),
+                )
+            )
     factor = reach(good["dissipation_factor_1_m"], "1/m")
-    words = [f"Dissipation factor: {factor} over {len(good)} passages, {len(steady)} of them at constant speed.", *remarks, *drawn_of(good)]
+    words = [
+        f"Dissipation factor: {factor} over {len(good)} passages, {len(steady)} of them at "
+        "constant speed.",
+        *remarks,
+        *drawn_of(good),
+    ]
     tables = [quality(table, "dissipation")]
     if lines is not None:
         heads = {
@@ -99,37 +175,71 @@ def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict]:
         judgement = row.get("judgement")
         doubt = str(judgement) if isinstance(judgement, str) and judgement else ""
         style = {"width": 2.5, "dash": "dash"} if doubt else {"width": 2.5}
-        drawn.append(line(ends, y, f"{who}, fitted line" + (f" ({doubt})" if doubt else ""), i, line=style))
+        drawn.append(
+            line(ends, y, f"{who}, fitted line" + (f" ({doubt})" if doubt else ""), i, line=style)
+        )
     return drawn
 
 
 def phase_shift(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Section:
-    """P4 Figs. 8 to 13: phase shift and patch width in time and against speed, raw and cleaned; forces where there is a map."""
+    """P4 Figs. 8 to 13: phase shift and patch width in time and against speed, raw and cleaned;
+    forces where there is a map.
+    """
     good = table[table["quality"].isin(["ok", "delay_removed"])]  # a removed delay is no fault
     figures = [
-        Figure("phase-speed", "Speed at the passages", f"Speed against time: {reach(good['speed_m_s'], 'm/s')}.",
+        Figure("phase-speed", "Speed at the passages", "Speed against time: " f"{reach(good['speed_m_s'], 'm/s')}.",
                [dots(rows["time_s"], rows["speed_m_s"], name, i) for i, (name, rows) in enumerate(groups(good))],
                layout("time [s]", "speed [m/s]")),
     ]  # fmt: skip
-    for quantity, label in (("phase_shift", "phase shift [deg]"), ("patch_width", "patch width [deg]")):
+    for quantity, label in (
+        ("phase_shift", "phase shift [deg]"),
+        ("patch_width", "patch width [deg]"),
+    ):
         columns = [
-            c for c in (f"{quantity}_deg", f"{quantity}_detrended_deg", f"{quantity}_corrected_deg") if c in good and good[c].notna().any()
+            c
+            for c in (f"{quantity}_deg", f"{quantity}_detrended_deg", f"{quantity}_corrected_deg")
+            if c in good and good[c].notna().any()
         ]
-        names = [c.removesuffix("_deg").removeprefix(quantity).strip("_") or "measured" for c in columns]
+        names = [
+            c.removesuffix("_deg").removeprefix(quantity).strip("_") or "measured" for c in columns
+        ]
         for x, axis_label in (("time_s", "time [s]"), ("speed_m_s", "speed [m/s]")):
-            traces = [dots(good[x], good[c], name, i) for i, (c, name) in enumerate(zip(columns, names, strict=True))]
+            traces = [
+                dots(good[x], good[c], name, i)
+                for i, (c, name) in enumerate(zip(columns, names, strict=True))
+            ]
             title = f"{label.split(' [')[0].capitalize()} against {axis_label.split(' [')[0]}"
-            alt = f"{title}, {', '.join(names)}: measured {reach(good[f'{quantity}_deg'], 'degrees')} (P4 Figs. 8 to 13)."
+            alt = (
+                f"{title}, {', '.join(names)}: "
+                f"measured {reach(good[f'{quantity}_deg'], 'degrees')} (P4 Figs. 8 to 13)."
+            )
             figures.append(Figure(f"{quantity}-{x}", title, alt, traces, layout(axis_label, label)))
     for name in ("vertical", "longitudinal"):
         column = f"{name}_force_N"
         if column in good and good[column].notna().any():
             alt = f"{name.capitalize()} force by the calibration: {reach(good[column], 'N')}."
             traces = [dots(good["time_s"], good[column], f"{name} force")]
-            figures.append(Figure(column, f"{name.capitalize()} force", alt, traces, layout("time [s]", f"{name} force [N]")))
-    width, shift = reach(good["patch_width_deg"], "degrees"), reach(good["phase_shift_deg"], "degrees")
-    words = [f"Patch width {width}, phase shift {shift}; negative in braking.", *remarks, *drawn_of(good)]
-    return Section("phase-shift", "Phase shift", command, words, figures, [quality(table, "phase shift")])
+            figures.append(
+                Figure(
+                    column,
+                    f"{name.capitalize()} force",
+                    alt,
+                    traces,
+                    layout("time [s]", f"{name} force [N]"),
+                )
+            )
+    width, shift = (
+        reach(good["patch_width_deg"], "degrees"),
+        reach(good["phase_shift_deg"], "degrees"),
+    )
+    words = [
+        f"Patch width {width}, phase shift {shift}; negative in braking.",
+        *remarks,
+        *drawn_of(good),
+    ]
+    return Section(
+        "phase-shift", "Phase shift", command, words, figures, [quality(table, "phase shift")]
+    )
 
 
 def campaign(summary: Path, command: str) -> Section:
@@ -138,8 +248,20 @@ def campaign(summary: Path, command: str) -> Section:
         rows = list(csv.reader(stream))
     header, body = (rows[0] if rows else []), rows[1:]
     if "status" not in header:
-        raise UsageError("is no campaign's summary; `tirelog campaign run` writes it; run it again", file=summary)
+        raise UsageError(
+            "is no campaign's summary; `tirelog campaign run` writes it; run it again", file=summary
+        )
     status = header.index("status")
-    counts = {word: sum(row[status] == word for row in body) for word in dict.fromkeys(row[status] for row in body)}
+    counts = {
+        word: sum(row[status] == word for row in body)
+        for word in dict.fromkeys(row[status] for row in body)
+    }
     words = [f"{len(body)} logs: {', '.join(f'{n} {word}' for word, n in counts.items())}."]
-    return Section("campaign", "The campaign", command, words, (), [Table("Logs of the campaign", header, body)])
+    return Section(
+        "campaign",
+        "The campaign",
+        command,
+        words,
+        (),
+        [Table("Logs of the campaign", header, body)],
+    )

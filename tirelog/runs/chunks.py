@@ -1,8 +1,11 @@
-"""Chunks of an HDF5 dataset, packed as HDF5's own filters would and written past them: several are packed at once, outside of HDF5's lock.
+"""Chunks of an HDF5 dataset, packed as HDF5's own filters would and written past them: several are
+packed at once, outside of HDF5's lock.
 
-    values --shuffle--> bytes of one place together --deflate--> smaller --fletcher32--> 4 bytes more --write_direct_chunk--> file
+    values --shuffle--> bytes of one place together --deflate--> smaller --fletcher32--> 4 bytes
+    more --write_direct_chunk--> file
 
-Any tool reads the file, as its filters are the ordinary ones: shuffle, gzip, fletcher32 (HDF5 specification, III.I "Filter pipeline").
+Any tool reads the file, as its filters are the ordinary ones: shuffle, gzip, fletcher32 (HDF5
+specification, III.I "Filter pipeline").
 """
 
 from __future__ import annotations
@@ -41,7 +44,8 @@ def packed(values: np.ndarray) -> bytes:
 
 
 def fletcher32(data: bytes) -> int:
-    """HDF5's checksum of at most a few megabytes: the sum of big-endian words of 16 bits, and the sum of that sum's running values.
+    """HDF5's checksum of at most a few megabytes: the sum of big-endian words of 16 bits, and the
+    sum of that sum's running values.
 
     Both modulo 65535, where only zeros give 0 and all else 65535 in its place.
     """
@@ -55,7 +59,9 @@ def _folded(total: int) -> int:
 
 
 class ChunkWriter:
-    """Writes whole chunks of datasets: packed where `compress`, else as they are, for datasets without filters."""
+    """Writes whole chunks of datasets: packed where `compress`, else as they are, for datasets
+    without filters.
+    """
 
     def __init__(self, *, compress: bool) -> None:
         self._pool = ThreadPoolExecutor(_THREADS, "tirelog-pack") if compress else None
@@ -63,7 +69,9 @@ class ChunkWriter:
         self.options: dict[str, Any] = dict(FILTERS) if compress else {}
 
     def write(self, dataset: h5py.Dataset, start: int, values: np.ndarray) -> None:
-        """Write `values` from sample `start` on, a multiple of CHUNK; behind a last part of a chunk nothing may follow."""
+        """Write `values` from sample `start` on, a multiple of CHUNK; behind a last part of a chunk
+        nothing may follow.
+        """
         dataset.resize(start + values.size, axis=0)
         for at in range(0, values.size, CHUNK):
             part = np.ascontiguousarray(values[at : at + CHUNK])
@@ -91,7 +99,8 @@ class ChunkWriter:
 
 @dataclass(frozen=True)
 class Unfiltered:
-    """Numbers of a dataset whose chunks are in the file as they are: read past HDF5, where one thread would wait for another.
+    """Numbers of a dataset whose chunks are in the file as they are: read past HDF5, where one
+    thread would wait for another.
 
     `places`: the byte at which each chunk begins.
     """
@@ -102,7 +111,10 @@ class Unfiltered:
     places: tuple[int, ...]
 
     def __call__(self, start: int, stop: int) -> np.ndarray:
-        """The numbers [start, stop).  ReadError: the recording is closed.  OSError: the file is shorter than it was."""
+        """The numbers [start, stop).
+
+        ReadError: the recording is closed. OSError: the file is shorter than it was.
+        """
         if self.file.closed:
             raise recording_closed()
         stop, wide = min(stop, self.size), self.dtype.itemsize
@@ -110,11 +122,20 @@ class Unfiltered:
         room, at = out.view(np.uint8), start
         while at < stop:
             first = last = at // CHUNK
-            while (last + 1) * CHUNK < stop and self.places[last + 1] == self.places[last] + CHUNK * wide:
+            while (last + 1) * CHUNK < stop and self.places[last + 1] == self.places[
+                last
+            ] + CHUNK * wide:
                 last += 1
             end = min((last + 1) * CHUNK, stop)
             part = room[(at - start) * wide : (end - start) * wide]
-            if os.preadv(self.file.fileno(), [part.data], self.places[first] + (at - first * CHUNK) * wide) != part.size:
+            if (
+                os.preadv(
+                    self.file.fileno(),
+                    [part.data],
+                    self.places[first] + (at - first * CHUNK) * wide,
+                )
+                != part.size
+            ):
                 raise OSError("the file ends early")
             at = end
         return out
@@ -123,15 +144,20 @@ class Unfiltered:
 def recording_closed() -> ReadError:
     """What a recording says that is read after its end."""
     return ReadError(
-        "the recording is closed; its samples can be read while `open_recording` is open, and in a session "
+        "the recording is closed; its samples can be read while `open_recording` is open, and in "
+        "a session "
         "until the next log is taken; read them there, or open it again"
     )
 
 
 def unfiltered(dataset: h5py.Dataset, file: FileIO) -> Unfiltered | None:
-    """A reader of a dataset without filters in the open `file`; None where a chunk, or the system's call, is missing."""
+    """A reader of a dataset without filters in the open `file`; None where a chunk, or the system's
+    call, is missing.
+    """
     if not hasattr(os, "preadv"):
         return None
     places = [-1] * -(-dataset.size // CHUNK)
-    dataset.id.chunk_iter(lambda chunk: places.__setitem__(chunk.chunk_offset[0] // CHUNK, chunk.byte_offset))
+    dataset.id.chunk_iter(
+        lambda chunk: places.__setitem__(chunk.chunk_offset[0] // CHUNK, chunk.byte_offset)
+    )
     return None if -1 in places else Unfiltered(file, dataset.dtype, dataset.size, tuple(places))

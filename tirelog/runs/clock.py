@@ -1,23 +1,29 @@
-"""Stamps to a time axis: one streaming pass that keeps the stamps aside, then a fit in bounded memory.
+"""Stamps to a time axis: one streaming pass that keeps the stamps aside, then a fit in bounded
+memory.
 
-    blocks: ClockFit.add(stamps [s] or None, sample numbers or None, n)      n samples each, NaN where a stamp is unknown
+    blocks: ClockFit.add(stamps [s] or None, sample numbers or None, n)      n samples each, NaN
+        where a stamp is unknown
     end:    ClockFit.axis() -> TimeAxis, .repairs, .flags, .remarks
 
-How the axis is decided, by what the stamps look like (T the sample period, r = stamp - T x sample number):
+How the axis is decided, by what the stamps look like (T the sample period, r = stamp - T x sample
+number):
 
 * no stamps: the rate of the setup or the file; a missing sample number is a gap.
-* stamps on one line to half of their last digit: exactly that line; its rate is the setup's, the file's or a round one where
-  these agree with the stamps to that half digit.
-* otherwise a sample clock seen through the stamps: T from differences over long stretches (their median, which isolated gaps do
-  not move), then least squares with one T and a start for each segment.  Where many stamps are alike or nearly so (one second's
-  resolution, buffers that arrive in bunches) only the first stamp of each bunch takes part.  A lasting rise of r by half a
-  period is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting fall by one period is
-  a repeated row, which gets a segment of its own, half a period after its neighbour; a larger one is a clock that was set back:
-  the sample clock runs on.
-* stamps that stray from such a clock by more than a tenth of a period and more than their resolution, ascend, and come without
-  a declared rate (setup or file): the samples have no clock of their own (wheel speeds on a bus), and their times are the stamps.
+* stamps on one line to half of their last digit: exactly that line; its rate is the setup's, the
+  file's or a round one where these agree with the stamps to that half digit.
+* otherwise a sample clock seen through the stamps: T from differences over long stretches (their
+  median, which isolated gaps do not move), then least squares with one T and a start for each
+  segment.  Where many stamps are alike or nearly so (one second's resolution, buffers that arrive
+  in bunches) only the first stamp of each bunch takes part.  A lasting rise of r by half a period
+  is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting
+  fall by one period is a repeated row, which gets a segment of its own, half a period after its
+  neighbour; a larger one is a clock that was set back: the sample clock runs on.
+* stamps that stray from such a clock by more than a tenth of a period and more than their
+  resolution, ascend, and come without a declared rate (setup or file): the samples have no clock of
+  their own (wheel speeds on a bus), and their times are the stamps.
 
-A declared rate that the stamps contradict by more than 0.2 % is said, and the stamps are followed; beyond a fifth the setup is refused.
+A declared rate that the stamps contradict by more than 0.2 % is said, and the stamps are followed;
+beyond a fifth the setup is refused.
 """
 
 from __future__ import annotations
@@ -34,7 +40,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: share of a period by which a clock's stamps may stray, unless a rate is declared
 _JITTER = 0.1
-#: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this factor
+#: a declared rate is contradicted by stamps that differ by this share, and absurd beyond this
+#: factor
 _CONTRADICTS, _ABSURD = 0.002, 1.2
 #: with more leaps than this a column of numbers is no sample counter
 _MOST_LEAPS = 100_000
@@ -43,8 +50,8 @@ _MOST_LEAPS = 100_000
 class ClockFit:
     """The time axis of one group of channels, from its stamps and sample numbers.
 
-    `setup_rate_Hz` and `file_rate_Hz` are declared rates or None; `resolution_s` is the step of the stamps; `counted` says that the
-    sample number, not the stamp, is the clock.
+    `setup_rate_Hz` and `file_rate_Hz` are declared rates or None; `resolution_s` is the step of the
+    stamps; `counted` says that the sample number, not the stamp, is the clock.
     """
 
     def __init__(
@@ -62,13 +69,17 @@ class ClockFit:
         self.flags: list[tuple[int, int, str]] = []
         self.remarks: list[str] = []
         self._stamps: Stamps | None = Stamps()
-        self._missing: list[tuple[int, int]] = []  # (index of the first sample behind, samples missing before it)
+        self._missing: list[
+            tuple[int, int]
+        ] = []  # (index of the first sample behind, samples missing before it)
         self._last_number: float | None = None
         self._number_step, self._leaping = 0.0, False
         self._axis: TimeAxis | None = None
 
     def add(self, stamps_s: FloatArray | None, number: FloatArray | None, n: int) -> None:
-        """The next `n` samples: their stamps [s], shape (n,), or None; their sample numbers, shape (n,), or None."""
+        """The next `n` samples: their stamps [s], shape (n,), or None; their sample numbers, shape
+        (n,), or None.
+        """
         if number is not None and n and not self._leaping:
             self._note_missing(number)
         if stamps_s is None and n:
@@ -78,7 +89,10 @@ class ClockFit:
         self.size += n
 
     def _note_missing(self, number: FloatArray) -> None:
-        """Where sample numbers are missing.  A fall (a counter that began again) and an unreadable one say nothing."""
+        """Where sample numbers are missing.
+
+        A fall (a counter that began again) and an unreadable one say nothing.
+        """
         known = np.flatnonzero(np.isfinite(number))
         if not known.size:
             return
@@ -88,26 +102,37 @@ class ClockFit:
             self._number_step = float(np.median(rising)) if rising.size else 1.0
         before = number[0] - self._number_step if self._last_number is None else self._last_number
         steps = np.concatenate(
-            [[number[known[0]] - before - self._number_step * known[0]], steps - self._number_step * (np.diff(known) - 1)]
+            [
+                [number[known[0]] - before - self._number_step * known[0]],
+                steps - self._number_step * (np.diff(known) - 1),
+            ]
         )
         leaps = np.flatnonzero(steps > 1.5 * self._number_step)
         if len(self._missing) + leaps.size > _MOST_LEAPS:
             self._leaping, self._missing, leaps = True, [], leaps[:0]
-            self.remarks.append("the sample numbers leap too often to be sample numbers; they were not used")
+            self.remarks.append(
+                "the sample numbers leap too often to be sample numbers; they were not used"
+            )
         for i in leaps:
-            self._missing.append((self.size + int(known[i]), round(steps[i] / self._number_step) - 1))
-        self._last_number = float(number[known[-1]]) + self._number_step * (number.size - 1 - int(known[-1]))
+            self._missing.append(
+                (self.size + int(known[i]), round(steps[i] / self._number_step) - 1)
+            )
+        self._last_number = float(number[known[-1]]) + self._number_step * (
+            number.size - 1 - int(known[-1])
+        )
 
     def axis(self) -> TimeAxis:
         """The time axis of all samples added.
 
-        ReadError: neither stamps nor a declared rate.  SetupError: a declared rate that the stamps contradict beyond a fifth.
+        ReadError: neither stamps nor a declared rate. SetupError: a declared rate that the stamps
+        contradict beyond a fifth.
         """
         if self._axis is None:
             self._axis = self._solve()
         return self._axis
 
-    # ---- deciding ------------------------------------------------------------------------------------------------------------
+    # ---- deciding
+    # ------------------------------------------------------------------------------------------------------------
 
     def _solve(self) -> TimeAxis:
         stamps, declared = self._stamps, self.setup_rate_Hz or self.file_rate_Hz
@@ -120,14 +145,17 @@ class ClockFit:
         (first, start), (last, end) = ends
         ticks = int(stamps.clock_index(last) - stamps.clock_index(first))
         period, digit = (end - start) / ticks, max(self.resolution_s, 1e-9)
-        # the line runs through two stamps, each off by up to half a digit, and every other stamp is off by as much again
+        # the line runs through two stamps, each off by up to half a digit, and every other stamp is
+        # off by as much again
         low, high = stamps.range(period) if period > 3.0 * digit else (-np.inf, np.inf)
         level = start - period * float(stamps.clock_index(first))
         if max(high - level, level - low) <= 1.02 * digit:
             settled = self._settled(period, 1.02 * digit / ticks)
             low, high = (low, high) if settled == period else stamps.range(settled)
             level = start - settled * float(stamps.clock_index(first))
-            level = level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
+            level = (
+                level if high - 0.51 * digit <= level <= low + 0.51 * digit else 0.5 * (low + high)
+            )
             return self._pieces(settled, [Piece(0, 1, 0.0, level)])
         return self._fitted(stamps, declared)
 
@@ -136,14 +164,19 @@ class ClockFit:
         if not declared:
             if self.size < 2:
                 return TimeAxis.uniform(self.size, 1.0)
-            raise ReadError("no stamps and no rate; a log needs a time column or a rate; write sampling_rate_Hz under [log] in the setup")
+            raise ReadError(
+                "no stamps and no rate; a log needs a time column or a rate; "
+                "write sampling_rate_Hz under [log] in the setup"
+            )
         return self._pieces(1.0 / declared, [Piece(0, 1, 0.0, 0.0)])
 
     def _fitted(self, stamps: Stamps, declared: float | None) -> TimeAxis:
         """The axis through stamps that are no exact line."""
         rough = stamps.rough_period()
         if rough <= 0.0:
-            self.remarks.append("the stamps do not rise; the declared rate was used for the time axis")
+            self.remarks.append(
+                "the stamps do not rise; the declared rate was used for the time axis"
+            )
             return self._by_rate(declared)
         noise = max(stamps.noise(rough), 0.0 if stamps.bunched else 0.3 * self.resolution_s)
         jumps, passing = stamps.jumps(rough, noise)
@@ -153,13 +186,16 @@ class ClockFit:
         if wanders and not coarse and (not declared or noise < _JITTER * period):
             return self._explicit(stamps)
         ticks = max(int(stamps.clock_index(self.size - 1)), 1)
-        # a stamp coarser than a period hides two of them: where in the tick it lies, and one lost sample
+        # a stamp coarser than a period hides two of them: where in the tick it lies, and one lost
+        # sample
         hidden = 2.0 * period if self.resolution_s >= period else 0.51 * self.resolution_s
         tolerance = max(4.0 * error, hidden / ticks)
         period = self._settled(period, tolerance)
         self._count("stamps_repaired", sum(stop - start for start, stop in passing))
         if coarse and abs(pieces[0].level(period)) <= max(self.resolution_s, period):
-            shift = pieces[0].level(period)  # a stamp of one second's resolution does not say where in the second
+            shift = pieces[0].level(
+                period
+            )  # a stamp of one second's resolution does not say where in the second
             pieces = [replace(piece, mean_stamp_s=piece.mean_stamp_s - shift) for piece in pieces]
         axis = self._pieces(period, self._continued(pieces, period))
         if coarse:
@@ -167,7 +203,9 @@ class ClockFit:
         return axis
 
     def _settled(self, period: float, tolerance: float) -> float:
-        """The period: of a declared or a round rate where the stamps agree within `tolerance` [s], else that of the stamps."""
+        """The period: of a declared or a round rate where the stamps agree within `tolerance` [s],
+        else that of the stamps.
+        """
         rate = 1.0 / period
         for said, declared in (("the setup", self.setup_rate_Hz), ("the file", self.file_rate_Hz)):
             if declared and abs(1.0 / declared - period) <= tolerance:
@@ -175,24 +213,37 @@ class ClockFit:
             if declared:
                 self._compare(said, declared, rate)
         rounds = [float(f"{rate:.{digits}g}") for digits in (1, 2, 3, 4, 5)]
-        return next((1.0 / candidate for candidate in rounds if abs(1.0 / candidate - period) <= tolerance), period)
+        return next(
+            (1.0 / candidate for candidate in rounds if abs(1.0 / candidate - period) <= tolerance),
+            period,
+        )
 
     def _compare(self, said: str, declared: float, rate: float) -> None:
-        """Says how the stamps' rate differs from a declared one.  SetupError beyond a fifth, where the setup declared it."""
+        """Says how the stamps' rate differs from a declared one.
+
+        SetupError beyond a fifth, where the setup declared it.
+        """
         factor = max(declared / rate, rate / declared)
         if factor > _ABSURD and said == "the setup":
             raise SetupError(
-                f"sampling_rate_Hz = {declared:g}, but the stamps say {rate:.6g} Hz; allowed is a rate that the stamps bear out; "
+                f"sampling_rate_Hz = {declared:g}, but the stamps say {rate:.6g} Hz; "
+                "allowed is a rate that the stamps bear out; "
                 "mend sampling_rate_Hz, or time and time_unit, under [log]"
             )
         if factor - 1.0 > _CONTRADICTS:
-            self.remarks.append(f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; the stamps were followed")
+            self.remarks.append(
+                f"{said} says {declared:g} Hz, the stamps say {rate:.6g} Hz; the stamps were "
+                "followed"
+            )
         self._count("clock_drift_ppm", round(abs(rate / declared - 1.0) * 1e6))
 
-    # ---- building ------------------------------------------------------------------------------------------------------------
+    # ---- building
+    # ------------------------------------------------------------------------------------------------------------
 
     def _continued(self, pieces: list[Piece], period: float) -> list[Piece]:
-        """Pieces whose lines never run backwards: a repeated row stands alone between two, a clock set back is made to run on."""
+        """Pieces whose lines never run backwards: a repeated row stands alone between two, a clock
+        set back is made to run on.
+        """
         out, shift = [pieces[0]], 0.0
         for before, piece in pairwise(pieces):
             step = piece.level(period) - before.level(period)
@@ -214,19 +265,33 @@ class ClockFit:
         return [piece for piece in out if piece.first < self.size]
 
     def _pieces(self, period: float, pieces: list[Piece]) -> TimeAxis:
-        """Segments of one period: one for each piece, and one behind each run of missing sample numbers."""
+        """Segments of one period: one for each piece, and one behind each run of missing sample
+        numbers.
+        """
         for index, samples in self._missing:
             self._gap(index, samples)
-        firsts = np.unique(np.array([piece.first for piece in pieces] + [index for index, _ in self._missing], np.int64))
+        firsts = np.unique(
+            np.array(
+                [piece.first for piece in pieces] + [index for index, _ in self._missing], np.int64
+            )
+        )
         firsts[0] = 0
         which = np.searchsorted([piece.first for piece in pieces], firsts, side="right") - 1
         levels = np.array([piece.level(period) for piece in pieces])[np.maximum(which, 0)]
         clock = Stamps()
         clock.know_missing(self._missing)
         starts = levels + period * clock.clock_index(firsts)
-        runs_on = np.abs(np.diff(starts) - period * np.diff(firsts)) < 1e-9 * period  # a clock set back leaves no segment behind
+        runs_on = (
+            np.abs(np.diff(starts) - period * np.diff(firsts)) < 1e-9 * period
+        )  # a clock set back leaves no segment behind
         keep = np.concatenate([[True], ~runs_on])
-        return TimeAxis(self.size, float(1.0 / period), firsts[keep], starts[keep], np.full(int(keep.sum()), float(period)))
+        return TimeAxis(
+            self.size,
+            float(1.0 / period),
+            firsts[keep],
+            starts[keep],
+            np.full(int(keep.sum()), float(period)),
+        )
 
     def _gap(self, index: int, samples: int) -> None:
         self._count("gaps", 1)
@@ -234,22 +299,40 @@ class ClockFit:
         self.flags.append((index - 1, index + 1, "gap"))
 
     def _count_against_stamps(self, stamps: Stamps, period: float) -> None:
-        """Samples that whole seconds should hold and do not, where every stamp of a coarse clock is there."""
+        """Samples that whole seconds should hold and do not, where every stamp of a coarse clock is
+        there.
+        """
         steps, ticks, first, last = [], 0, 0, 0
         for index, k, _ in stamps.points(period):
             ticks += index.size
-            first, last = (first or int(index[index > 0][0]) if (index > 0).any() else first), int(index[-1])
+            first, last = (
+                (first or int(index[index > 0][0]) if (index > 0).any() else first),
+                int(index[-1]),
+            )
             steps.append(np.diff(k))
         per_tick = float(np.median(np.concatenate(steps))) if ticks > 2 else 0.0
         whole = self.resolution_s / period
-        if per_tick < 4 or abs(per_tick - whole) > 1.5 or min(first, self.size - last) < per_tick - 1.5:
-            return  # the log begins or ends inside of a tick, so that its length does not say how many samples it should have
-        lost = round(ticks * whole) - int(stamps.clock_index(self.size - 1)) - 1 - self.repairs.get("lost_samples", 0)
+        if (
+            per_tick < 4
+            or abs(per_tick - whole) > 1.5
+            or min(first, self.size - last) < per_tick - 1.5
+        ):
+            # the log begins or ends inside of a tick, so that its length does not say how many
+            # samples it should have
+            return
+        lost = (
+            round(ticks * whole)
+            - int(stamps.clock_index(self.size - 1))
+            - 1
+            - self.repairs.get("lost_samples", 0)
+        )
         self._count("lost_samples", max(lost, 0))
 
     def _explicit(self, stamps: Stamps) -> TimeAxis:
         """The stamps themselves; those that are unknown or fall lie between their neighbours."""
-        self.remarks.append("the samples have no clock of their own (irregular stamps): their times are the stamps")
+        self.remarks.append(
+            "the samples have no clock of their own (irregular stamps): their times are the stamps"
+        )
         times, repaired, step, far = stamps.rising()
         self._count("stamps_repaired", repaired)
         for index in far:

@@ -1,8 +1,11 @@
-"""A channel on its way into a run: counts while every value is a decimal number of few digits, else floats.
+"""A channel on its way into a run: counts while every value is a decimal number of few digits, else
+floats.
 
-    samples, block after block --joined to whole chunks--> int32 counts, float32 or float64 --chunks--> dataset
+    samples, block after block --joined to whole chunks--> int32 counts, float32 or float64
+    --chunks--> dataset
 
-The choice is made by the data: a value that does not come back exactly promotes what has been written so far.
+The choice is made by the data: a value that does not come back exactly promotes what has been
+written so far.
 """
 
 from __future__ import annotations
@@ -22,9 +25,13 @@ _CHUNKS_AT_ONCE = 4
 
 
 class Column:
-    """One channel of `decimals` decimals in its source (None: binary floats); `lost` counts its lost samples."""
+    """One channel of `decimals` decimals in its source (None: binary floats); `lost` counts its
+    lost samples.
+    """
 
-    def __init__(self, file: h5py.File, name: str, decimals: int | None, chunks: ChunkWriter) -> None:
+    def __init__(
+        self, file: h5py.File, name: str, decimals: int | None, chunks: ChunkWriter
+    ) -> None:
         self.file, self.name, self.chunks = file, name, chunks
         self.decimals = self._places = decimals
         self.dataset: h5py.Dataset | None = None
@@ -35,7 +42,9 @@ class Column:
         self._digest = hashlib.sha256()
 
     def append(self, samples: Samples) -> None:
-        """Take a block; whole chunks go to the file once there are enough of them to be worth a write."""
+        """Take a block; whole chunks go to the file once there are enough of them to be worth a
+        write.
+        """
         self._waiting.append(samples)
         self._held += samples.size
         if self._held >= _CHUNKS_AT_ONCE * CHUNK:
@@ -48,7 +57,11 @@ class Column:
     def _joined(self) -> Samples:
         """What waits, in one piece: counts where all of it is."""
         counts = all(part.dtype == np.int32 for part in self._waiting) and self._waiting
-        return np.concatenate(self._waiting if counts else [np.zeros(0), *(counted_floats(part, self._places) for part in self._waiting)])
+        return np.concatenate(
+            self._waiting
+            if counts
+            else [np.zeros(0), *(counted_floats(part, self._places) for part in self._waiting)]
+        )
 
     def _write(self, samples: Samples) -> None:
         self.lost += lost_samples(samples)
@@ -67,8 +80,14 @@ class Column:
             self._digest.update(stored.astype(stored.dtype.newbyteorder("<"), copy=False).data)
 
     def _encode(self, samples: Samples) -> np.ndarray:
-        """`samples` as counts, float32 or float64: the smallest that this channel's blocks so far and this one fit exactly."""
-        kind = None if self.dataset is None else self.dataset.dtype.kind + str(self.dataset.dtype.itemsize)
+        """`samples` as counts, float32 or float64: the smallest that this channel's blocks so far
+        and this one fit exactly.
+        """
+        kind = (
+            None
+            if self.dataset is None
+            else self.dataset.dtype.kind + str(self.dataset.dtype.itemsize)
+        )
         if samples.dtype == np.int32 and self.decimals is not None and kind in (None, "i4"):
             return samples
         values = counted_floats(samples, self._places)
@@ -77,7 +96,9 @@ class Column:
             known = np.where(lost, 0.0, values) if lost.any() else values
             with np.errstate(over="ignore"):  # 1e308 is no count, which the next line finds out
                 counts = np.rint(known * self._power)
-            if max(counts.max(initial=0.0), -counts.min(initial=0.0)) < -LOST_COUNT - 1.0 and np.array_equal(counts / self._power, known):
+            if max(
+                counts.max(initial=0.0), -counts.min(initial=0.0)
+            ) < -LOST_COUNT - 1.0 and np.array_equal(counts / self._power, known):
                 counts[lost] = LOST_COUNT
                 return counts.astype(np.int32)
         self.decimals = None
@@ -90,7 +111,14 @@ class Column:
 
     def _create(self, name: str, dtype: np.dtype) -> h5py.Dataset:
         options = self.chunks.options
-        return self.file.create_dataset(f"channels/{name}", shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=dtype, **options)
+        return self.file.create_dataset(
+            f"channels/{name}",
+            shape=(0,),
+            maxshape=(None,),
+            chunks=(CHUNK,),
+            dtype=dtype,
+            **options,
+        )
 
     def _promote(self) -> None:
         """Rewrite what is there as float64."""

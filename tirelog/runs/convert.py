@@ -1,7 +1,9 @@
-"""Source units to SI for a channel of the setup: P1 (1) for gratings, the table of `units` for the rest.
+"""Source units to SI for a channel of the setup: P1 (1) for gratings, the table of `units` for the
+rest.
 
-Every conversion is linear in the channel's own sample, so a run keeps the source's exact counts beside a factor and an offset;
-the temperature term of P1 (1) is the one that needs a second channel, and is subtracted where samples are read.
+Every conversion is linear in the channel's own sample, so a run keeps the source's exact counts
+beside a factor and an offset; the temperature term of P1 (1) is the one that needs a second
+channel, and is subtracted where samples are read.
 """
 
 from __future__ import annotations
@@ -24,4 +26,7 @@ def to_si(channel: ChannelSetup) -> tuple[float, float]:
     assert reference is not None  # the setup has refused a grating without it
     if channel.kind == "fbg_strain":
         return channel.strain_gain * to_nm / reference, -channel.strain_gain
-    return to_nm / channel.temperature_sensitivity_nm_K, -reference / channel.temperature_sensitivity_nm_K
+    return (
+        to_nm / channel.temperature_sensitivity_nm_K,
+        -reference / channel.temperature_sensitivity_nm_K,
+    )

@@ -1,8 +1,8 @@
 """A channel in memory, in as few bytes as its numbers need: it is gone through more than once.
 
-    Channel of a run --counts, piece by piece, above the least of the piece: two bytes a sample where they fit--> Channel in memory
-    Channel of a temporary run, as counts: is where it is, and only read more quickly
-    any other Channel --float64--> Channel in memory
+    Channel of a run --counts, piece by piece, above the least of the piece: two bytes a sample
+    where they fit--> Channel in memory Channel of a temporary run, as counts: is where it is, and
+    only read more quickly any other Channel --float64--> Channel in memory
 
 What is read from the one that is made is what was stored, to the bit.
 """
@@ -57,7 +57,10 @@ class _Held:
     stored: Read
 
     def __call__(self, start: int, stop: int) -> FloatArray:
-        parts = [(self.pieces[n], max(start - n * PIECE, 0), stop - n * PIECE) for n in range(start // PIECE, -(-stop // PIECE))]
+        parts = [
+            (self.pieces[n], max(start - n * PIECE, 0), stop - n * PIECE)
+            for n in range(start // PIECE, -(-stop // PIECE))
+        ]
         if len(parts) == 1:
             piece, begin, end = parts[0]
             return piece(begin, end)
@@ -74,7 +77,9 @@ class _Held:
 
 @dataclass(frozen=True)
 class _Streamed:
-    """The counts of a temporary run, read anew each time: from the system's own memory, so that they need none here."""
+    """The counts of a temporary run, read anew each time: from the system's own memory, so that
+    they need none here.
+    """
 
     stored: Scaled
     lost: int
@@ -89,17 +94,28 @@ class _Streamed:
 def held(channel: Channel) -> Channel:
     """The channel in memory, where it is not too long for that."""
     stored = channel.samples
-    if isinstance(stored, Scaled) and isinstance(stored.raw, Unfiltered) and stored.lost is not None:
+    if (
+        isinstance(stored, Scaled)
+        and isinstance(stored.raw, Unfiltered)
+        and stored.lost is not None
+    ):
         return replace(channel, samples=_Streamed(stored, stored.lost))
     if channel.size > HELD_SAMPLES or isinstance(stored, _Held | _Streamed):
         return channel
-    pieces = tuple(_piece(stored, start, min(start + PIECE, channel.size)) for start in range(0, channel.size, PIECE))
+    pieces = tuple(
+        _piece(stored, start, min(start + PIECE, channel.size))
+        for start in range(0, channel.size, PIECE)
+    )
     return replace(channel, samples=_Held(pieces, stored))
 
 
 def released(channel: Channel) -> Channel:
     """The channel without the memory that `held` took."""
-    return replace(channel, samples=channel.samples.stored) if isinstance(channel.samples, _Held) else channel
+    return (
+        replace(channel, samples=channel.samples.stored)
+        if isinstance(channel.samples, _Held)
+        else channel
+    )
 
 
 def _piece(stored: Read, start: int, stop: int) -> Read:
@@ -115,7 +131,9 @@ def _piece(stored: Read, start: int, stop: int) -> Read:
 
 
 def _packed(raw: NDArray[Any], lost: int) -> tuple[NDArray[np.uint16], int] | None:
-    """Counts above the second number, 0 where `lost`; None where they are too far apart for two bytes."""
+    """Counts above the second number, 0 where `lost`; None where they are too far apart for two
+    bytes.
+    """
     least, most = (int(raw.min()), int(raw.max())) if raw.size else (0, 0)
     if lost in (least, most):
         known = raw[raw != lost]
@@ -135,7 +153,9 @@ def pack(raw: NDArray[Any], lost: int, least: int, short: NDArray[np.uint16]) ->
 
 
 @compiled
-def unpacked(short: NDArray[np.uint16], least: int, scale: float, offset: float, out: FloatArray) -> None:
+def unpacked(
+    short: NDArray[np.uint16], least: int, scale: float, offset: float, out: FloatArray
+) -> None:
     """What `_packed` made, in SI: (short + least) x scale + offset, NaN where lost."""
     for i in range(short.size):
         out[i] = np.nan if short[i] == 0 else (np.int64(short[i]) + least) * scale + offset

@@ -3,8 +3,9 @@
     bytes --reader--> raw blocks --clock--> time axes
                           \\--store--> run file        (one pass, bounded memory)
 
-`open_recording` is what commands call: a run is opened as it is; any other log is ingested first into a temporary run (uncompressed,
-in the folder for temporary files), so that a log, its run and standard input give the same rows by construction.
+`open_recording` is what commands call: a run is opened as it is; any other log is ingested first
+into a temporary run (uncompressed, in the folder for temporary files), so that a log, its run and
+standard input give the same rows by construction.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ _HEAD_BYTES = 4096
 
 
 class _Stream(io.RawIOBase):
-    """A binary stream behind a head that was read before; counts, and where asked for hashes, what is read through it."""
+    """A binary stream behind a head that was read before; counts, and where asked for hashes, what
+    is read through it.
+    """
 
     def __init__(self, head: bytes, rest: BinaryIO, hashed: bool) -> None:
         self._head, self._rest = head, rest
@@ -59,7 +62,9 @@ class _Stream(io.RawIOBase):
         return got
 
     def finish(self) -> str:
-        """Read to the end (a reader may stop before it) and give the hash of the whole, '' where it was not asked for, or not to be had."""
+        """Read to the end (a reader may stop before it) and give the hash of the whole, '' where it
+        was not asked for, or not to be had.
+        """
         buffer = bytearray(1 << 20)
         try:
             while self.readinto(buffer):
@@ -94,8 +99,14 @@ def _setup_for(log: str, setup: Setup | None) -> Setup:
         return setup
     beside = None if log == "-" or address(log) else setup_beside(log)
     if beside is None:
-        what = "standard input has no setup beside it" if log == "-" else "no setup file beside the log"
-        raise SetupError(f"{what}; a setup says what the channels are; give one with --setup FILE", file=log)
+        what = (
+            "standard input has no setup beside it"
+            if log == "-"
+            else "no setup file beside the log"
+        )
+        raise SetupError(
+            f"{what}; a setup says what the channels are; give one with --setup FILE", file=log
+        )
     return load_setup(beside)
 
 
@@ -114,11 +125,15 @@ def _open(log: str) -> BinaryIO:
 def _unreadable(log: str, problem: Exception) -> ReadError:
     """A ReadError for what the system says of a log."""
     what = getattr(problem, "strerror", None) or problem
-    return ReadError(f"cannot be read ({what}); a log is a file or '-'; give another path", file=log)
+    return ReadError(
+        f"cannot be read ({what}); a log is a file or '-'; give another path", file=log
+    )
 
 
 def is_file(log: str) -> bool:
-    """True if `log` is a regular file, which can be read again and from any place; a pipe or device cannot."""
+    """True if `log` is a regular file, which can be read again and from any place; a pipe or device
+    cannot.
+    """
     try:
         return log != "-" and address(log) is None and stat.S_ISREG(os.stat(log).st_mode)
     except (OSError, ValueError):
@@ -143,7 +158,10 @@ def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: 
 
 @contextmanager
 def _hdf5_path(log: str, head: bytes, stream: _Stream) -> Iterator[Path | None]:
-    """Path of the HDF5 file, or None.  HDF5 needs a file to seek in: what is no file is copied to a temporary one."""
+    """Path of the HDF5 file, or None.
+
+    HDF5 needs a file to seek in: what is no file is copied to a temporary one.
+    """
     if not any(head[at : at + 8] == HDF5_MAGIC for at in (0, 512, 1024, 2048)):
         yield None
     elif is_file(log):
@@ -165,23 +183,38 @@ def _part(stream: _Stream, log: str) -> bytes:
         raise _unreadable(log, problem) from None
 
 
-def ingest(log: str, setup: Setup | None, path: Path, *, compress: bool, blocks: int | None = None, hashed: bool = False) -> IngestSummary:
-    """Write the run of `log` ('-' for standard input) to `path`, in one pass over its blocks (or the first `blocks` of them).
+def ingest(
+    log: str,
+    setup: Setup | None,
+    path: Path,
+    *,
+    compress: bool,
+    blocks: int | None = None,
+    hashed: bool = False,
+) -> IngestSummary:
+    """Write the run of `log` ('-' for standard input) to `path`, in one pass over its blocks (or
+    the first `blocks` of them).
 
-    `hashed` has its sha256 in the provenance, which for a text log takes as long as reading it: for who keeps or prints it.
-    ReadError: nothing could be read.  SetupError: no setup, or it does not fit.  What was lost, though the rest could be read, is in the
-    summary's `losses` and in the run.
+    `hashed` has its sha256 in the provenance, which for a text log takes as long as reading it: for
+    who keeps or prints it. ReadError: nothing could be read. SetupError: no setup, or it does not
+    fit. What was lost, though the rest could be read, is in the summary's `losses` and in the run.
     """
     summary = IngestSummary(shown(log))
     with _open(log) as raw:  # before its setup: a log that is not there is no log without a setup
         setup = _setup_for(log, setup)
         head = _read_head(raw, log)
         if not head:
-            raise ReadError("is empty; a log has at least a header and samples; record it again", file=log)
+            raise ReadError(
+                "is empty; a log has at least a header and samples; record it again", file=log
+            )
         stream = _Stream(head, raw, hashed)
         with _hdf5_path(log, head, stream) as hdf5:
             if hdf5 is not None and is_run(hdf5):
-                raise UsageError("is a run already; ingest takes a log; give the run's path to the other commands", file=log)
+                raise UsageError(
+                    "is a run already; ingest takes a log; give the run's path to the other "
+                    "commands",
+                    file=log,
+                )
             try:
                 reader = _reader(stream, head, hdf5, setup, log)
             except OSError as problem:
@@ -214,7 +247,9 @@ def _blocks(reader: LogReader, summary: IngestSummary) -> Iterator[RawBlock]:
             if not some:
                 raise _unreadable(summary.log, problem) from None
             what = problem.strerror or problem
-            summary.losses.append(f"cannot be read to its end ({what}); what follows is lost; copy it again")
+            summary.losses.append(
+                f"cannot be read to its end ({what}); what follows is lost; copy it again"
+            )
             return
         if block is None:
             return
@@ -223,7 +258,13 @@ def _blocks(reader: LogReader, summary: IngestSummary) -> Iterator[RawBlock]:
 
 
 def _write(
-    reader: LogReader, setup: Setup, path: Path, summary: IngestSummary, stream: _Stream, compress: bool, blocks: int | None
+    reader: LogReader,
+    setup: Setup,
+    path: Path,
+    summary: IngestSummary,
+    stream: _Stream,
+    compress: bool,
+    blocks: int | None,
 ) -> None:
     """Blocks through the clocks and into the run; then what only the end of the log tells."""
     clocks = {group.name: _clock(group, setup) for group in reader.groups}
@@ -232,16 +273,27 @@ def _write(
         for number, block in enumerate(_blocks(reader, summary)):
             if number == blocks:
                 whole = False
-                summary.remarks.append(f"only the first {sum(summary.samples.values())} samples were looked at")
+                summary.remarks.append(
+                    f"only the first {sum(summary.samples.values())} samples were looked at"
+                )
                 break
             rows = writer.append(block)
             clocks[block.group].add(block.stamps_s, block.number, rows)
             summary.samples[block.group] = summary.samples.get(block.group, 0) + rows
         if not any(summary.samples.values()):
-            raise ReadError("holds no samples; a log has rows under its header; record it again", file=summary.log)
-        lost = {name: n for name, n in writer.flush().items() if _size(reader.groups, summary, name)}
+            raise ReadError(
+                "holds no samples; a log has rows under its header; record it again",
+                file=summary.log,
+            )
+        lost = {
+            name: n for name, n in writer.flush().items() if _size(reader.groups, summary, name)
+        }
         report = reader.report
-        summary.format, summary.start, summary.counts = report.format, report.start, dict(report.counts)
+        summary.format, summary.start, summary.counts = (
+            report.format,
+            report.start,
+            dict(report.counts),
+        )
         summary.counts.update({f"lost_samples {name}": n for name, n in lost.items()})
         summary.losses += report.losses
         summary.remarks += report.remarks
@@ -264,10 +316,17 @@ def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
 
 
 def _clock(group: Group, setup: Setup) -> ClockFit:
-    """The clock of a group, with the rate that the setup declares for one of its channels or for the log."""
+    """The clock of a group, with the rate that the setup declares for one of its channels or for
+    the log.
+    """
     own = [setup.channels[name].sampling_rate_Hz for name in group.channels]
     declared = next((rate for rate in own if rate is not None), setup.log.sampling_rate_Hz)
-    return ClockFit(file_rate_Hz=group.rate_Hz, setup_rate_Hz=declared, resolution_s=group.stamp_resolution_s, counted=group.counted)
+    return ClockFit(
+        file_rate_Hz=group.rate_Hz,
+        setup_rate_Hz=declared,
+        resolution_s=group.stamp_resolution_s,
+        counted=group.counted,
+    )
 
 
 def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
@@ -277,15 +336,22 @@ def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
         for name, channel in setup.channels.items()
         if name in read and channel.kind == "fbg_strain" and channel.temperature_channel not in read
     ]
-    return [f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"] if alone else []
+    return (
+        [f"{', '.join(alone)}: no twin grating, so temperature stays in the strain"]
+        if alone
+        else []
+    )
 
 
 @contextmanager
-def open_recording(log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False) -> Iterator[Recording]:
-    """`log` (a run, a log, or '-') as a Recording, open as long as the context is; of a log only the first `blocks` where given.
+def open_recording(
+    log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False
+) -> Iterator[Recording]:
+    """`log` (a run, a log, or '-') as a Recording, open as long as the context is; of a log only
+    the first `blocks` where given.
 
-    A run has its log's sha256 in its provenance, a log only where `hashed`.
-    ReadError: nothing could be read.  SetupError: no setup for it, or one that does not fit (`plausibility`).
+    A run has its log's sha256 in its provenance, a log only where `hashed`. ReadError: nothing
+    could be read. SetupError: no setup for it, or one that does not fit (`plausibility`).
     """
     if is_file(log) and is_run(log):
         with open_run(log, shown(log), setup) as recording:
@@ -303,5 +369,7 @@ def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
     with whole_file(output) as part:
         summary = ingest(log, setup, part, compress=True, hashed=True)
         with open_run(part, log, setup) as recording:
-            summary.remarks += [remark for remark in check(recording).remarks if remark not in recording.remarks]
+            summary.remarks += [
+                remark for remark in check(recording).remarks if remark not in recording.remarks
+            ]
         return summary

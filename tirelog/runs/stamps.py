@@ -1,10 +1,12 @@
-"""Stamps put aside, and what passes over them tell: period, noise, lasting jumps, the line through them.
+"""Stamps put aside, and what passes over them tell: period, noise, lasting jumps, the line through
+them.
 
     append(stamps) ... -> Stamps --points()--> (k, t) --> rough_period, noise, jumps, fit
 
-k is the clock index of a sample: its own index plus the samples missing before it (known from sample numbers).  r = t - T k is
-the residual against a clock of period T [s].  A *point* is a sample whose stamp takes part: all of them, or the first one of
-each bunch where many stamps are alike.  Every pass works in chunks, whatever the length of the log.
+k is the clock index of a sample: its own index plus the samples missing before it (known from
+sample numbers). r = t - T k is the residual against a clock of period T [s]. A *point* is a sample
+whose stamp takes part: all of them, or the first one of each bunch where many stamps are alike.
+Every pass works in chunks, whatever the length of the log.
 """
 
 from __future__ import annotations
@@ -20,9 +22,11 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: stamps looked at at once
 _CHUNK = 1 << 18
-#: a step below this share of the mean one belongs to the bunch before it; with that many of them the stamps come in bunches
+#: a step below this share of the mean one belongs to the bunch before it; with that many of them
+#: the stamps come in bunches
 _SAME, _BUNCHED = 0.3, 0.45
-#: points on each side of a jump that say whether it lasts: for stamps much finer than a period, and for others
+#: points on each side of a jump that say whether it lasts: for stamps much finer than a period, and
+#: for others
 _FEW, _MANY = 5, 60
 #: a pause is told where samples without a clock leave out this many usual steps
 _PAUSE = 10.0
@@ -30,7 +34,9 @@ _PAUSE = 10.0
 
 @dataclass(frozen=True)
 class Jump:
-    """A lasting change of level: sample `index` is the first behind it, whose stamps are `size_s` later than the clock says."""
+    """A lasting change of level: sample `index` is the first behind it, whose stamps are `size_s`
+    later than the clock says.
+    """
 
     index: int
     size_s: float
@@ -38,7 +44,9 @@ class Jump:
 
 @dataclass(frozen=True)
 class Piece:
-    """Stamps between two lasting jumps: means of clock index and stamp [s] over its points; `first` is its first sample."""
+    """Stamps between two lasting jumps: means of clock index and stamp [s] over its points; `first`
+    is its first sample.
+    """
 
     first: int
     points: int
@@ -51,7 +59,9 @@ class Piece:
 
 
 class Stamps:
-    """All stamps of a group [s], NaN where unknown, with the samples that are known to be missing between them."""
+    """All stamps of a group [s], NaN where unknown, with the samples that are known to be missing
+    between them.
+    """
 
     def __init__(self) -> None:
         self.spool = Spool()
@@ -62,7 +72,9 @@ class Stamps:
     def know_missing(self, missing: list[tuple[int, int]]) -> None:
         """Takes (index of the first sample behind, samples missing) of each run of missing samples."""
         self._behind = np.array([index for index, _ in missing], np.int64)
-        self._before = np.concatenate([[0], np.cumsum([number for _, number in missing])]).astype(np.int64)
+        self._before = np.concatenate([[0], np.cumsum([number for _, number in missing])]).astype(
+            np.int64
+        )
 
     def clock_index(self, index: IntArray | int) -> IntArray:
         """Ticks of the sample clock since the first sample."""
@@ -112,11 +124,16 @@ class Stamps:
         return low, high
 
     def rough_period(self) -> float:
-        """T from differences over long stretches, by their median; 0 where stamps do not rise.  Sets `bunched`."""
+        """T from differences over long stretches, by their median; 0 where stamps do not rise.
+
+        Sets `bunched`.
+        """
         size = self.spool.size
         period, steps, small = 0.0, 0, 0
         for lag in sorted({max(1, min(size // 8, 4096)), max(1, size // 2)}):
-            starts = np.unique(np.linspace(0, size - 1 - lag, min(4000, size - lag)).astype(np.int64))
+            starts = np.unique(
+                np.linspace(0, size - 1 - lag, min(4000, size - lag)).astype(np.int64)
+            )
             span = (self.clock_index(starts + lag) - self.clock_index(starts)).astype(float)
             slopes = (self._at(starts + lag) - self._at(starts)) / span
             found = float(np.nanmedian(slopes)) if np.isfinite(slopes).any() else 0.0
@@ -133,7 +150,9 @@ class Stamps:
         return self._between_bunches(period) if self.bunched and period > 0.0 else period
 
     def _between_bunches(self, period: float) -> float:
-        """T from the first stamps of bunches far apart, which lie on the clock more closely than stamps in general."""
+        """T from the first stamps of bunches far apart, which lie on the clock more closely than
+        stamps in general.
+        """
         slopes = []
         for _, k, stamps in self.points(period):
             lag = min(k.size // 4, 1024)
@@ -151,20 +170,32 @@ class Stamps:
         return out
 
     def noise(self, period: float) -> float:
-        """Standard deviation of a stamp [s], from successive residuals (their median, so that jumps do not count)."""
-        found = [np.median(np.abs(np.diff(stamps - period * k))) for _, k, stamps in self.points(period) if k.size > 1]
+        """Standard deviation of a stamp [s], from successive residuals (their median, so that jumps
+        do not count).
+        """
+        found = [
+            np.median(np.abs(np.diff(stamps - period * k)))
+            for _, k, stamps in self.points(period)
+            if k.size > 1
+        ]
         return float(np.median(found)) * 1.4826 / np.sqrt(2.0) if found else 0.0
 
     def jumps(self, period: float, noise: float) -> tuple[list[Jump], list[tuple[int, int]]]:
         """(lasting jumps, [start, stop) of samples whose stamps left the clock and came back)."""
-        # the first stamp of a tick lies anywhere in a period, so that one lost sample does not show where it was lost
+        # the first stamp of a tick lies anywhere in a period, so that one lost sample does not show
+        # where it was lost
         threshold = max((1.6 if self.bunched else 0.6) * period, 6.0 * noise * np.sqrt(2.0))
         window = _FEW if noise < 0.05 * period else _MANY
         found: list[Jump] = []
         passing: list[tuple[int, int]] = []
         at, residual, seen = np.zeros(0, np.int64), np.zeros(0), -1
-        for index, k, stamps in chain(self.points(period), [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]):
-            at, residual = np.concatenate([at, index]), np.concatenate([residual, stamps - period * k])
+        for index, k, stamps in chain(
+            self.points(period), [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
+        ):
+            at, residual = (
+                np.concatenate([at, index]),
+                np.concatenate([residual, stamps - period * k]),
+            )
             keep = max(0, at.size - window - 1)
             for a, b in _clusters(residual, threshold, window):
                 if at[a] <= seen:
@@ -180,8 +211,11 @@ class Stamps:
             at, residual = at[keep:], residual[keep:]
         return _unpaired(found, passing, threshold)
 
-    def fit(self, period: float, jumps: list[Jump], passing: list[tuple[int, int]]) -> tuple[float, float, float, list[Piece]]:
-        """(T, its standard error, standard deviation of the stamps about their lines, pieces), by least squares with one T.
+    def fit(
+        self, period: float, jumps: list[Jump], passing: list[tuple[int, int]]
+    ) -> tuple[float, float, float, list[Piece]]:
+        """(T, its standard error, standard deviation of the stamps about their lines, pieces), by
+        least squares with one T.
 
         Sums are kept about their means and merged, so that no digits cancel in long logs.
         """
@@ -189,7 +223,9 @@ class Stamps:
         sums = np.zeros((edges.size + 1, 6))  # points, mean k, mean r, S_kk, S_kr, S_rr
         starts, stops = (np.array([span[end] for span in passing], np.int64) for end in (0, 1))
         for index, k, stamps in self.points(period):
-            off = np.searchsorted(starts, index, side="right") > np.searchsorted(stops, index, side="right")
+            off = np.searchsorted(starts, index, side="right") > np.searchsorted(
+                stops, index, side="right"
+            )
             piece = np.searchsorted(edges, index, side="right")
             residual = stamps - period * k
             for p in np.unique(piece[~off]):
@@ -200,13 +236,18 @@ class Stamps:
         free = max(sums[:, 0].sum() - len(sums) - 1, 1.0)
         spread = float(np.sqrt(max(sums[:, 5].sum() - slope * sums[:, 4].sum(), 0.0) / free))
         firsts = [0, *edges.tolist()]
-        pieces = [Piece(f, int(s[0]), float(s[1]), float(s[2] + period * s[1])) for f, s in zip(firsts, sums)]
+        pieces = [
+            Piece(f, int(s[0]), float(s[1]), float(s[2] + period * s[1]))
+            for f, s in zip(firsts, sums)
+        ]
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
 
     def rising(self) -> tuple[Spool, int, float, list[int]]:
-        """(the stamps, made to rise; how many were repaired; their median step [s]; first samples behind long pauses).
+        """(the stamps, made to rise; how many were repaired; their median step [s]; first samples
+        behind long pauses).
 
-        A stamp that is unknown, or not later than all before it, lies evenly between its neighbours.
+        A stamp that is unknown, or not later than all before it, lies evenly between its
+        neighbours.
         """
         out, repaired, medians, far = Spool(), 0, [1.0], []
         held, highest, done = np.zeros(0), -np.inf, 0
@@ -220,13 +261,24 @@ class Stamps:
                 continue
             at, known = good, held[good]
             step = float(np.median(np.diff(known) / np.diff(at))) if good.size > 1 else medians[-1]
-            if last and good.size and good[-1] < held.size - 1:  # nothing comes behind: at the usual step
-                at, known = np.append(at, held.size), np.append(known, known[-1] + step * (held.size - at[-1]))
-            times = np.interp(np.arange(held.size), at, known) if at.size else highest + step * np.arange(1, held.size + 1)
+            if (
+                last and good.size and good[-1] < held.size - 1
+            ):  # nothing comes behind: at the usual step
+                at, known = (
+                    np.append(at, held.size),
+                    np.append(known, known[-1] + step * (held.size - at[-1])),
+                )
+            times = (
+                np.interp(np.arange(held.size), at, known)
+                if at.size
+                else highest + step * np.arange(1, held.size + 1)
+            )
             if done == 0 and good.size and good[0] > 0:
                 times[: good[0]] = known[0] - step * np.arange(good[0], 0, -1)
             repaired += whole - int((good < whole).sum())
-            far += (done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > _PAUSE * step)).tolist()
+            far += (
+                done + np.flatnonzero(np.diff(times[:whole], prepend=times[0]) > _PAUSE * step)
+            ).tolist()
             out.append(np.asarray(times[:whole], np.float64))
             medians.append(step)
             highest, done, held = float(times[whole - 1]), done + whole, held[whole:]
@@ -239,10 +291,17 @@ def _clusters(residual: FloatArray, threshold: float, window: int) -> list[tuple
     if not steps.size:
         return []
     cuts = np.flatnonzero(np.diff(steps) > window)
-    return list(zip(steps[np.concatenate([[0], cuts + 1])].tolist(), steps[np.concatenate([cuts, [steps.size - 1]])].tolist()))
+    return list(
+        zip(
+            steps[np.concatenate([[0], cuts + 1])].tolist(),
+            steps[np.concatenate([cuts, [steps.size - 1]])].tolist(),
+        )
+    )
 
 
-def _judge(at: IntArray, residual: FloatArray, a: int, b: int, window: int, threshold: float) -> Jump | None:
+def _judge(
+    at: IntArray, residual: FloatArray, a: int, b: int, window: int, threshold: float
+) -> Jump | None:
     """The lasting jump of the steps at positions a to b, None where the residual comes back."""
     before, after = residual[max(0, a - window) : a], residual[b : b + window]
     size = float(np.median(after) - np.median(before))
@@ -252,8 +311,12 @@ def _judge(at: IntArray, residual: FloatArray, a: int, b: int, window: int, thre
     return Jump(int(at[a + int(np.argmax(steps))]), size)
 
 
-def _unpaired(jumps: list[Jump], passing: list[tuple[int, int]], threshold: float) -> tuple[list[Jump], list[tuple[int, int]]]:
-    """A rise that the next jump takes back is a stretch of late stamps (a fall that is taken back, of early ones)."""
+def _unpaired(
+    jumps: list[Jump], passing: list[tuple[int, int]], threshold: float
+) -> tuple[list[Jump], list[tuple[int, int]]]:
+    """A rise that the next jump takes back is a stretch of late stamps (a fall that is taken back,
+    of early ones).
+    """
     kept: list[Jump] = []
     for jump in jumps:
         if kept and abs(kept[-1].size_s + jump.size_s) < threshold:
@@ -265,7 +328,9 @@ def _unpaired(jumps: list[Jump], passing: list[tuple[int, int]], threshold: floa
 
 def _merged(sums: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
     """Sums about means of the points so far and of these ones."""
-    with np.errstate(over="ignore", invalid="ignore"):  # stamps beyond 1e150 make a clock that is not finite, and is not used
+    with np.errstate(
+        over="ignore", invalid="ignore"
+    ):  # stamps beyond 1e150 make a clock that is not finite, and is not used
         return _sum_of_both(sums, k, r)
 
 
@@ -278,4 +343,9 @@ def _sum_of_both(sums: FloatArray, k: FloatArray, r: FloatArray) -> FloatArray:
     both = sums[0] + n
     step_k, step_r, weight = mean_k - sums[1], mean_r - sums[2], sums[0] * n / both
     cross = weight * np.array([step_k * step_k, step_k * step_r, step_r * step_r])
-    return np.concatenate([[both, sums[1] + step_k * n / both, sums[2] + step_r * n / both], sums[3:] + new[3:] + cross])
+    return np.concatenate(
+        [
+            [both, sums[1] + step_k * n / both, sums[2] + step_r * n / both],
+            sums[3:] + new[3:] + cross,
+        ]
+    )

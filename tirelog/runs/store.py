@@ -1,17 +1,20 @@
 """The run file: HDF5 that any tool can open, written whole or not at all, checksummed throughout.
 
     /                   tirelog_run = format version; contents_sha256 (`store_checks`)
-    /setup              bytes of the setup's text       /provenance     JSON: source, sha256, version, repairs, remarks, losses
-    /groups/<group>     first, start_s, period_s (segments of the time axis) or time_s; attribute rate_Hz, size
-    /channels/<name>    samples as the source wrote them: int32 counts of 10^-decimals (INT32_MIN where lost), else float32 or float64
-                        (NaN where lost); attributes group, kind, unit, scale_factor, add_offset (stored number to SI), decimals, sha256
+    /setup              bytes of the setup's text       /provenance     JSON: source, sha256,
+                        version, repairs, remarks, losses
+    /groups/<group>     first, start_s, period_s (segments of the time axis) or time_s; attribute
+                        rate_Hz, size
+    /channels/<name>    samples as the source wrote them: int32 counts of 10^-decimals (INT32_MIN
+                        where lost), else float32 or float64 (NaN where lost); attributes group,
+                        kind, unit, scale_factor, add_offset (stored number to SI), decimals, sha256
     /flags/<name>       start, stop, word
 
-Data chunks carry fletcher32 (but for those of a temporary run, which no other command reads), and the
-file is of HDF5's "v110" kind, whose metadata has checksums too; nothing is of variable length, as
-HDF5's heap has none.  A flipped bit is found when it is read: a chunk of samples becomes NaN, and the
-recording's losses say so; anywhere else the run is refused.  Format 1, which kept its texts in the
-heap, is not read.
+Data chunks carry fletcher32 (but for those of a temporary run, which no other command reads), and
+the file is of HDF5's "v110" kind, whose metadata has checksums too; nothing is of variable length,
+as HDF5's heap has none. A flipped bit is found when it is read: a chunk of samples becomes NaN, and
+the recording's losses say so; anywhere else the run is refused. Format 1, which kept its texts in
+the heap, is not read.
 """
 
 from __future__ import annotations
@@ -55,11 +58,14 @@ from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 
 FORMAT_VERSION = 2
-#: samples beyond a slice that are looked at for the readings of a twin grating on either side of a lost one
+#: samples beyond a slice that are looked at for the readings of a twin grating on either side of a
+#: lost one
 _TWIN_REACH = 4096
 #: decimals of a count: more than any instrument writes, and a power of ten that is finite
 MOST_DECIMALS = 64
-_CACHE_BYTES = 1 << 18  # of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
+_CACHE_BYTES = (
+    1 << 18
+)  # of each dataset, two chunks; the default of HDF5 2 is 8 MB, which many channels multiply
 
 
 class RunWriter(AbstractContextManager["RunWriter"]):
@@ -68,12 +74,18 @@ class RunWriter(AbstractContextManager["RunWriter"]):
     `compress` is for runs that are kept: their samples are compressed and carry checksums.
     """
 
-    def __init__(self, path: Path, setup: Setup, groups: tuple[Group, ...], *, compress: bool) -> None:
+    def __init__(
+        self, path: Path, setup: Setup, groups: tuple[Group, ...], *, compress: bool
+    ) -> None:
         self.setup, self.groups, self.kept = setup, groups, compress
         self.file = h5py.File(path, "w", libver=("v110", "v110"), rdcc_nbytes=_CACHE_BYTES)
         self.file.attrs["tirelog_run"] = FORMAT_VERSION
         self._chunks = ChunkWriter(compress=compress)
-        self._columns = {n: Column(self.file, n, group.decimals.get(n), self._chunks) for group in groups for n in group.channels}
+        self._columns = {
+            n: Column(self.file, n, group.decimals.get(n), self._chunks)
+            for group in groups
+            for n in group.channels
+        }
         self._rows = {group.name: 0 for group in groups}
         self._flags: dict[str, list[tuple[int, int, str]]] = {name: [] for name in self._columns}
 
@@ -89,7 +101,12 @@ class RunWriter(AbstractContextManager["RunWriter"]):
         self._rows[block.group] += rows
         return rows
 
-    def finish(self, axes: Mapping[str, TimeAxis], flags: Mapping[str, list[tuple[int, int, str]]], provenance: Mapping[str, Any]) -> None:
+    def finish(
+        self,
+        axes: Mapping[str, TimeAxis],
+        flags: Mapping[str, list[tuple[int, int, str]]],
+        provenance: Mapping[str, Any],
+    ) -> None:
         """Time axes, flags on whole groups, setup and provenance; the file is complete after this."""
         self.flush()
         for group in self.groups:
@@ -117,7 +134,9 @@ class RunWriter(AbstractContextManager["RunWriter"]):
             return
         # HDF5 refuses a chunk that is longer than a dataset of fixed size, as a few stamps are
         chunks = (min(CHUNK, axis.size),)
-        times = place.create_dataset("time_s", shape=(axis.size,), dtype="f8", chunks=chunks, fletcher32=True)
+        times = place.create_dataset(
+            "time_s", shape=(axis.size,), dtype="f8", chunks=chunks, fletcher32=True
+        )
         for start in range(0, axis.size, CHUNK):
             times[start : start + CHUNK] = axis.explicit(start, min(start + CHUNK, axis.size))
         if self.kept:
@@ -133,7 +152,9 @@ class RunWriter(AbstractContextManager["RunWriter"]):
         place.create_dataset("word", data=words, chunks=True, fletcher32=True)
 
     def flush(self) -> dict[str, int]:
-        """All samples are in the file after this, and nothing may follow: how many of each channel are lost."""
+        """All samples are in the file after this, and nothing may follow: how many of each channel
+        are lost.
+        """
         for column in self._columns.values():
             column.flush()
         self._chunks.flush()
@@ -157,7 +178,9 @@ def is_run(path: Path | str) -> bool:
 
 
 def changed_columns(path: Path | str) -> list[str]:
-    """The channels and stamps of a run whose sha256 is not that of what was written; reads it whole."""
+    """The channels and stamps of a run whose sha256 is not that of what was written; reads it
+    whole.
+    """
     try:
         with h5py.File(path, "r") as file:
             return check_columns(file)
@@ -166,18 +189,22 @@ def changed_columns(path: Path | str) -> list[str]:
 
 
 @contextmanager
-def open_run(path: Path | str, log: str, setup: Setup | None = None, *, temporary: bool = False) -> Iterator[Recording]:
+def open_run(
+    path: Path | str, log: str, setup: Setup | None = None, *, temporary: bool = False
+) -> Iterator[Recording]:
     """The run at `path` as a Recording that reads its channels in slices while the context is open.
 
-    `setup` replaces the stored one: tire, conditions and the conversions of channels of the same name.  `temporary`: nobody but this
-    process has written to it, and its samples are neither compressed nor checked.
-    ReadError: not a run, or its inside is damaged.
+    `setup` replaces the stored one: tire, conditions and the conversions of channels of the same
+    name. `temporary`: nobody but this process has written to it, and its samples are neither
+    compressed nor checked. ReadError: not a run, or its inside is damaged.
     """
     try:
         file = h5py.File(path, "r", rdcc_nbytes=_CACHE_BYTES)
     except LIBRARY_ERRORS as problem:
         raise ReadError(
-            f"cannot be opened as a run ({_short(problem)}); a run is what `tirelog ingest` writes; ingest it again", file=log
+            f"cannot be opened as a run ({_short(problem)}); a run is what `tirelog ingest` "
+            "writes; ingest it again",
+            file=log,
         ) from None
     with file, ExitStack() as more:
         try:
@@ -186,10 +213,14 @@ def open_run(path: Path | str, log: str, setup: Setup | None = None, *, temporar
         except SetupError:
             raise
         except ReadError as problem:
-            raise ReadError(f"the run is damaged or none of ours: {problem.message}", file=log) from None
+            raise ReadError(
+                f"the run is damaged or none of ours: {problem.message}", file=log
+            ) from None
         except (*LIBRARY_ERRORS, RecursionError) as problem:
             raise ReadError(
-                f"the run is damaged ({_short(problem)}); its metadata cannot be read; ingest the log again", file=log
+                f"the run is damaged ({_short(problem)}); its metadata cannot be read; "
+                "ingest the log again",
+                file=log,
             ) from None
         yield recording
 
@@ -202,12 +233,20 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
     """What the run says; `plain`: a temporary one's file, read past HDF5."""
     version = attribute(file, "tirelog_run")
     if version != FORMAT_VERSION:
-        raise ReadError(f"it is of format {version:g}; this tirelog reads {FORMAT_VERSION}; ingest the log again")
+        raise ReadError(
+            f"it is of format {version:g}; this tirelog reads {FORMAT_VERSION}; ingest the log "
+            "again"
+        )
     own = plain is not None
     if not own and contents_digest(file) != text_in(file, DIGEST):
-        raise ReadError("its contents are not those that were written (sha256); copy it again, or ingest the log again")
+        raise ReadError(
+            "its contents are not those that were written (sha256); copy it again, or ingest the "
+            "log again"
+        )
     provenance = provenance_at(file)
-    stored = parse_setup(text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log))
+    stored = parse_setup(
+        text_at(file, "setup", LARGEST_BYTES), str(provenance.get("setup_file") or log)
+    )
     stored = _with_units(stored, file)
     setup = _with_units(setup, file) if setup else stored
     losses: list[str] = provenance["losses"]
@@ -219,22 +258,42 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
             dataset = dataset_at(file, f"channels/{name}", "if", chunk=CHUNK, own=own)
             axis = axes[text_in(dataset, "group")]
             if dataset.size != axis.size:
-                raise ReadError(f"channel {name} has {dataset.size} samples and {axis.size} times; ingest the log again")
+                raise ReadError(
+                    f"channel {name} has {dataset.size} samples and {axis.size} times; "
+                    "ingest the log again"
+                )
             used = setup.channels.get(name, known)
             if used.kind != known.kind:
-                raise SetupError(f"channel {name} is {known.kind} in the run, {used.kind} in the setup; mend the setup", file=log)
+                raise SetupError(
+                    f"channel {name} is {known.kind} in the run, {used.kind} in the setup; "
+                    "mend the setup",
+                    file=log,
+                )
             flags = flags_at(file, name, axis.size, own=own)
             channels[name] = _channel(name, dataset, plain, used, axis, flags, losses)
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
-            channels[name] = _compensated(channels[name], channels[twin], used.thermal_expansion_1_K)
-    order = [name for name in setup.channels if name in channels] + [name for name in channels if name not in setup.channels]
-    return Recording(log, {name: channels[name] for name in order}, setup, provenance, tuple(provenance.get("remarks", [])), losses)
+            channels[name] = _compensated(
+                channels[name], channels[twin], used.thermal_expansion_1_K
+            )
+    order = [name for name in setup.channels if name in channels] + [
+        name for name in channels if name not in setup.channels
+    ]
+    return Recording(
+        log,
+        {name: channels[name] for name in order},
+        setup,
+        provenance,
+        tuple(provenance.get("remarks", [])),
+        losses,
+    )
 
 
 def _with_units(setup: Setup, file: h5py.File) -> Setup:
-    """The setup with the units that were taken from the log itself, where it names none: the run keeps them with its samples."""
+    """The setup with the units that were taken from the log itself, where it names none: the run
+    keeps them with its samples.
+    """
     channels = dict(setup.channels)
     held = walk(file, "channels")
     for name, channel in setup.channels.items():
@@ -257,7 +316,9 @@ def _channel(
     flags: tuple[tuple[int, int, str], ...],
     losses: list[str],
 ) -> Channel:
-    """A channel whose samples are read, and scaled to SI, slice by slice; `plain`: as of `_recording`."""
+    """A channel whose samples are read, and scaled to SI, slice by slice; `plain`: as of
+    `_recording`.
+    """
     factor, offset = to_si(channel)
     counts = dataset.dtype.kind == "i"
     decimals = attribute(dataset, "decimals") if counts else 0
@@ -271,9 +332,23 @@ def _channel(
 
     raw = checked if plain is None else unfiltered(dataset, plain) or checked
     samples = Scaled(raw, scale, offset, LOST_COUNT if counts else None)
-    more = {key: getattr(channel, key) for key in ("steps", "gauge_length_m") if getattr(channel, key) is not None}
+    more = {
+        key: getattr(channel, key)
+        for key in ("steps", "gauge_length_m")
+        if getattr(channel, key) is not None
+    }
     resolution = abs(scale) if counts else 0.0
-    return Channel(name, channel.kind, KINDS[channel.kind][1], axis, samples, channel.surface or "outer", resolution, flags, more)
+    return Channel(
+        name,
+        channel.kind,
+        KINDS[channel.kind][1],
+        axis,
+        samples,
+        channel.surface or "outer",
+        resolution,
+        flags,
+        more,
+    )
 
 
 def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:
@@ -288,14 +363,19 @@ def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[
             try:
                 out[low - start : high - start] = dataset[low:high]
             except LIBRARY_ERRORS:
-                loss = f"channel {name}: samples {first} to {first + CHUNK - 1} are damaged (checksum); they count as lost"
+                loss = (
+                    f"channel {name}: samples {first} to {first + CHUNK - 1} are damaged "
+                    "(checksum); they count as lost"
+                )
                 if loss not in losses:
                     losses.append(loss)
         return out
 
 
 def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channel:
-    """Strain without the thermal expansion that its unbonded twin grating reads: the last term of P1 (1)."""
+    """Strain without the thermal expansion that its unbonded twin grating reads: the last term of
+    P1 (1).
+    """
     plain: Callable[[int, int], FloatArray] = strain.samples
 
     def samples(start: int, stop: int) -> FloatArray:
@@ -312,15 +392,19 @@ def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channe
 def _bridged(values: FloatArray, at: FloatArray) -> FloatArray:
     """`values` at fractional indices, straight over lost samples: temperature is slow.
 
-    Between the nearest readings on either side within reach, else as the one that is, else NaN: what comes out depends on the sample alone
-    and not on the slice that is read, so block sizes do not matter.
+    Between the nearest readings on either side within reach, else as the one that is, else NaN:
+    what comes out depends on the sample alone and not on the slice that is read, so block sizes do
+    not matter.
     """
     known = np.flatnonzero(np.isfinite(values))
     if not known.size:
         return np.full(at.shape, np.nan)
     after = np.searchsorted(known, at)
     left, right = known[np.maximum(after - 1, 0)], known[np.minimum(after, known.size - 1)]
-    has_left, has_right = (after > 0) & (at - left <= _TWIN_REACH), (after < known.size) & (right - at <= _TWIN_REACH)
+    has_left, has_right = (
+        (after > 0) & (at - left <= _TWIN_REACH),
+        (after < known.size) & (right - at <= _TWIN_REACH),
+    )
     share = np.where(right > left, (at - left) / np.maximum(right - left, 1), 1.0)
     both = values[left] + share * (values[right] - values[left])
     one = np.where(has_left, values[left], np.where(has_right, values[right], np.nan))

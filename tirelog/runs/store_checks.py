@@ -1,10 +1,11 @@
 """What a run says of itself, checked before any of it is believed: whoever made the file.
 
-    file --walk, storage, shapes (as of any HDF5 log)--> datasets --digest--> texts, axes, flags, samples of sizes that agree
+    file --walk, storage, shapes (as of any HDF5 log)--> datasets --digest--> texts, axes, flags,
+    samples of sizes that agree
 
-`contents_digest` covers every group, name, link, attribute, type, shape and stored number of a run but for the long columns (samples
-and explicit times), whose own sha256 stand in their attributes; it is compared each time a run is opened.  `check_columns` reads
-the long ones and compares theirs.
+`contents_digest` covers every group, name, link, attribute, type, shape and stored number of a run
+but for the long columns (samples and explicit times), whose own sha256 stand in their attributes;
+it is compared each time a run is opened. `check_columns` reads the long ones and compares theirs.
 """
 
 from __future__ import annotations
@@ -46,8 +47,10 @@ FASTEST_HZ = 1e9
 _PROVENANCE = {"losses": list, "remarks": list, "repairs": dict, "counts": dict}
 
 
-def dataset_at(file: h5py.File, path: str, kind: str = "", chunk: int | None = None, *, own: bool = False) -> h5py.Dataset:
-    """The dataset at `path`, one axis long, of numbers of a `kind`.  ReadError says what is refused.
+def dataset_at(
+    file: h5py.File, path: str, kind: str = "", chunk: int | None = None, *, own: bool = False
+) -> h5py.Dataset:
+    """The dataset at `path`, one axis long, of numbers of a `kind`. ReadError says what is refused.
 
     `chunk` is the length that its chunks must have: what is read at once is then bounded.  `own` is
     for a temporary run, to which nobody but this process has written: it is taken as it is.
@@ -64,9 +67,16 @@ def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> 
         check_type(path, item.dtype)
     wide = item.dtype.itemsize > (256 if item.dtype.kind == "S" else 8)
     if item.ndim != 1 or wide or (kind and item.dtype.kind not in kind):
-        raise refuse(path, f"has the shape {item.shape} and the type {item.dtype}", "a list of plain numbers", "ingest the log again")
+        raise refuse(
+            path,
+            f"has the shape {item.shape} and the type {item.dtype}",
+            "a list of plain numbers",
+            "ingest the log again",
+        )
     if chunk is not None and item.chunks != (chunk,):
-        raise refuse(path, f"has chunks of {item.chunks} values", f"{chunk}", "ingest the log again")
+        raise refuse(
+            path, f"has chunks of {item.chunks} values", f"{chunk}", "ingest the log again"
+        )
     if item.size:
         check_shape(Column(path, item, 0, (None,)))
         _check_chunks(path, item)
@@ -74,32 +84,49 @@ def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> 
 
 
 def _check_chunks(path: str, dataset: h5py.Dataset) -> None:
-    """Refuses a stored chunk that is larger than the filters make of one: it would grow without end."""
+    """Refuses a stored chunk that is larger than the filters make of one: it would grow without
+    end.
+    """
     if not dataset.chunks:
         return
     most = dataset.chunks[0] * dataset.dtype.itemsize
     largest = [0]
     dataset.id.chunk_iter(lambda chunk: largest.__setitem__(0, max(largest[0], chunk.size)))
     if largest[0] > most + most // 64 + 64:
-        raise refuse(path, f"has a chunk of {largest[0]} bytes for {most}", "what the chunk holds", "ingest the log again")
+        raise refuse(
+            path,
+            f"has a chunk of {largest[0]} bytes for {most}",
+            "what the chunk holds",
+            "ingest the log again",
+        )
 
 
 def text_at(file: h5py.File, path: str, largest: int) -> str:
     """The text at `path`, as the bytes of a dataset."""
     dataset = dataset_at(file, path, "u")
     if dataset.dtype != np.uint8 or dataset.size > largest:
-        raise refuse(path, f"has {dataset.size} values of the type {dataset.dtype}", f"{largest} bytes of text", "ingest the log again")
+        raise refuse(
+            path,
+            f"has {dataset.size} values of the type {dataset.dtype}",
+            f"{largest} bytes of text",
+            "ingest the log again",
+        )
     if attribute(dataset, "size") != dataset.size:
         raise refuse(path, "has another size than it says", "one size", "ingest the log again")
     return bytes(dataset[:]).decode("utf-8")
 
 
 def _plain(item: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """An attribute's value, None if there is none, or if it lies in the heap, which has no checksum."""
+    """An attribute's value, None if there is none, or if it lies in the heap, which has no
+    checksum.
+    """
     try:
         handle = item.attrs.get_id(name)
         kind = handle.dtype
-        if kind.kind not in "iufbS" or math.prod(handle.shape) * kind.itemsize > MOST_ATTRIBUTE_BYTES:
+        if (
+            kind.kind not in "iufbS"
+            or math.prod(handle.shape) * kind.itemsize > MOST_ATTRIBUTE_BYTES
+        ):
             return None
         value = np.empty(handle.shape, kind)
         handle.read(value)
@@ -112,7 +139,12 @@ def attribute(item: h5py.Group | h5py.Dataset, name: str) -> float:
     """A number among the attributes.  ReadError: there is none."""
     value = as_number(_plain(item, name))
     if value is None:
-        raise refuse(str(item.name), f"has no number {name}", "what `tirelog ingest` writes", "ingest the log again")
+        raise refuse(
+            str(item.name),
+            f"has no number {name}",
+            "what `tirelog ingest` writes",
+            "ingest the log again",
+        )
     return value
 
 
@@ -126,13 +158,21 @@ def provenance_at(file: h5py.File) -> dict[str, Any]:
     """The provenance, each part of the kind that the commands rely on."""
     told = json_value(text_at(file, "provenance", LARGEST_TEXT_BYTES))
     if not isinstance(told, dict):
-        raise ReadError("the run's provenance is no table; allowed is what `tirelog ingest` writes; ingest the log again")
+        raise ReadError(
+            "the run's provenance is no table; allowed is what `tirelog ingest` writes; "
+            "ingest the log again"
+        )
     for key, kind in _PROVENANCE.items():
         if not isinstance(told.get(key, kind()), kind):
-            raise ReadError(f"the run's provenance has {key} that are no {kind.__name__}; ingest the log again")
+            raise ReadError(
+                f"the run's provenance has {key} that are no {kind.__name__}; ingest the log again"
+            )
     repairs = told.get("repairs", {}).values()
     counts = [told.get("counts", {}), *repairs]
-    if not all(isinstance(table, dict) and all(isinstance(n, int) for n in table.values()) for table in counts):
+    if not all(
+        isinstance(table, dict) and all(isinstance(n, int) for n in table.values())
+        for table in counts
+    ):
         raise ReadError("the run's provenance counts what are no numbers; ingest the log again")
     lines = {key: [str(line) for line in told.get(key, [])] for key in ("losses", "remarks")}
     return {**told, **lines}
@@ -146,7 +186,12 @@ def axis_at(file: h5py.File, name: str, *, own: bool = False) -> TimeAxis:
         raise refuse(path, "is no group", "what `tirelog ingest` writes", "ingest the log again")
     size, rate = attribute(place, "size"), attribute(place, "rate_Hz")
     if size != int(size) or size < 0 or not 0.0 < rate <= FASTEST_HZ:
-        raise refuse(path, f"has {size:g} samples at {rate:g} Hz", "a whole number and a rate", "ingest the log again")
+        raise refuse(
+            path,
+            f"has {size:g} samples at {rate:g} Hz",
+            "a whole number and a rate",
+            "ingest the log again",
+        )
     if "time_s" in place:
         return _explicit(file, f"{path}/time_s", int(size), rate, own)
     kinds = {"first": "iu", "start_s": "f", "period_s": "f"}
@@ -154,25 +199,60 @@ def axis_at(file: h5py.File, name: str, *, own: bool = False) -> TimeAxis:
     if own:
         return TimeAxis(int(size), rate, *(part[:] for part in parts))
     if len({part.size for part in parts}) > 1 or not 0 < parts[0].size <= LARGEST_LIST:
-        raise refuse(path, f"has segments of {[part.size for part in parts]} parts", "one number each", "ingest the log again")
+        raise refuse(
+            path,
+            f"has segments of {[part.size for part in parts]} parts",
+            "one number each",
+            "ingest the log again",
+        )
     first, start, period = (part[:] for part in parts)
     forwards = first[0] == 0 and (np.diff(first) > 0).all() and first[-1] <= max(int(size) - 1, 0)
-    finite = np.isfinite(start).all() and np.abs(start).max() <= LATEST_S and np.isfinite(period).all()
-    if not forwards or not finite or not (np.diff(start) >= 0).all() or not (period > 0).all() or period.max() > LATEST_S:
-        raise refuse(path, "has segments that do not follow each other", "times that grow", "ingest the log again")
-    return TimeAxis(int(size), rate, first.astype(np.int64), start.astype(np.float64), period.astype(np.float64))
+    finite = (
+        np.isfinite(start).all() and np.abs(start).max() <= LATEST_S and np.isfinite(period).all()
+    )
+    if (
+        not forwards
+        or not finite
+        or not (np.diff(start) >= 0).all()
+        or not (period > 0).all()
+        or period.max() > LATEST_S
+    ):
+        raise refuse(
+            path,
+            "has segments that do not follow each other",
+            "times that grow",
+            "ingest the log again",
+        )
+    return TimeAxis(
+        int(size), rate, first.astype(np.int64), start.astype(np.float64), period.astype(np.float64)
+    )
 
 
 def _explicit(file: h5py.File, path: str, size: int, rate: float, own: bool) -> TimeAxis:
-    """An axis of one time for each sample.  All are looked at: a damaged one has no time to lose it at."""
+    """An axis of one time for each sample.
+
+    All are looked at: a damaged one has no time to lose it at.
+    """
     times = dataset_at(file, path, "f", chunk=max(min(CHUNK, size), 1), own=own)
     if times.size != size:
-        raise refuse(path, f"has {times.size} times for {size} samples", "one each", "ingest the log again")
+        raise refuse(
+            path, f"has {times.size} times for {size} samples", "one each", "ingest the log again"
+        )
     last = -np.inf
     for start in range(0, 0 if own else size, CHUNK):
         part = times[start : start + CHUNK]
-        if not np.isfinite(part).all() or part[0] < last or (np.diff(part) < 0).any() or np.abs(part).max() > LATEST_S:
-            raise refuse(path, "has times that do not follow each other", "times that grow", "ingest the log again")
+        if (
+            not np.isfinite(part).all()
+            or part[0] < last
+            or (np.diff(part) < 0).any()
+            or np.abs(part).max() > LATEST_S
+        ):
+            raise refuse(
+                path,
+                "has times that do not follow each other",
+                "times that grow",
+                "ingest the log again",
+            )
         last = part[-1]
     none = np.zeros(0)
 
@@ -183,18 +263,30 @@ def _explicit(file: h5py.File, path: str, size: int, rate: float, own: bool) -> 
     return TimeAxis(size, rate, none.astype(np.int64), none, none, explicit)
 
 
-def flags_at(file: h5py.File, name: str, size: int, *, own: bool = False) -> tuple[tuple[int, int, str], ...]:
+def flags_at(
+    file: h5py.File, name: str, size: int, *, own: bool = False
+) -> tuple[tuple[int, int, str], ...]:
     """The flags of a channel of `size` samples; `own` as of `dataset_at`."""
     path = f"flags/{name}"
     if "flags" not in file or name not in walk(file, "flags"):
         return ()
     kinds = {"start": "iu", "stop": "iu", "word": "S"}
-    start, stop, words = (dataset_at(file, f"{path}/{key}", kind, own=own) for key, kind in kinds.items())
+    start, stop, words = (
+        dataset_at(file, f"{path}/{key}", kind, own=own) for key, kind in kinds.items()
+    )
     if not start.size == stop.size == words.size <= LARGEST_LIST:
         raise refuse(path, "has flags of several sizes", "one size", "ingest the log again")
-    found = tuple((int(a), int(b), w.decode("utf-8")) for a, b, w in zip(start[:], stop[:], words[:], strict=True))
+    found = tuple(
+        (int(a), int(b), w.decode("utf-8"))
+        for a, b, w in zip(start[:], stop[:], words[:], strict=True)
+    )
     if any(not 0 <= a <= b <= size for a, b, _ in found):
-        raise refuse(path, f"has flags outside of the {size} samples", "flags of samples", "ingest the log again")
+        raise refuse(
+            path,
+            f"has flags outside of the {size} samples",
+            "flags of samples",
+            "ingest the log again",
+        )
     return found
 
 
@@ -204,7 +296,8 @@ def check_open(dataset: h5py.Dataset) -> None:
         raise recording_closed()
 
 
-# ---- digests --------------------------------------------------------------------------------------
+# ---- digests
+# --------------------------------------------------------------------------------------
 
 
 def contents_digest(file: h5py.File) -> str:
@@ -217,7 +310,12 @@ def contents_digest(file: h5py.File) -> str:
             if path or name != DIGEST:
                 value = _plain(item, name)
                 if value is None:
-                    raise refuse(f"{path}.{name}", "is no plain attribute", "numbers and short texts", "ingest the log again")
+                    raise refuse(
+                        f"{path}.{name}",
+                        "is no plain attribute",
+                        "numbers and short texts",
+                        "ingest the log again",
+                    )
                 value = np.asarray(value)
                 found.update(f"{name}\0{value.dtype.str}{value.shape}\0".encode() + value.tobytes())
         if isinstance(item, h5py.Dataset) and not is_long(path):
@@ -231,7 +329,10 @@ def is_long(path: str) -> bool:
 
 
 def _objects(file: h5py.File) -> Iterator[tuple[str, Any]]:
-    """(path, object) of all that a file holds, in the order of their paths.  ReadError: a link that is no plain one."""
+    """(path, object) of all that a file holds, in the order of their paths.
+
+    ReadError: a link that is no plain one.
+    """
     todo: list[tuple[str, Any]] = [("", file["/"])]
     seen = 0
     while todo:
@@ -241,10 +342,17 @@ def _objects(file: h5py.File) -> Iterator[tuple[str, Any]]:
         if isinstance(item, h5py.Group):
             names = sorted(item, reverse=True)
             if seen + len(todo) + len(names) > MOST_OBJECTS:
-                raise refuse("/", "holds too many objects", f"{MOST_OBJECTS}", "ingest the log again")
+                raise refuse(
+                    "/", "holds too many objects", f"{MOST_OBJECTS}", "ingest the log again"
+                )
             for name in names:
                 if not isinstance(item.get(name, getlink=True), h5py.HardLink):
-                    raise refuse(f"{path}/{name}", "is a link to elsewhere", "data inside the run", "ingest the log again")
+                    raise refuse(
+                        f"{path}/{name}",
+                        "is a link to elsewhere",
+                        "data inside the run",
+                        "ingest the log again",
+                    )
             todo += [(f"{path}/{name}".lstrip("/"), item[name]) for name in names]
 
 

@@ -1,6 +1,7 @@
 """A scenario becomes a log with known truth, in memory.
 
-Scenario --seed--> Drive, Roughness --> World --sampling--> Simulated (raw channels in the file's units, truth) --> Recording or a file
+Scenario --seed--> Drive, Roughness --> World --sampling--> Simulated (raw channels in the file's
+units, truth) --> Recording or a file
 """
 
 from __future__ import annotations
@@ -30,8 +31,11 @@ from tirelog.vocabulary.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Simulated:
-    """A simulated log.  `channels` raw values (n,) in the file's unit, NaN where lost; `stamp_s` (n,) their stamps [s]; `world` the truth
-    itself, to be asked for any instant."""
+    """A simulated log.
+
+    `channels` raw values (n,) in the file's unit, NaN where lost; `stamp_s` (n,) their stamps [s];
+    `world` the truth itself, to be asked for any instant.
+    """
 
     scenario: Scenario
     channels: Mapping[str, FloatArray]
@@ -52,8 +56,15 @@ class Simulated:
 
 
 def simulate(scenario: Scenario) -> Simulated:
-    """The log of a scenario.  The same scenario (with its seed) gives the same numbers.  UsageError where the physics refuses it."""
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(3 + len(scenario.channels))]
+    """The log of a scenario.
+
+    The same scenario (with its seed) gives the same numbers. UsageError where the physics refuses
+    it.
+    """
+    streams = [
+        np.random.default_rng(s)
+        for s in np.random.SeedSequence(scenario.seed).spawn(3 + len(scenario.channels))
+    ]
     drive = drive_of(scenario, streams[0])
     length = float(drive.angle_at(drive.time_s[-1])) * drive.radius_m
     roughness = roughness_of(scenario, length, streams[1])
@@ -67,8 +78,12 @@ def simulate(scenario: Scenario) -> Simulated:
     return Simulated(scenario, channels, _stamps(moments), world, tables)
 
 
-def _solved(scenario: Scenario, drive: Drive, roughness: Roughness, moments: dict[str, Trace]) -> tuple[World, dict[str, FloatArray]]:
-    """The world of the scenario's truth, and the clean values of what it moves: steady at every instant, or rolled from begin to end."""
+def _solved(
+    scenario: Scenario, drive: Drive, roughness: Roughness, moments: dict[str, Trace]
+) -> tuple[World, dict[str, FloatArray]]:
+    """The world of the scenario's truth, and the clean values of what it moves: steady at every
+    instant, or rolled from begin to end.
+    """
     if scenario.truth == "coupled_ring":
         from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler
 

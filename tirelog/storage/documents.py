@@ -1,8 +1,11 @@
-"""TOML and JSON text to plain tables: the one way in for every file that a user, or another program, wrote.
+"""TOML and JSON text to plain tables: the one way in for every file that a user, or another
+program, wrote.
 
-    text --tomllib or json--> tables of bounded depth and numbers of 64 bits, or an error of the file's kind
+    text --tomllib or json--> tables of bounded depth and numbers of 64 bits, or an error of the
+    file's kind
 
-What is too deep to walk, or too large to be a float, is refused here once, so that nobody behind has to think of it.
+What is too deep to walk, or too large to be a float, is refused here once, so that nobody behind
+has to think of it.
 """
 
 from __future__ import annotations
@@ -22,14 +25,19 @@ LARGEST_BYTES = 1 << 20
 DEEPEST = 32
 #: what TOML promises for a whole number, and far less than the largest float
 _LARGEST_INTEGER = 1 << 63
-#: a dotted key of more parts than that, which tomllib would work on for minutes before it can be refused
-_TOO_DOTTED = re.compile(rf"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""")
+#: a dotted key of more parts than that, which tomllib would work on for minutes before it can be
+#: refused
+_TOO_DOTTED = re.compile(
+    rf"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}"""
+)
 
 
 def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice: str) -> str:
-    """The text of the TOML file at `path`, without a byte-order mark; `error` if it cannot be read, is too large or no UTF-8.
+    """The text of the TOML file at `path`, without a byte-order mark; `error` if it cannot be read,
+    is too large or no UTF-8.
 
-    `what` names the kind of file ("a setup") and `advice` says what to do ("give another with --setup").
+    `what` names the kind of file ("a setup") and `advice` says what to do ("give another with
+    --setup").
     """
     taken_as_input(path)
     try:
@@ -37,9 +45,14 @@ def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice:
             raw = stream.read(LARGEST_BYTES + 1)
     except (OSError, ValueError) as problem:  # ValueError: a NUL in the name
         reason = getattr(problem, "strerror", None) or problem
-        raise error(f"cannot be read ({reason}); {what} is a TOML file; {advice}", file=path) from None
+        raise error(
+            f"cannot be read ({reason}); {what} is a TOML file; {advice}", file=path
+        ) from None
     if len(raw) > LARGEST_BYTES:
-        raise error(f"is larger than {LARGEST_BYTES >> 20} MB; {what} is a page of TOML; {advice}", file=path)
+        raise error(
+            f"is larger than {LARGEST_BYTES >> 20} MB; {what} is a page of TOML; {advice}",
+            file=path,
+        )
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -47,16 +60,26 @@ def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice:
 
 
 def toml_tables(text: str, error: type[TirelogError], *, file: object) -> dict[str, Any]:
-    """The tables in TOML `text`; `error`, with the line where it is known, if it is no TOML or goes too far."""
+    """The tables in TOML `text`; `error`, with the line where it is known, if it is no TOML or goes
+    too far.
+    """
     try:
         if _TOO_DOTTED.search(text):
             raise RecursionError
         return dict(_bounded(tomllib.loads(text)))
     except RecursionError:
-        message, line = f"is nested deeper than {DEEPEST}; allowed is a page of tables and keys; mend it", None
-    except ValueError as problem:  # tomllib's own error is one; so is an integer of thousands of digits
+        message, line = (
+            f"is nested deeper than {DEEPEST}; allowed is a page of tables and keys; mend it",
+            None,
+        )
+    except (
+        ValueError
+    ) as problem:  # tomllib's own error is one; so is an integer of thousands of digits
         where = re.search(r"line (\d+)", str(problem))
-        message, line = f"not TOML: {problem}; allowed is TOML in UTF-8; mend the line", int(where[1]) if where else None
+        message, line = (
+            f"not TOML: {problem}; allowed is TOML in UTF-8; mend the line",
+            int(where[1]) if where else None,
+        )
     raise error(message, file=file, line=line)
 
 
@@ -69,7 +92,9 @@ def json_value(text: str | bytes) -> Any:
 
 
 def _bounded(tables: Any) -> Any:
-    """`tables` as they are; ValueError for what is nested too deep, and for whole numbers of more than 64 bits."""
+    """`tables` as they are; ValueError for what is nested too deep, and for whole numbers of more
+    than 64 bits.
+    """
     level = [tables]
     for _ in range(DEEPEST):
         below: list[Any] = []

@@ -1,7 +1,9 @@
-"""Logs and results elsewhere: s3://, gs://, https://, any address that fsspec knows (extra `remote`).
+"""Logs and results elsewhere: s3://, gs://, https://, any address that fsspec knows (extra
+`remote`).
 
-Credentials come by the environment's own means (AWS_*, GOOGLE_APPLICATION_CREDENTIALS, ...), never through tirelog.  A store that does
-not answer is an error after ANSWER_S seconds; what it sends once it answers may take as long as it takes.
+Credentials come by the environment's own means (AWS_*, GOOGLE_APPLICATION_CREDENTIALS, ...), never
+through tirelog. A store that does not answer is an error after ANSWER_S seconds; what it sends once
+it answers may take as long as it takes.
 """
 
 from __future__ import annotations
@@ -20,21 +22,26 @@ T = TypeVar("T")
 _ADDRESS = re.compile(r"^([a-z][a-z0-9+.-]+):/{1,2}(?=[^/])")
 #: a store has to answer a question within this time
 ANSWER_S = 8.0
-#: object stores: a put is seen whole or not at all; elsewhere a file is put under another name and moved
+#: object stores: a put is seen whole or not at all; elsewhere a file is put under another name and
+#: moved
 _WHOLE_PUTS = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "adl", "oci", "memory"}
 #: the name under which a file is put where it would be seen half written, and what it is swept by
 PART = ".part"
 
 
 def address(path: Path | str) -> str | None:
-    """`path` as a remote address, or None where it is a local path.  (A `Path` keeps only one of the two slashes.)"""
+    """`path` as a remote address, or None where it is a local path.
+
+    (A `Path` keeps only one of the two slashes.)
+    """
     text = str(path)
     match = _ADDRESS.match(text)
     return f"{match[1]}://{text[match.end() :]}" if match else None
 
 
 def shown(path: Path | str) -> str:
-    """A log's path as it may stand in a table: an address without user, password or values of its query.
+    """A log's path as it may stand in a table: an address without user, password or values of its
+    query.
 
     A local path stays as it is given; bytes of a name that are no UTF-8 are escaped, as \\xff.
     """
@@ -47,23 +54,36 @@ def _filesystem(url: str) -> Any:
     try:
         import fsspec
     except ImportError:
-        raise UsageError(f"{url}: addresses need fsspec; it comes with the extra: pip install 'tirelog[remote]'") from None
+        raise UsageError(
+            f"{url}: addresses need fsspec; it comes with the extra: pip install 'tirelog[remote]'"
+        ) from None
     try:
         return fsspec.core.url_to_fs(url)[0]
     except (ImportError, ValueError) as problem:
-        raise UsageError(f"{url}: {problem}; allowed is an address that fsspec has a package for; install it") from None
+        raise UsageError(
+            f"{url}: {problem}; allowed is an address that fsspec has a package for; install it"
+        ) from None
 
 
 def _refusal(kind: type[TirelogError], url: str, problem: BaseException) -> TirelogError:
     """What a store says, with advice where credentials are the trouble."""
     text = f"{type(problem).__name__}: {problem}".splitlines()[0][:200]
-    credentials = isinstance(problem, PermissionError) or "credential" in text.lower() or getattr(problem, "errno", None) == errno.EACCES
-    advice = "give credentials by the environment's own means (e.g. AWS_ACCESS_KEY_ID)" if credentials else "give another address"
+    credentials = (
+        isinstance(problem, PermissionError)
+        or "credential" in text.lower()
+        or getattr(problem, "errno", None) == errno.EACCES
+    )
+    advice = (
+        "give credentials by the environment's own means (e.g. AWS_ACCESS_KEY_ID)"
+        if credentials
+        else "give another address"
+    )
     return kind(f"cannot be reached ({text}); {advice}", file=url)
 
 
 def _answer(url: str, kind: type[TirelogError], question: Callable[[Any], T]) -> T:
-    """What the store of `url` answers; `kind` of error where it refuses, or does not answer in time (its own retries take minutes).
+    """What the store of `url` answers; `kind` of error where it refuses, or does not answer in time
+    (its own retries take minutes).
 
     FileNotFoundError and FileExistsError are answers, and are raised as they are.
     """
@@ -82,7 +102,9 @@ def _answer(url: str, kind: type[TirelogError], question: Callable[[Any], T]) ->
         return answers[0]
     if not failures:
         raise kind(
-            f"cannot be reached (no answer within {ANSWER_S:g} s); allowed is a store that answers; see to it and try again", file=url
+            f"cannot be reached (no answer within {ANSWER_S:g} s); allowed is a store that "
+            "answers; see to it and try again",
+            file=url,
         )
     if isinstance(failures[0], FileNotFoundError | FileExistsError | TirelogError):
         raise failures[0]
@@ -106,7 +128,9 @@ def read_remote(url: str) -> bytes | None:
 
 
 def read_several(urls: Sequence[str]) -> dict[str, bytes]:
-    """Small objects' bytes by address, read side by side where the store can; those that are not there are left out."""
+    """Small objects' bytes by address, read side by side where the store can; those that are not
+    there are left out.
+    """
     if not urls:
         return {}
     system = _filesystem(urls[0])
@@ -116,7 +140,9 @@ def read_several(urls: Sequence[str]) -> dict[str, bytes]:
 
 
 def list_remote(url: str) -> list[str]:
-    """Names of all that lies below the folder `url`, at any depth, relative to it; nothing where it is not there."""
+    """Names of all that lies below the folder `url`, at any depth, relative to it; nothing where it
+    is not there.
+    """
 
     def names(system: Any) -> list[str]:
         system.invalidate_cache()
@@ -135,7 +161,10 @@ def match_remote(pattern: str) -> list[str]:
     def names(system: Any) -> list[str]:
         system.invalidate_cache()
         scheme = pattern.split("://")[0]
-        return [name if "://" in name else f"{scheme}://{name.lstrip('/')}" for name in map(str, system.glob(pattern))]
+        return [
+            name if "://" in name else f"{scheme}://{name.lstrip('/')}"
+            for name in map(str, system.glob(pattern))
+        ]
 
     try:
         return sorted(_answer(pattern, ReadError, names))
@@ -144,12 +173,27 @@ def match_remote(pattern: str) -> list[str]:
 
 
 def state_of(url: str) -> list[Any]:
-    """What changes when the bytes at `url` do, as far as the store tells without reading them.  ReadError: not there."""
+    """What changes when the bytes at `url` do, as far as the store tells without reading them.
+
+    ReadError: not there.
+    """
     try:
         info = _answer(url, ReadError, lambda system: system.info(url))
     except FileNotFoundError as problem:
         raise _refusal(ReadError, url, problem) from None
-    marks = [info.get(name) for name in ("ETag", "etag", "md5Hash", "LastModified", "last_modified", "mtime", "updated", "created")]
+    marks = [
+        info.get(name)
+        for name in (
+            "ETag",
+            "etag",
+            "md5Hash",
+            "LastModified",
+            "last_modified",
+            "mtime",
+            "updated",
+            "created",
+        )
+    ]
     return [info.get("size"), *(str(mark) for mark in marks if mark is not None)]
 
 
@@ -170,7 +214,9 @@ def write_remote(url: str, data: bytes) -> None:
 
 
 def create_remote(url: str, data: bytes) -> bool:
-    """A small object that was not there; False where it was.  Exact on stores that can refuse to overwrite (S3, GCS, ...), see below.
+    """A small object that was not there; False where it was.
+
+    Exact on stores that can refuse to overwrite (S3, GCS, ...), see below.
 
     Where a store cannot, it is looked for first, which leaves a moment between looking and writing.
     """
@@ -191,7 +237,11 @@ def create_remote(url: str, data: bytes) -> bool:
     except FileNotFoundError as problem:
         raise _refusal(OutputError, url, problem) from None
     except OutputError as problem:
-        if "PreconditionFailed" in problem.message or "412" in problem.message or "At least one of the pre-conditions" in problem.message:
+        if (
+            "PreconditionFailed" in problem.message
+            or "412" in problem.message
+            or "At least one of the pre-conditions" in problem.message
+        ):
             return False
         raise
 
@@ -207,7 +257,10 @@ def remove_remote(urls: Sequence[str]) -> None:
 
 
 def upload(path: Path, url: str) -> None:
-    """Copy a whole local file to `url`, where it is seen whole or not at all.  OutputError: it could not be stored."""
+    """Copy a whole local file to `url`, where it is seen whole or not at all.
+
+    OutputError: it could not be stored.
+    """
     system = _filesystem(url)
     try:
         if _whole_puts(system):

@@ -1,4 +1,6 @@
-"""Numbers put aside while a log streams by, to be read again in slices: in memory while few, then in a temporary file."""
+"""Numbers put aside while a log streams by, to be read again in slices: in memory while few, then
+in a temporary file.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ class Spool:
         self._parts.append(np.array(values, np.float64))
         if self.size > _IN_MEMORY:
             if self._file is None:
-                self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115 - lives as long as the axis that reads it
+                self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
             self._file.seek(0, 2)
             for part in self._parts:
                 self._file.write(part.tobytes())

@@ -59,11 +59,16 @@ def output_error(path: Path | str, problem: Exception) -> OutputError:
     """An OutputError for a failed write, with advice."""
     number = _number(problem)
     what = os.strerror(number) if number else getattr(problem, "strerror", None) or problem
-    return OutputError(f"cannot be written ({what}); {_ADVICE.get(number, 'give another path')}", file=path)
+    return OutputError(
+        f"cannot be written ({what}); {_ADVICE.get(number, 'give another path')}", file=path
+    )
 
 
 def _number(problem: Exception) -> int:
-    """The system's error number, 0 where there is none.  HDF5 says it in its text, among pages of others."""
+    """The system's error number, 0 where there is none.
+
+    HDF5 says it in its text, among pages of others.
+    """
     told = re.search(r"errno = (\d+)", str(problem))
     return getattr(problem, "errno", None) or (int(told[1]) if told else 0)
 
@@ -74,19 +79,25 @@ def failed_writes(path: Path | str) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError) as problem:  # HDF5 raises either
-        if isinstance(problem, BrokenPipeError) or (isinstance(problem, RuntimeError) and not _number(problem)):
+        if isinstance(problem, BrokenPipeError) or (
+            isinstance(problem, RuntimeError) and not _number(problem)
+        ):
             raise
         raise output_error(path, problem) from problem
 
 
-# ---- names of what is not finished ----------------------------------------------------------------
+# ---- names of what is not finished
+# ----------------------------------------------------------------
 
 
 @cache
 def _machine() -> str:
     """Eight digits for this machine and its processes: elsewhere their numbers mean nothing."""
     told = [os.uname().nodename]
-    for read in (lambda: Path("/etc/machine-id").read_text(), lambda: os.readlink("/proc/self/ns/pid")):
+    for read in (
+        lambda: Path("/etc/machine-id").read_text(),
+        lambda: os.readlink("/proc/self/ns/pid"),
+    ):
         with suppress(OSError, UnicodeDecodeError):
             told.append(read())
     return hashlib.sha256("\n".join(told).encode("utf-8", "surrogateescape")).hexdigest()[:8]
@@ -95,7 +106,9 @@ def _machine() -> str:
 def _started(pid: int) -> int | None:
     """When the process began [ticks since the machine did], None if it has ended, 0 if not told."""
     try:
-        state, *others = Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
+        state, *others = (
+            Path(f"/proc/{pid}/stat").read_text(errors="replace").rpartition(")")[2].split()
+        )
         return None if state in "ZX" else int(others[18])
     except (OSError, ValueError, IndexError):
         pass
@@ -144,7 +157,11 @@ def _sweep(folder: Path, form: re.Pattern[str], names: Collection[str] | None = 
     try:
         with os.scandir(folder) as entries:
             ours = [(entry, found) for entry in entries if (found := form.fullmatch(entry.name))]
-            dead = [entry for entry, found in ours if (names is None or found["name"] in names) and _gone(found)]
+            dead = [
+                entry
+                for entry, found in ours
+                if (names is None or found["name"] in names) and _gone(found)
+            ]
     except OSError:
         return []
     for entry in dead:
@@ -180,7 +197,8 @@ def temporary_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-# ---- inputs ---------------------------------------------------------------------------------------
+# ---- inputs
+# ---------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -212,17 +230,20 @@ def refuse_inputs(*outputs: Path | str | int, name: str | None = None) -> None:
             if taken := _inputs and _inputs.get((about.st_dev, about.st_ino)):
                 same = "" if taken == str(output) else f" ({taken})"
                 raise UsageError(
-                    f"is an input of this command{same}; no output takes the place of an input; give another name",
+                    f"is an input of this command{same}; no output takes the place of an input; "
+                    "give another name",
                     file=name or output,
                 )
 
 
-# ---- outputs --------------------------------------------------------------------------------------
+# ---- outputs
+# --------------------------------------------------------------------------------------
 
 
 @contextmanager
 def whole_file(path: Path | str) -> Iterator[Path]:
-    """A path beside `path` to write to; it takes the name `path` when the block ends well, and is removed when it does not.
+    """A path beside `path` to write to; it takes the name `path` when the block ends well, and is
+    removed when it does not.
 
     A link is followed; a device or pipe is opened now and written through at the end; a remote
     address is uploaded to at the end.
@@ -252,7 +273,13 @@ def whole_file(path: Path | str) -> Iterator[Path]:
     try:
         with failed_writes(path):
             old = target.stat() if target.exists() else None
-            os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY, 0o600 if old else 0o666))
+            os.close(
+                os.open(
+                    part,
+                    os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY,
+                    0o600 if old else 0o666,
+                )
+            )
             yield part
             refuse_inputs(path)  # a setup beside a log is known once the log is read
             with part.open("rb+") as stream:
@@ -317,7 +344,11 @@ def _written_through(path: Path) -> Iterator[Path]:
     with failed_writes(path):
         own = _stream_of(path)
         refuse_inputs(path if own is None else own, name=str(path))
-        stream = os.fdopen(os.open(path, os.O_WRONLY | os.O_NOCTTY) if own is None else os.dup(own), "wb", buffering=0)
+        stream = os.fdopen(
+            os.open(path, os.O_WRONLY | os.O_NOCTTY) if own is None else os.dup(own),
+            "wb",
+            buffering=0,
+        )
     with stream, temporary_folder() as folder:
         local = folder / (_cut(path.name) or "result")
         local.touch()
@@ -331,7 +362,10 @@ def _written_through(path: Path) -> Iterator[Path]:
 
 
 def make_folder(path: Path | str) -> None:
-    """The folder for several output files, made where it is missing; a remote address needs none.  OutputError: it cannot be made."""
+    """The folder for several output files, made where it is missing; a remote address needs none.
+
+    OutputError: it cannot be made.
+    """
     if address(path) is None:
         try:
             Path(path).mkdir(parents=True, exist_ok=True)

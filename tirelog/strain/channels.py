@@ -18,7 +18,8 @@ def strain_channels(recording: Recording) -> list[Channel]:
     if not channels:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         raise UsageError(
-            f"no strain channel; allowed are channels of kind {' and '.join(STRAIN_KINDS)}, the log has {have}; name one in the setup",
+            f"no strain channel; allowed are channels of kind {' and '.join(STRAIN_KINDS)}, the "
+            f"log has {have}; name one in the setup",
             file=recording.log,
         )
     return channels
@@ -27,7 +28,8 @@ def strain_channels(recording: Recording) -> list[Channel]:
 def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
     """The strain channels with their passages.
 
-    UsageError, before the first is given: none of them passes the patch, or a setup names the wrong surface.
+    UsageError, before the first is given: none of them passes the patch, or a setup names the wrong
+    surface.
     """
     channels = strain_channels(recording)
     if len(channels) == 1:
@@ -42,7 +44,9 @@ def rotating(recording: Recording) -> Iterator[tuple[Channel, Passages]]:
 def not_turning(recording: Recording) -> UsageError:
     """The error of a command that needs passages on a log without any."""
     return UsageError(
-        "the wheel does not turn in this log: no grating passes the patch; allowed are logs with at least one passage; "
-        "for a static test use `tirelog inflation`, and give the inked length as static_footprint_length_m under [tire]",
+        "the wheel does not turn in this log: no grating passes the patch; allowed are logs with "
+        "at least one passage; "
+        "for a static test use `tirelog inflation`, and give the inked length as "
+        "static_footprint_length_m under [tire]",
         file=recording.log,
     )

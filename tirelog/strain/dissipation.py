@@ -1,14 +1,18 @@
 """Dissipation of every revolution from the strain's own time derivative (P1 27-29, errata).
 
-    Channel --means of some samples, lost ones bridged, differentiator, square--> energy of each revolution, block by block
-            --minus what the noise brings, over the speed--> factor, specific power, standard error, a row a passage
+    Channel --means of some samples, lost ones bridged, differentiator, square--> energy of each
+    revolution, block by block
+            --minus what the noise brings, over the speed--> factor, specific power, standard error,
+            a row a passage
             --stretches of constant speed--> moving averages
 
-    p_d = int eps'^2 ds = (1 / v) int (d eps / dt)^2 dt over one revolution, P_d = v^2 A p_d, with v = R Omega
+    p_d = int eps'^2 ds = (1 / v) int (d eps / dt)^2 dt over one revolution, P_d = v^2 A p_d, with v
+    = R Omega
 
-A revolution runs from half a turn before the patch centre to half a turn after.  White noise of sigma adds sigma^2 x (sum of the squared
-filter) to each squared derivative: it is taken off.  The filter passes what a patch's strain holds along the tread, up to PASS / L at the
-log's top speed, so that its own bias is below 1e-3 (0.3e-3 on a stiff-treaded ring) as long as the sampling allows.
+A revolution runs from half a turn before the patch centre to half a turn after. White noise of
+sigma adds sigma^2 x (sum of the squared filter) to each squared derivative: it is taken off. The
+filter passes what a patch's strain holds along the tread, up to PASS / L at the log's top speed, so
+that its own bias is below 1e-3 (0.3e-3 on a stiff-treaded ring) as long as the sampling allows.
 """
 
 from __future__ import annotations
@@ -34,24 +38,28 @@ PASS = 20.0
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
 #: means are taken of as many samples as leave this many a period of the pass edge
 OVERSAMPLING = 4.0
-#: a sample off its neighbours' cubic by more than these many sigmas and this share of the passages' height is bridged
+#: a sample off its neighbours' cubic by more than these many sigmas and this share of the passages'
+#: height is bridged
 WILD_SIGMAS, WILD_SHARE = 10.0, 0.06
 #: the patch with its shoulders, in half windows of the passages
 SHOULDERS = 1.6
 #: samples worked on at once
 MOST_AT_ONCE = 1 << 16
-#: a standard error above so many factors, the row's or the log's usual one, tells nothing and is left blank; half of it would blank
-#: rows of very noisy logs, twice as much no row that this does not
+#: a standard error above so many factors, the row's or the log's usual one, tells nothing and is
+#: left blank; half of it would blank rows of very noisy logs, twice as much no row that this does
+#: not
 MOST_ERROR = 10.0
-#: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a moving average
+#: constant speed: the step from one revolution to the next (P1 4) [m/s], and revolutions of a
+#: moving average
 STEADY_STEP_M_S, AVERAGED = 0.08, 9
 
 
 @dataclass(frozen=True)
 class Dissipation:
-    """One row a passage, shape (n,): factor p_d [1/m] with its standard error, specific power P_d [m^3/s^2] (NaN without an area),
-    whether the speed is constant there, and the moving averages in such stretches (NaN elsewhere); `stretch`: number of the
-    stretch, -1 outside; `quality`: words."""
+    """One row a passage, shape (n,): factor p_d [1/m] with its standard error, specific power P_d
+    [m^3/s^2] (NaN without an area), whether the speed is constant there, and the moving averages in
+    such stretches (NaN elsewhere); `stretch`: number of the stretch, -1 outside; `quality`: words.
+    """
 
     factor_1_m: FloatArray
     factor_se_1_m: FloatArray
@@ -65,8 +73,9 @@ class Dissipation:
 
 @dataclass(frozen=True)
 class _Filter:
-    """How the derivative is taken: coefficients on means of `averaged` samples, at `rate_Hz` means a second; `limited`: the sampling
-    is too coarse for the patch."""
+    """How the derivative is taken: coefficients on means of `averaged` samples, at `rate_Hz` means
+    a second; `limited`: the sampling is too coarse for the patch.
+    """
 
     coefficients: FloatArray
     averaged: int
@@ -88,11 +97,18 @@ def _filter(channel: Channel, passages: Passages) -> _Filter:
     wanted = PASS / half_length * top / (2.0 * np.pi)
     averaged = int(2 ** np.floor(np.log2(max(rate / (OVERSAMPLING * wanted), 1.0))))
     edge = min(wanted, SHARE_OF_NYQUIST * 0.5 * rate / averaged)
-    return _Filter(differentiator(rate / averaged, edge, averaged), averaged, rate / averaged, edge < LEAST / PASS * wanted)
+    return _Filter(
+        differentiator(rate / averaged, edge, averaged),
+        averaged,
+        rate / averaged,
+        edge < LEAST / PASS * wanted,
+    )
 
 
 def _bounds(passages: Passages) -> tuple[FloatArray, FloatArray]:
-    """First and last sample (fractional) of each passage's revolution: half way to neighbours a turn away, else half a turn."""
+    """First and last sample (fractional) of each passage's revolution: half way to neighbours a
+    turn away, else half a turn.
+    """
     index = passages.index
     step = np.diff(index)
     before = np.where(passages.turn_before, np.concatenate([[np.nan], step]), np.nan)
@@ -100,46 +116,77 @@ def _bounds(passages: Passages) -> tuple[FloatArray, FloatArray]:
     turn_s = 2.0 * np.pi / passages.omega_rad_s
     per_second = np.nanmedian(step / np.diff(passages.time_s)) if len(passages) > 1 else np.nan
     usual = turn_s * per_second
-    return index - 0.5 * np.where(np.isfinite(before), before, usual), index + 0.5 * np.where(np.isfinite(after), after, usual)
+    return index - 0.5 * np.where(np.isfinite(before), before, usual), index + 0.5 * np.where(
+        np.isfinite(after), after, usual
+    )
 
 
 def _means(values: FloatArray, averaged: int) -> FloatArray:
     """Means of `averaged` neighbours, NaN where any of them is lost."""
-    return values if averaged == 1 else values[: values.size // averaged * averaged].reshape(-1, averaged).mean(axis=1)
+    return (
+        values
+        if averaged == 1
+        else values[: values.size // averaged * averaged].reshape(-1, averaged).mean(axis=1)
+    )
 
 
-def _energies(channel: Channel, passages: Passages, how: _Filter, block_samples: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over each revolution: of the squared derivative, of its own squared slope (for the error), and how many means; (n,) each."""
+def _energies(
+    channel: Channel, passages: Passages, how: _Filter, block_samples: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sums over each revolution: of the squared derivative, of its own squared slope (for the
+    error), and how many means; (n,) each.
+    """
     bounds = [np.round(b / how.averaged) for b in _bounds(passages)]
     last = channel.size // how.averaged
     known = np.isfinite(bounds[0]) & np.isfinite(bounds[1])
     low, high = (np.clip(np.where(known, b, 0.0), 0, last).astype(np.int64) for b in bounds)
-    wild = max(WILD_SIGMAS * passages.noise / np.sqrt(how.averaged), WILD_SHARE * float(np.nanmedian(np.abs(passages.height))))
+    wild = max(
+        WILD_SIGMAS * passages.noise / np.sqrt(how.averaged),
+        WILD_SHARE * float(np.nanmedian(np.abs(passages.height))),
+    )
     half = how.coefficients.size // 2
     side = how.coefficients[:half][::-1].copy()
-    step = max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size) // FOUR * FOUR
+    step = (
+        max(min(block_samples, MOST_AT_ONCE) // how.averaged, 4 * how.coefficients.size)
+        // FOUR
+        * FOUR
+    )
     sums, scratch = np.zeros((len(passages), 2)), np.empty((SCRATCH_ROWS, step + 2 * (half + 3)))
-    breaks = np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]]) if channel.axis.explicit is None else np.array([0, last])
+    breaks = (
+        np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]])
+        if channel.axis.explicit is None
+        else np.array([0, last])
+    )
     # rows are in order, and their revolutions nearly so: those of a block stand together
-    furthest, nearest = np.maximum.accumulate(high), np.minimum.accumulate(np.where(known, low, last)[::-1])[::-1]
+    furthest, nearest = (
+        np.maximum.accumulate(high),
+        np.minimum.accumulate(np.where(known, low, last)[::-1])[::-1],
+    )
     for begin, end in pairwise(breaks.tolist()):
         for start in range(begin, end, step):
             stop = min(start + step, end)
-            rows = np.arange(np.searchsorted(furthest, start, "right"), np.searchsorted(nearest, stop))
+            rows = np.arange(
+                np.searchsorted(furthest, start, "right"), np.searchsorted(nearest, stop)
+            )
             if rows.size:
                 first, final = max(start - half - 3, begin), min(stop + half + 3, end)
-                raw = np.asarray(channel.read(first * how.averaged, final * how.averaged), dtype=np.float64)
+                raw = np.asarray(
+                    channel.read(first * how.averaged, final * how.averaged), dtype=np.float64
+                )
                 means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
                 within = np.maximum(low[rows], start) - begin, np.minimum(high[rows], stop) - begin
                 revolution_sums(means, first - begin, side, scratch, rows, *within, sums)
     return sums[:, 0], sums[:, 1], (high - low).astype(float) * known
 
 
-def steady_stretches(speed_m_s: FloatArray, next_known: NDArray[np.bool_], step_m_s: float = STEADY_STEP_M_S) -> IntArray:
+def steady_stretches(
+    speed_m_s: FloatArray, next_known: NDArray[np.bool_], step_m_s: float = STEADY_STEP_M_S
+) -> IntArray:
     """Number of the stretch of constant speed of each row, -1 outside, shape (n,).
 
-    A stretch: two or more rows in a row, each one turn after the one before (`next_known`), whose speeds step by less than `step_m_s` in
-    size (errata: P1 prints the step without its absolute value, and braking would always pass).
+    A stretch: two or more rows in a row, each one turn after the one before (`next_known`), whose
+    speeds step by less than `step_m_s` in size (errata: P1 prints the step without its absolute
+    value, and braking would always pass).
     """
     n = speed_m_s.size
     if n < 2:
@@ -152,7 +199,9 @@ def steady_stretches(speed_m_s: FloatArray, next_known: NDArray[np.bool_], step_
 
 
 def moving_average(values: FloatArray, stretch: IntArray, width: int = AVERAGED) -> FloatArray:
-    """Centred mean over `width` rows within each stretch, narrower at its ends; NaN outside of stretches.  NaN values are left out."""
+    """Centred mean over `width` rows within each stretch, narrower at its ends; NaN outside of
+    stretches. NaN values are left out.
+    """
     n = values.size
     good = np.isfinite(values)
     total = np.concatenate([[0.0], np.cumsum(np.where(good, values, 0.0))])
@@ -183,9 +232,11 @@ def dissipation(
     averaged: int = AVERAGED,
     block_samples: int = BLOCK_SAMPLES,
 ) -> Dissipation:
-    """The dissipation in each revolution of the strain `channel`; `area_m2` of the section (None: no specific power).
+    """The dissipation in each revolution of the strain `channel`; `area_m2` of the section (None:
+    no specific power).
 
-    `words`: the quality words that the speeds already have; `averaged`: revolutions of a moving average.
+    `words`: the quality words that the speeds already have; `averaged`: revolutions of a moving
+    average.
     """
     n = len(passages)
     if not np.isfinite(passages.speed_m_s).any():
@@ -199,16 +250,28 @@ def dissipation(
     step = 1.0 / how.rate_Hz
     lags = np.correlate(how.coefficients, how.coefficients, "full")
     # the slope's own noise is in `bend` too, and does not belong there
-    bend = np.maximum(bend - means * sigma2 * float((np.convolve(how.coefficients, (0.5, 0.0, -0.5)) ** 2).sum()), 0.0)
-    variance = 4.0 * sigma2 * bend * how.rate_Hz**2 + 2.0 * sigma2**2 * means * float((lags**2).sum())
+    bend = np.maximum(
+        bend - means * sigma2 * float((np.convolve(how.coefficients, (0.5, 0.0, -0.5)) ** 2).sum()),
+        0.0,
+    )
+    variance = 4.0 * sigma2 * bend * how.rate_Hz**2 + 2.0 * sigma2**2 * means * float(
+        (lags**2).sum()
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
         # a revolution whose patch the log cuts off has no energy of its own
-        reach = SHOULDERS * passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz + how.margin
-        whole = (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
+        reach = (
+            SHOULDERS * passages.window_rad / passages.omega_rad_s * channel.axis.rate_Hz
+            + how.margin
+        )
+        whole = (
+            (means > 0) & (passages.index - reach >= 0) & (passages.index + reach <= channel.size)
+        )
         factor = np.where(whole, (energy - means * per_mean) * step / speed, np.nan)
         error = np.hypot(np.sqrt(variance) * step / speed, factor * passages.speed_se_m_s / speed)
         known = np.abs(factor[np.isfinite(factor)])
-        absurd = error > MOST_ERROR * np.maximum(np.abs(factor), np.median(known) if known.size else np.inf)
+        absurd = error > MOST_ERROR * np.maximum(
+            np.abs(factor), np.median(known) if known.size else np.inf
+        )
     error = np.where(absurd, np.nan, error)
     words = with_words(words, {k: {"error_unknown"} for k in np.flatnonzero(absurd).tolist()})
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)

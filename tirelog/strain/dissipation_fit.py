@@ -1,10 +1,12 @@
 """Regressions of the dissipation on speed, through the means of the stretches of constant speed.
 
 rows of constant speed --cut where the speed has moved on, mean of each piece--> points
-    --line, weights from the scatter within and between stretches (Paule, Mandel), t quantiles--> Regression
+    --line, weights from the scatter within and between stretches (Paule, Mandel), t quantiles-->
+    Regression
 
-Revolutions of one stretch share its road, temperature and load, so they are no independent witnesses of a line: a stretch counts once,
-and the error of the slope is what the means of the stretches scatter about the line.
+Revolutions of one stretch share its road, temperature and load, so they are no independent
+witnesses of a line: a stretch counts once, and the error of the slope is what the means of the
+stretches scatter about the line.
 """
 
 from __future__ import annotations
@@ -19,15 +21,17 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: rows of constant speed that a regression needs
 LEAST_ROWS = 8
-#: a stretch is cut where its speed has moved by this much [m/s]: a slow coast-down is no single speed; twice as much halves the points of
-#: such a stretch and leaves others alone
+#: a stretch is cut where its speed has moved by this much [m/s]: a slow coast-down is no single
+#: speed; twice as much halves the points of such a stretch and leaves others alone
 PIECE_M_S = 1.0
-#: means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to stretch, above the steps of a test plan
+#: means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to stretch,
+#: above the steps of a test plan
 SAME_SPEED_M_S = 0.5
 #: probability that an interval covers; and the one of the test whether a parabola is needed
 COVERED = 0.95
-#: a line is said to miss a mean that lies further off than this many of the mean's own standard errors: by noise alone one line in a
-#: thousand does; at twice as many only a line that is visibly wrong
+#: a line is said to miss a mean that lies further off than this many of the mean's own standard
+#: errors: by noise alone one line in a thousand does; at twice as many only a line that is visibly
+#: wrong
 FAR_OFF = 4.0
 #: said of a line whose errors hold although its means lie far off
 SCATTERED = "stretches scatter more than their revolutions, which the errors count"
@@ -37,13 +41,16 @@ _HALVINGS = 60
 
 @dataclass(frozen=True)
 class Regression:
-    """quantity = intercept + slope x speed through the means of `points` pieces of `stretches` stretches at `speeds` speeds.
+    """quantity = intercept + slope x speed through the means of `points` pieces of `stretches`
+    stretches at `speeds` speeds.
 
-    Standard errors from the scatter of the means about the line, with `degrees_of_freedom` (points - 2); NaN where that is 0.  The slope
-    lies between `slope_lower` and `slope_upper` with 95 %.  `scatter`: standard deviation of the revolutions about the line; `miss`: the
-    largest distance of a mean from the line, and `miss_sigmas` that in standard errors of the means themselves.  `parabola`: coefficients
-    (3,) of 1, speed, speed^2 through the same means, `curvature_se` the last one's error; NaN with fewer than three speeds.
-    `judgement`: what can be said of the line.  The means themselves: `speed_m_s`, `means`, `mean_se` (points,).
+    Standard errors from the scatter of the means about the line, with `degrees_of_freedom` (points
+    - 2); NaN where that is 0. The slope lies between `slope_lower` and `slope_upper` with 95 %.
+    `scatter`: standard deviation of the revolutions about the line; `miss`: the largest distance of
+    a mean from the line, and `miss_sigmas` that in standard errors of the means themselves.
+    `parabola`: coefficients (3,) of 1, speed, speed^2 through the same means, `curvature_se` the
+    last one's error; NaN with fewer than three speeds. `judgement`: what can be said of the line.
+    The means themselves: `speed_m_s`, `means`, `mean_se` (points,).
     """
 
     quantity: str
@@ -110,7 +117,9 @@ def _reach(free: int) -> float:
 
 
 def pieces(speed_m_s: FloatArray, stretch: IntArray) -> IntArray:
-    """Number of the piece of each row of sorted `stretch` (n,): a stretch, cut where its speed has moved by PIECE_M_S."""
+    """Number of the piece of each row of sorted `stretch` (n,): a stretch, cut where its speed has
+    moved by PIECE_M_S.
+    """
     out, number, low, high = np.zeros(stretch.size, np.int64), 0, speed_m_s[0], speed_m_s[0]
     for row in range(1, stretch.size):
         low, high = min(low, speed_m_s[row]), max(high, speed_m_s[row])
@@ -121,10 +130,12 @@ def pieces(speed_m_s: FloatArray, stretch: IntArray) -> IntArray:
 
 
 def _through(design: FloatArray, means: FloatArray, variance: FloatArray) -> _Line:
-    """Least squares of `means` (m,) on `design` (m, k); `variance` (m,): of each mean from the scatter within its stretch.
+    """Least squares of `means` (m,) on `design` (m, k); `variance` (m,): of each mean from the
+    scatter within its stretch.
 
-    The scatter between stretches is what makes the weighted residuals as large as their degrees of freedom (Paule, Mandel); the
-    covariance is scaled by those residuals (Knapp, Hartung), so that with a t quantile its intervals hold for few means.
+    The scatter between stretches is what makes the weighted residuals as large as their degrees of
+    freedom (Paule, Mandel); the covariance is scaled by those residuals (Knapp, Hartung), so that
+    with a t quantile its intervals hold for few means.
     """
     free = means.size - design.shape[1]
 
@@ -148,10 +159,14 @@ def _through(design: FloatArray, means: FloatArray, variance: FloatArray) -> _Li
     return _Line(found, inverse * (left / free), free)
 
 
-def regression(quantity: str, speed_m_s: FloatArray, values: FloatArray, stretch: IntArray) -> Regression | None:
-    """The line of `values` on `speed_m_s` (n,) through the means of the stretches; None where rows are too few or of one speed.
+def regression(
+    quantity: str, speed_m_s: FloatArray, values: FloatArray, stretch: IntArray
+) -> Regression | None:
+    """The line of `values` on `speed_m_s` (n,) through the means of the stretches; None where rows
+    are too few or of one speed.
 
-    `stretch` (n,): number of each row's stretch of constant speed, -1 outside, where a row is left out.
+    `stretch` (n,): number of each row's stretch of constant speed, -1 outside, where a row is left
+    out.
     """
     good = (stretch >= 0) & np.isfinite(values) & np.isfinite(speed_m_s)
     v, y, group = speed_m_s[good], values[good], stretch[good]
@@ -179,7 +194,10 @@ def regression(quantity: str, speed_m_s: FloatArray, values: FloatArray, stretch
     if speeds >= 3:
         curve = _through(powers, means, variance)
         a, b, c = (float(x) for x in curve.coefficients)
-        parabola, curvature_se = (a - b * middle + c * middle**2, b - 2.0 * c * middle, c), float(curve.errors[2])
+        parabola, curvature_se = (
+            (a - b * middle + c * middle**2, b - 2.0 * c * middle, c),
+            float(curve.errors[2]),
+        )
         bent = curve.free > 0 and abs(c) > curvature_se * _reach(curve.free)
     sigmas = np.abs(left) / np.sqrt(variance)
     about = y - (line.coefficients[0] + slope * (v - middle))
@@ -211,7 +229,9 @@ def regression(quantity: str, speed_m_s: FloatArray, values: FloatArray, stretch
 
 
 def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
-    """What can be said of a line through means at some `speeds`; empty where nothing speaks against it."""
+    """What can be said of a line through means at some `speeds`; empty where nothing speaks against
+    it.
+    """
     far = f"the line misses a mean by {sigmas:.0f} of its errors" if sigmas > FAR_OFF else ""
     if speeds < 3 or free <= 1:
         untested = f"{speeds} speeds: a line is not tested"

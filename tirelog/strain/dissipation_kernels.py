@@ -1,6 +1,8 @@
-"""Compiled loop of the dissipation: samples to the energy of their derivative in each revolution, in one pass.
+"""Compiled loop of the dissipation: samples to the energy of their derivative in each revolution,
+in one pass.
 
-values (n,) --antisymmetric FIR--> slope (n,) --square, and square of its own change, fours of samples first--> sums over each row's samples
+values (n,) --antisymmetric FIR--> slope (n,) --square, and square of its own change, fours of
+samples first--> sums over each row's samples
 """
 
 from __future__ import annotations
@@ -8,7 +10,8 @@ from __future__ import annotations
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: what a block's first sample has to be a multiple of, so that the fours are the same wherever the values were cut
+#: what a block's first sample has to be a multiple of, so that the fours are the same wherever the
+#: values were cut
 FOUR = 4
 #: rows of the scratch: slope, energy and bend of four samples
 SCRATCH_ROWS = 3
@@ -18,13 +21,22 @@ _TILE = 512
 
 @compiled
 def revolution_sums(
-    values: FloatArray, first: int, side: FloatArray, scratch: FloatArray, rows: IntArray, low: IntArray, high: IntArray, sums: FloatArray
+    values: FloatArray,
+    first: int,
+    side: FloatArray,
+    scratch: FloatArray,
+    rows: IntArray,
+    low: IntArray,
+    high: IntArray,
+    sums: FloatArray,
 ) -> None:
-    """Adds to `sums` (m, 2) of the `rows` (k,) the squared derivative of `values` (n,) over [low, high) (k,), and its squared change from
-    one place to the next.  Places count as `first` does, the place of the first value.
+    """Adds to `sums` (m, 2) of the `rows` (k,) the squared derivative of `values` (n,) over [low,
+    high) (k,), and its squared change from one place to the next. Places count as `first` does, the
+    place of the first value.
 
-    derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 where that leaves `values`; `scratch` (SCRATCH_ROWS, n or
-    more).  Sums go four by four at multiples of FOUR, so that they do not depend on where the values were cut, if at such places.
+    derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 where that leaves
+    `values`; `scratch` (SCRATCH_ROWS, n or more). Sums go four by four at multiples of FOUR, so
+    that they do not depend on where the values were cut, if at such places.
     """
     n = values.size
     slope, energies, bends = scratch[0, :n], scratch[1], scratch[2]
@@ -63,7 +75,12 @@ def _derivative(values: FloatArray, side: FloatArray, slope: FloatArray) -> None
             s0, s1, s2, s3, s4 = side[k - 1], side[k], side[k + 1], side[k + 2], side[k + 3]
             a, b = values[begin + k : end + k + 4], values[begin - k - 4 : end - k]
             for i in range(out.size):
-                some = out[i] + s0 * (a[i] - b[i + 4]) + s1 * (a[i + 1] - b[i + 3]) + s2 * (a[i + 2] - b[i + 2])
+                some = (
+                    out[i]
+                    + s0 * (a[i] - b[i + 4])
+                    + s1 * (a[i + 1] - b[i + 3])
+                    + s2 * (a[i + 2] - b[i + 2])
+                )
                 out[i] = some + s3 * (a[i + 3] - b[i + 1]) + s4 * (a[i + 4] - b[i])
             k += 5
         while k <= half:
@@ -75,11 +92,20 @@ def _derivative(values: FloatArray, side: FloatArray, slope: FloatArray) -> None
 
 @compiled
 def _fours(slope: FloatArray, begin: int, energies: FloatArray, bends: FloatArray) -> None:
-    """Squares of `slope`, and of half of its change over two places, summed over four places from `begin` on, and so on."""
+    """Squares of `slope`, and of half of its change over two places, summed over four places from
+    `begin` on, and so on.
+    """
     around = slope[begin - 1 :]
     for k in range((slope.size - begin - 1) // FOUR):
         i = FOUR * k
-        before, s0, s1, s2, s3, after = around[i], around[i + 1], around[i + 2], around[i + 3], around[i + 4], around[i + 5]
+        before, s0, s1, s2, s3, after = (
+            around[i],
+            around[i + 1],
+            around[i + 2],
+            around[i + 3],
+            around[i + 4],
+            around[i + 5],
+        )
         c0, c1, c2, c3 = s1 - before, s2 - s0, s3 - s1, after - s2
         energies[k] = (s0 * s0 + s1 * s1) + (s2 * s2 + s3 * s3)
         bends[k] = 0.25 * ((c0 * c0 + c1 * c1) + (c2 * c2 + c3 * c3))

@@ -1,7 +1,9 @@
-"""The tables of the command `dissipation`: a row a revolution, its moving averages sorted by speed, and the regressions on speed.
+"""The tables of the command `dissipation`: a row a revolution, its moving averages sorted by speed,
+and the regressions on speed.
 
-Recording --passages, dissipation--> columns --power, force, coefficient where the setup gives what they need--> table
-rows of constant speed --`dissipation_fit`: lines through the means of their stretches--> regressions
+Recording --passages, dissipation--> columns --power, force, coefficient where the setup gives what
+they need--> table rows of constant speed --`dissipation_fit`: lines through the means of their
+stretches--> regressions
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from tirelog.strain.speed import begin, speed_words
 from tirelog.tables.writer import quality_column
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: distance from the neutral axis, in heights of the strip, at which P1 (27) is right in pure bending: 12 (y/h)^2 = 1
+#: distance from the neutral axis, in heights of the strip, at which P1 (27) is right in pure
+#: bending: 12 (y/h)^2 = 1
 RIGHT_LEVER = 12.0**-0.5
 
 
@@ -38,14 +41,21 @@ class DissipationOfChannel:
 
 
 def dissipation_of(
-    recording: Recording, steady_step_m_s: float = STEADY_STEP_M_S, averaged: int = AVERAGED, block_samples: int = BLOCK_SAMPLES
+    recording: Recording,
+    steady_step_m_s: float = STEADY_STEP_M_S,
+    averaged: int = AVERAGED,
+    block_samples: int = BLOCK_SAMPLES,
 ) -> Iterator[DissipationOfChannel]:
     """The dissipation of each strain channel of `recording`."""
     said: set[str] = set()
     for channel, passages in rotating(recording):
-        found = dissipation_of_channel(recording, channel, passages, steady_step_m_s, averaged, block_samples)
+        found = dissipation_of_channel(
+            recording, channel, passages, steady_step_m_s, averaged, block_samples
+        )
         del channel  # before the next one takes its place in memory
-        yield replace(found, remarks=tuple(remark for remark in found.remarks if remark not in said))
+        yield replace(
+            found, remarks=tuple(remark for remark in found.remarks if remark not in said)
+        )
         said.update(found.remarks)
 
 
@@ -81,11 +91,15 @@ def dissipation_of_channel(
     return DissipationOfChannel(released(channel), passages, found, columns, remarks)
 
 
-def _with_viscosity(recording: Recording, found: Dissipation, speed_m_s: FloatArray) -> dict[str, FloatArray]:
-    """Power eta P_d of the strip under the grating, that over the speed, and that over the load, where viscosity, area and load are known.
+def _with_viscosity(
+    recording: Recording, found: Dissipation, speed_m_s: FloatArray
+) -> dict[str, FloatArray]:
+    """Power eta P_d of the strip under the grating, that over the speed, and that over the load,
+    where viscosity, area and load are known.
 
-    P1 (27) is the power of one strip of the belt, of the given section and viscosity, under one grating: of a whole tire's rolling
-    resistance (some 1 % of the load) it is a part that only the true section, viscosity and lever arm would tell.
+    P1 (27) is the power of one strip of the belt, of the given section and viscosity, under one
+    grating: of a whole tire's rolling resistance (some 1 % of the load) it is a part that only the
+    true section, viscosity and lever arm would tell.
     """
     tire, load = recording.setup.tire, recording.setup.conditions.load_N
     if tire.viscosity_Pa_s is None or tire.area_m2 is None:
@@ -94,7 +108,9 @@ def _with_viscosity(recording: Recording, found: Dissipation, speed_m_s: FloatAr
     with np.errstate(invalid="ignore", divide="ignore"):
         force = power / speed_m_s
     more = {"strip_power_W": power, "strip_rolling_resistance_N": force}
-    return more | ({"strip_rolling_resistance_coefficient": force / load} if load is not None else {})
+    return more | (
+        {"strip_rolling_resistance_coefficient": force / load} if load is not None else {}
+    )
 
 
 def _remarks(recording: Recording, surface: str | None) -> tuple[str, ...]:
@@ -103,29 +119,42 @@ def _remarks(recording: Recording, surface: str | None) -> tuple[str, ...]:
     remarks = []
     if tire.area_m2 is None:
         remarks.append(
-            "no section area in the setup: no specific power; give section_area_m2, or section_height_m and width_m, under [tire]"
+            "no section area in the setup: no specific power; give section_area_m2, or "
+            "section_height_m and width_m, under [tire]"
         )
     elif tire.section_area_m2 is None:
-        remarks.append(f"section area taken as section height x width = {tire.area_m2:.4g} m^2; section_area_m2 under [tire] overrides it")
+        remarks.append(
+            f"section area taken as section height x width = {tire.area_m2:.4g} m^2; "
+            "section_area_m2 under [tire] overrides it"
+        )
     if tire.viscosity_Pa_s is not None and tire.area_m2 is not None:
-        remarks.append("the powers and resistances in W and N are of the strip under the grating alone, with the setup's viscosity (P1 27)")
+        remarks.append(
+            "the powers and resistances in W and N are of the strip under the grating alone, "
+            "with the setup's viscosity (P1 27)"
+        )
         remarks.append(_in_bending(surface, tire.section_height_m))
     return tuple(remarks)
 
 
 def _in_bending(surface: str | None, height_m: float | None) -> str:
-    """What P1 (27) reads of a strip of height h that bends and does not stretch: 12 (y / h)^2 of its power, y off the neutral axis.
+    """What P1 (27) reads of a strip of height h that bends and does not stretch: 12 (y / h)^2 of
+    its power, y off the neutral axis.
 
-    The strain at z is then z / y times the grating's, so that P1 (25) is eta A h^2 / (12 y^2) int (d eps_m / ds)^2 ds; (27) leaves the
-    factor out.
+    The strain at z is then z / y times the grating's, so that P1 (25) is eta A h^2 / (12 y^2) int
+    (d eps_m / ds)^2 ds; (27) leaves the factor out.
     """
     text = "P1 (27) is exact for membrane strain; in pure bending "
     if surface == "inner":
-        return f"{text}a grating on the liner, half the strip's height from its neutral axis, reads three times too much"
+        return (
+            f"{text}a grating on the liner, half the strip's height from its neutral axis, reads "
+            "three times too much"
+        )
     right = f" = {1e3 * RIGHT_LEVER * height_m:.1f} mm" if height_m is not None else ""
     return (
-        f"{text}a grating in a groove reads 12 (y/h)^2 of the power, y its distance from the neutral axis, h the strip's height: "
-        f"right at y = 0.29 h{right}, too little nearer the axis (33 times too little at y = 0.05 h, as in P2)"
+        f"{text}a grating in a groove reads 12 (y/h)^2 of the power, y its distance from the "
+        "neutral axis, h the strip's height: "
+        f"right at y = 0.29 h{right}, too little nearer the axis (33 times too little at y = "
+        "0.05 h, as in P2)"
     )
 
 
@@ -136,7 +165,9 @@ def clean(found: DissipationOfChannel) -> IntArray:
 
 
 def regression_columns(log: str, found: DissipationOfChannel) -> dict[str, Any] | None:
-    """The regressions of factor and specific power on speed as rows of a table; None where there are too few revolutions."""
+    """The regressions of factor and specific power on speed as rows of a table; None where there
+    are too few revolutions.
+    """
     stretch = clean(found)
     lines = [
         regression(name, found.passages.speed_m_s, found.columns[name], stretch)

@@ -1,10 +1,13 @@
 """Static test: strain against inflation pressure while the tire is filled (P2 4.1, Fig. 15).
 
-    strain (and pressure) of a log at rest --means of 0.1 s--> series --rate of the strain--> ramps and stops
-        --straight lines--> slope of each, linearity of the whole, strain lost at the stops (air that leaks past the gauge)
+    strain (and pressure) of a log at rest --means of 0.1 s--> series --rate of the strain--> ramps
+    and stops
+        --straight lines--> slope of each, linearity of the whole, strain lost at the stops (air
+        that leaks past the gauge)
 
-P2 fills from 1.7 to 2.3 bar; the strain grows linearly, and drops a little at the two stops where the gauge is read.  Without a pressure
-channel the pressures at the beginning and at the end may be given; without them rates in time are all that can be told.
+P2 fills from 1.7 to 2.3 bar; the strain grows linearly, and drops a little at the two stops where
+the gauge is read. Without a pressure channel the pressures at the beginning and at the end may be
+given; without them rates in time are all that can be told.
 """
 
 from __future__ import annotations
@@ -18,9 +21,11 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.errors import UsageError
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: length of a mean [s], half width of the window that tells the rate [means], shortest ramp or stop [means]
+#: length of a mean [s], half width of the window that tells the rate [means], shortest ramp or stop
+#: [means]
 MEAN_S, RATE_MEANS, SHORTEST = 0.1, 3, 5
-#: span of a log whose means are held in memory [s]: a week takes 150 MB; stamps that jump span centuries
+#: span of a log whose means are held in memory [s]: a week takes 150 MB; stamps that jump span
+#: centuries
 LONGEST_S = 7 * 86400.0
 #: a ramp runs at more than this share of the fast rate
 RAMP_SHARE = 0.25
@@ -30,7 +35,9 @@ LEAK_SIGMAS = 7.0
 
 @dataclass(frozen=True)
 class Series:
-    """Means of MEAN_S: `time_s`, `strain`, `pressure_Pa` (NaN without), shape (n,); `noise` of a mean of the strain."""
+    """Means of MEAN_S: `time_s`, `strain`, `pressure_Pa` (NaN without), shape (n,); `noise` of a
+    mean of the strain.
+    """
 
     time_s: FloatArray
     strain: FloatArray
@@ -42,11 +49,12 @@ class Series:
 class Inflation:
     """One row a stretch, the whole first, shape (k,).
 
-    `stretch` 'whole', 'ramp' or 'stop'; `time_s` its beginning, `duration_s`; means of strain (with standard error) and pressure;
-    `strain_change`, `pressure_change_Pa` from beginning to end; `slope_1_Pa` of strain on pressure with standard error (NaN where the
-    pressure is not known or stands still); `rate_1_s` of the strain; `nonlinearity`: largest deviation of the strain from its straight line
-    on the pressure (on time, without pressure) as a share of its range, ramps and whole; `leak`: strain lost at a stop, 0 where
-    it is not significant.
+    `stretch` 'whole', 'ramp' or 'stop'; `time_s` its beginning, `duration_s`; means of strain (with
+    standard error) and pressure; `strain_change`, `pressure_change_Pa` from beginning to end;
+    `slope_1_Pa` of strain on pressure with standard error (NaN where the pressure is not known or
+    stands still); `rate_1_s` of the strain; `nonlinearity`: largest deviation of the strain from
+    its straight line on the pressure (on time, without pressure) as a share of its range, ramps and
+    whole; `leak`: strain lost at a stop, 0 where it is not significant.
     """
 
     stretch: NDArray[np.str_]
@@ -65,18 +73,26 @@ class Inflation:
 
 
 def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, means and standard deviations of `channel` in cells of `step_s` from the start of the log; NaN where a cell holds nothing."""
+    """Times, means and standard deviations of `channel` in cells of `step_s` from the start of the
+    log; NaN where a cell holds nothing.
+    """
     start = float(channel.axis.at(0.0)) if channel.size else 0.0
     if channel.axis.duration_s > LONGEST_S:
         raise UsageError(
-            f"{channel.name}: the log spans {channel.axis.duration_s / 86400.0:.3g} days; an inflation test of up to "
-            f"{LONGEST_S / 86400.0:g} days is allowed; give the log of the test alone, or mend its stamps"
+            f"{channel.name}: the log spans {channel.axis.duration_s / 86400.0:.3g} days; "
+            "an inflation test of up to "
+            f"{LONGEST_S / 86400.0:g} days is allowed; give the log of the test alone, or mend "
+            "its stamps"
         )
     cells = max(int(np.ceil((channel.axis.duration_s + 1.0 / channel.axis.rate_Hz) / step_s)), 1)
     total, square, count = np.zeros(cells), np.zeros(cells), np.zeros(cells)
     origin = None
     for first, values in channel.blocks(BLOCK_SAMPLES):
-        cell = np.clip(((channel.axis.time(first, first + values.size) - start) / step_s).astype(np.int64), 0, cells - 1)
+        cell = np.clip(
+            ((channel.axis.time(first, first + values.size) - start) / step_s).astype(np.int64),
+            0,
+            cells - 1,
+        )
         good = np.isfinite(values)
         if origin is None and good.any():
             origin = float(values[good][0])
@@ -87,27 +103,42 @@ def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatAr
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = total / count
         spread = np.sqrt(np.maximum(square / count - mean**2, 0.0))
-    return start + (np.arange(float(cells)) + 0.5) * step_s, mean + (origin or 0.0), spread / np.sqrt(np.maximum(count, 1))
+    return (
+        start + (np.arange(float(cells)) + 0.5) * step_s,
+        mean + (origin or 0.0),
+        spread / np.sqrt(np.maximum(count, 1)),
+    )
 
 
-def series(strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None) -> Series:
-    """The means of a strain channel with the pressure at the same times; `ends_Pa`: pressures at begin and end where there is no channel.
+def series(
+    strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
+) -> Series:
+    """The means of a strain channel with the pressure at the same times; `ends_Pa`: pressures at
+    begin and end where there is no channel.
 
-    With `ends_Pa` the pressure is taken to follow the strain from one to the other, so only the whole's slope has a meaning.
+    With `ends_Pa` the pressure is taken to follow the strain from one to the other, so only the
+    whole's slope has a meaning.
     """
     time, values, error = means(strain)
     known = np.isfinite(values)
     if known.sum() < 2 * SHORTEST:
         raise UsageError(
-            f"{strain.name}: fewer than {2 * SHORTEST * MEAN_S:g} s of strain; an inflation test lasts seconds; give the whole log"
+            f"{strain.name}: fewer than {2 * SHORTEST * MEAN_S:g} s of strain; an inflation test "
+            "lasts seconds; give the whole log"
         )
     if pressure is not None:
         when, level, _ = means(pressure)
         told = np.isfinite(level)
-        pressures = np.interp(time, when[told], level[told]) if told.any() else np.full(time.size, np.nan)
+        pressures = (
+            np.interp(time, when[told], level[told]) if told.any() else np.full(time.size, np.nan)
+        )
     elif ends_Pa is not None:
         low, high = values[known][0], values[known][-1]
-        pressures = ends_Pa[0] + (values - low) / (high - low) * (ends_Pa[1] - ends_Pa[0]) if high != low else np.full(time.size, np.nan)
+        pressures = (
+            ends_Pa[0] + (values - low) / (high - low) * (ends_Pa[1] - ends_Pa[0])
+            if high != low
+            else np.full(time.size, np.nan)
+        )
     else:
         pressures = np.full(time.size, np.nan)
     return Series(time[known], values[known], pressures[known], float(np.median(error[known])))
@@ -122,7 +153,9 @@ def _rates(values: Series) -> FloatArray:
 
 
 def stretches(values: Series) -> tuple[NDArray[np.bool_], IntArray]:
-    """Whether each stretch is a ramp, and the first mean of each, plus the end; short ones go to their neighbours."""
+    """Whether each stretch is a ramp, and the first mean of each, plus the end; short ones go to
+    their neighbours.
+    """
     rate = _rates(values)
     direction = np.sign(values.strain[-1] - values.strain[0]) or 1.0
     fast = float(np.quantile(direction * rate, 0.8))
@@ -138,7 +171,9 @@ def stretches(values: Series) -> tuple[NDArray[np.bool_], IntArray]:
 
 
 def _line(x: FloatArray, y: FloatArray, noise: float) -> tuple[float, float, float]:
-    """Slope, its standard error (residuals or noise, what is larger) and largest residual over the range of y; NaN where x stands still."""
+    """Slope, its standard error (residuals or noise, what is larger) and largest residual over the
+    range of y; NaN where x stands still.
+    """
     if x.size < 3 or not np.isfinite(x).all() or np.ptp(x) <= 0:
         return float("nan"), float("nan"), float("nan")
     centred = x - x.mean()
@@ -146,11 +181,17 @@ def _line(x: FloatArray, y: FloatArray, noise: float) -> tuple[float, float, flo
     residual = y - y.mean() - slope * centred
     scatter = max(float(np.sqrt((residual**2).sum() / (x.size - 2))), noise)
     range_ = float(np.ptp(y))
-    return slope, scatter / float(np.sqrt(centred @ centred)), float(np.abs(residual).max()) / range_ if range_ > 0 else float("nan")
+    return (
+        slope,
+        scatter / float(np.sqrt(centred @ centred)),
+        float(np.abs(residual).max()) / range_ if range_ > 0 else float("nan"),
+    )
 
 
 def _lost(values: Series, low: int, high: int) -> float:
-    """Strain lost at the stop [low, high): from its highest to its lowest after that, a little beyond its own ends; 0 within the noise."""
+    """Strain lost at the stop [low, high): from its highest to its lowest after that, a little
+    beyond its own ends; 0 within the noise.
+    """
     direction = np.sign(values.strain[-1] - values.strain[0]) or 1.0
     around = direction * values.strain[max(low - RATE_MEANS, 0) : high + RATE_MEANS]
     half = around.size // 2
@@ -158,13 +199,17 @@ def _lost(values: Series, low: int, high: int) -> float:
     return direction * lost if lost > LEAK_SIGMAS * values.noise else 0.0
 
 
-def _row(values: Series, name: str, low: int, high: int, *, measured: bool) -> dict[str, float | str]:
+def _row(
+    values: Series, name: str, low: int, high: int, *, measured: bool
+) -> dict[str, float | str]:
     """One stretch of the means [low, high); `measured`: the pressure was recorded."""
     part = slice(low, high)
     time, strain, pressure = values.time_s[part], values.strain[part], values.pressure_Pa[part]
     rate, _, against_time = _line(time, strain, values.noise)
     still = not measured and name != "whole"
-    slope, slope_se, against_pressure = _line(pressure, strain, values.noise) if name != "stop" and not still else (np.nan,) * 3
+    slope, slope_se, against_pressure = (
+        _line(pressure, strain, values.noise) if name != "stop" and not still else (np.nan,) * 3
+    )
     if not measured:
         slope_se, against_pressure = np.nan, against_time
     leak = float("nan")
@@ -187,12 +232,16 @@ def _row(values: Series, name: str, low: int, high: int, *, measured: bool) -> d
     }
 
 
-def inflation(strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None) -> tuple[Inflation, Series]:
+def inflation(
+    strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
+) -> tuple[Inflation, Series]:
     """The static test of one strain channel: its stretches, and the means they come from."""
     values = series(strain, pressure, ends_Pa)
     ramps, edges = stretches(values)
     measured = pressure is not None
     rows = [_row(values, "whole", 0, values.strain.size, measured=measured)]
     for ramp, low, high in zip(ramps, edges[:-1], edges[1:], strict=True):
-        rows.append(_row(values, "ramp" if ramp else "stop", int(low), int(high), measured=measured))
+        rows.append(
+            _row(values, "ramp" if ramp else "stop", int(low), int(high), measured=measured)
+        )
     return Inflation(**{name: np.array([row[name] for row in rows]) for name in rows[0]}), values

@@ -18,8 +18,9 @@ from tirelog.strain.passages.find import find_passages
 FEWEST_TURNS = 3
 #: radius [m] that tells turns if the setup has none: only whether there are any matters
 ANY_RADIUS_M = 0.3
-#: way of the strain over its range, and stretches that are needed to say so.  Filling with leaks at stops: 1.1, filling and emptying: 2;
-#: vibration: 10.  Twice as much would take some of that for a test
+#: way of the strain over its range, and stretches that are needed to say so.  Filling with leaks at
+#: stops: 1.1, filling and emptying: 2; vibration: 10.  Twice as much would take some of that for a
+#: test
 MOST_TO_AND_FRO, FEWEST_STRETCHES = 4.0, 8
 
 
@@ -34,7 +35,9 @@ class InflationOfChannel:
     remarks: tuple[str, ...]
 
 
-def inflation_of(recording: Recording, ends_Pa: tuple[float, float] | None = None) -> Iterator[InflationOfChannel]:
+def inflation_of(
+    recording: Recording, ends_Pa: tuple[float, float] | None = None
+) -> Iterator[InflationOfChannel]:
     """The static test of each strain channel of `recording`."""
     pressures = recording.of_kind("inflation_pressure")
     pressure = pressures[0] if pressures else None
@@ -61,49 +64,77 @@ def inflation_of(recording: Recording, ends_Pa: tuple[float, float] | None = Non
             "strain_rate_1_s": found.rate_1_s,
             "nonlinearity": found.nonlinearity,
             "leak": found.leak,
-            "quality": np.array(["leak" if lost != 0 and lost == lost else "ok" for lost in found.leak], object),
+            "quality": np.array(
+                ["leak" if lost != 0 and lost == lost else "ok" for lost in found.leak], object
+            ),
         }
-        yield InflationOfChannel(channel, found, values, columns, _remarks(recording, channel, found, pressure, ends_Pa))
+        yield InflationOfChannel(
+            channel, found, values, columns, _remarks(recording, channel, found, pressure, ends_Pa)
+        )
 
 
 def _refuse_drive(recording: Recording, channel: Channel) -> None:
     """UsageError if the wheel turns: what a passage does to the strain is no ramp and no stop."""
-    radius = recording.setup.tire.rolling_radius_m or recording.setup.tire.unloaded_radius_m or ANY_RADIUS_M
+    radius = (
+        recording.setup.tire.rolling_radius_m
+        or recording.setup.tire.unloaded_radius_m
+        or ANY_RADIUS_M
+    )
     passages = find_passages(channel, radius)
     if passages.turn_after.sum() >= FEWEST_TURNS:
         raise UsageError(
-            f"no inflation test: the wheel turns, {channel.name} passes the patch {len(passages)} times; "
-            "allowed is a log of a tire at rest while it is filled or emptied; use `tirelog speed` for this one",
+            f"no inflation test: the wheel turns, {channel.name} passes the patch "
+            f"{len(passages)} times; "
+            "allowed is a log of a tire at rest while it is filled or emptied; "
+            "use `tirelog speed` for this one",
             file=recording.log,
         )
 
 
 def _refuse_to_and_fro(recording: Recording, channel: Channel, found: Inflation) -> None:
-    """UsageError if the strain goes up and down: filling or emptying takes it one way, apart from leaks."""
+    """UsageError if the strain goes up and down: filling or emptying takes it one way, apart from
+    leaks.
+    """
     change = found.strain_change
-    way, most = float(np.abs(change[1:]).sum()), float(np.ptp(np.concatenate([[0.0], np.cumsum(change[1:])])))
+    way, most = (
+        float(np.abs(change[1:]).sum()),
+        float(np.ptp(np.concatenate([[0.0], np.cumsum(change[1:])]))),
+    )
     if change.size - 1 >= FEWEST_STRETCHES and way > MOST_TO_AND_FRO * most:
         raise UsageError(
-            f"no inflation test: the strain of {channel.name} goes up and down, {way / most:.0f} times its range in all; "
+            f"no inflation test: the strain of {channel.name} goes up and down, {way / most:.0f} "
+            "times its range in all; "
             "allowed is a log of a tire at rest while it is filled or emptied; give that",
             file=recording.log,
         )
 
 
 def _remarks(
-    recording: Recording, channel: Channel, found: Inflation, pressure: Channel | None, ends_Pa: tuple[float, float] | None
+    recording: Recording,
+    channel: Channel,
+    found: Inflation,
+    pressure: Channel | None,
+    ends_Pa: tuple[float, float] | None,
 ) -> tuple[str, ...]:
     """What the summary says of a channel."""
     ramps = int((found.stretch == "ramp").sum())
     leaks = found.leak[np.nan_to_num(found.leak) != 0]
     text = f"{channel.name}: {ramps} ramp(s), {int((found.stretch == 'stop').sum())} stop(s)"
     if np.isfinite(found.slope_1_Pa[0]):
-        text += f"; {1e11 * found.slope_1_Pa[0]:.2f} microstrain/bar, straight to {100 * found.nonlinearity[0]:.1f} % of the range"
+        text += (
+            f"; {1e11 * found.slope_1_Pa[0]:.2f} microstrain/bar, straight to "
+            f"{100 * found.nonlinearity[0]:.1f} % of the range"
+        )
     if leaks.size:
-        text += f"; strain lost at stops {', '.join(f'{1e6 * leak:.1f}' for leak in leaks)} microstrain"
+        text += (
+            f"; strain lost at stops {', '.join(f'{1e6 * leak:.1f}' for leak in leaks)} microstrain"
+        )
     remarks = [text]
     if pressure is None and ends_Pa is None:
-        remarks.append("no inflation_pressure channel: rates in time only; name one in the setup, or give --from and --to in Pa")
+        remarks.append(
+            "no inflation_pressure channel: rates in time only; name one in the setup, or give "
+            "--from and --to in Pa"
+        )
     static = recording.setup.tire.static_footprint_length_m
     if static is not None:
         remarks.append(f"static footprint of the setup: {1e3 * static:.1f} mm")

@@ -1,9 +1,11 @@
 """The speed table: a row a passage, speed over the rolling circumference with an error that covers.
 
-    Recording --find_passages on each strain channel--> Passages --here--> columns of the table `speed`
+    Recording --find_passages on each strain channel--> Passages --here--> columns of the table
+    `speed`
 
-v_i = 2 (2 pi R_e) / (t_{i+1} - t_{i-1}) between like passages (P1 4, P2 4.2, errata), in its form for unequal steps, which is exact for
-constant acceleration, less what is left of a changing one (`passages.kinematics`).  R_e is the loaded rolling radius.
+v_i = 2 (2 pi R_e) / (t_{i+1} - t_{i-1}) between like passages (P1 4, P2 4.2, errata), in its form
+for unequal steps, which is exact for constant acceleration, less what is left of a changing one
+(`passages.kinematics`). R_e is the loaded rolling radius.
 """
 
 from __future__ import annotations
@@ -25,15 +27,17 @@ from tirelog.strain.speed_radius import calibrate_radius
 from tirelog.tables.writer import quality_column
 from tirelog.vocabulary.arrays import FloatArray
 
-#: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank; half of it would blank those of a
-#: wheel that is about to stand, twice as much would keep what no reader can use
+#: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank;
+#: half of it would blank those of a wheel that is about to stand, twice as much would keep what no
+#: reader can use
 LEAST_ERROR_M_S = 1.0
 STRAIN_KINDS = ("fbg_strain", "strain")
 
 
 def speed_words(passages: Passages) -> tuple[frozenset[str], ...]:
-    """The passages' words, with those on the speed: edge_of_log at the first and last, extrapolated where it is not centred, standstill
-    and reversing beside such a break."""
+    """The passages' words, with those on the speed: edge_of_log at the first and last, extrapolated
+    where it is not centred, standstill and reversing beside such a break.
+    """
     more: defaultdict[int, set[str]] = defaultdict(set)
     for k in np.flatnonzero(passages.sides < 2).tolist():
         more[k].add("edge_of_log" if k in (0, len(passages) - 1) else "extrapolated")
@@ -45,14 +49,17 @@ def speed_words(passages: Passages) -> tuple[frozenset[str], ...]:
 
 
 def period(passages: Passages) -> FloatArray:
-    """Time of one revolution around each passage [s]: half of the time between the passages before and after where these are one turn
-    away, else a turn at the passage's speed."""
+    """Time of one revolution around each passage [s]: half of the time between the passages before
+    and after where these are one turn away, else a turn at the passage's speed.
+    """
     both = 0.5 * (passages.period_before_s + passages.period_after_s)
     return np.where(np.isfinite(both), both, TURN_RAD / passages.omega_rad_s)
 
 
 def begin(log: str, passages: Passages) -> dict[str, Any]:
-    """The columns that every table with a row a revolution begins with; the names take no memory for each row."""
+    """The columns that every table with a row a revolution begins with; the names take no memory
+    for each row.
+    """
     n = len(passages)
     return {
         "log": np.broadcast_to(np.array(log, object), n),
@@ -64,11 +71,17 @@ def begin(log: str, passages: Passages) -> dict[str, Any]:
 
 
 def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dict[str, Any]:
-    """The speed table's columns for one channel's passages; `radius_se_m` is the radius' error where it was calibrated."""
+    """The speed table's columns for one channel's passages; `radius_se_m` is the radius' error
+    where it was calibrated.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # an error without bounds is none
-        error = np.hypot(passages.speed_se_m_s, radius_se_m / passages.radius_m * passages.speed_m_s)
+        error = np.hypot(
+            passages.speed_se_m_s, radius_se_m / passages.radius_m * passages.speed_m_s
+        )
         absurd = error > np.maximum(np.abs(passages.speed_m_s), LEAST_ERROR_M_S)
-    words = with_words(speed_words(passages), {k: {"error_unknown"} for k in np.flatnonzero(absurd).tolist()})
+    words = with_words(
+        speed_words(passages), {k: {"error_unknown"} for k in np.flatnonzero(absurd).tolist()}
+    )
     return begin(log, passages) | {
         "period_s": period(passages),
         "speed_se_m_s": np.where(absurd, np.nan, error),
@@ -77,33 +90,43 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
     }
 
 
-def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[Iterable[Mapping[str, Any]], list[str]]:
-    """(columns of the `speed` table for each channel that tells it, made as they are asked for; remarks on the whole log).
+def speed_tables(
+    recording: Recording, calibrate: bool = False
+) -> tuple[Iterable[Mapping[str, Any]], list[str]]:
+    """(columns of the `speed` table for each channel that tells it, made as they are asked for;
+    remarks on the whole log).
 
-    Strain channels tell it; without them the encoder; without that the radial acceleration.  `calibrate` takes the rolling radius from
-    the log's `vehicle_speed`.  UsageError: no channel tells the speed, or nothing to calibrate against.
+    Strain channels tell it; without them the encoder; without that the radial acceleration.
+    `calibrate` takes the rolling radius from the log's `vehicle_speed`. UsageError: no channel
+    tells the speed, or nothing to calibrate against.
     """
     references = recording.of_kind("vehicle_speed")
     if calibrate and not references:
         raise UsageError(
-            "--calibrate-radius: the log has no vehicle speed; allowed is a channel of kind vehicle_speed; add it to the setup",
+            "--calibrate-radius: the log has no vehicle speed; allowed is a channel of kind "
+            "vehicle_speed; add it to the setup",
             file=recording.log,
         )
     channels = recording.of_kind(*STRAIN_KINDS)
     if not channels and recording.of_kind("wheel_encoder"):
         from tirelog.wheel.angle import encoder_speed  # only here: it needs more of scipy
 
-        columns, remarks = encoder_speed(_without_rolling_radius(recording) if calibrate else recording)
+        columns, remarks = encoder_speed(
+            _without_rolling_radius(recording) if calibrate else recording
+        )
         return [columns], remarks
     channels = channels or recording.of_kind("radial_acceleration")
     if not channels:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         raise UsageError(
-            f"no channel tells the speed; allowed are strain, wheel_encoder and radial_acceleration, the log has {have}; "
+            "no channel tells the speed; allowed are strain, wheel_encoder and "
+            f"radial_acceleration, the log has {have}; "
             "name one in the setup",
             file=recording.log,
         )
-    found = [passages_of(recording, channel) for channel in channels]  # all of them before the first row: one may be refused
+    found = [
+        passages_of(recording, channel) for channel in channels
+    ]  # all of them before the first row: one may be refused
     if not calibrate:
         remarks = radius_remarks(recording)
         return _columns(recording.log, found, remarks), remarks
@@ -115,8 +138,12 @@ def speed_tables(recording: Recording, calibrate: bool = False) -> tuple[Iterabl
     return _columns(recording.log, found, remarks, radius.radius_se_m), remarks
 
 
-def _columns(log: str, found: Iterable[Passages], remarks: list[str], radius_se_m: float = 0.0) -> Iterator[dict[str, Any]]:
-    """The columns of each channel's passages; what is to be said of a channel comes to the `remarks` as it is made."""
+def _columns(
+    log: str, found: Iterable[Passages], remarks: list[str], radius_se_m: float = 0.0
+) -> Iterator[dict[str, Any]]:
+    """The columns of each channel's passages; what is to be said of a channel comes to the
+    `remarks` as it is made.
+    """
     for passages in found:
         remarks += speed_doubts(passages)
         yield speed_columns(log, passages, radius_se_m)
@@ -127,7 +154,10 @@ def speed_doubts(passages: Passages) -> list[str]:
     if passages.doubt:
         return [passages.doubt]
     if not len(passages):
-        return [f"{passages.channel}: no passage of the patch in this log: the wheel does not turn, or this is no patch signal; no rows"]
+        return [
+            f"{passages.channel}: no passage of the patch in this log: the wheel does not turn, "
+            "or this is no patch signal; no rows"
+        ]
     return []
 
 
@@ -142,5 +172,12 @@ def radius_remarks(recording: Recording) -> list[str]:
     tire = recording.setup.tire
     if tire.rolling_radius_m is not None:
         return []
-    way = "--calibrate-radius takes it from the vehicle's speed" if recording.of_kind("vehicle_speed") else "give rolling_radius_m"
-    return [f"no rolling radius in the setup: the unloaded radius {tire.radius_m:g} m is used, and speeds are too high by about 2 %; {way}"]
+    way = (
+        "--calibrate-radius takes it from the vehicle's speed"
+        if recording.of_kind("vehicle_speed")
+        else "give rolling_radius_m"
+    )
+    return [
+        f"no rolling radius in the setup: the unloaded radius {tire.radius_m:g} m is used, and "
+        f"speeds are too high by about 2 %; {way}"
+    ]

@@ -1,7 +1,7 @@
 """Columns of a table as arrow arrays: NaN and None are null.
 
-They are made out of buffers: `pa.array` would import pandas to ask whether it was given a pandas object, which takes as long as all the
-rest.
+They are made out of buffers: `pa.array` would import pandas to ask whether it was given a pandas
+object, which takes as long as all the rest.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ TYPES = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": p
 
 
 def arrow_column(values: np.ndarray, kind: str, digits: int | None) -> pa.Array:
-    """One column (n,) of a `kind` of TYPES; floats rounded to so many significant `digits` (None: as they are)."""
+    """One column (n,) of a `kind` of TYPES; floats rounded to so many significant `digits` (None:
+    as they are).
+    """
     if kind == "text":
         return _texts(values.tolist())
     if kind == "float" or values.dtype.kind == "f":
@@ -45,7 +47,9 @@ def quoting(table: pa.Table) -> str:
     for column in table.columns:
         if pa.types.is_string(column.type):
             for data in (chunk.buffers()[2] for chunk in column.chunks):
-                if data is not None and any(mark in data.to_pybytes() for mark in (b'"', b",", b"\r", b"\n")):
+                if data is not None and any(
+                    mark in data.to_pybytes() for mark in (b'"', b",", b"\r", b"\n")
+                ):
                     return "needed"
     return "none"
 
@@ -68,11 +72,23 @@ def _plain(type: pa.DataType, data: np.ndarray, known: np.ndarray) -> pa.Array:
 
 def _texts(values: Sequence[Any]) -> pa.Array:
     """Texts as an arrow array, null where None."""
-    texts = {value: b"" if value is None else str(value).encode() for value in dict.fromkeys(values)}
-    parts = [next(iter(texts.values()))] * len(values) if len(texts) == 1 else [texts[value] for value in values]
+    texts = {
+        value: b"" if value is None else str(value).encode() for value in dict.fromkeys(values)
+    }
+    parts = (
+        [next(iter(texts.values()))] * len(values)
+        if len(texts) == 1
+        else [texts[value] for value in values]
+    )
     offsets = np.zeros(len(parts) + 1, np.int32)
     np.cumsum(np.fromiter(map(len, parts), np.int32, len(parts)), out=offsets[1:])
-    known = np.array([value is not None for value in values], bool) if None in texts else np.ones(len(parts), bool)
+    known = (
+        np.array([value is not None for value in values], bool)
+        if None in texts
+        else np.ones(len(parts), bool)
+    )
     lost = known.size - int(np.count_nonzero(known))
     valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
-    return pa.StringArray.from_buffers(known.size, pa.py_buffer(offsets), pa.py_buffer(b"".join(parts)), valid, lost)
+    return pa.StringArray.from_buffers(
+        known.size, pa.py_buffer(offsets), pa.py_buffer(b"".join(parts)), valid, lost
+    )

@@ -2,9 +2,10 @@
 
     two tables --match rows by key--> differences beyond each column's tolerance, largest first
 
-A row's key is what names it (log, channel, revolution, step, effect, ...: the key columns that both tables have; without any, the row
-number).  A float may move by its column's absolute + relative tolerance (`columns.COLUMNS`), anything else not at all; rows that
-only one table has are differences too.
+A row's key is what names it (log, channel, revolution, step, effect, ...: the key columns that both
+tables have; without any, the row number). A float may move by its column's absolute + relative
+tolerance (`columns.COLUMNS`), anything else not at all; rows that only one table has are
+differences too.
 
 The column `log` is the path as it was typed, so the same log has another key from another folder.
 `of_like_logs` takes the file's name in its place when not one row has the same path in both tables.
@@ -22,7 +23,19 @@ import pandas as pd
 from tirelog.errors import UsageError
 from tirelog.vocabulary.columns import COLUMNS
 
-KEYS = ("log", "table", "channel", "revolution", "step", "effect", "manoeuvre", "regime", "quantity", "angle", "name")
+KEYS = (
+    "log",
+    "table",
+    "channel",
+    "revolution",
+    "step",
+    "effect",
+    "manoeuvre",
+    "regime",
+    "quantity",
+    "angle",
+    "name",
+)
 _DEFAULT_RELATIVE = 1e-6
 #: what stands for the key of a whole column, and for the column of a whole row
 _ALL_ROWS, _ROW = "(all rows)", "(row)"
@@ -30,7 +43,10 @@ _ALL_ROWS, _ROW = "(all rows)", "(row)"
 
 @dataclass(frozen=True)
 class Difference:
-    """One value that moved.  `excess` is its difference over what is allowed (inf where the values cannot be compared)."""
+    """One value that moved.
+
+    `excess` is its difference over what is allowed (inf where the values cannot be compared).
+    """
 
     key: str
     column: str
@@ -39,41 +55,74 @@ class Difference:
     excess: float
 
 
-def differences(table: pd.DataFrame, against: pd.DataFrame, tolerance: Mapping[str, float] | None = None) -> list[Difference]:
+def differences(
+    table: pd.DataFrame, against: pd.DataFrame, tolerance: Mapping[str, float] | None = None
+) -> list[Difference]:
     """What moved between `against` (the older table) and `table`, largest first.
 
-    `tolerance` replaces a column's own tolerance by an absolute one.  UsageError: a tolerance for a column that is not there.
+    `tolerance` replaces a column's own tolerance by an absolute one. UsageError: a tolerance for a
+    column that is not there.
     """
     tolerance = dict(tolerance or {})
     for name in tolerance:
         if name not in against.columns:
-            raise UsageError(f"--tolerance {name}: no such column; allowed are {', '.join(map(str, against.columns))}; mend the name")
+            raise UsageError(
+                f"--tolerance {name}: no such column; "
+                f"allowed are {', '.join(map(str, against.columns))}; mend the name"
+            )
     keys = [k for k in KEYS if k in table.columns and k in against.columns]
     table, against = _indexed(table, keys), _indexed(against, keys)
-    found = [Difference(_ALL_ROWS, str(c), "absent", "present", np.inf) for c in against.columns.difference(table.columns)]
-    found += [Difference(_ALL_ROWS, str(c), "present", "absent", np.inf) for c in table.columns.difference(against.columns)]
-    found += [Difference(str(k), _ROW, "absent", "present", np.inf) for k in against.index.difference(table.index)]
-    found += [Difference(str(k), _ROW, "present", "absent", np.inf) for k in table.index.difference(against.index)]
+    found = [
+        Difference(_ALL_ROWS, str(c), "absent", "present", np.inf)
+        for c in against.columns.difference(table.columns)
+    ]
+    found += [
+        Difference(_ALL_ROWS, str(c), "present", "absent", np.inf)
+        for c in table.columns.difference(against.columns)
+    ]
+    found += [
+        Difference(str(k), _ROW, "absent", "present", np.inf)
+        for k in against.index.difference(table.index)
+    ]
+    found += [
+        Difference(str(k), _ROW, "present", "absent", np.inf)
+        for k in table.index.difference(against.index)
+    ]
     common = against.index.intersection(table.index)
     for name in [c for c in against.columns if c in table.columns]:
-        found += _moved(str(name), table.loc[common, name], against.loc[common, name], tolerance.get(str(name)))
+        found += _moved(
+            str(name), table.loc[common, name], against.loc[common, name], tolerance.get(str(name))
+        )
     return sorted(found, key=lambda d: -d.excess)
 
 
-def of_like_logs(table: pd.DataFrame, against: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, str]:
-    """Both tables with keys by which rows match, and a sentence if those are not the paths of the logs.
+def of_like_logs(
+    table: pd.DataFrame, against: pd.DataFrame
+) -> tuple[pd.DataFrame, pd.DataFrame, str]:
+    """Both tables with keys by which rows match, and a sentence if those are not the paths of the
+    logs.
 
-    As they are, if a single row has the same key in both.  Else `log` is the file's name in both, or
+    As they are, if a single row has the same key in both. Else `log` is the file's name in both, or
     that name without its suffixes (a log and the run made of it), if rows match then; and if within
     neither table two logs come to have one name.
     """
     keys = [k for k in KEYS if k in table.columns and k in against.columns]
     if "log" in keys and not _share_rows(table, against, keys):
-        for name_of, words in ((_file_name, "file name"), (_stem, "file name without its suffixes")):
+        for name_of, words in (
+            (_file_name, "file name"),
+            (_stem, "file name without its suffixes"),
+        ):
             new, old = (t.assign(log=t["log"].map(name_of)) for t in (table, against))
-            distinct = new["log"].nunique() == table["log"].nunique() and old["log"].nunique() == against["log"].nunique()
+            distinct = (
+                new["log"].nunique() == table["log"].nunique()
+                and old["log"].nunique() == against["log"].nunique()
+            )
             if distinct and _share_rows(new, old, keys):
-                return new, old, f"no row has the path of its log in common; logs are matched by {words}"
+                return (
+                    new,
+                    old,
+                    f"no row has the path of its log in common; logs are matched by {words}",
+                )
     return table, against, ""
 
 
@@ -94,7 +143,9 @@ def _stem(path: object) -> str:
 def summary(found: Sequence[Difference]) -> str:
     """How many values moved and how many rows or columns only one of the tables has, in one line."""
     counted = {
-        "values moved beyond their tolerance": [d for d in found if d.column != _ROW and d.key != _ALL_ROWS],
+        "values moved beyond their tolerance": [
+            d for d in found if d.column != _ROW and d.key != _ALL_ROWS
+        ],
         "rows are new": [d for d in found if d.column == _ROW and d.value == "present"],
         "rows are missing": [d for d in found if d.column == _ROW and d.value == "absent"],
         "columns are new": [d for d in found if d.key == _ALL_ROWS and d.value == "present"],
@@ -104,7 +155,9 @@ def summary(found: Sequence[Difference]) -> str:
 
 
 def _indexed(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """The table with its key as index: `log=a.csv channel=strain_1 revolution=3`, numbered where keys repeat."""
+    """The table with its key as index: `log=a.csv channel=strain_1 revolution=3`, numbered where
+    keys repeat.
+    """
     if not keys:
         return table.set_axis([f"row={i}" for i in range(len(table))], axis=0)
     key = table[keys[0]].map(lambda v: f"{keys[0]}={v}")
@@ -120,18 +173,26 @@ def _moved(name: str, new: pd.Series, old: pd.Series, tolerance: float | None) -
     numbers = pd.api.types.is_float_dtype(new) or pd.api.types.is_float_dtype(old)
     if not (numbers and pd.api.types.is_numeric_dtype(new) and pd.api.types.is_numeric_dtype(old)):
         same = (new.astype(str) == old.astype(str)) | (new.isna() & old.isna())
-        return [Difference(str(k), name, str(new[k]), str(old[k]), np.inf) for k in new.index[~same.to_numpy()]]
+        return [
+            Difference(str(k), name, str(new[k]), str(old[k]), np.inf)
+            for k in new.index[~same.to_numpy()]
+        ]
     a, b = new.to_numpy(float), old.to_numpy(float)
     column = COLUMNS.get(name)
     if tolerance is not None:
         allowed = np.full(a.size, tolerance)
     else:
-        allowed = (column.absolute if column else 0.0) + (column.relative if column else _DEFAULT_RELATIVE) * np.abs(b)
+        allowed = (column.absolute if column else 0.0) + (
+            column.relative if column else _DEFAULT_RELATIVE
+        ) * np.abs(b)
     one_missing = np.isnan(a) != np.isnan(b)
     with np.errstate(invalid="ignore", divide="ignore"):
         excess = np.where(one_missing, np.inf, np.where(a == b, 0.0, np.abs(a - b) / allowed))
     excess = np.where(np.isnan(a) & np.isnan(b), 0.0, excess)
-    return [Difference(str(new.index[int(i)]), name, f"{a[i]:.9g}", f"{b[i]:.9g}", float(excess[i])) for i in np.flatnonzero(excess > 1.0)]
+    return [
+        Difference(str(new.index[int(i)]), name, f"{a[i]:.9g}", f"{b[i]:.9g}", float(excess[i]))
+        for i in np.flatnonzero(excess > 1.0)
+    ]
 
 
 def as_table(found: list[Difference]) -> dict[str, Any]:

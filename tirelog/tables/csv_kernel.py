@@ -1,10 +1,13 @@
-"""Rows of a table as csv by a compiled loop, to the byte as arrow writes them: there a number takes 130 ns.
+"""Rows of a table as csv by a compiled loop, to the byte as arrow writes them: there a number takes
+130 ns.
 
-    columns (n,) --numbers as they are, texts and truth values as numbers of words--> cells (columns, some rows)
+    columns (n,) --numbers as they are, texts and truth values as numbers of words--> cells
+    (columns, some rows)
                  --digits of each column: how many are significant, or WHOLE, or WORD--> bytes
 
-A number becomes the fewest digits that say what its first significant digits say: 0.5, 12, 0.0000369, 3.7e-8.  What cannot be written
-here is left to arrow: numbers but 0 outside of +-[1e-14, 1e9) (12 digits: 1e-11), whole ones beyond 2^53, marks that want quotes.
+A number becomes the fewest digits that say what its first significant digits say: 0.5, 12,
+0.0000369, 3.7e-8. What cannot be written here is left to arrow: numbers but 0 outside of +-[1e-14,
+1e9) (12 digits: 1e-11), whole ones beyond 2^53, marks that want quotes.
 """
 
 from __future__ import annotations
@@ -28,7 +31,8 @@ LONGEST = 25
 #: 10^k for k from -EXACT to EXACT; from 1 on they are exact
 EXACT = 22
 POWERS = np.array([float(f"1e{k}") for k in range(-EXACT, EXACT + 1)])
-#: a number of a smaller decimal exponent is written with an e; the first that is too large; the first whole one that is
+#: a number of a smaller decimal exponent is written with an e; the first that is too large; the
+#: first whole one that is
 LEAST_EXPONENT, BEYOND, BEYOND_WHOLE = -6, 1e9, 2.0**53
 MOST_DIGITS = 12
 TENS = 10 ** np.arange(MOST_DIGITS + 1)
@@ -46,7 +50,9 @@ class _Known(dict[Any, int]):
 
 @dataclass(frozen=True)
 class Words:
-    """A column of few different texts: the `texts`, and the place in them of each row's, shape (n,)."""
+    """A column of few different texts: the `texts`, and the place in them of each row's, shape
+    (n,).
+    """
 
     texts: Sequence[str]
     places: IntArray
@@ -57,7 +63,10 @@ class Words:
         listed = [values[0]] if values.size and values.strides == (0,) else values.tolist()
         known = _Known()
         places = np.fromiter(map(known.__getitem__, listed), np.int64, len(listed))
-        return cls(["" if value is None else str(value) for value in known], np.broadcast_to(places, values.shape))
+        return cls(
+            ["" if value is None else str(value) for value in known],
+            np.broadcast_to(places, values.shape),
+        )
 
     @property
     def plain(self) -> bool:
@@ -76,7 +85,9 @@ class Rows:
                 self._columns.append(column.places + len(texts))
                 digits.append(WORD)
                 texts += [text.encode() for text in column.texts]
-                self._longest += 1 + max(map(len, texts), default=0)  # of this column's words or an earlier one's
+                self._longest += 1 + max(
+                    map(len, texts), default=0
+                )  # of this column's words or an earlier one's
             else:
                 self._columns.append(column[1])
                 digits.append(column[0])
@@ -94,13 +105,18 @@ class Rows:
 
 
 @compiled
-def write_rows(cells: FloatArray, digits: IntArray, texts: Bytes, begins: IntArray, out: Bytes) -> int:
-    """The rows of `cells` (columns, n) into `out`; how many bytes, -1 where a number cannot be written.
+def write_rows(
+    cells: FloatArray, digits: IntArray, texts: Bytes, begins: IntArray, out: Bytes
+) -> int:
+    """The rows of `cells` (columns, n) into `out`; how many bytes, -1 where a number cannot be
+    written.
 
     `begins`: where in `texts` each word begins, and the end of the last.
     """
     at = 0
-    exponents = np.zeros(digits.size, np.int64)  # each as in the row before, from where the next is not far
+    exponents = np.zeros(
+        digits.size, np.int64
+    )  # each as in the row before, from where the next is not far
     for row in range(cells.shape[1]):
         for column in range(digits.size):
             value, kind = cells[column, row], digits[column]
@@ -156,7 +172,9 @@ def _whole(value: float, out: Bytes, at: int) -> int:
 
 @compiled
 def _number(value: float, digits: int, exponent: int, out: Bytes, at: int) -> int:
-    """A number by its first `digits`; its size is at least 10^exponent, and less than ten times that."""
+    """A number by its first `digits`; its size is at least 10^exponent, and less than ten times
+    that.
+    """
     at = _sign(value, out, at)
     whole = np.int64(np.rint(abs(value) * POWERS[digits - 1 - exponent + EXACT]))
     if whole == TENS[digits]:
@@ -164,7 +182,9 @@ def _number(value: float, digits: int, exponent: int, out: Bytes, at: int) -> in
     point = exponent if exponent >= LEAST_EXPONENT else 0
     first = at + 1  # the first digit, with a place for the point or a 0 before it
     if point < 0:
-        for i in range(at, at + 1 - LEAST_EXPONENT):  # as many for all, which is faster than as many as are wanted
+        for i in range(
+            at, at + 1 - LEAST_EXPONENT
+        ):  # as many for all, which is faster than as many as are wanted
             out[i] = ZERO
         first -= point
     _twelve_digits(np.uint64(whole * TENS[MOST_DIGITS - digits]), out, first)
@@ -213,4 +233,8 @@ def _three_digits(three: np.uint32, out: Bytes, at: int) -> None:
     ten = np.uint32(10)
     two = np.uint32(three // ten)
     one = np.uint32(two // ten)
-    out[at], out[at + 1], out[at + 2] = ZERO + one, ZERO + (two - one * ten), ZERO + (three - two * ten)
+    out[at], out[at + 1], out[at + 2] = (
+        ZERO + one,
+        ZERO + (two - one * ten),
+        ZERO + (three - two * ten),
+    )

@@ -1,11 +1,14 @@
-"""Tidy tables out: columns -> rows of csv, ndjson, json or parquet, on standard output or as a whole file.
+"""Tidy tables out: columns -> rows of csv, ndjson, json or parquet, on standard output or as a
+whole file.
 
     with TableWriter("speed", output, format, metadata=...) as table:
-        table.write({"log": ..., "time_s": array, ...})     as often as there are parts; every part has the same columns
+        table.write({"log": ..., "time_s": array, ...})     as often as there are parts; every part
+                                                            has the same columns
 
-A part is a mapping of equally long arrays (or scalars, repeated).  NaN is an empty field (null).  Text formats round floats to nine
-significant digits (twelve for times), which is below every column's tolerance; parquet keeps them as they are, and carries unit
-and meaning of every column, tirelog's version and the hashes of the inputs in its metadata.
+A part is a mapping of equally long arrays (or scalars, repeated). NaN is an empty field (null).
+Text formats round floats to nine significant digits (twelve for times), which is below every
+column's tolerance; parquet keeps them as they are, and carries unit and meaning of every column,
+tirelog's version and the hashes of the inputs in its metadata.
 """
 
 from __future__ import annotations
@@ -32,7 +35,13 @@ if TYPE_CHECKING:
     from tirelog.tables.csv_kernel import Words
 
 FORMATS = ("csv", "ndjson", "parquet", "json")
-_SUFFIXES = {".csv": "csv", ".ndjson": "ndjson", ".jsonl": "ndjson", ".parquet": "parquet", ".json": "json"}
+_SUFFIXES = {
+    ".csv": "csv",
+    ".ndjson": "ndjson",
+    ".jsonl": "ndjson",
+    ".parquet": "parquet",
+    ".json": "json",
+}
 _ROWS_A_PART = 20_000
 
 
@@ -40,13 +49,19 @@ def table_format(output: Path | str | None, format: str | None) -> str:
     """The format asked for, or the one of the file's suffix, or csv.  UsageError: not a format."""
     if format is not None:
         if format not in FORMATS:
-            raise UsageError(f"--format {format}{nearest(format, FORMATS)}; allowed are {', '.join(FORMATS)}; choose one")
+            raise UsageError(
+                f"--format {format}{nearest(format, FORMATS)}; allowed are {', '.join(FORMATS)}; "
+                "choose one"
+            )
         return format
     if output is None:
         return "csv"
     suffix = Path(output).suffix.lower()
     if suffix not in _SUFFIXES:
-        raise UsageError(f"{output}: no format has the suffix {suffix!r}; allowed are {', '.join(_SUFFIXES)}; rename it or give --format")
+        raise UsageError(
+            f"{output}: no format has the suffix {suffix!r}; allowed are {', '.join(_SUFFIXES)}; "
+            "rename it or give --format"
+        )
     return _SUFFIXES[suffix]
 
 
@@ -63,7 +78,9 @@ class _Texts(dict[frozenset[str], str]):
 
 
 def quality_column(rows: Sequence[frozenset[str]]) -> np.ndarray:
-    """The quality column of a table whose rows have these words, shape (n,); few sets of words are different, so each is put once."""
+    """The quality column of a table whose rows have these words, shape (n,); few sets of words are
+    different, so each is put once.
+    """
     texts = _Texts()
     return np.fromiter(map(texts.__getitem__, rows), object, len(rows))
 
@@ -71,7 +88,11 @@ def quality_column(rows: Sequence[frozenset[str]]) -> np.ndarray:
 def _kind(name: str, values: np.ndarray) -> str:
     """float, int, bool or text: as the vocabulary says, else as the values are."""
     column = COLUMNS.get(name)
-    return column.kind if column else {"f": "float", "i": "int", "u": "int", "b": "bool"}.get(values.dtype.kind, "text")
+    return (
+        column.kind
+        if column
+        else {"f": "float", "i": "int", "u": "int", "b": "bool"}.get(values.dtype.kind, "text")
+    )
 
 
 def _nothing(name: str) -> Any:
@@ -85,7 +106,9 @@ def _digits(name: str) -> int:
 
 
 def _loop_at_hand() -> bool:
-    """True where compiled loops have been used before: to write csv, one more costs less than arrow, and arrow less than the first."""
+    """True where compiled loops have been used before: to write csv, one more costs less than
+    arrow, and arrow less than the first.
+    """
     return "numba" in sys.modules
 
 
@@ -98,16 +121,28 @@ def _plain(name: str, values: np.ndarray) -> tuple[int, np.ndarray] | Words | No
         words = Words.of(values)
         return words if words.plain else None
     if kind == "bool":
-        return Words(("false", "true"), values.astype(np.int64)) if values.dtype.kind == "b" else None
+        return (
+            Words(("false", "true"), values.astype(np.int64)) if values.dtype.kind == "b" else None
+        )
     if kind == "int" and values.dtype.kind in "iuf":
         return WHOLE, values
     return (_digits(name), values) if kind == "float" and values.dtype.kind in "iuf" else None
 
 
 class TableWriter(AbstractContextManager["TableWriter"]):
-    """Writes one table, part by part.  `output` None is standard output; `name` is a key of `columns.TABLES` or a new table's name."""
+    """Writes one table, part by part.
 
-    def __init__(self, name: str, output: Path | str | None, format: str | None, *, metadata: Mapping[str, Any] | None = None) -> None:
+    `output` None is standard output; `name` is a key of `columns.TABLES` or a new table's name.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        output: Path | str | None,
+        format: str | None,
+        *,
+        metadata: Mapping[str, Any] | None = None,
+    ) -> None:
         self.name, self.output, self.format = name, output, table_format(output, format)
         self.metadata = dict(metadata or {})
         self.rows = 0
@@ -123,7 +158,10 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             self._stream = self._file.__enter__().open("wb")
 
     def write(self, columns: Mapping[str, Any]) -> None:
-        """Append rows.  The first part fixes the columns (a later one may lack some); the table's own order wins over the mapping's.
+        """Append rows.
+
+        The first part fixes the columns (a later one may lack some); the table's own order wins
+        over the mapping's.
 
         UsageError: a part has columns that the first one has not.
         """
@@ -132,12 +170,21 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         more = [c for c in columns if c not in order]
         if self._names and more:
             raise UsageError(
-                f"has {', '.join(more)}, which the logs before have not (their setups say less); a table has the columns of its first log; "
+                f"has {', '.join(more)}, which the logs before have not (their setups say less); "
+                "a table has the columns of its first log; "
                 f"put the log with most of them first, or make a table of each",
-                file=str(next(iter(np.atleast_1d(columns["log"])), "-")) if "log" in columns else None,
+                file=str(next(iter(np.atleast_1d(columns["log"])), "-"))
+                if "log" in columns
+                else None,
             )
-        arrays = {name: np.asarray(columns[name] if name in columns else _nothing(name)) for name in (*order, *more)}
-        arrays = {name: array if array.ndim else np.broadcast_to(array, (rows,)) for name, array in arrays.items()}
+        arrays = {
+            name: np.asarray(columns[name] if name in columns else _nothing(name))
+            for name in (*order, *more)
+        }
+        arrays = {
+            name: array if array.ndim else np.broadcast_to(array, (rows,))
+            for name, array in arrays.items()
+        }
         if self.format == "csv" and _loop_at_hand():
             self._write_compiled(arrays, rows)
         else:
@@ -147,7 +194,11 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         """Rows of csv, those by arrow that the compiled loop cannot write."""
         from tirelog.tables.csv_kernel import AT_ONCE, Rows
 
-        plain = [column for name, values in columns.items() if (column := _plain(name, values)) is not None]
+        plain = [
+            column
+            for name, values in columns.items()
+            if (column := _plain(name, values)) is not None
+        ]
         if len(plain) < len(columns):
             self._write_arrow(columns)
             return
@@ -169,8 +220,13 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         from tirelog.tables.arrow import arrow_column, arrow_field
 
         digits = {name: None if self.format == "parquet" else _digits(name) for name in columns}
-        arrays = [arrow_column(values, _kind(name, values), digits[name]) for name, values in columns.items()]
-        schema = pa.schema([arrow_field(name, array.type) for name, array in zip(columns, arrays, strict=True)])
+        arrays = [
+            arrow_column(values, _kind(name, values), digits[name])
+            for name, values in columns.items()
+        ]
+        schema = pa.schema(
+            [arrow_field(name, array.type) for name, array in zip(columns, arrays, strict=True)]
+        )
         self._begin(tuple(columns), schema)
         table = pa.Table.from_arrays(arrays, schema=self._schema or schema)
         for start in range(0, table.num_rows, _ROWS_A_PART):
@@ -181,14 +237,20 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         self.write({str(name): frame[name].to_numpy() for name in frame.columns})
 
     def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
-        """Whatever stands before the first row of a table of these columns; parquet needs their `schema`."""
+        """Whatever stands before the first row of a table of these columns; parquet needs their
+        `schema`.
+        """
         if self._names is not None:
             return
         self._names = names
         if self.format == "parquet" and schema is not None:
             import pyarrow.parquet as pq
 
-            about = {"tirelog": json.dumps({"version": __version__, "table": self.name, **self.metadata}, default=str)}
+            about = {
+                "tirelog": json.dumps(
+                    {"version": __version__, "table": self.name, **self.metadata}, default=str
+                )
+            }
             self._schema = schema.with_metadata(about)
             self._parquet = pq.ParquetWriter(self._stream, self._schema, compression="zstd")
         elif self.format == "csv":
@@ -206,11 +268,17 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             from tirelog.tables.arrow import quoting
 
             part = io.BytesIO()
-            pc.write_csv(table, part, pc.WriteOptions(include_header=False, quoting_style=quoting(table)))
+            pc.write_csv(
+                table, part, pc.WriteOptions(include_header=False, quoting_style=quoting(table))
+            )
             self._stream.write(part.getvalue())
         else:
             lines = [json.dumps(row, ensure_ascii=False) for row in table.to_pylist()]
-            text = "".join(line + "\n" for line in lines) if self.format == "ndjson" else ("," if self.rows else "") + ",\n".join(lines)
+            text = (
+                "".join(line + "\n" for line in lines)
+                if self.format == "ndjson"
+                else ("," if self.rows else "") + ",\n".join(lines)
+            )
             self._stream.write(text.encode())
         self.rows += table.num_rows
 
@@ -220,7 +288,9 @@ class TableWriter(AbstractContextManager["TableWriter"]):
                 self._end()
             self._stream.flush()
             return
-        with ExitStack() as leaving:  # what the last bytes may meet (a full disk) is the file's to say, as what the first may
+        with (
+            ExitStack() as leaving
+        ):  # what the last bytes may meet (a full disk) is the file's to say, as what the first may
             leaving.push(self._file)
             leaving.callback(self._stream.close)
             if kind is None:
@@ -251,7 +321,8 @@ class TableWriter(AbstractContextManager["TableWriter"]):
 
 
 def read_table(path: Path | str) -> Any:
-    """A table that tirelog (or another tool) wrote, as a pandas DataFrame; the suffix decides, '-' is csv on standard input.
+    """A table that tirelog (or another tool) wrote, as a pandas DataFrame; the suffix decides, '-'
+    is csv on standard input.
 
     ReadError: nothing there, or not a table.
     """
@@ -268,10 +339,15 @@ def read_table(path: Path | str) -> Any:
         if format == "csv":
             blanks = {c.name: [""] for c in COLUMNS.values() if c.kind != "text"}
             table = pd.read_csv(source, keep_default_na=False, na_values=blanks)
-            if not isinstance(table.index, pd.RangeIndex):  # the first cells were taken for names of rows
+            if not isinstance(
+                table.index, pd.RangeIndex
+            ):  # the first cells were taken for names of rows
                 raise ValueError("its rows have more cells than its header has names")
             return table
         return pd.read_json(source, orient="records", lines=format == "ndjson")
     except (OSError, ValueError, pa.ArrowException) as problem:
         told = " ".join(str(problem).split())  # of several lines, now and then
-        raise ReadError(f"is not a table ({told}); csv, ndjson, json and parquet are read; write one with -o", file=path) from None
+        raise ReadError(
+            f"is not a table ({told}); csv, ndjson, json and parquet are read; write one with -o",
+            file=path,
+        ) from None

@@ -1,7 +1,8 @@
 """Units at the edge of the package: what a source may be recorded in, and how it becomes SI.
 
-Only what an instrument, a setup file or a column writes as a unit passes through here; inside, everything is SI.  The table is
-ours because pint costs more at start than all of our own imports; a test holds it against the definitions.
+Only what an instrument, a setup file or a column writes as a unit passes through here; inside,
+everything is SI. The table is ours because pint costs more at start than all of our own imports; a
+test holds it against the definitions.
 """
 
 from __future__ import annotations
@@ -88,6 +89,9 @@ def to_si(unit: str, *quantities: str) -> tuple[float, float]:
     allowed = [name for name, (quantity, _, _) in UNITS.items() if quantity in quantities]
     name = canonical(unit)
     if name is None or name not in allowed:
-        raise SetupError(f"unit {unit!r} is not one of {', '.join(allowed)}{nearest(unit, allowed)}; write the unit of the source")
+        raise SetupError(
+            f"unit {unit!r} is not one of {', '.join(allowed)}{nearest(unit, allowed)}; "
+            "write the unit of the source"
+        )
     _, factor, offset = UNITS[name]
     return factor, offset

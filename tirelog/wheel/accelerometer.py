@@ -24,8 +24,9 @@ PILED_UP = 6
 
 
 def without_held(channel: Channel, low: float, high: float) -> Channel:
-    """The channel with runs of HELD or more equal samples lost, but for those at its limits `low` and `high`; as it is where the channel
-    has too little noise to tell."""
+    """The channel with runs of HELD or more equal samples lost, but for those at its limits `low`
+    and `high`; as it is where the channel has too little noise to tell.
+    """
     starts = np.unique(np.linspace(0, max(channel.size - 4096, 0), 32).astype(np.int64))
     pieces = [channel.read(int(s), int(s) + 4096) for s in starts]
     pieces = [p[(p > low) & (p < high)] for p in pieces]
@@ -39,7 +40,9 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
         equal = (np.diff(values) == 0) & (values[1:] > low) & (values[1:] < high)
         if equal.any():
             edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.view(np.int8), [0]])))
-            runs = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= HELD - 1]
+            runs = [
+                (a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= HELD - 1
+            ]
             if runs:
                 values = values.copy()
             for a, b in runs:
@@ -50,7 +53,9 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
 
 
 def limits(channel: Channel) -> tuple[float, float, float]:
-    """(lower limit, upper limit, share of all samples there); infinite where the extreme of the log is not a pile of equal samples."""
+    """(lower limit, upper limit, share of all samples there); infinite where the extreme of the log
+    is not a pile of equal samples.
+    """
     extremes = [np.inf, -np.inf]
     counts, known = [0, 0], 0
     for _, block in channel.blocks(PIECE):
@@ -63,6 +68,9 @@ def limits(channel: Channel) -> tuple[float, float, float]:
                 extremes[side], counts[side] = value, 0
             if value == extremes[side]:
                 counts[side] += int(np.sum(x == value))
-    low, high = (e if n >= PILED_UP else s * np.inf for e, n, s in zip(extremes, counts, (-1, 1), strict=True))
+    low, high = (
+        e if n >= PILED_UP else s * np.inf
+        for e, n, s in zip(extremes, counts, (-1, 1), strict=True)
+    )
     share = sum(n for n in counts if n >= PILED_UP) / max(known, 1)
     return low, high, share

@@ -1,11 +1,11 @@
 """The wheel's angle, speed and rolling radius from its encoder (P4 section IV A).
 
-    encoder channel --teeth--> counted passages --pitch table learnt from the log--> WheelAngle (angle and rate at any time)
-    WheelAngle, vehicle_speed --> rolling radius with its error
+    encoder channel --teeth--> counted passages --pitch table learnt from the log--> WheelAngle
+    (angle and rate at any time) WheelAngle, vehicle_speed --> rolling radius with its error
     Recording --encoder_speed--> columns of the `speed` table, a row a turn of the wheel
 
-Angles [rad] grow in the direction of rolling; their zero is the first tooth that was seen.  Sine, square pulses, counters and angles
-are taken as they come.
+Angles [rad] grow in the direction of rolling; their zero is the first tooth that was seen. Sine,
+square pulses, counters and angles are taken as they come.
 """
 
 from __future__ import annotations
@@ -36,14 +36,17 @@ SPEED_WINDOW_S = 0.443 / 20.0
 STANDSTILL_TURNS_S = 0.1
 #: third differences [turns] below this are the arithmetic's, not the sensor's
 ROUNDING = 1e-9
-#: a table that explains more than this share of the deviations repeats; another number of steps must explain so much more than the setup's
+#: a table that explains more than this share of the deviations repeats; another number of steps
+#: must explain so much more than the setup's
 REPEATS, BETTER = 0.8, 0.2
 
 
 @dataclass(frozen=True)
 class WheelAngle:
-    """`angle`: the function of time; `pitch`: the learnt table; `backward` (n,) knots at which the wheel rolls back; `untold` (stretches,)
-    True where nothing shows the direction after a standstill; `remarks`: sentences on the whole log."""
+    """`angle`: the function of time; `pitch`: the learnt table; `backward` (n,) knots at which the
+    wheel rolls back; `untold` (stretches,) True where nothing shows the direction after a
+    standstill; `remarks`: sentences on the whole log.
+    """
 
     channel: str
     steps: int
@@ -59,8 +62,9 @@ class WheelAngle:
         return self.angle.mean_rate(time_s, SPEED_WINDOW_S)
 
     def words(self, start_s: FloatArray, stop_s: FloatArray) -> dict[int, set[str]]:
-        """What is wrong with the angle within [start, stop], each shape (n,): standstill, reversing, gap, direction_unknown; rows with
-        nothing left out."""
+        """What is wrong with the angle within [start, stop], each shape (n,): standstill,
+        reversing, gap, direction_unknown; rows with nothing left out.
+        """
         knots = self.angle.time_s
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
         last = np.clip(np.searchsorted(knots, stop_s), 0, knots.size - 1)
@@ -71,22 +75,30 @@ class WheelAngle:
         gap = (self.angle.stretch[last] != self.angle.stretch[first]) & ~still
         untold = self.untold[self.angle.stretch[last]]
         words: dict[int, set[str]] = defaultdict(set)
-        for word, rows in (("standstill", still), ("gap", gap), ("reversing", reversing), ("direction_unknown", untold)):
+        for word, rows in (
+            ("standstill", still),
+            ("gap", gap),
+            ("reversing", reversing),
+            ("direction_unknown", untold),
+        ):
             for row in np.flatnonzero(rows):
                 words[int(row)].add(word)
         return words
 
 
 def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = None) -> WheelAngle:
-    """The wheel angle from an encoder channel; `unit` is the source's (an angle is taken as it is); `vehicle` a speed [m/s] whose sign
-    tells the direction, if it ever falls below zero.
+    """The wheel angle from an encoder channel; `unit` is the source's (an angle is taken as it is);
+    `vehicle` a speed [m/s] whose sign tells the direction, if it ever falls below zero.
 
     SetupError: the channel has no `steps`.  DataLoss: it shows no teeth.
     """
     quantity = units.UNITS[units.canonical(unit) or "1"][0]
     steps = int(channel.settings.get("steps") or 0)
     if steps < 1 and quantity != "angle":
-        raise SetupError(f"channel {channel.name}: no steps; an encoder has a whole number of steps a turn; add steps = 48 or what it has")
+        raise SetupError(
+            f"channel {channel.name}: no steps; an encoder has a whole number of steps a turn; "
+            "add steps = 48 or what it has"
+        )
     found = probe(channel.read, channel.size)
     if quantity == "angle" or found.form == "counter":
         return _counted(channel, quantity == "angle", steps)
@@ -96,34 +108,52 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
         time = channel.axis.at(teeth.index)
         for each in (learner, builder):
             each.add(time, teeth.count, teeth.stretch, teeth.forward)
-        passages, missing, extra = passages + time.size, missing + teeth.missing, extra + teeth.extra
+        passages, missing, extra = (
+            passages + time.size,
+            missing + teeth.missing,
+            extra + teeth.extra,
+        )
     if passages < 4 * steps:
         raise DataLoss(_too_few(channel, passages, steps))
     placings = learner.placings(ways_of(learner.stretches, vehicle))
     pitch = learner.table(placings)
     knots = builder.knots()
-    sign, offset = (np.array([getattr(p, name) for p in placings], np.int32) for name in ("sign", "offset"))
+    sign, offset = (
+        np.array([getattr(p, name) for p in placings], np.int32) for name in ("sign", "offset")
+    )
     noise = builder.noise_rad(otherwise=_noise(found, steps))
     function = angle_function(knots, pitch.error_rad, sign, offset, np.pi / steps, noise)
     backward = ~knots.forward | (sign[knots.stretch] < 0)
     untold = untold_stretches(function, placings)
     remarks = _remarks(channel, (missing, extra), (backward, untold), pitch, learner, steps)
-    return WheelAngle(channel.name, steps, found.form, function, pitch, backward, untold, tuple(remarks))
+    return WheelAngle(
+        channel.name, steps, found.form, function, pitch, backward, untold, tuple(remarks)
+    )
 
 
 def _noise(found: Probe, steps: int) -> float:
-    """Standard deviation [rad] of one passage where the log is too short to show it: the noise over the slope, five samples."""
+    """Standard deviation [rad] of one passage where the log is too short to show it: the noise over
+    the slope, five samples.
+    """
     return found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0)
 
 
 def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
-    """Counted teeth of a sine or square channel, piece by piece; stretches are numbered 0, 1, ..., and gaps in the time axis end one."""
+    """Counted teeth of a sine or square channel, piece by piece; stretches are numbered 0, 1, ...,
+    and gaps in the time axis end one.
+    """
     if found.form == "dead":
         raise DataLoss(_too_few(channel, 0, steps))
     rate, holes = channel.axis.rate_Hz, channel.axis.first[1:]
     last, number = -1, -1
-    for teeth in count_teeth(channel.read, found, crossings(channel.read, channel.size, rate, found), rate, steps):
-        stretch = teeth.stretch + np.searchsorted(holes, teeth.index, side="right") if holes.size else teeth.stretch
+    for teeth in count_teeth(
+        channel.read, found, crossings(channel.read, channel.size, rate, found), rate, steps
+    ):
+        stretch = (
+            teeth.stretch + np.searchsorted(holes, teeth.index, side="right")
+            if holes.size
+            else teeth.stretch
+        )
         if stretch.size:
             order = np.cumsum(np.diff(stretch, prepend=last) != 0) + number
             last, number = int(stretch[-1]), int(order[-1])
@@ -136,7 +166,8 @@ def _too_few(channel: Channel, passages: int, steps: int) -> str:
         few = f"channel {channel.name}: {passages} tooth passages, fewer than two turns"
         return f"{few}; a wheel angle needs two turns of {steps} steps; give a longer log"
     return (
-        f"channel {channel.name}: no teeth; an encoder's signal swings {2 * steps} times a turn through its middle; "
+        f"channel {channel.name}: no teeth; an encoder's signal swings {2 * steps} times a turn "
+        "through its middle; "
         "check the wiring, the source, and that encoder and accelerometer are not swapped"
     )
 
@@ -146,7 +177,10 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     size = 2 * np.pi if is_angle else float(steps)
     time, turns, backward = counter_knots(channel, size, is_angle)
     if time.size < 16:
-        raise DataLoss(f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a turn; check the source")
+        raise DataLoss(
+            f"channel {channel.name}: the count hardly changes; a counter climbs by {size:g} a "
+            "turn; check the source"
+        )
     steps = steps or 360
     rate = np.gradient(2 * np.pi * turns, time)
     if is_angle:
@@ -158,43 +192,82 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
     if is_angle or np.any(np.abs(turns * size - count) > 1e-6):
         function = AngleFunction(time, turns, 2 * np.pi, rate.astype(np.float32), stretch, noise)
         form = "angle" if is_angle else "counter"
-        return WheelAngle(channel.name, steps, form, function, PitchTable.zero(steps), backward, np.zeros(1, bool), ())
+        return WheelAngle(
+            channel.name,
+            steps,
+            form,
+            function,
+            PitchTable.zero(steps),
+            backward,
+            np.zeros(1, bool),
+            (),
+        )
     builder = KnotBuilder(2 * np.pi / size, 1)
     builder.add(time, count, stretch, ~backward)
     knots, one = builder.knots(), np.ones(1, np.int32)
-    function = angle_function(knots, np.zeros(1), one, 0 * one, 2 * np.pi / size, builder.noise_rad(noise))
-    return WheelAngle(channel.name, steps, "counter", function, PitchTable.zero(steps), ~knots.forward, np.zeros(1, bool), ())
+    function = angle_function(
+        knots, np.zeros(1), one, 0 * one, 2 * np.pi / size, builder.noise_rad(noise)
+    )
+    return WheelAngle(
+        channel.name,
+        steps,
+        "counter",
+        function,
+        PitchTable.zero(steps),
+        ~knots.forward,
+        np.zeros(1, bool),
+        (),
+    )
 
 
 def _scatter(turns: FloatArray) -> float:
-    """Standard deviation of angles (n,), noise and steps of the sensor alike: from their third differences, as far as they move."""
+    """Standard deviation of angles (n,), noise and steps of the sensor alike: from their third
+    differences, as far as they move.
+    """
     third = np.abs(np.diff(turns, 3))
     third = third[third > ROUNDING]
     return float(np.median(third)) / (0.6745 * np.sqrt(20.0)) if third.size else 0.0
 
 
 def _remarks(
-    channel: Channel, repaired: tuple[int, int], ways: tuple[np.ndarray, np.ndarray], pitch: PitchTable, learner: PitchLearner, steps: int
+    channel: Channel,
+    repaired: tuple[int, int],
+    ways: tuple[np.ndarray, np.ndarray],
+    pitch: PitchTable,
+    learner: PitchLearner,
+    steps: int,
 ) -> list[str]:
     """Sentences on the encoder of this log."""
     said = []
     if any(repaired):
-        said.append(f"channel {channel.name}: {repaired[0]} missing and {repaired[1]} extra teeth were repaired")
+        said.append(
+            f"channel {channel.name}: {repaired[0]} missing and {repaired[1]} extra teeth were "
+            "repaired"
+        )
     backward, untold = ways
     if backward.any():
-        said.append(f"channel {channel.name}: the wheel rolled backwards for a while; passages there are left out")
+        said.append(
+            f"channel {channel.name}: the wheel rolled backwards for a while; passages there are "
+            "left out"
+        )
     if untold.any():
         said.append(
-            f"channel {channel.name}: after {untold.sum()} standstills nothing tells which way the wheel rolled (direction_unknown); "
+            f"channel {channel.name}: after {untold.sum()} standstills nothing tells which way "
+            "the wheel rolled (direction_unknown); "
             "a vehicle_speed with a sign would"
         )
     if pitch.turns == 0:
-        return [*said, f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's pitch errors are not learnt"]
+        return [
+            *said,
+            f"channel {channel.name}: fewer than {LEAST_TURNS} even turns, so the tone wheel's "
+            "pitch errors are not learnt",
+        ]
     if pitch.repeats < REPEATS:
         other, share, own = steps_that_repeat(learner.sample, steps)
         if share > own + BETTER and steps % other:
             said.append(
-                f"channel {channel.name}: the learnt pitch table does not repeat with {steps} steps, it does with {other}; "
+                f"channel {channel.name}: the learnt pitch table does not repeat with {steps} "
+                f"steps, it does with {other}; "
                 "mend steps in the setup"
             )
     return said
@@ -202,7 +275,9 @@ def _remarks(
 
 @dataclass(frozen=True)
 class Radius:
-    """The rolling radius [m], its standard error (NaN where it is a given) and a sentence on where it comes from ('' for the setup's)."""
+    """The rolling radius [m], its standard error (NaN where it is a given) and a sentence on where
+    it comes from ('' for the setup's).
+    """
 
     radius_m: float
     se_m: float
@@ -210,9 +285,11 @@ class Radius:
 
 
 def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
-    """The setup's rolling radius; else calibrated against `vehicle_speed` (P4: v = r omega); else the unloaded radius.
+    """The setup's rolling radius; else calibrated against `vehicle_speed` (P4: v = r omega); else
+    the unloaded radius.
 
-    Only stretches above 3 rad/s count; the error comes from the scatter of up to 40 pieces of the log.
+    Only stretches above 3 rad/s count; the error comes from the scatter of up to 40 pieces of the
+    log.
     """
     tire = recording.setup.tire
     speeds = recording.of_kind("vehicle_speed")
@@ -223,7 +300,8 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
             return Radius(
                 tire.rolling_radius_m,
                 float("nan"),
-                f"{speeds[0].name} over the wheel's speed gives a radius of {measured[0]:.4f} m, {ratio:.3g} times the setup's: "
+                f"{speeds[0].name} over the wheel's speed gives a radius of {measured[0]:.4f} m, "
+                f"{ratio:.3g} times the setup's: "
                 "the sampling rate, the number of steps or a unit is wrong",
             )
         return Radius(tire.rolling_radius_m, float("nan"), "")
@@ -231,15 +309,29 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
         strange = doubt_of_radius(measured[0], tire.unloaded_radius_m)
         if strange:
             raise UsageError(
-                f"against {speeds[0].name} {strange}; check unit and source of {speeds[0].name} in the setup, or give rolling_radius_m",
+                f"against {speeds[0].name} {strange}; check unit and source of {speeds[0].name} "
+                "in the setup, or give rolling_radius_m",
                 file=recording.log,
             )
-        return Radius(*measured, f"rolling radius {measured[0]:.5f} +- {measured[1]:.5f} m, calibrated against {speeds[0].name}")
-    return Radius(tire.radius_m, float("nan"), f"no rolling radius and no vehicle speed: the unloaded radius {tire.radius_m:.4f} m is used")
+        return Radius(
+            *measured,
+            f"rolling radius {measured[0]:.5f} +- {measured[1]:.5f} m, calibrated against "
+            f"{speeds[0].name}",
+        )
+    return Radius(
+        tire.radius_m,
+        float("nan"),
+        f"no rolling radius and no vehicle speed: the unloaded radius {tire.radius_m:.4f} m is "
+        "used",
+    )
 
 
-def _radius_against(speed: Channel, wheel: WheelAngle, most: int = 20_000) -> tuple[float, float] | None:
-    """(radius, standard error) [m] from the wheel's rate at up to `most` samples of the vehicle's speed; None where it never rolls."""
+def _radius_against(
+    speed: Channel, wheel: WheelAngle, most: int = 20_000
+) -> tuple[float, float] | None:
+    """(radius, standard error) [m] from the wheel's rate at up to `most` samples of the vehicle's
+    speed; None where it never rolls.
+    """
     parts, size = [], max(speed.size * 500 // most, 500)
     for start in range(0, speed.size, size):
         values = speed.read(start, start + size)
@@ -256,16 +348,28 @@ def _radius_against(speed: Channel, wheel: WheelAngle, most: int = 20_000) -> tu
         return None
     above, below = np.array(parts).T
     radius = float(above.sum() / below.sum())
-    se = float(np.sqrt(np.sum((above - radius * below) ** 2) * len(parts) / (len(parts) - 1)) / below.sum())
+    se = float(
+        np.sqrt(np.sum((above - radius * below) ** 2) * len(parts) / (len(parts) - 1)) / below.sum()
+    )
     return radius, se
 
 
 def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
-    """The recording's encoder channel and its wheel angle.  SetupError: the setup has none.  DataLoss: it shows no teeth."""
+    """The recording's encoder channel and its wheel angle.
+
+    SetupError: the setup has none. DataLoss: it shows no teeth.
+    """
     encoders = recording.of_kind("wheel_encoder")
     if not encoders:
-        raise SetupError(f"{recording.log}: no wheel_encoder channel; the wheel angle needs one; add it to the setup")
-    unit = recording.setup.channels[encoders[0].name].source_unit if encoders[0].name in recording.setup.channels else "1"
+        raise SetupError(
+            f"{recording.log}: no wheel_encoder channel; the wheel angle needs one; "
+            "add it to the setup"
+        )
+    unit = (
+        recording.setup.channels[encoders[0].name].source_unit
+        if encoders[0].name in recording.setup.channels
+        else "1"
+    )
     try:
         speeds = recording.of_kind("vehicle_speed")
         return encoders[0], wheel_angle(encoders[0], unit, speeds[0] if speeds else None)
@@ -274,22 +378,32 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
 
 
 def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
-    """(columns of the `speed` table, remarks): a row a turn of the wheel, for a log without a sensor that passes the patch.
+    """(columns of the `speed` table, remarks): a row a turn of the wheel, for a log without a
+    sensor that passes the patch.
 
-    `time_s` is the middle of the turn, `speed_m_s` the wheel's speed low-passed at 20 Hz, `period_s` the turn's duration,
-    `acceleration_m_s2` from the durations of its two halves.  The standard error holds angle noise and the radius' error.
+    `time_s` is the middle of the turn, `speed_m_s` the wheel's speed low-passed at 20 Hz,
+    `period_s` the turn's duration, `acceleration_m_s2` from the durations of its two halves. The
+    standard error holds angle noise and the radius' error.
     """
     channel, wheel = encoder_of(recording)
     radius = rolling_radius(recording, wheel)
-    lowest, highest = (float(c) * wheel.angle.unit_rad for c in (wheel.angle.count[0], np.max(wheel.angle.count)))
-    middles = lowest + np.pi * np.arange(1.0, 2.0 * max(int((highest - lowest) / (2 * np.pi)), 0), 2.0)
+    lowest, highest = (
+        float(c) * wheel.angle.unit_rad for c in (wheel.angle.count[0], np.max(wheel.angle.count))
+    )
+    middles = lowest + np.pi * np.arange(
+        1.0, 2.0 * max(int((highest - lowest) / (2 * np.pi)), 0), 2.0
+    )
     start, time, stop = (wheel.angle.time_at(middles + shift) for shift in (-np.pi, 0.0, np.pi))
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
     words = wheel.words(start, stop)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # half a turn between two equal stamps
-        acceleration = radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start)
+    with np.errstate(
+        divide="ignore", invalid="ignore", over="ignore"
+    ):  # half a turn between two equal stamps
+        acceleration = (
+            radius.radius_m * 2 * np.pi * (1 / (stop - time) - 1 / (time - start)) / (stop - start)
+        )
     columns = {
         "log": recording.log,
         "channel": channel.name,

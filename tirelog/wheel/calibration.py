@@ -1,16 +1,21 @@
-"""What belongs to speed, load and delay rather than to forces, learnt from quasi-static and dynamic logs (P4 section IV C, (1)-(3)).
+"""What belongs to speed, load and delay rather than to forces, learnt from quasi-static and dynamic
+logs (P4 section IV C, (1)-(3)).
 
-    Passages of several logs --quasi-static passages, one constant a log--> SpeedMap of the phase shift and of the patch width
-        --drive phases of undriven wheels--> cross-talk k    --force channels--> ForceMap    =: Calibration
+    Passages of several logs --quasi-static passages, one constant a log--> SpeedMap of the phase
+    shift and of the patch width
+        --drive phases of undriven wheels--> cross-talk k    --force channels--> ForceMap    =:
+            Calibration
     Passages, Calibration --clean--> detrended and corrected regressors (`table` makes rows of them)
 
-A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)^2, v0 the speed of the zeros.  The errors are those of
-the least squares, widened by the scatter of the residuals and by their correlation from passage to passage.
+A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)^2, v0 the speed of
+the zeros. The errors are those of the least squares, widened by the scatter of the residuals and by
+their correlation from passage to passage.
 
-A telemetry delay is a phase shift in proportion to speed, and so is any other trend linear in speed: no regression on speed parts them.
-A force that grows with speed (drag) and the difference between driving and coasting bend the map too.  Where the longitudinal force is
-measured it stands in the regression, and the map is that at unchanged force; else the acceleration stands for it, apart for driving and
-coasting, and drag stays in the map.
+A telemetry delay is a phase shift in proportion to speed, and so is any other trend linear in
+speed: no regression on speed parts them. A force that grows with speed (drag) and the difference
+between driving and coasting bend the map too. Where the longitudinal force is measured it stands in
+the regression, and the map is that at unchanged force; else the acceleration stands for it, apart
+for driving and coasting, and drag stays in the map.
 """
 
 from __future__ import annotations
@@ -33,7 +38,8 @@ DRIVE_M_S2 = 0.8
 SURE = 3.0
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
-#: share of a log's quasi-static passages at which it has to be known, to be used; the others are then left out of the map
+#: share of a log's quasi-static passages at which it has to be known, to be used; the others are
+#: then left out of the map
 FORCE_KNOWN = 0.8
 #: passages and range of speed that a map needs
 LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
@@ -41,8 +47,10 @@ LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
 
 @dataclass(frozen=True)
 class SpeedMap:
-    """Change with speed against the reference: `linear` [deg/(m/s)], `quadratic` [deg/(m/s)^2], `covariance` (2, 2), valid from
-    `low_m_s` to `high_m_s`; `rms_deg` the residuals' standard deviation, `passages` their number."""
+    """Change with speed against the reference: `linear` [deg/(m/s)], `quadratic` [deg/(m/s)^2],
+    `covariance` (2, 2), valid from `low_m_s` to `high_m_s`; `rms_deg` the residuals' standard
+    deviation, `passages` their number.
+    """
 
     linear: float
     quadratic: float
@@ -59,10 +67,14 @@ class SpeedMap:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibration.  `reference_speed_m_s` is where the phase shift is zero by convention; `patch_width_deg` the mean width there;
-    `crosstalk` k of P4 (3) with `crosstalk_se`; `delay_s` the constant lag of the accelerometer behind the encoder, if the part of the
-    phase shift linear in speed is nothing else; NaN or None where the logs did not show it.  `beside_force` is True where the shift's map
-    was learnt beside the measured longitudinal force."""
+    """A calibration.
+
+    `reference_speed_m_s` is where the phase shift is zero by convention; `patch_width_deg` the mean
+    width there; `crosstalk` k of P4 (3) with `crosstalk_se`; `delay_s` the constant lag of the
+    accelerometer behind the encoder, if the part of the phase shift linear in speed is nothing
+    else; NaN or None where the logs did not show it. `beside_force` is True where the shift's map
+    was learnt beside the measured longitudinal force.
+    """
 
     reference_speed_m_s: float
     shift: SpeedMap
@@ -78,13 +90,17 @@ class Calibration:
 
     @property
     def has_delay(self) -> bool:
-        """Whether the phase shift holds a part linear in speed, as from a constant telemetry delay, that is more than its error."""
+        """Whether the phase shift holds a part linear in speed, as from a constant telemetry delay,
+        that is more than its error.
+        """
         return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > SURE * self.delay_se_s)
 
 
 @dataclass(frozen=True)
 class Cleaned:
-    """Regressors of one accelerometer without trend and cross-talk, shape (n,) [deg]; `extrapolated` (n,) speed outside of the maps."""
+    """Regressors of one accelerometer without trend and cross-talk, shape (n,) [deg];
+    `extrapolated` (n,) speed outside of the maps.
+    """
 
     width_deg: FloatArray
     shift_deg: FloatArray
@@ -93,19 +109,41 @@ class Cleaned:
 
 
 def calibrate(logs: Sequence[Passages], forces: bool = False) -> Calibration:
-    """The calibration from all logs.  UsageError: too few quasi-static passages, or too narrow a range of speed."""
+    """The calibration from all logs.
+
+    UsageError: too few quasi-static passages, or too narrow a range of speed.
+    """
     zeros = [p.zero_speed_m_s for p in logs if np.isfinite(p.zero_speed_m_s)]
     if not zeros:
-        raise UsageError("no log has a zero stretch; a calibration refers to one; add a log with a low, constant speed, or give --zero")
+        raise UsageError(
+            "no log has a zero stretch; a calibration refers to one; add a log with a low, "
+            "constant speed, or give --zero"
+        )
     reference = float(np.mean(zeros))
     shift = _speed_map(logs, "shift", reference)
     width = _speed_map(logs, "width", reference)
-    levels = [float(np.nanmean((p.width_deg - width(p.speed_m_s, reference))[quasi_static(p)])) for p in logs if quasi_static(p).any()]
+    levels = [
+        float(np.nanmean((p.width_deg - width(p.speed_m_s, reference))[quasi_static(p)]))
+        for p in logs
+        if quasi_static(p).any()
+    ]
     delay, delay_se = _delay(shift, reference, float(np.median([p.radius_m for p in logs])))
-    plain = Calibration(reference, shift, width, float(np.mean(levels)), np.nan, np.nan, delay, delay_se)
+    plain = Calibration(
+        reference, shift, width, float(np.mean(levels)), np.nan, np.nan, delay, delay_se
+    )
     k, k_se = _crosstalk(logs, plain)
     beside = _force_of_all(logs)
-    whole = Calibration(reference, shift, width, plain.patch_width_deg, k, k_se, delay, delay_se, beside_force=beside)
+    whole = Calibration(
+        reference,
+        shift,
+        width,
+        plain.patch_width_deg,
+        k,
+        k_se,
+        delay,
+        delay_se,
+        beside_force=beside,
+    )
     return _with_forces(logs, whole) if forces else whole
 
 
@@ -116,37 +154,61 @@ def quasi_static(p: Passages) -> np.ndarray:
 
 
 def _force_of_all(logs: Sequence[Passages]) -> bool:
-    """Whether every log that a map is learnt on has its longitudinal force measured, at most of its passages."""
+    """Whether every log that a map is learnt on has its longitudinal force measured, at most of its
+    passages.
+    """
     used = [p for p in logs if quasi_static(p).any()]
-    return bool(used) and all(FORCE in p.forces_N and np.mean(np.isfinite(p.forces_N[FORCE][quasi_static(p)])) > FORCE_KNOWN for p in used)
+    return bool(used) and all(
+        FORCE in p.forces_N
+        and np.mean(np.isfinite(p.forces_N[FORCE][quasi_static(p)])) > FORCE_KNOWN
+        for p in used
+    )
 
 
 def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMap:
-    """Weighted least squares of one constant a log, (v - v0), (v - v0)^2 and what little force a quasi-static drive has, as nuisances.
+    """Weighted least squares of one constant a log, (v - v0), (v - v0)^2 and what little force a
+    quasi-static drive has, as nuisances.
 
-    That is the measured longitudinal force for the shift where all logs have it; and where the logs climb and fall the acceleration, for
-    the shift apart for either sign, since a wheel that drives does not mirror one that coasts.  All of it would else bend the map.
+    That is the measured longitudinal force for the shift where all logs have it; and where the logs
+    climb and fall the acceleration, for the shift apart for either sign, since a wheel that drives
+    does not mirror one that coasts. All of it would else bend the map.
     """
     by_force = what == "shift" and _force_of_all(logs)
     parts = []
     for number, p in enumerate(logs):
-        values, se = (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
+        values, se = (
+            (p.shift_deg, p.shift_se_deg) if what == "shift" else (p.width_deg, p.width_se_deg)
+        )
         rows = quasi_static(p) & np.isfinite(values)
         force = p.forces_N[FORCE] if by_force and rows.any() else np.zeros(values.size)
         rows &= np.isfinite(force)
-        parts.append(np.stack([values, se, p.speed_m_s, p.acceleration_m_s2, force, np.full(values.size, float(number))])[:, rows])
+        parts.append(
+            np.stack(
+                [
+                    values,
+                    se,
+                    p.speed_m_s,
+                    p.acceleration_m_s2,
+                    force,
+                    np.full(values.size, float(number)),
+                ]
+            )[:, rows]
+        )
     y, se, v, a, force, group = np.concatenate(parts, axis=1)
     if y.size < LEAST_PASSAGES or np.ptp(v) < LEAST_RANGE_M_S:
         found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
         raise UsageError(
-            f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2; a speed map needs {LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; "
+            f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2; a speed map needs "
+            f"{LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; "
             "add a slow drive-up or coast-down"
         )
     dv = v - reference
     columns = [(group == g).astype(float) for g in np.unique(group)] + [dv, dv**2]
     nuisances = []
     if np.quantile(a, 0.1) < -0.03 and np.quantile(a, 0.9) > 0.03:
-        nuisances = [np.maximum(a, 0.0), np.minimum(a, 0.0)] if what == "shift" and not by_force else [a]
+        nuisances = (
+            [np.maximum(a, 0.0), np.minimum(a, 0.0)] if what == "shift" and not by_force else [a]
+        )
     if by_force:
         nuisances.append(force - force.mean())
     design = np.stack([*columns, *nuisances], axis=1)
@@ -158,8 +220,12 @@ def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMa
     )  # fmt: skip
 
 
-def _least_squares(design: FloatArray, y: FloatArray, se: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(solution, covariance, residuals): weighted, wild values left out, the covariance widened by scatter and correlation."""
+def _least_squares(
+    design: FloatArray, y: FloatArray, se: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(solution, covariance, residuals): weighted, wild values left out, the covariance widened by
+    scatter and correlation.
+    """
     keep = np.isfinite(y) & np.isfinite(se) & (se > 0)
     scale = np.sqrt(np.mean(design**2, axis=0))
     scale[scale == 0] = 1.0
@@ -180,7 +246,9 @@ def _least_squares(design: FloatArray, y: FloatArray, se: FloatArray) -> tuple[F
 
 
 def _delay(shift: SpeedMap, reference: float, radius: float) -> tuple[float, float]:
-    """(delay, standard error) [s] from the part of the shift that is linear in Omega: forces (drag) follow v^2, a delay Omega."""
+    """(delay, standard error) [s] from the part of the shift that is linear in Omega: forces (drag)
+    follow v^2, a delay Omega.
+    """
     to_s = np.pi / 180 * radius
     gradient = np.array([1.0, -2 * reference])
     linear = shift.linear - 2 * reference * shift.quadratic
@@ -191,7 +259,11 @@ def clean(p: Passages, calibration: Calibration) -> Cleaned:
     """The passages' regressors by the calibration: detrended with the maps, corrected by P4 (3)."""
     c = calibration
     zero = p.zero_speed_m_s if np.isfinite(p.zero_speed_m_s) else c.reference_speed_m_s
-    shift = p.shift_deg - c.shift(p.speed_m_s, c.reference_speed_m_s) + float(c.shift(np.array(zero), c.reference_speed_m_s))
+    shift = (
+        p.shift_deg
+        - c.shift(p.speed_m_s, c.reference_speed_m_s)
+        + float(c.shift(np.array(zero), c.reference_speed_m_s))
+    )
     width = p.width_deg - c.width(p.speed_m_s, c.reference_speed_m_s)
     calm = p.good & (p.steady >= 0)
     usual = float(np.mean(width[calm])) if calm.any() else c.patch_width_deg
@@ -202,7 +274,8 @@ def clean(p: Passages, calibration: Calibration) -> Cleaned:
 
 
 def _crosstalk(logs: Sequence[Passages], calibration: Calibration) -> tuple[float, float]:
-    """(k, standard error) of P4 (3): no phase shift left on undriven wheels while the car drives off.  NaN where no log shows it.
+    """(k, standard error) of P4 (3): no phase shift left on undriven wheels while the car drives
+    off. NaN where no log shows it.
 
     The width's own noise would pull k towards zero; its known variance is taken off.
     """
@@ -231,7 +304,7 @@ def _crosstalk(logs: Sequence[Passages], calibration: Calibration) -> tuple[floa
 
 
 def _with_forces(logs: Sequence[Passages], c: Calibration) -> Calibration:
-    """The calibration with force maps from the logs' force channels.  UsageError: no log has one."""
+    """The calibration with force maps from the logs' force channels. UsageError: no log has one."""
     cleaned = [clean(p, c) for p in logs]
     known = np.isfinite(c.crosstalk)
     shifts = [one.corrected_deg if known else one.shift_deg for one in cleaned]
@@ -239,6 +312,7 @@ def _with_forces(logs: Sequence[Passages], c: Calibration) -> Calibration:
     longitudinal = fit_force(logs, shifts, "longitudinal_force")
     if vertical is None and longitudinal is None:
         raise UsageError(
-            "--fit-forces, and no log has a vertical_load or longitudinal_force channel with a zero stretch; add one to the setup"
+            "--fit-forces, and no log has a vertical_load or longitudinal_force channel with a "
+            "zero stretch; add one to the setup"
         )
     return Calibration(**{**c.__dict__, "vertical": vertical, "longitudinal": longitudinal})

@@ -3,8 +3,9 @@
     stretches, a vehicle speed with a sign --mean over each stretch--> ways (1, -1)
     wheel angle, placings --what nothing tells--> untold (stretches,)
 
-A turning point that the signal shows and the tone wheel's own pattern are used before (`dsp.encoder.teeth`, `dsp.encoder.pitch`); what is
-left is told by the vehicle's speed, if it has a sign, or by a speed at which nobody drives backwards.
+A turning point that the signal shows and the tone wheel's own pattern are used before
+(`dsp.encoder.teeth`, `dsp.encoder.pitch`); what is left is told by the vehicle's speed, if it has a
+sign, or by a speed at which nobody drives backwards.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.encoder.pitch import Placing, StretchSums
 from tirelog.dsp.encoder.teeth import FASTEST_BACK_Hz
 
-#: a wheel that turns this fast, in turns a second, on both sides of a hole in its signal did not stand in it
+#: a wheel that turns this fast, in turns a second, on both sides of a hole in its signal did not
+#: stand in it
 ROLLING_TURNS_S = 0.5
 #: a mean speed below this tells no direction
 CREEP_M_S = 0.15
@@ -27,12 +29,16 @@ PIECE = 1 << 17
 
 
 def ways_of(stretches: Sequence[StretchSums], vehicle: Channel | None) -> dict[int, int]:
-    """The direction of stretches, by number, that a vehicle speed [m/s] tells; none where it never falls below zero: it has no sign."""
+    """The direction of stretches, by number, that a vehicle speed [m/s] tells; none where it never
+    falls below zero: it has no sign.
+    """
     ways: dict[int, int] = {}
     if vehicle is None or len(stretches) < 2:
         return ways
     for stretch in stretches:
-        first, last = (int(i) for i in vehicle.axis.index(np.array([stretch.begin_s, stretch.end_s])))
+        first, last = (
+            int(i) for i in vehicle.axis.index(np.array([stretch.begin_s, stretch.end_s]))
+        )
         total, known = 0.0, 0
         for at in range(first, last + 1, PIECE):
             values = vehicle.read(at, min(at + PIECE, last + 1))
@@ -43,7 +49,9 @@ def ways_of(stretches: Sequence[StretchSums], vehicle: Channel | None) -> dict[i
 
 
 def untold_stretches(angle: AngleFunction, placings: Sequence[Placing]) -> np.ndarray:
-    """Stretches, shape (n,), after a standstill of which neither the tone wheel, nor the vehicle, nor the speed tells the direction."""
+    """Stretches, shape (n,), after a standstill of which neither the tone wheel, nor the vehicle,
+    nor the speed tells the direction.
+    """
     untold = np.zeros(len(placings), bool)
     for number in range(1, len(placings)):
         low, high = np.searchsorted(angle.stretch, [number, number + 1])

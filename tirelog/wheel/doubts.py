@@ -1,6 +1,8 @@
-"""What makes an encoder or an accelerometer doubtful: swapped channels, a wrong number of steps, a wrong sampling rate, saturation.
+"""What makes an encoder or an accelerometer doubtful: swapped channels, a wrong number of steps, a
+wrong sampling rate, saturation.
 
-channels, WheelAngle, Fronts --> sentences on the whole channel, or a SetupError that says what to mend
+channels, WheelAngle, Fronts --> sentences on the whole channel, or a SetupError that says what to
+mend
 """
 
 from __future__ import annotations
@@ -20,18 +22,23 @@ LEVEL_RATIO = (0.7, 1.4)
 
 
 def refuse_swapped(recording: Recording, accelerometer: Channel, encoder: Channel) -> None:
-    """SetupError where the accelerometer's channel swings like an encoder, evenly, and the encoder's does not."""
+    """SetupError where the accelerometer's channel swings like an encoder, evenly, and the
+    encoder's does not.
+    """
     if _evenness(accelerometer) > EVEN > _evenness(encoder):
         raise SetupError(
-            f"{accelerometer.name} swings like an encoder and {encoder.name} does not: the channels look swapped; "
+            f"{accelerometer.name} swings like an encoder and {encoder.name} does not: "
+            "the channels look swapped; "
             "an encoder swings evenly, `steps` times a turn; exchange their sources in the setup",
             file=recording.log,
         )
 
 
 def _evenness(channel: Channel) -> float:
-    """How like each other the times between a channel's swings are: the shorter over the longer of two neighbours, the median; 0 where it
-    does not swing.  A passage of the patch and the rest of its turn are 1 to 20."""
+    """How like each other the times between a channel's swings are: the shorter over the longer of
+    two neighbours, the median; 0 where it does not swing. A passage of the patch and the rest of
+    its turn are 1 to 20.
+    """
     found = probe(channel.read, channel.size)
     if found.form not in ("sine", "square"):
         return 0.0
@@ -39,30 +46,53 @@ def _evenness(channel: Channel) -> float:
     steps = np.diff(np.concatenate([piece.index for piece in pieces]))
     if steps.size < 20:
         return 0.0
-    return float(np.median(np.minimum(steps[1:], steps[:-1]) / np.maximum(np.maximum(steps[1:], steps[:-1]), 1e-9)))
+    return float(
+        np.median(
+            np.minimum(steps[1:], steps[:-1]) / np.maximum(np.maximum(steps[1:], steps[:-1]), 1e-9)
+        )
+    )
 
 
-def doubts(recording: Recording, channel: Channel, wheel: WheelAngle, fronts: Fronts, radius: Radius, share: float) -> list[str]:
-    """Sentences on the whole channel.  SetupError: the patch does not come once in `steps` steps."""
+def doubts(
+    recording: Recording,
+    channel: Channel,
+    wheel: WheelAngle,
+    fronts: Fronts,
+    radius: Radius,
+    share: float,
+) -> list[str]:
+    """Sentences on the whole channel. SetupError: the patch does not come once in `steps` steps."""
     said = []
     turns = fronts.turn_rad / (2 * np.pi)
     if abs(turns - 1) > 0.01:
         steps = wheel.steps * turns
-        table = ", and the learnt pitch table does not repeat" if any("does not repeat" in remark for remark in wheel.remarks) else ""
+        table = (
+            ", and the learnt pitch table does not repeat"
+            if any("does not repeat" in remark for remark in wheel.remarks)
+            else ""
+        )
         raise SetupError(
-            f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every {wheel.steps}{table}; "
+            f"channel {wheel.channel}: the patch comes every {steps:.2f} steps, not every "
+            f"{wheel.steps}{table}; "
             f"the setup's steps must be those of a whole turn; write steps = {round(steps)}",
             file=recording.log,
         )
     ratio = fronts.level_m / radius.radius_m
     if share < 0.01 and not LEVEL_RATIO[0] < ratio < LEVEL_RATIO[1]:
         said.append(
-            f"channel {channel.name}: the level outside the patch is {ratio:.3g} times Omega^2 R: the sampling rate is wrong by a factor "
+            f"channel {channel.name}: the level outside the patch is {ratio:.3g} times Omega^2 "
+            "R: the sampling rate is wrong by a factor "
             f"{ratio**0.5:.3g}, or a unit by {ratio:.3g}; angles do not depend on it, speeds do"
         )
     if share > 1e-4:
-        said.append(f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits (clipped)")
+        said.append(
+            f"channel {channel.name}: {100 * share:.2g} % of the samples stand at its limits "
+            "(clipped)"
+        )
     outward = "outward" if fronts.sign < 0 else "inward"
     gravity = "with" if fronts.gravity else "without"
-    said.append(f"channel {channel.name}: {outward} positive by its level outside the patch, {gravity} gravity")
+    said.append(
+        f"channel {channel.name}: {outward} positive by its level outside the patch, {gravity} "
+        "gravity"
+    )
     return said

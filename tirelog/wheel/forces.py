@@ -1,6 +1,8 @@
-"""Force maps: F_z = f_z(patch width), F_x = f_x(phase shift) (P4 section III), where logs have force channels.
+"""Force maps: F_z = f_z(patch width), F_x = f_x(phase shift) (P4 section III), where logs have
+force channels.
 
-regressors and measured forces of several logs --least squares, degree by cross-validation--> ForceMap --> force and its error
+regressors and measured forces of several logs --least squares, degree by cross-validation-->
+ForceMap --> force and its error
 """
 
 from __future__ import annotations
@@ -19,8 +21,10 @@ LEAST, FOLDS = 40, 5
 
 @dataclass(frozen=True)
 class ForceMap:
-    """Force [N] as a polynomial in (regressor - centre_deg), lowest power first; `covariance` of the coefficients; valid from
-    `low_deg` to `high_deg`; `rms_N` the residual on held-out parts of the logs, which holds what the regressor does not know."""
+    """Force [N] as a polynomial in (regressor - centre_deg), lowest power first; `covariance` of
+    the coefficients; valid from `low_deg` to `high_deg`; `rms_N` the residual on held-out parts of
+    the logs, which holds what the regressor does not know.
+    """
 
     centre_deg: float
     coefficients: FloatArray
@@ -30,7 +34,9 @@ class ForceMap:
     rms_N: float
 
 
-def fit_force(logs: Sequence[Passages], regressors: Sequence[FloatArray], kind: str) -> ForceMap | None:
+def fit_force(
+    logs: Sequence[Passages], regressors: Sequence[FloatArray], kind: str
+) -> ForceMap | None:
     """The map of one force; None where the logs have no such channel, or too few passages."""
     xs, ys = [], []
     for p, x in zip(logs, regressors, strict=True):
@@ -49,21 +55,34 @@ def fit_force(logs: Sequence[Passages], regressors: Sequence[FloatArray], kind: 
         held = np.empty(x.size)
         for k in range(FOLDS):
             train = fold != k
-            held[~train] = y[~train] - design[~train] @ np.linalg.lstsq(design[train], y[train], rcond=None)[0]
+            held[~train] = (
+                y[~train] - design[~train] @ np.linalg.lstsq(design[train], y[train], rcond=None)[0]
+            )
         errors[degree] = float(np.sqrt(np.mean(held**2)))
     degree = 2 if errors[2] < 0.98 * errors[1] else 1
     design = np.vander(x - centre, degree + 1, increasing=True)
     solved = np.asarray(np.linalg.lstsq(design, y, rcond=None)[0], dtype=np.float64)
     residual = y - design @ solved
-    rho = float(np.clip(np.sum(residual[1:] * residual[:-1]) / max(float(residual @ residual), 1e-300), 0.0, 0.95))
+    rho = float(
+        np.clip(
+            np.sum(residual[1:] * residual[:-1]) / max(float(residual @ residual), 1e-300),
+            0.0,
+            0.95,
+        )
+    )
     variance = float(residual @ residual) / max(x.size - degree - 1, 1) * (1 + rho) / (1 - rho)
     covariance = np.asarray(variance * np.linalg.pinv(design.T @ design), dtype=np.float64)
     return ForceMap(centre, solved, covariance, float(x.min()), float(x.max()), errors[degree])
 
 
-def predict_force(force: ForceMap, x: FloatArray, x_se: FloatArray) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """(force, standard error, outside of the map's range), shape (n,).  The error is that of a single passage: the map's, and what
-    held-out passages scattered, which holds the regressor's usual noise; more where the passage is noisier than its range allows."""
+def predict_force(
+    force: ForceMap, x: FloatArray, x_se: FloatArray
+) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """(force, standard error, outside of the map's range), shape (n,).
+
+    The error is that of a single passage: the map's, and what held-out passages scattered, which
+    holds the regressor's usual noise; more where the passage is noisier than its range allows.
+    """
     degree = force.coefficients.size - 1
     design = np.vander(np.nan_to_num(x) - force.centre_deg, degree + 1, increasing=True)
     value = np.where(np.isfinite(x), design @ force.coefficients, np.nan)

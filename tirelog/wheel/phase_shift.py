@@ -3,9 +3,10 @@
     Recording --wheel angle, fronts--> Passages (one accelerometer of one log) --zero--> phase shift
         --Calibration--> detrended, corrected, forces --columns--> the `phase-shift` table
 
-The phase shift is the wheel angle, growing in the direction of rolling, at the middle of the patch signal minus its value in the zero
-stretch: later in wheel angle is positive, braking is negative (P4 section III; errata on the wind-up).  "Zero" is a convention (P4
-section IV B): the first low, constant-speed stretch of the log, or what the user names.
+The phase shift is the wheel angle, growing in the direction of rolling, at the middle of the patch
+signal minus its value in the zero stretch: later in wheel angle is positive, braking is negative
+(P4 section III; errata on the wind-up). "Zero" is a convention (P4 section IV B): the first low,
+constant-speed stretch of the log, or what the user names.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from tirelog.wheel.fronts.fronts import Fronts, Words, find_fronts
 DEG = 180 / np.pi
 #: the zero is sought in stretches below this speed (P4: about 10 m/s)
 LOW_SPEED_M_S = 13.0
-#: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many passages, within this range
+#: a constant speed: steps below this from passage to passage (P1 section 4), over at least so many
+#: passages, within this range
 STEADY_STEP_M_S, STEADY_PASSAGES, STEADY_RANGE_M_S = 0.08, 8, 0.6
 #: forces do not move the patch's usual place by more than this after a standstill
 ELSEWHERE_DEG = 2.0
@@ -36,11 +38,13 @@ ELSEWHERE_DEG = 2.0
 class Passages:
     """One accelerometer of one log, arrays of shape (n,), NaN where a passage was not found.
 
-    Angles in degrees: `entry_deg`, `exit_deg` within one turn, `width_deg`, `shift_deg` (NaN without a zero) and standard errors;
-    `speed_m_s` low-passed at 20 Hz, `acceleration_m_s2` over the turn; `words` what is wrong; `steady` (n,) in a constant-speed
-    stretch; `zero_speed_m_s` where the zero was taken (NaN without one); `forces_N` means of the force channels around the passage.
-    `without_zero` says why there is no zero, '' where there is one.
-    `example` (3, m), for pictures: angles from the middle of one passage [deg], the signal there in levels outside, and its two fronts.
+    Angles in degrees: `entry_deg`, `exit_deg` within one turn, `width_deg`, `shift_deg` (NaN
+    without a zero) and standard errors; `speed_m_s` low-passed at 20 Hz, `acceleration_m_s2` over
+    the turn; `words` what is wrong; `steady` (n,) in a constant-speed stretch; `zero_speed_m_s`
+    where the zero was taken (NaN without one); `forces_N` means of the force channels around the
+    passage. `without_zero` says why there is no zero, '' where there is one. `example` (3, m), for
+    pictures: angles from the middle of one passage [deg], the signal there in levels outside, and
+    its two fronts.
     """
 
     log: str
@@ -72,18 +76,24 @@ class Passages:
     @property
     def good(self) -> np.ndarray:
         """Passages with nothing wrong (a zero that is missing apart), shape (n,)."""
-        return np.array([not (w - {"no_zero", "extrapolated"}) for w in self.words], bool) & np.isfinite(self.width_deg)
+        return np.array(
+            [not (w - {"no_zero", "extrapolated"}) for w in self.words], bool
+        ) & np.isfinite(self.width_deg)
 
 
 def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> Iterator[Passages]:
     """The passages of every accelerometer of a log.
 
-    `zero`: 'auto', 'none', a speed in m/s (the first steady stretch within 1.5 m/s of it) or 'START:STOP' in seconds.  DataLoss: the
-    encoder shows no teeth or the accelerometers no patch.  SetupError: no such channels, swapped channels, a wrong number of steps.
+    `zero`: 'auto', 'none', a speed in m/s (the first steady stretch within 1.5 m/s of it) or
+    'START:STOP' in seconds. DataLoss: the encoder shows no teeth or the accelerometers no patch.
+    SetupError: no such channels, swapped channels, a wrong number of steps.
     """
     accelerometers = recording.of_kind("radial_acceleration")
     if not accelerometers:
-        raise SetupError(f"{recording.log}: no radial_acceleration channel; phase-shift needs one and a wheel_encoder; add it to the setup")
+        raise SetupError(
+            f"{recording.log}: no radial_acceleration channel; phase-shift needs one and a "
+            "wheel_encoder; add it to the setup"
+        )
     try:
         encoder, wheel = encoder_of(recording)
     except DataLoss:
@@ -97,8 +107,10 @@ def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> I
         if fronts is None:
             refuse_swapped(recording, channel, encoder)
             raise DataLoss(
-                f"channel {channel.name} shows no patch: its signal does not fall below half of its level once a turn; "
-                "check that it is a radial in-tire acceleration and that the wheel turned faster than 2 m/s",
+                f"channel {channel.name} shows no patch: its signal does not fall below half of "
+                "its level once a turn; "
+                "check that it is a radial in-tire acceleration and that the wheel turned faster "
+                "than 2 m/s",
                 file=recording.log,
             )
         said += doubts(recording, channel, wheel, fronts, radius, share)
@@ -107,7 +119,14 @@ def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> I
 
 
 def _passages(
-    recording: Recording, channel: Channel, wheel: WheelAngle, radius: Radius, fronts: Fronts, zero: str, forces: bool, said: list[str]
+    recording: Recording,
+    channel: Channel,
+    wheel: WheelAngle,
+    radius: Radius,
+    fronts: Fronts,
+    zero: str,
+    forces: bool,
+    said: list[str],
 ) -> Passages:
     """Fronts as a table's rows."""
     entry, leave = fronts.entry_rad, fronts.exit_rad
@@ -119,8 +138,13 @@ def _passages(
     acceleration = _acceleration(before, time, after, radius.radius_m)
     words = fronts.words
     margin = 15 / DEG
-    low, high = wheel.angle.time_at(middle - margin - 0.3), wheel.angle.time_at(middle + margin + 0.3)
-    for row, others in wheel.words(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf)).items():
+    low, high = (
+        wheel.angle.time_at(middle - margin - 0.3),
+        wheel.angle.time_at(middle + margin + 0.3),
+    )
+    for row, others in wheel.words(
+        np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf)
+    ).items():
         words[row] |= frozenset(others)
     mark(words, ~found, "lost_peak")
     reading = np.where(found, middle, np.nan)
@@ -132,11 +156,22 @@ def _passages(
     if np.isnan(offset):
         mark(words, np.ones(len(words), bool), "no_zero")
     if moved:
-        said = [*said, f"channel {wheel.channel}: the tooth count was lost {moved} times; the patch itself gave the whole teeth back"]
+        said = [
+            *said,
+            f"channel {wheel.channel}: the tooth count was lost {moved} times; the patch itself "
+            "gave the whole teeth back",
+        ]
     without = _without_zero(zero) if np.isnan(offset) else ""
     se = np.hypot(fronts.entry_se_rad, fronts.exit_se_rad) * DEG
     width = (leave - entry) * DEG
-    means = {c.kind: _means(c, before, after) for c in recording.of_kind("vertical_load", "longitudinal_force")} if forces else {}
+    means = (
+        {
+            c.kind: _means(c, before, after)
+            for c in recording.of_kind("vertical_load", "longitudinal_force")
+        }
+        if forces
+        else {}
+    )
     return Passages(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time, speed, acceleration, turn - width / 2,
         turn + width / 2, width, se, turn - offset, se / 2, steady, words, zero_speed, tuple(said), without, means,
@@ -167,17 +202,23 @@ def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, good: np.ndarr
     return np.stack([(wheel.angle.at(at) - middle) * DEG, channel.read(first, last) / level, both])
 
 
-def _acceleration(before: FloatArray, time: FloatArray, after: FloatArray, radius: float) -> FloatArray:
+def _acceleration(
+    before: FloatArray, time: FloatArray, after: FloatArray, radius: float
+) -> FloatArray:
     """Acceleration [m/s^2] from the durations of the half turns around the passage."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return radius * 2 * np.pi * (1 / (after - time) - 1 / (time - before)) / (after - before)
 
 
-def _one_turn(middle: FloatArray, wheel: WheelAngle, time: FloatArray) -> tuple[FloatArray, int, np.ndarray]:
-    """(middles within one turn [deg], how often whole teeth were given back, passages of stretches in which the patch is elsewhere).
+def _one_turn(
+    middle: FloatArray, wheel: WheelAngle, time: FloatArray
+) -> tuple[FloatArray, int, np.ndarray]:
+    """(middles within one turn [deg], how often whole teeth were given back, passages of stretches
+    in which the patch is elsewhere).
 
-    After a standstill or a hole the count may have lost whole teeth.  The patch cannot have moved by half a tooth, so its place against
-    the first stretch gives them back.  Where it lies between two teeth the wheel must have rolled the other way.
+    After a standstill or a hole the count may have lost whole teeth. The patch cannot have moved by
+    half a tooth, so its place against the first stretch gives them back. Where it lies between two
+    teeth the wheel must have rolled the other way.
     """
     tooth = 360.0 / wheel.steps
     known = np.isfinite(middle)
@@ -195,12 +236,16 @@ def _one_turn(middle: FloatArray, wheel: WheelAngle, time: FloatArray) -> tuple[
         turn[rows] -= lost
         moved += lost != 0
         strange |= rows & (abs(place - lost - first) > ELSEWHERE_DEG)
-    centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(np.median(turn[known]))
+    centre = np.mod(usual * DEG + float(np.median(turn[known])), 360.0) - float(
+        np.median(turn[known])
+    )
     return turn + centre, moved, strange
 
 
 def steady_passages(speed: FloatArray, good: np.ndarray) -> IntArray:
-    """Number of the constant-speed stretch of each passage, from 0 in order of time; -1 outside of one."""
+    """Number of the constant-speed stretch of each passage, from 0 in order of time; -1 outside of
+    one.
+    """
     n = speed.size
     small = np.zeros(n + 1, bool)
     small[1:-1] = np.abs(np.diff(speed)) < STEADY_STEP_M_S
@@ -209,7 +254,13 @@ def steady_passages(speed: FloatArray, good: np.ndarray) -> IntArray:
     stretch, number, start = np.full(n, -1, np.int64), 0, 0
     while start < n:
         stop = start + 1
-        while stop < n and calm[start] and calm[stop] and small[stop] and abs(speed[stop] - speed[start]) < STEADY_RANGE_M_S / 2:
+        while (
+            stop < n
+            and calm[start]
+            and calm[stop]
+            and small[stop]
+            and abs(speed[stop] - speed[start]) < STEADY_RANGE_M_S / 2
+        ):
             stop += 1
         if stop - start >= STEADY_PASSAGES:
             stretch[start:stop], number = number, number + 1
@@ -217,14 +268,28 @@ def steady_passages(speed: FloatArray, good: np.ndarray) -> IntArray:
     return stretch
 
 
-def _zero(turn: FloatArray, speed: FloatArray, time: FloatArray, steady: IntArray, good: np.ndarray, zero: str) -> tuple[float, float]:
-    """(middle [deg] that counts as zero, speed there); NaN where the log has no such stretch.  UsageError: `zero` is none of the forms."""
+def _zero(
+    turn: FloatArray,
+    speed: FloatArray,
+    time: FloatArray,
+    steady: IntArray,
+    good: np.ndarray,
+    zero: str,
+) -> tuple[float, float]:
+    """(middle [deg] that counts as zero, speed there); NaN where the log has no such stretch.
+
+    UsageError: `zero` is none of the forms.
+    """
     rows = np.zeros(turn.size, bool)
     if ":" in zero:
         start, stop = _numbers(zero.split(":", 1), zero)
         rows = good & (time >= start) & (time <= stop)
     elif zero != "none":
-        low, high = (0.0, LOW_SPEED_M_S) if zero == "auto" else tuple(_numbers([zero], zero)[0] + d for d in (-1.5, 1.5))
+        low, high = (
+            (0.0, LOW_SPEED_M_S)
+            if zero == "auto"
+            else tuple(_numbers([zero], zero)[0] + d for d in (-1.5, 1.5))
+        )
         for number in range(int(steady.max(initial=-1)) + 1):
             one = steady == number
             if low <= float(np.mean(speed[one])) <= high:
@@ -240,15 +305,21 @@ def _numbers(texts: list[str], zero: str) -> list[float]:
         return [float(t) for t in texts]
     except ValueError:
         raise UsageError(
-            f"--zero {zero}; allowed are auto, none, a speed in m/s, or START:STOP in seconds; e.g. --zero 10 or --zero 2:8"
+            f"--zero {zero}; allowed are auto, none, a speed in m/s, or START:STOP in seconds; "
+            "e.g. --zero 10 or --zero 2:8"
         ) from None
 
 
 def _without_zero(zero: str) -> str:
-    wanted = f"constant-speed stretch below {LOW_SPEED_M_S:g} m/s" if zero == "auto" else f"stretch for --zero {zero}"
+    wanted = (
+        f"constant-speed stretch below {LOW_SPEED_M_S:g} m/s"
+        if zero == "auto"
+        else f"stretch for --zero {zero}"
+    )
     return (
         f"no {wanted} for the zero of the phase shift, which is empty (no_zero); "
-        "name another with --zero SPEED or --zero START:STOP, or give the --calibration of a log that has one"
+        "name another with --zero SPEED or --zero START:STOP, or give the --calibration of a log "
+        "that has one"
     )
 
 

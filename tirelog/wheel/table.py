@@ -1,4 +1,5 @@
-"""A calibration applied to a log: its zero where the log has none of its own, and the rows of the `phase-shift` table.
+"""A calibration applied to a log: its zero where the log has none of its own, and the rows of the
+`phase-shift` table.
 
 Passages, Calibration --no zero stretch in the log--> Passages with the calibration's zero
 Passages, Calibration --clean, force maps--> columns of the table, words
@@ -21,27 +22,36 @@ from tirelog.wheel.phase_shift import Passages, mark, measure
 LEAST_ZERO = 8
 
 
-def measure_with(calibration: Calibration | None, recording: Recording, zero: str = "auto", forces: bool = False) -> Iterator[Passages]:
+def measure_with(
+    calibration: Calibration | None, recording: Recording, zero: str = "auto", forces: bool = False
+) -> Iterator[Passages]:
     """`measure`, with the calibration's zero where the log has none and none is named."""
     for passages in measure(recording, zero, forces):
         yield with_zero(passages, calibration) if calibration and zero == "auto" else passages
 
 
 def with_zero(p: Passages, calibration: Calibration) -> Passages:
-    """The passages with the calibration's zero, where their log has none; as they are where it has one, or too few quasi-static passages.
+    """The passages with the calibration's zero, where their log has none; as they are where it has
+    one, or too few quasi-static passages.
 
-    Where no force is transmitted the phase shift is what the calibration's speed map says: the quasi-static passages, at whatever speed the
-    map knows, give the wheel angle at which it is zero.
+    Where no force is transmitted the phase shift is what the calibration's speed map says: the
+    quasi-static passages, at whatever speed the map knows, give the wheel angle at which it is
+    zero.
     """
     if np.isfinite(p.zero_speed_m_s):
         return p
     middle = p.entry_deg + p.width_deg / 2
     change = calibration.shift(p.speed_m_s, calibration.reference_speed_m_s)
     with np.errstate(invalid="ignore"):
-        inside = (p.speed_m_s > calibration.shift.low_m_s - 0.5) & (p.speed_m_s < calibration.shift.high_m_s + 0.5)
+        inside = (p.speed_m_s > calibration.shift.low_m_s - 0.5) & (
+            p.speed_m_s < calibration.shift.high_m_s + 0.5
+        )
     rows = quasi_static(p) & inside & np.isfinite(middle)
     if rows.sum() < LEAST_ZERO:
-        told = f"and fewer than {LEAST_ZERO} quasi-static passages within the calibration's range of speed"
+        told = (
+            f"and fewer than {LEAST_ZERO} quasi-static passages within the calibration's range "
+            "of speed"
+        )
         return replace(p, without_zero=f"{p.without_zero}; {told}")
     zero = float(np.median((middle - change)[rows]))
     speeds = f"{p.speed_m_s[rows].min():.1f} to {p.speed_m_s[rows].max():.1f} m/s"
@@ -50,7 +60,11 @@ def with_zero(p: Passages, calibration: Calibration) -> Passages:
         shift_deg=middle - zero,
         words=[own - {"no_zero"} for own in p.words],
         zero_speed_m_s=calibration.reference_speed_m_s,
-        remarks=(*p.remarks, f"zero of the phase shift: the calibration's, by {rows.sum()} quasi-static passages at {speeds}"),
+        remarks=(
+            *p.remarks,
+            f"zero of the phase shift: the calibration's, by {rows.sum()} quasi-static passages "
+            f"at {speeds}",
+        ),
         without_zero="",
     )
 
@@ -58,11 +72,16 @@ def with_zero(p: Passages, calibration: Calibration) -> Passages:
 def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
     """The columns of the `phase-shift` table for one accelerometer of one log.
 
-    Rows from whose phase shift the calibration's telemetry delay was removed carry the word `delay_removed`.
+    Rows from whose phase shift the calibration's telemetry delay was removed carry the word
+    `delay_removed`.
     """
     n, words = p.time_s.size, list(p.words)
     nothing = np.full(n, np.nan)
-    cleaned = clean(p, calibration) if calibration else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
+    cleaned = (
+        clean(p, calibration)
+        if calibration
+        else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
+    )
     mark(words, cleaned.extrapolated, "extrapolated")
     if calibration and calibration.has_delay:
         mark(words, np.isfinite(cleaned.shift_deg), "delay_removed")

@@ -1,12 +1,15 @@
-"""`compare` on transients: a coupled ring model's answer to an obstacle against a log, in time and in frequency.
+"""`compare` on transients: a coupled ring model's answer to an obstacle against a log, in time and
+in frequency.
 
-    TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits --rows in time and frequency--> TransientComparison
+    TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits --rows in time
+    and frequency--> TransientComparison
 
-The model's own parameters are not touched here: what it says of the obstacle is a prediction, with four nuisance numbers a hit (when,
-phase, level, alignment), which the errors are charged for.  Beside the error of the whole reading stand the model's error off the obstacle
-(`rmse_steady`), the repeatability of steady revolutions at the same wheel angles (`noise_floor`), what the obstacle added as measured
-(`added`) and what of that the model does not cover (`missed`).  Errors in the observable's unit; squares of a band are mean squares, so
-that bands add up to the whole.
+The model's own parameters are not touched here: what it says of the obstacle is a prediction, with
+four nuisance numbers a hit (when, phase, level, alignment), which the errors are charged for.
+Beside the error of the whole reading stand the model's error off the obstacle (`rmse_steady`), the
+repeatability of steady revolutions at the same wheel angles (`noise_floor`), what the obstacle
+added as measured (`added`) and what of that the model does not cover (`missed`). Errors in the
+observable's unit; squares of a band are mean squares, so that bands add up to the whole.
 """
 
 from __future__ import annotations
@@ -25,10 +28,37 @@ from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
-#: Rows of the table by time [s], and edges of the bands [Hz] of the table by frequency: thirds of an octave above 20 Hz.
+#: Rows of the table by time [s], and edges of the bands [Hz] of the table by frequency: thirds of
+#: an octave above 20 Hz.
 BIN_S = 0.01
 BANDS_HZ = np.array(
-    [0, 20, 25, 31.5, 40, 50, 63, 80, 100, 125, 160, 200, 250, 315, 400, 500, 630, 800, 1000, 1250, 1600, 2000, 2500, 4e3, 1e4]
+    [
+        0,
+        20,
+        25,
+        31.5,
+        40,
+        50,
+        63,
+        80,
+        100,
+        125,
+        160,
+        200,
+        250,
+        315,
+        400,
+        500,
+        630,
+        800,
+        1000,
+        1250,
+        1600,
+        2000,
+        2500,
+        4e3,
+        1e4,
+    ]
 )
 #: Angles over which errors off the obstacle are averaged.
 _ANGLES = 128
@@ -38,7 +68,9 @@ _COVERED = 0.2
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Mean squares per band of a hit (b,): edges (b + 1,) [Hz]; measured what the obstacle added, residual, missed, steady, floor."""
+    """Mean squares per band of a hit (b,): edges (b + 1,) [Hz]; measured what the obstacle added,
+    residual, missed, steady, floor.
+    """
 
     edges_Hz: FloatArray
     added: FloatArray
@@ -68,7 +100,10 @@ class HitResult:
     def row(self) -> dict[str, Any]:
         """One row of the table by hit."""
         hit, left = self.hit, self.hit.measured - self.hit.predicted
-        added, missed = np.sqrt(np.mean(hit.added**2)), np.sqrt(np.mean(hit.missed**2) * self._charged)
+        added, missed = (
+            np.sqrt(np.mean(hit.added**2)),
+            np.sqrt(np.mean(hit.missed**2) * self._charged),
+        )
         floor = float(np.sqrt(np.mean(self.floor)))
         rmse = float(np.sqrt(np.mean(left**2) * self._charged))
         covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
@@ -87,9 +122,20 @@ class HitResult:
         rows = []
         for number in np.unique(bins):
             at = bins == number
-            parts = (left**2 * self._charged, self.steady, self.floor, hit.added**2, hit.missed**2 * self._charged)
+            parts = (
+                left**2 * self._charged,
+                self.steady,
+                self.floor,
+                hit.added**2,
+                hit.missed**2 * self._charged,
+            )
             rows.append(
-                {**self._name(), "since_s": (number + 0.5) * BIN_S, "samples": int(at.sum()), **_errors([p[at].mean() for p in parts])}
+                {
+                    **self._name(),
+                    "since_s": (number + 0.5) * BIN_S,
+                    "samples": int(at.sum()),
+                    **_errors([p[at].mean() for p in parts]),
+                }
             )
         return rows
 
@@ -98,8 +144,21 @@ class HitResult:
         s = self.spectrum
         rows = []
         for i, (low, high) in enumerate(zip(s.edges_Hz[:-1], s.edges_Hz[1:])):
-            parts = (s.residual[i] * self._charged, s.steady[i], s.floor[i], s.added[i], s.missed[i] * self._charged)
-            rows.append({**self._name(), "low_Hz": float(low), "high_Hz": float(high), **_errors(list(parts))})
+            parts = (
+                s.residual[i] * self._charged,
+                s.steady[i],
+                s.floor[i],
+                s.added[i],
+                s.missed[i] * self._charged,
+            )
+            rows.append(
+                {
+                    **self._name(),
+                    "low_Hz": float(low),
+                    "high_Hz": float(high),
+                    **_errors(list(parts)),
+                }
+            )
         return rows
 
     def _name(self) -> dict[str, Any]:
@@ -107,7 +166,9 @@ class HitResult:
 
 
 def _errors(squares: Sequence[float]) -> dict[str, float]:
-    """rmse, rmse_steady, noise_floor, excess, added, missed from mean squares in that order (excess is their own)."""
+    """rmse, rmse_steady, noise_floor, excess, added, missed from mean squares in that order (excess
+    is their own).
+    """
     rmse, steady, floor, added, missed = (float(np.sqrt(max(x, 0.0))) for x in squares)
     return {
         "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor), "added": added, "missed": missed,
@@ -137,17 +198,27 @@ class TransientComparison:
         weights = np.array([row["samples"] for row in rows], float)
 
         def total(name: str) -> float:
-            return float(np.sqrt(np.average(np.array([row[name] for row in rows]) ** 2, weights=weights)))
+            return float(
+                np.sqrt(np.average(np.array([row[name] for row in rows]) ** 2, weights=weights))
+            )
 
-        numbers = {name: total(name) for name in ("rmse", "rmse_steady", "noise_floor", "added", "missed")}
+        numbers = {
+            name: total(name) for name in ("rmse", "rmse_steady", "noise_floor", "added", "missed")
+        }
         numbers["excess"] = excess_of(numbers["rmse"], numbers["noise_floor"])
         floor = numbers["noise_floor"] ** 2
-        numbers["covered"] = 1.0 - max(numbers["missed"] ** 2 - floor, 0.0) / max(numbers["added"] ** 2 - floor, 1e-300)
+        numbers["covered"] = 1.0 - max(numbers["missed"] ** 2 - floor, 0.0) / max(
+            numbers["added"] ** 2 - floor, 1e-300
+        )
         return plain({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
 
 
-def compare_transients(logs: Sequence[TransientLog], model: Model, *, unit: str) -> TransientComparison:
-    """The model's answer to every hit of the logs; ModelError where the model cannot be driven over their roads."""
+def compare_transients(
+    logs: Sequence[TransientLog], model: Model, *, unit: str
+) -> TransientComparison:
+    """The model's answer to every hit of the logs; ModelError where the model cannot be driven over
+    their roads.
+    """
     results: list[HitResult] = []
     remarks: list[str] = []
     for log in logs:
@@ -160,7 +231,8 @@ def compare_transients(logs: Sequence[TransientLog], model: Model, *, unit: str)
             remarks += [remark for remark in hit.remarks if remark not in remarks]
             if results[-1].row()["quality"] != "ok":
                 remarks.append(
-                    f"{log.log}: the model covers little of what happened at {hit.time_s:.4g} s; the obstacle's dimensions, the model, or "
+                    f"{log.log}: the model covers little of what happened at {hit.time_s:.4g} s; "
+                    "the obstacle's dimensions, the model, or "
                     f"another event are to be doubted"
                 )
     return TransientComparison(model.observable, unit, tuple(results), tuple(remarks))
@@ -175,23 +247,39 @@ def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResul
     rows = (log.time_s >= hit.time_s) & (log.time_s - hit.time_s <= hit.since_s[-1] + 1e-9)
     at_hit = bins[rows][: hit.since_s.size]
     edges = BANDS_HZ[: int(np.searchsorted(BANDS_HZ, 0.5 * log.rate_Hz))]
-    edges = np.append(edges[:-1], 0.5 * log.rate_Hz) if edges.size > 1 else np.array([0.0, 0.5 * log.rate_Hz])
+    edges = (
+        np.append(edges[:-1], 0.5 * log.rate_Hz)
+        if edges.size > 1
+        else np.array([0.0, 0.5 * log.rate_Hz])
+    )
     spectra = {"added": hit.added, "residual": hit.measured - hit.predicted, "missed": hit.missed}
-    powers = {name: band_squares(hit.since_s, values, edges, log.rate_Hz) for name, values in spectra.items()}
-    calm = {name: _calm_squares(log, values, near, hit.since_s[-1], edges) for name, values in (("steady", error), ("floor", off))}
+    powers = {
+        name: band_squares(hit.since_s, values, edges, log.rate_Hz)
+        for name, values in spectra.items()
+    }
+    calm = {
+        name: _calm_squares(log, values, near, hit.since_s[-1], edges)
+        for name, values in (("steady", error), ("floor", off))
+    }
     by_angle = [_by_angle(values[near] ** 2, bins[near])[at_hit] for values in (off, error)]
     return HitResult(log, ordinal, hit, by_angle[0], by_angle[1], Spectrum(edges, **powers, **calm))
 
 
 def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
-    """Samples less the model's steady waveform at the angle of the passages and at the hit's conditions, level removed, (N,)."""
+    """Samples less the model's steady waveform at the angle of the passages and at the hit's
+    conditions, level removed, (N,).
+    """
     nearest = int(np.argmin(np.abs(log.conditions.time_s - hit.time_s)))
     conditions = log.conditions.take(slice(nearest, nearest + 1))
     phi = split_turns(log.wheel.theta(log.time_s) + hit.alignment_rad)[1]
     wave = model.predict(conditions, phi, surface=log.surface)[0]
     if log.observable == "radial_acceleration":
-        frame = model.predict(conditions, phi, observable="frame_acceleration")[0]  # does not follow the spin
-        wave = (wave - frame) * (log.wheel.speed_rad_s(log.time_s) * log.radius_m / conditions.speed_m_s[0]) ** 2 + frame
+        frame = model.predict(conditions, phi, observable="frame_acceleration")[
+            0
+        ]  # does not follow the spin
+        wave = (wave - frame) * (
+            log.wheel.speed_rad_s(log.time_s) * log.radius_m / conditions.speed_m_s[0]
+        ) ** 2 + frame
     error: FloatArray = log.values - wave
     return error - error[log.calm].mean()
 
@@ -203,17 +291,34 @@ def _by_angle(squares: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
     return np.where(count > 0, total / np.maximum(count, 1), squares.mean())
 
 
-def _calm_squares(log: TransientLog, values: FloatArray, near: NDArray[np.int64], length_s: float, edges_Hz: FloatArray) -> FloatArray:
-    """Mean squares per band over stretches of steady rolling as long as the window (or the longest there is), (b,)."""
+def _calm_squares(
+    log: TransientLog,
+    values: FloatArray,
+    near: NDArray[np.int64],
+    length_s: float,
+    edges_Hz: FloatArray,
+) -> FloatArray:
+    """Mean squares per band over stretches of steady rolling as long as the window (or the longest
+    there is), (b,).
+    """
     stretches = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
     size = min(max(round(length_s * log.rate_Hz), 8), max(len(s) for s in stretches))
-    parts = [stretch[i : i + size] for stretch in stretches for i in range(0, len(stretch) - size + 1, size)]
-    squares: FloatArray = np.mean([band_squares(log.time_s[p], values[p], edges_Hz, log.rate_Hz) for p in parts], axis=0)
+    parts = [
+        stretch[i : i + size]
+        for stretch in stretches
+        for i in range(0, len(stretch) - size + 1, size)
+    ]
+    squares: FloatArray = np.mean(
+        [band_squares(log.time_s[p], values[p], edges_Hz, log.rate_Hz) for p in parts], axis=0
+    )
     return squares
 
 
-def band_squares(time_s: FloatArray, values: FloatArray, edges_Hz: FloatArray, rate_Hz: float) -> FloatArray:
-    """Mean square of the values in each band [low, high), (b,); the bands of a whole spectrum add up to their variance.
+def band_squares(
+    time_s: FloatArray, values: FloatArray, edges_Hz: FloatArray, rate_Hz: float
+) -> FloatArray:
+    """Mean square of the values in each band [low, high), (b,); the bands of a whole spectrum add
+    up to their variance.
 
     Lost samples are bridged by straight lines.
     """

@@ -1,11 +1,14 @@
-"""When a hit happened, and what the model says of it: four nuisance numbers a hit, found by least squares.
+"""When a hit happened, and what the model says of it: four nuisance numbers a hit, found by least
+squares.
 
-    TransientLog, Model, rough time --one motion of the model--> readings over (time of the hit, phase of the sensor) --least squares--> Hit
+    TransientLog, Model, rough time --one motion of the model--> readings over (time of the hit,
+    phase of the sensor) --least squares--> Hit
 
-Nuisances: where the model's patch centre lies among the passages, from the steady revolutions around (`alignment`); the time at which the
-wheel's centre stood over the obstacle's beginning and a shift of the wheel's angle, fitted to what the obstacle added as measured,
-D = y - T(phi), so that a misfit of the model's steady waveform does not move them; and the level.  Speed and load are those of the
-revolutions around it.
+Nuisances: where the model's patch centre lies among the passages, from the steady revolutions
+around (`alignment`); the time at which the wheel's centre stood over the obstacle's beginning and a
+shift of the wheel's angle, fitted to what the obstacle added as measured, D = y - T(phi), so that a
+misfit of the model's steady waveform does not move them; and the level. Speed and load are those of
+the revolutions around it.
 """
 
 from __future__ import annotations
@@ -28,12 +31,13 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: Nuisance numbers of a hit.
 NUISANCES = 4
-#: The patch centre of the model is sought this far [rad] from the passages, and compared at so many angles.
+#: The patch centre of the model is sought this far [rad] from the passages, and compared at so many
+#: angles.
 _ALIGNED_RAD, _ALIGNED_AT = 0.15, 1024
 #: Distance [m] driven on a level road before the obstacle.
 _RUN_UP_M = 1.0
-#: Its time is sought first among signals smoothed over _SMOOTH_S [s], on a grid, so far [turns] from the rough time; then beside the best
-#: few on a fine grid and unsmoothed.
+#: Its time is sought first among signals smoothed over _SMOOTH_S [s], on a grid, so far [turns]
+#: from the rough time; then beside the best few on a fine grid and unsmoothed.
 _SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
 #: Angle [rad] from the patch centre within which the steady waveform is steep.
 _STEEP_RAD = 0.4
@@ -45,7 +49,8 @@ _PHASE_RAD = 0.2
 class Hit:
     """One passage over the obstacle, its samples in the window after it, (m,).
 
-    since_s  time since the hit; measured, predicted (steady + added + level); added: what the obstacle added as measured, missed: what
+    since_s  time since the hit; measured, predicted (steady + added + level); added: what the
+             obstacle added as measured, missed: what
     of it the model's does not cover
     """
 
@@ -63,8 +68,12 @@ class Hit:
     remarks: tuple[str, ...]
 
 
-def motion_at(log: TransientLog, model: Model, rough_s: float, window_s: float) -> tuple[Transient, float]:
-    """The model's motion over the obstacle at the speed and load around `rough_s`, and the time in it at which the hit happens."""
+def motion_at(
+    log: TransientLog, model: Model, rough_s: float, window_s: float
+) -> tuple[Transient, float]:
+    """The model's motion over the obstacle at the speed and load around `rough_s`, and the time in
+    it at which the hit happens.
+    """
     turn = 2.0 * np.pi / log.spin_rad_s
     around = np.linspace(rough_s - 2.0 * turn, rough_s + window_s, 64)
     around = around[(around >= log.time_s[0]) & (around <= log.time_s[-1])]
@@ -77,7 +86,11 @@ def motion_at(log: TransientLog, model: Model, rough_s: float, window_s: float) 
     run_up = _RUN_UP_M / (radius * spin)
     length = run_up + window_s + 0.02
     speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
-    speed = Schedule((0.0, length), speeds) if abs(slope) > 1e-2 * spin else Schedule.constant(float(radius * spin))
+    speed = (
+        Schedule((0.0, length), speeds)
+        if abs(slope) > 1e-2 * spin
+        else Schedule.constant(float(radius * spin))
+    )
     folder = Path(log.folder).parent if log.folder else None
     road = road_of(replace(log.road, spacing_m=None), _driven(speed, run_up), folder=folder)
     return drive(model, conditions, Course(speed, Schedule.constant(load), road, length)), run_up
@@ -89,20 +102,28 @@ def _driven(speed: Schedule, time_s: float) -> float:
 
 
 def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = WINDOW_S) -> Hit:
-    """The hit near `rough_s`, its nuisances fitted; the window ends after `window_s` or with the log."""
+    """The hit near `rough_s`, its nuisances fitted; the window ends after `window_s` or with the
+    log.
+    """
     window_s = min(window_s, log.time_s[-1] - rough_s)
     transient, reached = motion_at(log, model, rough_s, window_s)
     return _fitted(log, transient, reached, rough_s, window_s)
 
 
-def view_of(log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float) -> View:
+def view_of(
+    log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float
+) -> View:
     """The samples from before to after the hit beside the motion."""
     early = rough_s - _BEFORE * 2.0 * np.pi / log.spin_rad_s
     rows = (log.time_s >= early) & (log.time_s <= rough_s + window_s)
-    return View(log, transient, reached, rows, alignment(log, transient.model, transient.conditions))
+    return View(
+        log, transient, reached, rows, alignment(log, transient.model, transient.conditions)
+    )
 
 
-def _fitted(log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float) -> Hit:
+def _fitted(
+    log: TransientLog, transient: Transient, reached: float, rough_s: float, window_s: float
+) -> Hit:
     turn = 2.0 * np.pi / log.spin_rad_s
     view = view_of(log, transient, reached, rough_s, window_s)
     times = np.arange(rough_s - _BEFORE * turn, rough_s + _AFTER * turn, _GRID_S)
@@ -129,22 +150,36 @@ def alignment(log: TransientLog, model: Model, conditions: Conditions) -> float:
     measured = measured - measured.mean()
 
     def left(shift: float) -> float:
-        wave = model.predict(conditions, np.mod(phi + shift + np.pi, 2.0 * np.pi) - np.pi, surface=log.surface)[0]
+        wave = model.predict(
+            conditions, np.mod(phi + shift + np.pi, 2.0 * np.pi) - np.pi, surface=log.surface
+        )[0]
         return float(np.sum((measured - wave + wave.mean()) ** 2))
 
-    return float(minimize_scalar(left, bounds=(-_ALIGNED_RAD, _ALIGNED_RAD), method="bounded", options={"xatol": 1e-6}).x)
+    return float(
+        minimize_scalar(
+            left, bounds=(-_ALIGNED_RAD, _ALIGNED_RAD), method="bounded", options={"xatol": 1e-6}
+        ).x
+    )
 
 
 def _sought(view: View, times: FloatArray, width: int) -> float:
     """The time [s] at which the model's answer is most like the measured one."""
-    # where the waveform is steep, a wheel that was turned a little off weighs more than the time of the hit
+    # where the waveform is steep, a wheel that was turned a little off weighs more than the time of
+    # the hit
     apart = np.abs(split_turns(view.log.wheel.theta(view.log.time_s[view.rows]))[1]) > _STEEP_RAD
-    losses = np.array([np.sum(uniform_filter1d(view.left(float(time), 0.0) * apart, width) ** 2) for time in times])
+    losses = np.array(
+        [
+            np.sum(uniform_filter1d(view.left(float(time), 0.0) * apart, width) ** 2)
+            for time in times
+        ]
+    )
     low = np.flatnonzero((losses <= np.roll(losses, 1)) & (losses <= np.roll(losses, -1)))
     candidates = times[low[np.argsort(losses[low])[:_BEST]]]
     near = np.arange(-2.0 * _GRID_S, 2.0 * _GRID_S, _FINE_S)
     fine = (candidates[:, None] + near).ravel()
-    return float(fine[int(np.argmin([np.sum((view.left(float(time), 0.0) * apart) ** 2) for time in fine]))])
+    return float(
+        fine[int(np.argmin([np.sum((view.left(float(time), 0.0) * apart) ** 2) for time in fine]))]
+    )
 
 
 @dataclass(frozen=True)
@@ -158,9 +193,11 @@ class View:
     aligned_rad: float
 
     def _angles(self, when: FloatArray, time_s: float, phase_rad: float) -> FloatArray:
-        """The wheel's angle at the samples if the hit happens at `time_s`, among the passages, (m,).
+        """The wheel's angle at the samples if the hit happens at `time_s`, among the passages,
+        (m,).
 
-        Passages before and after tell it; between, where the obstacle disturbs them, it swings as the model's does.
+        Passages before and after tell it; between, where the obstacle disturbs them, it swings as
+        the model's does.
         """
         motion, turn = self.transient.motion, 2.0 * np.pi / self.log.spin_rad_s
         begin, end = self.reached, min(self.reached + DISTURBED[1] * turn, motion.time_s[-1])
@@ -170,11 +207,17 @@ class View:
         swing: FloatArray = psi - first - (last - first) * (at - begin) / (end - begin)
         return self.log.wheel.theta(when - self.reached + time_s) + phase_rad + swing
 
-    def _parts(self, time_s: float, phase_rad: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """(added by the model, steady as measured, motion's time, wheel's angle among the passages), (m,) each."""
+    def _parts(
+        self, time_s: float, phase_rad: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """(added by the model, steady as measured, motion's time, wheel's angle among the
+        passages), (m,) each.
+        """
         when = self.log.time_s[self.rows] - time_s + self.reached
         theta = self._angles(when, time_s, phase_rad)
-        added = self.transient.added(self.log.observable, theta + self.aligned_rad, when, surface=self.log.surface)
+        added = self.transient.added(
+            self.log.observable, theta + self.aligned_rad, when, surface=self.log.surface
+        )
         added = np.where(when < self.transient.motion.time_s[0], 0.0, added)
         spin = np.interp(when, self.transient.motion.time_s, self.transient.motion.omega_rad_s)
         return added, self.log.steady_at(theta, spin), when, theta
@@ -191,7 +234,9 @@ class View:
         window = replace(self, rows=(since >= 0.0) & (since <= window_s))
         added, steady, when, theta = window._parts(time_s, phase_rad)
         measured = self.log.values[window.rows]
-        model = self.transient.at(self.log.observable, theta + self.aligned_rad, when, surface=self.log.surface)
+        model = self.transient.at(
+            self.log.observable, theta + self.aligned_rad, when, surface=self.log.surface
+        )
         level = float(np.mean(measured - model))
         off = self.log.off()[window.rows]
         missed = measured - steady - added

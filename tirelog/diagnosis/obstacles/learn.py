@@ -1,10 +1,13 @@
-"""What a motion tells and the steady waveform does not: masses, damping and bristles, fitted to the answers to obstacles.
+"""What a motion tells and the steady waveform does not: masses, damping and bristles, fitted to the
+answers to obstacles.
 
-    TransientLogs, Model --damped least squares over the free names of `carcass.MOTION` and (time, phase) of each hit--> Learned
+    TransientLogs, Model --damped least squares over the free names of `carcass.MOTION` and (time,
+    phase) of each hit--> Learned
 
-What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together.  A tire of a wrong mass rings out of step
-with the measured one, so that the least error may be far from the truth: the fit begins with the first moments after a hit, smoothed, and
-goes on to longer and plain signals.  Parameters that the steady waveform tells stay as they are.
+What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together. A
+tire of a wrong mass rings out of step with the measured one, so that the least error may be far
+from the truth: the fit begins with the first moments after a hit, smoothed, and goes on to longer
+and plain signals. Parameters that the steady waveform tells stay as they are.
 """
 
 from __future__ import annotations
@@ -23,7 +26,8 @@ from tirelog.physics.carcass.numbers import MOTION
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
-#: A hit is fitted for so long [s] after it, with signals smoothed over so long [s], one pair after the other.
+#: A hit is fitted for so long [s] after it, with signals smoothed over so long [s], one pair after
+#: the other.
 _STAGES = ((0.03, 2e-3), (0.06, 1e-3), (0.12, 0.0), (0.2, 0.0))
 _WINDOW_S = _STAGES[-1][0]
 _ROUNDS, _SETTLED, _STEP = 6, 1e-2, 0.02
@@ -33,7 +37,9 @@ _NUISANCE_STEPS = (1e-4, 1e-3)
 
 @dataclass(frozen=True)
 class Learned:
-    """The model with values and errors of what was fitted, and the error (rms, the observable's unit) before and after; hits used."""
+    """The model with values and errors of what was fitted, and the error (rms, the observable's
+    unit) before and after; hits used.
+    """
 
     model: Model
     names: tuple[str, ...]
@@ -51,20 +57,30 @@ class _Event:
     window_s: float
 
     def view(self, model: Model) -> View:
-        return view_of(self.log, *motion_at(self.log, model, self.rough_s, self.window_s), self.rough_s, self.window_s)
+        return view_of(
+            self.log,
+            *motion_at(self.log, model, self.rough_s, self.window_s),
+            self.rough_s,
+            self.window_s,
+        )
 
 
 def learn(logs: Sequence[TransientLog], model: Model) -> Learned:
     """The free parameters of `motion_names` fitted to all hits.  UsageError where none is free."""
     names = motion_names(model)
     if not names:
-        raise UsageError(f"no free parameter that a motion tells; allowed are {', '.join(MOTION)}; free one in the model file")
+        raise UsageError(
+            f"no free parameter that a motion tells; allowed are {', '.join(MOTION)}; "
+            "free one in the model file"
+        )
     events, nuisances = _events(logs, model)
     values = np.array([model.values[name] for name in names])
     views = [event.view(model) for event in events]
     begun = _left(views, nuisances, _STAGES[-1])
     for stage in _STAGES:
-        values, nuisances, views, jacobian = _descend(events, model, names, values, nuisances, views, stage)
+        values, nuisances, views, jacobian = _descend(
+            events, model, names, values, nuisances, views, stage
+        )
     left = _left(views, nuisances, _STAGES[-1])
     errors = _errors(left, jacobian, len(names))
     fitted = model.with_values(dict(zip(names, values)), se=dict(zip(names, errors)))
@@ -76,7 +92,11 @@ def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], F
     events, nuisances = [], []
     for log in logs:
         for i, rough in enumerate(log.hits_s):
-            window = float(min([_WINDOW_S, *(log.hits_s[i + 1 : i + 2] - rough - 0.02), log.time_s[-1] - rough]))
+            window = float(
+                min(
+                    [_WINDOW_S, *(log.hits_s[i + 1 : i + 2] - rough - 0.02), log.time_s[-1] - rough]
+                )
+            )
             near = around(log, float(rough))
             hit = fit_hit(near, model, float(rough), window)
             events.append(_Event(near, hit.time_s, window))
@@ -91,7 +111,9 @@ def _left(views: Sequence[View], nuisances: FloatArray, stage: tuple[float, floa
     for view, (time, phase) in zip(views, nuisances):
         # a view ends with the longest window
         seen = view.log.time_s[view.rows]
-        left = view.left(float(time), float(phase))[: np.searchsorted(seen, seen[-1] - (_WINDOW_S - window_s))]
+        left = view.left(float(time), float(phase))[
+            : np.searchsorted(seen, seen[-1] - (_WINDOW_S - window_s))
+        ]
         width = round(smoothed_s * view.log.rate_Hz)
         parts.append(uniform_filter1d(left, width) if width > 1 else left)
     return np.concatenate(parts)
@@ -107,14 +129,19 @@ def _descend(
     stage: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, list[View], FloatArray]:
     """Damped Gauss-Newton steps until they are small; values within their bounds."""
-    low, high = (np.array([getattr(model.parameters[name], end) for name in names]) for end in ("min", "max"))
+    low, high = (
+        np.array([getattr(model.parameters[name], end) for name in names]) for end in ("min", "max")
+    )
     damping = 1e-2
     left = _left(views, nuisances, stage)
     jacobian = _jacobian(events, model, names, values, nuisances, views, stage, left)
     for _ in range(_ROUNDS):
         scale = np.linalg.norm(jacobian, axis=0) + 1e-300
         scaled = jacobian / scale
-        step = -np.linalg.solve(scaled.T @ scaled + damping * np.eye(scale.size), scaled.T @ left) / scale
+        step = (
+            -np.linalg.solve(scaled.T @ scaled + damping * np.eye(scale.size), scaled.T @ left)
+            / scale
+        )
         tried = np.clip(values + step[: values.size], low, high)
         moved = nuisances + step[values.size :].reshape(nuisances.shape)
         seen = [event.view(model.with_values(dict(zip(names, tried)))) for event in events]
@@ -125,7 +152,13 @@ def _descend(
                 break
             continue
         small = after @ after > (1.0 - _SETTLED) * (left @ left)
-        values, nuisances, views, left, damping = tried, moved, seen, after, max(damping / 5.0, 1e-4)
+        values, nuisances, views, left, damping = (
+            tried,
+            moved,
+            seen,
+            after,
+            max(damping / 5.0, 1e-4),
+        )
         if small:
             break
         jacobian = _jacobian(events, model, names, values, nuisances, views, stage, left)
@@ -142,7 +175,9 @@ def _jacobian(
         step = _STEP * max(abs(values[i]), 0.1 * abs(model.parameters[name].probe))
         step = -step if values[i] + step > model.parameters[name].max else step
         moved = model.with_values(dict(zip(names, values + step * (np.arange(values.size) == i))))
-        columns.append((_left([event.view(moved) for event in events], nuisances, stage) - left) / step)
+        columns.append(
+            (_left([event.view(moved) for event in events], nuisances, stage) - left) / step
+        )
     for i in range(nuisances.size):
         step = _NUISANCE_STEPS[i % 2]
         shifted = nuisances + step * (np.arange(nuisances.size) == i).reshape(nuisances.shape)

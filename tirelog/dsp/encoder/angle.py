@@ -1,9 +1,10 @@
 """The wheel angle as a smooth function of time.
 
-    knots (n,) with angle and rate --Hermite--> angle at any time, time at any angle, mean rate over a window
+    knots (n,) with angle and rate --Hermite--> angle at any time, time at any angle, mean rate over
+    a window
 
-Angles grow in the direction of rolling.  Between knots the angle is the cubic that has both knots' angles and rates, so it is continuous
-with its rate.
+Angles grow in the direction of rolling. Between knots the angle is the cubic that has both knots'
+angles and rates, so it is continuous with its rate.
 """
 
 from __future__ import annotations
@@ -24,8 +25,12 @@ PIECE = 1 << 15
 
 
 @compiled
-def _hermite(at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: float, result: FloatArray) -> None:
-    """`result` (n,): the cubics' angles [rad] at the times `at` in any order, NaN outside of the knots.  Ascending times are quickest."""
+def _hermite(
+    at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: float, result: FloatArray
+) -> None:
+    """`result` (n,): the cubics' angles [rad] at the times `at` in any order, NaN outside of the
+    knots. Ascending times are quickest.
+    """
     n, k = time.size, 0
     low = high = np.nan
     start = first = second = third = angle = 0.0
@@ -40,7 +45,12 @@ def _hermite(at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: floa
             else:
                 k = min(np.searchsorted(time, t, side="right") - 1, n - 2)
             low, high = time[k], time[k + 1]
-            start, angle, first, last = low, count[k] * unit, np.float64(rate[k]), np.float64(rate[k + 1])
+            start, angle, first, last = (
+                low,
+                count[k] * unit,
+                np.float64(rate[k]),
+                np.float64(rate[k + 1]),
+            )
             h = high - low if high > low else 1.0
             mean = (count[k + 1] - count[k]) * unit / h
             second, third = (3 * mean - 2 * first - last) / h, (first + last - 2 * mean) / h**2
@@ -50,8 +60,10 @@ def _hermite(at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: floa
 
 @dataclass(frozen=True)
 class AngleFunction:
-    """Knots of the wheel angle, shape (n,): `time_s` ascending, `count` in units of `unit_rad`, `rate_rad_s`, `stretch` the run without a
-    loss of the count; `noise_rad` standard deviation of an angle read from it.  The types are small: an hour has millions of knots."""
+    """Knots of the wheel angle, shape (n,): `time_s` ascending, `count` in units of `unit_rad`,
+    `rate_rad_s`, `stretch` the run without a loss of the count; `noise_rad` standard deviation of
+    an angle read from it. The types are small: an hour has millions of knots.
+    """
 
     time_s: FloatArray
     count: NDArray[np.int32] | FloatArray
@@ -62,29 +74,49 @@ class AngleFunction:
 
     def knots(self, low: int, high: int) -> tuple[FloatArray, FloatArray]:
         """Times [s] and angles [rad] of the knots [low, high)."""
-        return self.time_s[low:high], np.asarray(self.count[low:high] * self.unit_rad, dtype=np.float64)
+        return self.time_s[low:high], np.asarray(
+            self.count[low:high] * self.unit_rad, dtype=np.float64
+        )
 
     def stretch_at(self, time_s: FloatArray) -> IntArray:
         """Number of the stretch at times, of which NaN counts as the end."""
-        return self.stretch[np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 1)].astype(np.int64)
+        return self.stretch[
+            np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, self.time_s.size - 1)
+        ].astype(np.int64)
 
     @cached_property
     def _climbing(self) -> NDArray[np.int32] | FloatArray:
-        """The counts, none below one before it: a wheel that has rolled back has its angles again later."""
-        forward = all(bool(np.all(np.diff(self.count[s : s + PIECE + 1]) >= 0)) for s in range(0, self.count.size, PIECE))
+        """The counts, none below one before it: a wheel that has rolled back has its angles again
+        later.
+        """
+        forward = all(
+            bool(np.all(np.diff(self.count[s : s + PIECE + 1]) >= 0))
+            for s in range(0, self.count.size, PIECE)
+        )
         return self.count if forward else np.maximum.accumulate(self.count)
 
     def coarse(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at ascending times, straight between the knots; NaN outside of them."""
         low, high = np.searchsorted(self.time_s, time_s[[0, -1]])
         times, angles = self.knots(max(int(low) - 1, 0), int(high) + 1)
-        return np.interp(time_s, times, angles, left=np.nan, right=np.nan) if times.size else np.full(time_s.size, np.nan)
+        return (
+            np.interp(time_s, times, angles, left=np.nan, right=np.nan)
+            if times.size
+            else np.full(time_s.size, np.nan)
+        )
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """Angle [rad] at the times, NaN outside of the knots, shape as given."""
         result = np.empty(time_s.shape)
         if result.size and self.time_s.size > 1:
-            _hermite(finite(time_s).ravel(), self.time_s, self.count, self.rate_rad_s, self.unit_rad, result.reshape(-1))
+            _hermite(
+                finite(time_s).ravel(),
+                self.time_s,
+                self.count,
+                self.rate_rad_s,
+                self.unit_rad,
+                result.reshape(-1),
+            )
         elif result.size:
             result.fill(np.nan)
         return result
@@ -92,8 +124,13 @@ class AngleFunction:
     def time_at(self, angle_rad: FloatArray) -> FloatArray:
         """Time [s] at which a forward-rolling wheel has the angles; NaN outside of the knots."""
         climbing, wanted = self._climbing, angle_rad / self.unit_rad
-        # counts up to a whole number are those up to what is wanted; a search for floats would copy millions of counts
-        last = np.floor(np.nan_to_num(np.clip(wanted, -2e9, 2e9))).astype(np.int32) if climbing.dtype == np.int32 else wanted
+        # counts up to a whole number are those up to what is wanted; a search for floats would copy
+        # millions of counts
+        last = (
+            np.floor(np.nan_to_num(np.clip(wanted, -2e9, 2e9))).astype(np.int32)
+            if climbing.dtype == np.int32
+            else wanted
+        )
         k = np.clip(np.searchsorted(climbing, last, side="right") - 1, 0, climbing.size - 2)
         start, rise = climbing[k], (climbing[k + 1] - climbing[k]).astype(np.float64)
         u = np.where(rise > 0, (wanted - start) / np.where(rise > 0, rise, 1.0), 0.0)
@@ -102,11 +139,18 @@ class AngleFunction:
         near = np.where(inside, self.time_s[k] + np.clip(u, 0.0, 1.0) * h, self.time_s[0])
         rate = np.where(rise > 0, rise * self.unit_rad / np.where(h > 0, h, 1.0), np.inf)
         for _ in range(2):
-            near = np.clip(near - (self.at(near) - angle_rad) / rate, self.time_s[k], self.time_s[k + 1])
+            near = np.clip(
+                near - (self.at(near) - angle_rad) / rate, self.time_s[k], self.time_s[k + 1]
+            )
         return np.where(inside, near, np.nan)
 
     def mean_rate(self, time_s: FloatArray, span_s: float) -> FloatArray:
-        """Rate [rad/s] over a window of `span_s` centred at each time, cut at the ends: a low-pass with -3 dB at 0.443 / span_s."""
-        first, last = np.maximum(time_s - span_s / 2, self.time_s[0]), np.minimum(time_s + span_s / 2, self.time_s[-1])
+        """Rate [rad/s] over a window of `span_s` centred at each time, cut at the ends: a low-pass
+        with -3 dB at 0.443 / span_s.
+        """
+        first, last = (
+            np.maximum(time_s - span_s / 2, self.time_s[0]),
+            np.minimum(time_s + span_s / 2, self.time_s[-1]),
+        )
         span = np.where(last > first, last - first, np.nan)
         return (self.at(last) - self.at(first)) / span

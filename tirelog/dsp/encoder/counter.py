@@ -1,4 +1,5 @@
-"""Counters and angle channels: the wheel angle is already there, and only its steps must become knots in time.
+"""Counters and angle channels: the wheel angle is already there, and only its steps must become
+knots in time.
 
 samples (size,) of counts or angles --changes, unwrapped--> times (n,) [s] and turns (n,) [1]
 """
@@ -14,11 +15,15 @@ from tirelog.vocabulary.arrays import FloatArray
 ANGLE_KNOTS_Hz = 500.0
 
 
-def counter_knots(channel: Channel, size: float, is_angle: bool) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """(times [s], turns, backward) of a channel that counts `size` a turn: knots shape (n,), `backward` True where it rolls back.
+def counter_knots(
+    channel: Channel, size: float, is_angle: bool
+) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """(times [s], turns, backward) of a channel that counts `size` a turn: knots shape (n,),
+    `backward` True where it rolls back.
 
-    A counter that jumps from c to d between two samples has passed (c + d + 1) / 2 in their middle.  A counter that falls by more than half
-    of the next power of two has wrapped; an angle wraps at a turn.
+    A counter that jumps from c to d between two samples has passed (c + d + 1) / 2 in their middle.
+    A counter that falls by more than half of the next power of two has wrapped; an angle wraps at a
+    turn.
     """
     times, counts = [], []
     wrap, offset, last = (size, 0.0, np.nan) if is_angle else (0.0, 0.0, np.nan)

@@ -1,7 +1,9 @@
 """Compiled kernels of the tooth finder: what is done once a sample, and once a tooth.
 
-    samples (size,) --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the hysteresis
-                    --hysteresis--> side of each sample, changes of side --sums over windows--> sub-sample places (n,)
+    samples (size,) --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the
+    hysteresis
+                    --hysteresis--> side of each sample, changes of side --sums over windows-->
+                    sub-sample places (n,)
 
 Samples are finite, float64, C-contiguous.  Thresholds hold for a chunk of CHUNK samples.
 """
@@ -20,7 +22,8 @@ Bytes = NDArray[np.int8]
 
 #: samples whose extremes are taken together
 CHUNK = 64
-#: half width of the window, in half periods (the least variance of a sum's zero is at tan m = 2 m, m = 1.17 rad)
+#: half width of the window, in half periods (the least variance of a sum's zero is at tan m = 2 m,
+#: m = 1.17 rad)
 WINDOW = 0.35
 #: periods on each side whose mean is the middle level
 AROUND = 2
@@ -52,7 +55,9 @@ def extremes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @compiled
 def without_spikes(high: FloatArray) -> FloatArray:
-    """Maxima of chunks, none above all of the chunks two and three places away: a glitch lies in one chunk or two, not so a tooth."""
+    """Maxima of chunks, none above all of the chunks two and three places away: a glitch lies in
+    one chunk or two, not so a tooth.
+    """
     n = high.size
     clean = np.empty(n)
     for c in range(n):
@@ -64,11 +69,17 @@ def without_spikes(high: FloatArray) -> FloatArray:
 
 @compiled
 def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
-    """Largest value within `reach` places on both sides, shape as given: by maxima from the edges of blocks of one window."""
+    """Largest value within `reach` places on both sides, shape as given: by maxima from the edges
+    of blocks of one window.
+    """
     n, width = values.size, 2 * reach + 1
     size = n + 2 * reach
     ahead, behind, result = np.empty(size), np.empty(size), np.empty(n)
-    for i in range(size):  # loops only: every array function that numba has to compile costs memory and time at the first call
+    for i in range(
+        size
+        # loops only: every array function that numba has to compile costs memory and time at the
+        # first call
+    ):
         ahead[i] = behind[i] = values[i - reach] if reach <= i < reach + n else -np.inf
     for i in range(size):
         if i % width:
@@ -83,7 +94,9 @@ def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
 
 @compiled
 def sides(x: FloatArray, upper: FloatArray, lower: FloatArray) -> Bytes:
-    """1 where a sample is above its chunk's `upper`, -1 where it is below its `lower`, else 0, shape (size,)."""
+    """1 where a sample is above its chunk's `upper`, -1 where it is below its `lower`, else 0,
+    shape (size,).
+    """
     side = np.empty(x.size, np.int8)
     for c in range(upper.size):
         part, here = x[c * CHUNK : (c + 1) * CHUNK], side[c * CHUNK : (c + 1) * CHUNK]
@@ -95,11 +108,15 @@ def sides(x: FloatArray, upper: FloatArray, lower: FloatArray) -> Bytes:
 
 @compiled
 def changes(side: Bytes, at: int, last: int) -> tuple[IntArray, IntArray]:
-    """Every change of side: last sample on the old side and first on the new one, shape (n,).  `last` is the side before the first
-    sample (0 where it is not known), `at` (negative) when it was taken."""
+    """Every change of side: last sample on the old side and first on the new one, shape (n,).
+
+    `last` is the side before the first sample (0 where it is not known), `at` (negative) when it
+    was taken.
+    """
     before, after, n = np.empty(side.size + 1, np.int64), np.empty(side.size + 1, np.int64), 0
     for i in range(side.size):
-        # without branches, which the processor would guess wrong at every tooth: what is no change is written over
+        # without branches, which the processor would guess wrong at every tooth: what is no change
+        # is written over
         now = int(side[i])
         before[n], after[n] = at, i
         n += 1 if now * last < 0 else 0
@@ -109,7 +126,9 @@ def changes(side: Bytes, at: int, last: int) -> tuple[IntArray, IntArray]:
 
 @compiled
 def _sums(x: FloatArray) -> FloatArray:
-    """Sums of the first 0, 1, ..., size samples, shape (size + 1,): four at a time, so that each sum waits for one addition only."""
+    """Sums of the first 0, 1, ..., size samples, shape (size + 1,): four at a time, so that each
+    sum waits for one addition only.
+    """
     total = np.empty(x.size + 1)
     total[0] = s = 0.0
     i = 0
@@ -129,13 +148,18 @@ def _sums(x: FloatArray) -> FloatArray:
     return total
 
 
-def places(x: FloatArray, before: IntArray, after: IntArray, slow: float, square: bool) -> FloatArray:
-    """Fractional index in `x` of each change of side between the samples `before` and `after`, shape (n,).
+def places(
+    x: FloatArray, before: IntArray, after: IntArray, slow: float, square: bool
+) -> FloatArray:
+    """Fractional index in `x` of each change of side between the samples `before` and `after`,
+    shape (n,).
 
-    Half a sample ahead of `after` where the change took `slow` samples or longer; half way where the signal is square or there are too few
-    changes; else the zero of the sine whose samples around it have the same sum, and the same difference between the k samples after the
-    middle one and the k before it.  For A sin(omega (i - t)) the sum over its factor is A sin, the difference over its factor A cos of
-    omega (centre - t); the quotient of the factors is 2 / (cot(k omega / 2) + cot((k + 1) omega / 2)).
+    Half a sample ahead of `after` where the change took `slow` samples or longer; half way where
+    the signal is square or there are too few changes; else the zero of the sine whose samples
+    around it have the same sum, and the same difference between the k samples after the middle one
+    and the k before it. For A sin(omega (i - t)) the sum over its factor is A sin, the difference
+    over its factor A cos of omega (centre - t); the quotient of the factors is 2 / (cot(k omega /
+    2) + cot((k + 1) omega / 2)).
     """
     coarse = np.where((before >= 0) & (after - before < slow), 0.5 * (before + after), after - 0.5)
     if square or coarse.size <= 2 * AROUND:
@@ -147,37 +171,69 @@ def places(x: FloatArray, before: IntArray, after: IntArray, slow: float, square
 
 
 @compiled
-def _windows(x: FloatArray, coarse: FloatArray, before: IntArray, after: IntArray, slow: float) -> tuple[FloatArray, ...]:
-    """(n,) each: the middle level's crossing between `before` and `after` by a straight line; the middle of the window, k, omega, and the
-    sum over the difference, NaN where no sine can be laid."""
+def _windows(
+    x: FloatArray, coarse: FloatArray, before: IntArray, after: IntArray, slow: float
+) -> tuple[FloatArray, ...]:
+    """(n,) each: the middle level's crossing between `before` and `after` by a straight line; the
+    middle of the window, k, omega, and the sum over the difference, NaN where no sine can be laid.
+    """
     n, total = coarse.size, _sums(x)
     level = _middles(x, total, coarse, before, after, slow)
-    rough, middle, k_of, omega_of, quotient = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    rough, middle, k_of, omega_of, quotient = (
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+    )
     for k in range(n):
         low, high = x[max(before[k], 0)], x[after[k]]
         span = after[k] - before[k]
         share = (level[k] - low) / (high - low)
-        rough[k] = before[k] + min(max(share, 0.0), 1.0) * span if before[k] >= 0 and span < slow and high != low else coarse[k]
+        rough[k] = (
+            before[k] + min(max(share, 0.0), 1.0) * span
+            if before[k] >= 0 and span < slow and high != low
+            else coarse[k]
+        )
     for k in range(n):
         left = rough[max(k, 1)] - rough[max(k, 1) - 1]
         right = rough[min(k, n - 2) + 1] - rough[min(k, n - 2)]
-        half = 0.5 * (left + right) if max(left, right) <= 1.8 * min(left, right) else min(left, right)
+        half = (
+            0.5 * (left + right) if max(left, right) <= 1.8 * min(left, right) else min(left, right)
+        )
         centre, reach = int(rough[k] + 0.5), max(int(WINDOW * half), 1)
         middle[k] = k_of[k] = omega_of[k] = quotient[k] = np.nan
         near = before[k] >= 0 and after[k] - before[k] < slow and 2.0 < half < slow
         if near and centre >= reach and centre < x.size - reach:
-            earlier, later = total[centre] - total[centre - reach], total[centre + reach + 1] - total[centre + 1]
+            earlier, later = (
+                total[centre] - total[centre - reach],
+                total[centre + reach + 1] - total[centre + 1],
+            )
             if later != earlier:
                 omega = np.pi / half
                 area = earlier + later + x[centre] - (2 * reach + 1) * level[k]
-                middle[k], k_of[k], omega_of[k], quotient[k] = centre, reach, omega, area / (later - earlier)
+                middle[k], k_of[k], omega_of[k], quotient[k] = (
+                    centre,
+                    reach,
+                    omega,
+                    area / (later - earlier),
+                )
     return rough, middle, k_of, omega_of, quotient
 
 
 @compiled
-def _middles(x: FloatArray, total: FloatArray, coarse: FloatArray, before: IntArray, after: IntArray, slow: float) -> FloatArray:
-    """Middle level at each crossing (n,): the mean over the whole periods within AROUND on both sides, from crossing to crossing; half way
-    between the samples `before` and `after` where they are slow."""
+def _middles(
+    x: FloatArray,
+    total: FloatArray,
+    coarse: FloatArray,
+    before: IntArray,
+    after: IntArray,
+    slow: float,
+) -> FloatArray:
+    """Middle level at each crossing (n,): the mean over the whole periods within AROUND on both
+    sides, from crossing to crossing; half way between the samples `before` and `after` where they
+    are slow.
+    """
     n = coarse.size
     below, level = np.empty(n), np.empty(n)
     for k in range(n):

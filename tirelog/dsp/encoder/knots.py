@@ -1,11 +1,13 @@
 """From counted passages to the knots of the wheel angle, piece by piece.
 
-    pieces of times, counts, stretches (n,) --local cubic least squares--> knots, one in KNOT_STEP_S where the wheel turns quickly
+    pieces of times, counts, stretches (n,) --local cubic least squares--> knots, one in KNOT_STEP_S
+    where the wheel turns quickly
                                             --scatter about the cubics----> noise of a passage
     knots, pitch errors learnt meanwhile ----------------------------------> AngleFunction
 
-Time as a function of the count is a cubic over the passages within SPAN_S, by least squares.  Smoothing is linear in the times, so the
-pitch errors are taken off afterwards: what the same least squares make of the pitch errors of those counts is the error of the knot.
+Time as a function of the count is a cubic over the passages within SPAN_S, by least squares.
+Smoothing is linear in the times, so the pitch errors are taken off afterwards: what the same least
+squares make of the pitch errors of those counts is the error of the knot.
 """
 
 from __future__ import annotations
@@ -21,18 +23,25 @@ from tirelog.dsp.encoder.signal import Integers
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: knots lie at least so far apart where the motion is even: a cubic follows a wheel that shakes at 20 Hz to a thousandth of a degree
+#: knots lie at least so far apart where the motion is even: a cubic follows a wheel that shakes at
+#: 20 Hz to a thousandth of a degree
 KNOT_STEP_S = 4e-3
-#: the local least squares take the passages within this time, at least and at most so many on each side
+#: the local least squares take the passages within this time, at least and at most so many on each
+#: side
 SPAN_S, LEAST_REACH, MOST_REACH = 14e-3, 3, 9
 #: whole teeth in the window may differ by this factor, for a cubic to follow them
 EVEN = 2.0
 
 
 def _cubic_weights() -> tuple[FloatArray, FloatArray]:
-    """Weights that give value and slope of the least-squares cubic at the middle of 2 r + 1 even points, for every reach r; each shape
-    (MOST_REACH + 1, 2 MOST_REACH + 1), the middle at MOST_REACH.  Up to LEAST_REACH the middle point itself is its value."""
-    value, slope = np.zeros((MOST_REACH + 1, 2 * MOST_REACH + 1)), np.zeros((MOST_REACH + 1, 2 * MOST_REACH + 1))
+    """Weights that give value and slope of the least-squares cubic at the middle of 2 r + 1 even
+    points, for every reach r; each shape (MOST_REACH + 1, 2 MOST_REACH + 1), the middle at
+    MOST_REACH. Up to LEAST_REACH the middle point itself is its value.
+    """
+    value, slope = (
+        np.zeros((MOST_REACH + 1, 2 * MOST_REACH + 1)),
+        np.zeros((MOST_REACH + 1, 2 * MOST_REACH + 1)),
+    )
     value[:, MOST_REACH] = 1.0
     for reach in range(LEAST_REACH, MOST_REACH + 1):
         here = slice(MOST_REACH - reach, MOST_REACH + reach + 1)
@@ -48,35 +57,60 @@ PIECE = 1 << 14
 
 @compiled
 def _even_runs(time: FloatArray, count: Integers, stretch: Integers) -> Integers:
-    """How many passages before each one, in a row, are even with it: neighbours in count and stretch, and their teeth like each other."""
+    """How many passages before each one, in a row, are even with it: neighbours in count and
+    stretch, and their teeth like each other.
+    """
     run = np.zeros(time.size, np.int64)
     for i in range(1, time.size):
         if stretch[i] != stretch[i - 1] or abs(count[i] - count[i - 1]) != 1:
             continue
         run[i] = run[i - 1] + 1
-        if i >= 3 and run[i] >= 3:  # from rising to rising passage: their offset from the falling ones is no unevenness
+        if (
+            i >= 3 and run[i] >= 3
+        ):  # from rising to rising passage: their offset from the falling ones is no unevenness
             now, last = time[i] - time[i - 2], time[i - 1] - time[i - 3]
-            if not (now < EVEN * last and last < EVEN * now) or count[i] + count[i - 2] != 2 * count[i - 1]:
+            if (
+                not (now < EVEN * last and last < EVEN * now)
+                or count[i] + count[i - 2] != 2 * count[i - 1]
+            ):
                 run[i] = 0
     return run
 
 
 @compiled
 def _local_cubics(
-    time: FloatArray, count: Integers, stretch: Integers, unit: float, first: int, stop: int, last: float, sums: FloatArray
+    time: FloatArray,
+    count: Integers,
+    stretch: Integers,
+    unit: float,
+    first: int,
+    stop: int,
+    last: float,
+    sums: FloatArray,
 ) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.int8]]:
-    """Which of the passages [first, stop) become knots (k,): those KNOT_STEP_S after the one before them, which is at `last` [s], and all
-    beside uneven ones; their times, rates [rad/s] and reaches.  Reach 0: no cubic could be laid, the rate is the neighbours'.
+    """Which of the passages [first, stop) become knots (k,): those KNOT_STEP_S after the one before
+    them, which is at `last` [s], and all beside uneven ones; their times, rates [rad/s] and
+    reaches. Reach 0: no cubic could be laid, the rate is the neighbours'.
 
-    Adds number, sum and sum of squares of what the cubics leave [rad] to `sums` (reaches, 3, classes), by the count modulo the classes.
+    Adds number, sum and sum of squares of what the cubics leave [rad] to `sums` (reaches, 3,
+    classes), by the count modulo the classes.
     """
     n, run, classes = time.size, _even_runs(time, count, stretch), sums.shape[2]
-    knot, smooth, rate, reaches = np.empty(stop - first, np.int64), np.empty(n), np.empty(n), np.zeros(n, np.int8)
+    knot, smooth, rate, reaches = (
+        np.empty(stop - first, np.int64),
+        np.empty(n),
+        np.empty(n),
+        np.zeros(n, np.int8),
+    )
     k = 0
     for i in range(first, stop):
         high = i + LEAST_REACH
         even = high < n and run[high] >= 2 * LEAST_REACH
-        beside = not even or run[i + 1 + LEAST_REACH if high + 1 < n else n - 1] < 2 * LEAST_REACH or run[high] == 2 * LEAST_REACH
+        beside = (
+            not even
+            or run[i + 1 + LEAST_REACH if high + 1 < n else n - 1] < 2 * LEAST_REACH
+            or run[high] == 2 * LEAST_REACH
+        )
         if time[i] - last < KNOT_STEP_S and not beside:
             continue
         knot[k] = i
@@ -90,7 +124,10 @@ def _local_cubics(
             for j in range(-reach, reach + 1):
                 at += VALUE[reach, MOST_REACH + j] * (time[i + j] - here)
                 steepness += SLOPE[reach, MOST_REACH + j] * (time[i + j] - here)
-            begin, end = time[i - reach + 2] - time[i - reach], time[i + reach] - time[i + reach - 2]
+            begin, end = (
+                time[i - reach + 2] - time[i - reach],
+                time[i + reach] - time[i + reach - 2],
+            )
             if steepness > 0 and begin < EVEN * end and end < EVEN * begin:
                 smooth[k], reaches[k] = here + at, reach
                 rate[k] = (count[i + 1] - count[i]) * unit / steepness
@@ -104,16 +141,25 @@ def _local_cubics(
             before = i - 1 if i > 0 and stretch[i - 1] == stretch[i] else i
             after = i + 1 if i + 1 < n and stretch[i + 1] == stretch[i] else i
             span = time[after] - time[before]
-            smooth[k], rate[k] = time[i], (count[after] - count[before]) * unit / span if span > 0 else 0.0
+            smooth[k], rate[k] = (
+                time[i],
+                (count[after] - count[before]) * unit / span if span > 0 else 0.0,
+            )
         last = smooth[k]
         k += 1
-    return knot[:k], smooth[:k].copy(), rate[:k], reaches[:k].copy()  # views would keep the whole arrays alive
+    return (
+        knot[:k],
+        smooth[:k].copy(),
+        rate[:k],
+        reaches[:k].copy(),
+    )  # views would keep the whole arrays alive
 
 
 @dataclass(frozen=True)
 class Knots:
-    """Knots of a piece or of a log, arrays of shape (n,): what `Teeth` says of them, `rate_rad_s`, and the `reach` of the cubic that was
-    laid through it, 0 for none."""
+    """Knots of a piece or of a log, arrays of shape (n,): what `Teeth` says of them, `rate_rad_s`,
+    and the `reach` of the cubic that was laid through it, 0 for none.
+    """
 
     time_s: FloatArray
     count: NDArray[np.int32]
@@ -124,7 +170,9 @@ class Knots:
 
 
 class KnotBuilder:
-    """Takes passages piece by piece, `unit_rad` a count and `classes` counts a turn (1 where the counts have no pitch errors)."""
+    """Takes passages piece by piece, `unit_rad` a count and `classes` counts a turn (1 where the
+    counts have no pitch errors).
+    """
 
     def __init__(self, unit_rad: float, classes: int) -> None:
         self.unit_rad, self.classes = unit_rad, classes
@@ -135,32 +183,54 @@ class KnotBuilder:
         self._variance, self._freedom = 0.0, 0.0
         self._kept = np.zeros(MOST_REACH + 1)
 
-    def add(self, time_s: FloatArray, count: Integers, stretch: Integers, forward: np.ndarray) -> None:
+    def add(
+        self, time_s: FloatArray, count: Integers, stretch: Integers, forward: np.ndarray
+    ) -> None:
         """The next passages, shape (n,) each."""
         for start in range(0, time_s.size, PIECE):
             piece = slice(start, start + PIECE)
-            self._add((time_s[piece], count[piece].astype(np.int64), stretch[piece].astype(np.int64), forward[piece]), last=False)
+            self._add(
+                (
+                    time_s[piece],
+                    count[piece].astype(np.int64),
+                    stretch[piece].astype(np.int64),
+                    forward[piece],
+                ),
+                last=False,
+            )
 
     def _add(self, new: tuple[Any, ...], last: bool) -> None:
         margin = MOST_REACH + 4
-        parts: tuple[Any, ...] = new if self._held is None else tuple(np.concatenate([a, b]) for a, b in zip(self._held, new, strict=True))
+        parts: tuple[Any, ...] = (
+            new
+            if self._held is None
+            else tuple(np.concatenate([a, b]) for a, b in zip(self._held, new, strict=True))
+        )
         time, count, stretch, forward = parts
         first, stop = self._first, time.size if last else time.size - margin
         if stop <= first:
             self._held = parts
             return
         sums = np.zeros((MOST_REACH + 1, 3, self.classes))
-        at, smooth, rate, reach = _local_cubics(time, count, stretch, self.unit_rad, first, stop, self._last, sums)
+        at, smooth, rate, reach = _local_cubics(
+            time, count, stretch, self.unit_rad, first, stop, self._last, sums
+        )
         self._note_scatter(sums)
         if at.size:
             self._last = float(smooth[-1])
-            small = count[at].astype(np.int32), rate.astype(np.float32), stretch[at].astype(np.int32)
+            small = (
+                count[at].astype(np.int32),
+                rate.astype(np.float32),
+                stretch[at].astype(np.int32),
+            )
             self._parts.append(Knots(smooth, *small, forward[at], reach))
         begin = max(stop - margin, 0)
         self._held, self._first = tuple(p[begin:] for p in parts), stop - begin
 
     def _note_scatter(self, sums: FloatArray) -> None:
-        """What the cubics of each reach left, each class of counts about its own mean: a cubic that keeps w of a passage leaves 1 - w."""
+        """What the cubics of each reach left, each class of counts about its own mean: a cubic that
+        keeps w of a passage leaves 1 - w.
+        """
         number, total, squares = sums[:, 0], sums[:, 1], sums[:, 2]
         kept = VALUE[:, MOST_REACH]
         left = (squares - total**2 / np.maximum(number, 1.0)).sum(axis=1)[LEAST_REACH:]
@@ -173,33 +243,53 @@ class KnotBuilder:
         """All knots; nothing can be added after."""
         if self._held is not None:
             self._add(tuple(p[:0] for p in self._held), last=True)
-        joined, parts = [], [[getattr(part, name) for part in self._parts] for name in Knots.__annotations__]
+        joined, parts = (
+            [],
+            [[getattr(part, name) for part in self._parts] for name in Knots.__annotations__],
+        )
         self._parts = []
         while parts:  # a field's pieces go as soon as they are joined
             joined.append(np.concatenate(parts.pop(0)))
         return Knots(*joined)
 
     def noise_rad(self, otherwise: float) -> float:
-        """Standard deviation of a knot: from what the cubics leave; of a passage alone, `otherwise`, where the log is too short."""
+        """Standard deviation of a knot: from what the cubics leave; of a passage alone,
+        `otherwise`, where the log is too short.
+        """
         if self._freedom < 100:
             return otherwise
-        number = float(self._kept.sum() / max(float((self._kept / VALUE[:, MOST_REACH]).sum()), 1.0))
+        number = float(
+            self._kept.sum() / max(float((self._kept / VALUE[:, MOST_REACH]).sum()), 1.0)
+        )
         return float(np.sqrt(self._variance / self._freedom * number))
 
 
 def angle_function(
-    knots: Knots, error_rad: FloatArray, sign: Integers, offset: Integers, unit_rad: float, noise_rad: float
+    knots: Knots,
+    error_rad: FloatArray,
+    sign: Integers,
+    offset: Integers,
+    unit_rad: float,
+    noise_rad: float,
 ) -> AngleFunction:
     """The wheel angle through `knots`, whose arrays it keeps and changes.
 
-    `error_rad` the pitch error of each count modulo its size; `sign`, `offset` of shape (stretches,): what makes the counts of a stretch
-    those of the wheel; `noise_rad` standard deviation of a knot.
+    `error_rad` the pitch error of each count modulo its size; `sign`, `offset` of shape
+    (stretches,): what makes the counts of a stretch those of the wheel; `noise_rad` standard
+    deviation of a knot.
     """
-    value, slope = (np.stack([_around(error_rad, row) for row in weights]) for weights in (VALUE, SLOPE))
+    value, slope = (
+        np.stack([_around(error_rad, row) for row in weights]) for weights in (VALUE, SLOPE)
+    )
     time, latest = knots.time_s, -np.inf
     for start in range(0, time.size, PIECE):
         piece = slice(start, start + PIECE)
-        count, rate, stretch, reach = knots.count[piece], knots.rate_rad_s[piece], knots.stretch[piece], knots.reach[piece]
+        count, rate, stretch, reach = (
+            knots.count[piece],
+            knots.rate_rad_s[piece],
+            knots.stretch[piece],
+            knots.reach[piece],
+        )
         count[:] = sign[stretch] * count + offset[stretch]
         rate *= sign[stretch]
         place = np.mod(count, error_rad.size)
@@ -213,4 +303,6 @@ def angle_function(
 def _around(error_rad: FloatArray, weights: FloatArray) -> FloatArray:
     """The weighted sum of the errors around each count of a turn, shape as given."""
     place = np.arange(error_rad.size)
-    return np.asarray(sum(w * error_rad[(place + j - MOST_REACH) % error_rad.size] for j, w in enumerate(weights)))
+    return np.asarray(
+        sum(w * error_rad[(place + j - MOST_REACH) % error_rad.size] for j, w in enumerate(weights))
+    )

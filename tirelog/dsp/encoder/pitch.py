@@ -1,16 +1,19 @@
 """The pitch error of a tone wheel, learnt from the log itself while it streams by.
 
-    pieces of times, counts, stretches (n,) --smooth motion over whole turns--> deviation of each passage [rad]
-        --means over turns, a stretch at a time--> which way and by how many teeth the stretches lie against each other
+    pieces of times, counts, stretches (n,) --smooth motion over whole turns--> deviation of each
+    passage [rad]
+        --means over turns, a stretch at a time--> which way and by how many teeth the stretches lie
+        against each other
         --all together--> table (2 steps,)
 
-The time of count n is the smooth motion's plus the pitch error over the speed.  Smoothing by B (2 - B), B the mean over one turn,
-keeps motions up to the third order in the count and has a zero at every harmonic of the wheel, so whatever is fixed to the wheel
-stays in the deviation: errors of the teeth, the offset between rising and falling passages, and what a once-per-turn change of
-amplitude does to them.  Its constant part is a convention and left out.
+The time of count n is the smooth motion's plus the pitch error over the speed. Smoothing by B (2 -
+B), B the mean over one turn, keeps motions up to the third order in the count and has a zero at
+every harmonic of the wheel, so whatever is fixed to the wheel stays in the deviation: errors of the
+teeth, the offset between rising and falling passages, and what a once-per-turn change of amplitude
+does to them. Its constant part is a convention and left out.
 
-Seen by a wheel that rolls backwards the pattern is reversed, and rising passages are falling ones: an uneven tone wheel shows its
-direction.
+Seen by a wheel that rolls backwards the pattern is reversed, and rising passages are falling ones:
+an uneven tone wheel shows its direction.
 """
 
 from __future__ import annotations
@@ -27,7 +30,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: turns that a table needs; fewer leave it zero
 LEAST_TURNS = 4
-#: tables that explain more of their deviations than this can be laid on one another, if one place is so much better than any other
+#: tables that explain more of their deviations than this can be laid on one another, if one place
+#: is so much better than any other
 CLEAR, BETTER_PLACE = 0.5, 1.2
 #: passages of the longest stretch that are kept to doubt the number of steps, in turns
 KEPT_TURNS = 200
@@ -35,9 +39,11 @@ KEPT_TURNS = 200
 
 @dataclass(frozen=True)
 class PitchTable:
-    """`error_rad` (2 steps,) true angle of a passage minus its nominal angle, zero mean; `se_rad` its standard error (a number);
-    `turns` it was learnt from; `scatter_rad` standard deviation of one passage about the table; `repeats` the share of the
-    deviations' variance that the table explains beyond chance, in [0, 1]."""
+    """`error_rad` (2 steps,) true angle of a passage minus its nominal angle, zero mean; `se_rad`
+    its standard error (a number); `turns` it was learnt from; `scatter_rad` standard deviation of
+    one passage about the table; `repeats` the share of the deviations' variance that the table
+    explains beyond chance, in [0, 1].
+    """
 
     error_rad: FloatArray
     se_rad: float
@@ -52,7 +58,9 @@ class PitchTable:
 
 @compiled
 def _window_mean(x: FloatArray, turn: int) -> FloatArray:
-    """Mean over the turn around each of x (n,), half weights at the ends of the window; NaN within half a turn of the ends."""
+    """Mean over the turn around each of x (n,), half weights at the ends of the window; NaN within
+    half a turn of the ends.
+    """
     half, mean = turn // 2, np.full(x.size, np.nan)
     total = 0.0
     for i in range(turn):
@@ -64,9 +72,13 @@ def _window_mean(x: FloatArray, turn: int) -> FloatArray:
 
 
 @compiled
-def _deviation_sums(time: FloatArray, seen: NDArray[np.bool_], first: int, turn: int, limit: float, sums: FloatArray) -> None:
-    """Adds number, deviations [rad] and their squares of passages of one stretch to `sums` (3, turn), without the turn at each end and
-    without uneven turns.  `time` of the counts `first`, `first` + 1, ..., of those `seen` only."""
+def _deviation_sums(
+    time: FloatArray, seen: NDArray[np.bool_], first: int, turn: int, limit: float, sums: FloatArray
+) -> None:
+    """Adds number, deviations [rad] and their squares of passages of one stretch to `sums` (3,
+    turn), without the turn at each end and without uneven turns. `time` of the counts `first`,
+    `first` + 1, ..., of those `seen` only.
+    """
     n, half = time.size, turn // 2
     pace = (time[n - 1] - time[0]) / (n - 1)
     bent = np.empty(n)
@@ -75,7 +87,11 @@ def _deviation_sums(time: FloatArray, seen: NDArray[np.bool_], first: int, turn:
     once = _window_mean(bent, turn)
     twice = _window_mean(once[half : n - half], turn)
     for i in range(turn, n - turn):
-        lap, before, after = time[i + half] - time[i - half], time[i] - time[i - turn], time[i + turn] - time[i]
+        lap, before, after = (
+            time[i + half] - time[i - half],
+            time[i] - time[i - turn],
+            time[i + turn] - time[i],
+        )
         if seen[i] and abs(after - before) < 0.1 * lap:
             deviation = (bent[i] - 2 * once[i] + twice[i - half]) * 2 * np.pi / lap
             if abs(deviation) < limit:
@@ -87,8 +103,9 @@ def _deviation_sums(time: FloatArray, seen: NDArray[np.bool_], first: int, turn:
 
 @dataclass
 class StretchSums:
-    """What a stretch showed: its number, first and last count and their times, whether it was counted forwards, the sums of its
-    deviations."""
+    """What a stretch showed: its number, first and last count and their times, whether it was
+    counted forwards, the sums of its deviations.
+    """
 
     number: int
     first: int
@@ -101,7 +118,9 @@ class StretchSums:
 
 @dataclass(frozen=True)
 class Placing:
-    """Where a stretch lies on the wheel: count x `sign` + `offset` half teeth; `told`: the pattern showed it."""
+    """Where a stretch lies on the wheel: count x `sign` + `offset` half teeth; `told`: the pattern
+    showed it.
+    """
 
     sign: int
     offset: int
@@ -114,11 +133,19 @@ class PitchLearner:
 
     steps: int
     stretches: list[StretchSums] = field(default_factory=list)
-    sample: tuple[FloatArray, Integers] = field(default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64)))
-    _held: tuple[FloatArray, Integers] = field(default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64)))
-    _begin: tuple[FloatArray, Integers] = field(default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64)))
+    sample: tuple[FloatArray, Integers] = field(
+        default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64))
+    )
+    _held: tuple[FloatArray, Integers] = field(
+        default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64))
+    )
+    _begin: tuple[FloatArray, Integers] = field(
+        default_factory=lambda: (np.zeros(0), np.zeros(0, np.int64))
+    )
 
-    def add(self, time_s: FloatArray, count: Integers, stretch: Integers, forward: np.ndarray) -> None:
+    def add(
+        self, time_s: FloatArray, count: Integers, stretch: Integers, forward: np.ndarray
+    ) -> None:
         """The next passages, shape (n,) each."""
         if time_s.size == 0:
             return
@@ -128,18 +155,36 @@ class PitchLearner:
             if not self.stretches or self.stretches[-1].number != number:
                 sums = np.zeros((3, 2 * self.steps))
                 begin = float(time_s[low])
-                self.stretches.append(StretchSums(number, int(count[low]), int(count[low]), begin, begin, bool(forward[low]), sums))
+                self.stretches.append(
+                    StretchSums(
+                        number,
+                        int(count[low]),
+                        int(count[low]),
+                        begin,
+                        begin,
+                        bool(forward[low]),
+                        sums,
+                    )
+                )
                 self._held = self._begin = (np.zeros(0), np.zeros(0, np.int64))
-            self.stretches[-1].last, self.stretches[-1].end_s = int(count[high - 1]), float(time_s[high - 1])
+            self.stretches[-1].last, self.stretches[-1].end_s = (
+                int(count[high - 1]),
+                float(time_s[high - 1]),
+            )
             if self.stretches[-1].forward:
                 self._learn(time_s[low:high], count[low:high])
 
     def _learn(self, time_s: FloatArray, count: Integers) -> None:
         """Adds passages of the last stretch to its sums; those near the end wait for the next ones."""
         turn = 2 * self.steps
-        time, at = (np.concatenate([a, b]) for a, b in zip(self._held, (time_s, count), strict=True))
+        time, at = (
+            np.concatenate([a, b]) for a, b in zip(self._held, (time_s, count), strict=True)
+        )
         if self._begin[0].size < KEPT_TURNS * turn:
-            begin, first = (np.concatenate([a, b])[: KEPT_TURNS * turn] for a, b in zip(self._begin, (time_s, count), strict=True))
+            begin, first = (
+                np.concatenate([a, b])[: KEPT_TURNS * turn]
+                for a, b in zip(self._begin, (time_s, count), strict=True)
+            )
             self._begin = begin, first
             self.sample = max(self.sample, self._begin, key=lambda kept: kept[0].size)
         if at[-1] - at[0] >= 4 * turn and at.size >= 3 * turn and bool((np.diff(at) > 0).all()):
@@ -149,17 +194,21 @@ class PitchLearner:
                 seen[:] = False
                 seen[at - at[0]] = True
             at_each = time if whole.size == at.size else np.interp(whole, at, time)
-            _deviation_sums(at_each, seen, int(at[0]), turn, np.pi / self.steps, self.stretches[-1].sums)
+            _deviation_sums(
+                at_each, seen, int(at[0]), turn, np.pi / self.steps, self.stretches[-1].sums
+            )
             late = int(np.searchsorted(at, at[-1] + 1 - 2 * turn))
             time, at = time[late:], at[late:]
         self._held = time, at
 
     def placings(self, ways: dict[int, int] | None = None) -> list[Placing]:
-        """Where each stretch lies against the one with the most turns, by their patterns, and after the stretch before it.
+        """Where each stretch lies against the one with the most turns, by their patterns, and after
+        the stretch before it.
 
-        After a standstill or a hole the count may have lost teeth, and the wheel may roll the other way; the tone wheel's own pattern
-        tells.  A stretch that is too short, or whose pattern is too faint, keeps its counts.  `ways`: the direction (1 or -1) of stretches
-        of which it is known otherwise.
+        After a standstill or a hole the count may have lost teeth, and the wheel may roll the other
+        way; the tone wheel's own pattern tells. A stretch that is too short, or whose pattern is
+        too faint, keeps its counts. `ways`: the direction (1 or -1) of stretches of which it is
+        known otherwise.
         """
         ways = ways or {}
         tables = [_table(stretch.sums) for stretch in self.stretches]
@@ -170,7 +219,9 @@ class PitchLearner:
         for stretch, table in zip(self.stretches, tables, strict=True):
             placing = _placing(tables[best], table) if stretch.forward else Placing(1, 0, True)
             way = ways.get(stretch.number, 0)
-            if way and way != placing.sign * (1 if stretch.forward else -1):  # turned, the parity of rising passages changes
+            if way and way != placing.sign * (
+                1 if stretch.forward else -1
+            ):  # turned, the parity of rising passages changes
                 placing = Placing(-placing.sign, end + 1 + placing.sign * stretch.first, True)
                 placing = replace(placing, offset=placing.offset - (placing.offset + 1) % 2)
             elif way:
@@ -179,7 +230,9 @@ class PitchLearner:
             first = placing.sign * stretch.first + placing.offset
             if placed and not turned_back and first <= end:  # the wheel did not roll back
                 turns = -(-(end + 1 - first) // (2 * self.steps))
-                placing = Placing(placing.sign, placing.offset + turns * 2 * self.steps, placing.told)
+                placing = Placing(
+                    placing.sign, placing.offset + turns * 2 * self.steps, placing.told
+                )
             placed.append(placing)
             end = placing.sign * stretch.last + placing.offset
         return placed
@@ -212,8 +265,12 @@ def _placing(reference: PitchTable, table: PitchTable) -> Placing:
     if not (table.turns and table.repeats > CLEAR and reference.repeats > CLEAR):
         return Placing(1, 0, False)
     size = table.error_rad.size
-    # a passage that is late at count c, seen backwards, is early at count -1 - c: the parity of rising passages changes
-    forth, back = (_match(pattern, table.error_rad) for pattern in (reference.error_rad, -reference.error_rad[::-1]))
+    # a passage that is late at count c, seen backwards, is early at count -1 - c: the parity of
+    # rising passages changes
+    forth, back = (
+        _match(pattern, table.error_rad)
+        for pattern in (reference.error_rad, -reference.error_rad[::-1])
+    )
     best = forth if forth.max() >= back.max() else back
     place = int(np.argmax(best))
     other = max(float(np.max(np.delete(best, place))), 0.0)
@@ -227,8 +284,9 @@ def _placing(reference: PitchTable, table: PitchTable) -> Placing:
 
 
 def _match(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Correlation of `a` with `b` moved by 0, 2, 4 ... counts; rising and falling passages each without their mean (a level offset shifts
-    all rising ones alike)."""
+    """Correlation of `a` with `b` moved by 0, 2, 4 ... counts; rising and falling passages each
+    without their mean (a level offset shifts all rising ones alike).
+    """
     result = np.zeros(a.size // 2)
     for k in (0, 1):
         one, other = a[k::2] - a[k::2].mean(), b[k::2] - b[k::2].mean()
@@ -236,11 +294,15 @@ def _match(a: FloatArray, b: FloatArray) -> FloatArray:
     return result
 
 
-def steps_that_repeat(sample: tuple[FloatArray, Integers], steps: int, most: int = 256) -> tuple[int, float, float]:
-    """(steps a turn with which the deviations repeat best, share of their variance that these explain beyond chance, the same of `steps`).
+def steps_that_repeat(
+    sample: tuple[FloatArray, Integers], steps: int, most: int = 256
+) -> tuple[int, float, float]:
+    """(steps a turn with which the deviations repeat best, share of their variance that these
+    explain beyond chance, the same of `steps`).
 
-    The passages are smoothed over a few teeth only, so that the turn of the setup is not presumed.  Of multiples the least that explains as
-    much as the best.  Shares are zero where the log is too short.
+    The passages are smoothed over a few teeth only, so that the turn of the setup is not presumed.
+    Of multiples the least that explains as much as the best. Shares are zero where the log is too
+    short.
     """
     time_s, count = sample
     if count.size < 64 or count[-1] - count[0] != count.size - 1:
@@ -254,7 +316,11 @@ def steps_that_repeat(sample: tuple[FloatArray, Integers], steps: int, most: int
         if deviation.size < 4 * size:
             break
         at = np.mod(np.arange(deviation.size), size)
-        explained = float(np.sum(np.bincount(at, deviation, size) ** 2 / np.bincount(at, minlength=size)))
-        shares[candidate] = (explained - squares * size / deviation.size) / max(squares, np.finfo(float).tiny)
+        explained = float(
+            np.sum(np.bincount(at, deviation, size) ** 2 / np.bincount(at, minlength=size))
+        )
+        shares[candidate] = (explained - squares * size / deviation.size) / max(
+            squares, np.finfo(float).tiny
+        )
     best = int(np.argmax(shares > shares.max() - 0.03))
     return best, float(shares[best]), float(shares[steps]) if steps <= most else 0.0

@@ -1,14 +1,18 @@
 """From an encoder's samples to the times at which its teeth pass, block by block.
 
-    samples (size,) --probe------> what kind of signal it is, its amplitude and its noise (a few short pieces of the log)
-                    --crossings--> sub-sample indices (n,) of the passages through the middle level, rising and falling in turn, a
+    samples (size,) --probe------> what kind of signal it is, its amplitude and its noise (a few
+    short pieces of the log)
+                    --crossings--> sub-sample indices (n,) of the passages through the middle level,
+                    rising and falling in turn, a
                                    piece for every block of samples
 
-A tooth passage is found by hysteresis around a tracked middle level and placed by a sine: the samples within a third of a half period
-have the sum, and the difference between the later and the earlier ones, that a sine through that place would have.  That window has
-nearly the least variance (white noise: 4 % above the bound of the half period).
+A tooth passage is found by hysteresis around a tracked middle level and placed by a sine: the
+samples within a third of a half period have the sum, and the difference between the later and the
+earlier ones, that a sine through that place would have. That window has nearly the least variance
+(white noise: 4 % above the bound of the half period).
 
-Indices are fractional samples from the start of the channel.  The result does not depend on the size of the blocks.
+Indices are fractional samples from the start of the channel. The result does not depend on the size
+of the blocks.
 """
 
 from __future__ import annotations
@@ -37,15 +41,18 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 BLOCK = 1 << 17
 #: changes of side on each side that the place of one depends on
 BESIDE = 2 * AROUND + 2
-#: the middle level and the amplitude follow the signal within this time; a slower tooth counts as standstill
+#: the middle level and the amplitude follow the signal within this time; a slower tooth counts as
+#: standstill
 FOLLOW_S = 0.3
-#: longer where the amplitude does not follow the speed, so that a wheel that begins to turn shows a whole swing
+#: longer where the amplitude does not follow the speed, so that a wheel that begins to turn shows a
+#: whole swing
 FOLLOW_STEADY_S = 1.2
 #: half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
 HYSTERESIS = 0.4
 #: a signal whose range is within so many standard deviations of its noise does not move
 STILL_SIGMA = 6.0
-#: amplitudes of a log's pieces, those with so many swings, closer together than this do not follow the speed (a Hall sensor)
+#: amplitudes of a log's pieces, those with so many swings, closer together than this do not follow
+#: the speed (a Hall sensor)
 STEADY_AMPLITUDE, LEAST_SWINGS = 0.6, 6
 
 Read = Callable[[int, int], FloatArray]
@@ -57,10 +64,11 @@ Integers = NDArray[np.integer[Any]]
 class Probe:
     """What a few pieces of an encoder channel show.
 
-    `form`: 'sine', 'square' (two levels), 'counter' (monotone whole numbers, or an angle) or 'dead' (no teeth).
-    `amplitude` is half of the range, `noise` the standard deviation of one sample, in the channel's unit.  A swing below `least` is
-    no tooth: noise at a standstill, or part of a period where the sensor's amplitude does not follow the speed.  Levels are taken
-    from a window of `follow_s`.
+    `form`: 'sine', 'square' (two levels), 'counter' (monotone whole numbers, or an angle) or 'dead'
+    (no teeth). `amplitude` is half of the range, `noise` the standard deviation of one sample, in
+    the channel's unit. A swing below `least` is no tooth: noise at a standstill, or part of a
+    period where the sensor's amplitude does not follow the speed. Levels are taken from a window of
+    `follow_s`.
     """
 
     form: str
@@ -72,8 +80,10 @@ class Probe:
 
 @dataclass(frozen=True)
 class Crossings:
-    """Tooth passages of one block: `index` (n,) fractional sample, `rising` (n,) direction of the signal, `breaks` (m,) sample indices of
-    holes in the signal, longer than a few samples, over which a tooth may have gone unseen."""
+    """Tooth passages of one block: `index` (n,) fractional sample, `rising` (n,) direction of the
+    signal, `breaks` (m,) sample indices of holes in the signal, longer than a few samples, over
+    which a tooth may have gone unseen.
+    """
 
     index: FloatArray
     rising: np.ndarray
@@ -94,7 +104,9 @@ class Crossings:
 
 
 def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
-    """Form, amplitude and noise of a channel of `size` samples, from `pieces` short pieces of it, evenly spread."""
+    """Form, amplitude and noise of a channel of `size` samples, from `pieces` short pieces of it,
+    evenly spread.
+    """
     starts = np.unique(np.linspace(0, max(size - length, 0), pieces).astype(np.int64))
     amplitudes, noises, squares, monotone, swings = [], [], [], [], []
     for start in starts:
@@ -104,8 +116,14 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
             continue
         low, high = float(x.min()), float(x.max())
         amplitudes.append((high - low) / 2)
-        noises.append(float(np.median(np.abs(np.diff(x[: x.size // 2], 4)))) / (0.6745 * np.sqrt(70.0)))
-        squares.append(float(np.mean(np.abs(x - (high + low) / 2) > 0.8 * (high - low) / 2)) if high > low else 0.0)
+        noises.append(
+            float(np.median(np.abs(np.diff(x[: x.size // 2], 4)))) / (0.6745 * np.sqrt(70.0))
+        )
+        squares.append(
+            float(np.mean(np.abs(x - (high + low) / 2) > 0.8 * (high - low) / 2))
+            if high > low
+            else 0.0
+        )
         swings.append(_swings(x, low, high))
         if high > low:
             monotone.append(float(np.mean(np.diff(x) >= 0)))
@@ -114,7 +132,9 @@ def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
     amplitude, noise = float(np.quantile(amplitudes, 0.9)), float(np.quantile(noises, 0.2))
     if monotone and float(np.median(monotone)) > 0.998:
         return Probe("counter", amplitude, noise)
-    if not np.isfinite(amplitude) or not amplitude > STILL_SIGMA * noise:  # also numbers too large to be squared
+    if (
+        not np.isfinite(amplitude) or not amplitude > STILL_SIGMA * noise
+    ):  # also numbers too large to be squared
         return Probe("dead", amplitude, noise)
     # a piece with several swings shows a whole one, however slowly the wheel turns
     turning = (np.array(swings) >= LEAST_SWINGS) & (np.array(amplitudes) > STILL_SIGMA * noise)
@@ -133,9 +153,14 @@ def _swings(x: FloatArray, low: float, high: float) -> int:
     return int(np.sum(side[1:] != side[:-1]))
 
 
-def crossings(read: Read, size: int, rate_Hz: float, found: Probe, block: int | None = None) -> Iterator[Crossings]:
-    """Tooth passages of a 'sine' or 'square' channel of `size` samples at `rate_Hz`, block by block."""
-    # eight slow half periods, half of the time that the levels follow, and the chunks in which spikes are sought
+def crossings(
+    read: Read, size: int, rate_Hz: float, found: Probe, block: int | None = None
+) -> Iterator[Crossings]:
+    """Tooth passages of a 'sine' or 'square' channel of `size` samples at `rate_Hz`, block by
+    block.
+    """
+    # eight slow half periods, half of the time that the levels follow, and the chunks in which
+    # spikes are sought
     margin = CHUNK * (int((0.6 + 0.5 * found.follow_s) * rate_Hz) // CHUNK + 8)
     block = max((block or BLOCK) // CHUNK, 1) * CHUNK
     slow = 0.5 * FOLLOW_S * rate_Hz
@@ -148,15 +173,21 @@ def crossings(read: Read, size: int, rate_Hz: float, found: Probe, block: int | 
         rising = side[after] > 0
         first, end = np.searchsorted(after, [start - low, stop - low])
         near = slice(max(first - BESIDE, 0), end + BESIDE)
-        place = places(x, before[near], after[near], slow, found.form == "square")[first - near.start : end - near.start]
+        place = places(x, before[near], after[near], slow, found.form == "square")[
+            first - near.start : end - near.start
+        ]
         core = slice(first, end)
         if after[core].size:
             at, last = int(after[core][-1]) + low, 1 if rising[core][-1] else -1
-        yield Crossings(place + low, rising[core], holes[(holes >= start - low) & (holes < stop - low)] + low)
+        yield Crossings(
+            place + low, rising[core], holes[(holes >= start - low) & (holes < stop - low)] + low
+        )
 
 
 def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
-    """`x` with lost samples bridged by straight lines, and the first index of every hole of more than eight samples."""
+    """`x` with lost samples bridged by straight lines, and the first index of every hole of more
+    than eight samples.
+    """
     x = finite(x)
     if np.isfinite(x.sum()):
         return x, np.zeros(0, np.int64)
@@ -172,10 +203,15 @@ def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _hysteresis(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray, FloatArray]:
-    """Levels above and below which a sample is sure of its side, for every chunk; infinite where the signal does not move."""
+    """Levels above and below which a sample is sure of its side, for every chunk; infinite where
+    the signal does not move.
+    """
     reach = int(np.ceil(0.5 * found.follow_s * rate_Hz / CHUNK))
     high, low = extremes(x)
-    high, low = sliding_maximum(without_spikes(high), reach), -sliding_maximum(without_spikes(-low), reach)
+    high, low = (
+        sliding_maximum(without_spikes(high), reach),
+        -sliding_maximum(without_spikes(-low), reach),
+    )
     half, middle = (high - low) / 2, (high + low) / 2
     half = np.where(half > found.least, HYSTERESIS * half, np.inf)
     return middle + half, middle - half

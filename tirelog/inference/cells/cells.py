@@ -1,10 +1,13 @@
-"""Cells: the pieces of all logs with their noise and scatter, which is what every later step works on.
+"""Cells: the pieces of all logs with their noise and scatter, which is what every later step works
+on.
 
-    Pieces (P, m) of all logs  ->  noise by angle, covariance of the coefficients, both pooled  ->  Cells (C, m), C = P
+    Pieces (P, m) of all logs  ->  noise by angle, covariance of the coefficients, both pooled  ->
+                               Cells (C, m), C = P
 
-The coefficients taken out of single revolutions come back as random effects of the cell's mean (their covariance over revolutions,
-neighbours' correlation included, over the number of revolutions), the shift as a free nuisance.  Amplitude and width are relative: a load
-that scatters moves both.
+The coefficients taken out of single revolutions come back as random effects of the cell's mean
+(their covariance over revolutions, neighbours' correlation included, over the number of
+revolutions), the shift as a free nuisance. Amplitude and width are relative: a load that scatters
+moves both.
 """
 
 from __future__ import annotations
@@ -25,16 +28,23 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 class Cells:
     """C cells x m angles; rows in the order of log, manoeuvre, time.
 
-    values, phi, phi_variance (C, m)  mean waveform, at the mean angle and variance of its samples; NaN where no sample fell
+    values, phi, phi_variance (C, m)  mean waveform, at the mean angle and variance of its samples;
+                                      NaN where no sample fell
     sd             (C, m)  standard error of the mean from independent noise; inf where empty
-    random         (C, m, 3)  columns of the random effects, all relative: amplitude (P), width (phi P'), baseline (rms of P)
+    random         (C, m, 3)  columns of the random effects, all relative: amplitude (P), width (phi
+                   P'), baseline (rms of P)
     random_cov     (C, 3, 3)  covariance of their means
     shift          (C, m)  P', the free nuisance (zero with one angle)
-    revolutions    (C,)  in the cell;  conditions: means;  log, manoeuvre (C,) integers, manoeuvre 0 ... M-1;  regime (C,)
-    within         (C, m) mean square of single revolutions about their cell, shift taken out, noise and random effects in it
-    speed_mean, speed_square (C, m)  mean and mean square of a bin's samples' speed about the cell's mean speed [m/s], [m^2/s^2]
-    moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does that)
-    cell           (n,) the cell of each revolution of the stack, empty where only the pieces are left
+    revolutions    (C,)  in the cell;  conditions: means;  log, manoeuvre (C,) integers, manoeuvre 0
+                   ... M-1;  regime (C,)
+    within         (C, m) mean square of single revolutions about their cell, shift taken out, noise
+                   and random effects in it
+    speed_mean, speed_square (C, m)  mean and mean square of a bin's samples' speed about the cell's
+                                     mean speed [m/s], [m^2/s^2]
+    moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does
+                   that)
+    cell           (n,) the cell of each revolution of the stack, empty where only the pieces are
+                   left
     notes          sentences on what was set apart, taken together or left out of the logs
     """
 
@@ -64,7 +74,11 @@ class Cells:
     @property
     def angles(self) -> dict[str, Any]:
         """Where a model is asked to predict: the arguments of `Model.predict`."""
-        return {"phi_rad": self.phi, "phi_variance": self.phi_variance} if self.phi.shape[1] > 1 else {"phi_rad": None}
+        return (
+            {"phi_rad": self.phi, "phi_variance": self.phi_variance}
+            if self.phi.shape[1] > 1
+            else {"phi_rad": None}
+        )
 
     @property
     def manoeuvres(self) -> int:
@@ -117,26 +131,34 @@ def cells_of(pieces: Pieces) -> Cells:
 
 
 def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
-    """With one angle only: standard deviation of single revolutions (P, 1), the pooled one where a piece is too small to know its own."""
+    """With one angle only: standard deviation of single revolutions (P, 1), the pooled one where a
+    piece is too small to know its own.
+    """
     known = np.isfinite(pieces.scatter)
     pooled = np.nanmedian(pieces.scatter) if known.any() else np.nan
     return np.where(known & (pieces.scatter > 0.3 * pooled), pieces.scatter, pooled)
 
 
 def _noise_profile(pieces: Pieces) -> FloatArray:
-    """Variance of one sample by angle (m,), pooled over the pieces and smoothed over neighbouring bins."""
+    """Variance of one sample by angle (m,), pooled over the pieces and smoothed over neighbouring
+    bins.
+    """
     ss, freedom = pieces.residual_ss.sum(axis=0), pieces.freedom.sum(axis=0)
     half = max(1, ss.size // 64)
     kernel = np.ones(2 * half + 1)
-    wrapped: Callable[[FloatArray], FloatArray] = lambda x: np.convolve(np.r_[x[-half:], x, x[:half]], kernel, mode="valid")  # noqa: E731
+    wrapped: Callable[[FloatArray], FloatArray] = lambda x: np.convolve(  # noqa: E731
+        np.r_[x[-half:], x, x[:half]], kernel, mode="valid"
+    )
     profile = wrapped(ss) / np.maximum(wrapped(freedom), 1e-9)
     return np.asarray(np.maximum(profile, 1e-3 * np.median(profile) + 1e-30), dtype=np.float64)
 
 
 def _coefficient_covariance(pieces: Pieces) -> tuple[FloatArray, FloatArray]:
-    """Covariance (3, 3) of single revolutions' coefficients, and that of a long mean (with neighbours' correlation), both over revolutions.
+    """Covariance (3, 3) of single revolutions' coefficients, and that of a long mean (with
+    neighbours' correlation), both over revolutions.
 
-    Each cell's coefficients are taken about their trend in the order of driving: what follows speed is not scatter.
+    Each cell's coefficients are taken about their trend in the order of driving: what follows speed
+    is not scatter.
     """
     zero, one, freedom, pairs = np.zeros((3, 3)), np.zeros((3, 3)), 0.0, 0
     for coefficients in np.split(pieces.coefficients, np.cumsum(pieces.number)[:-1]):

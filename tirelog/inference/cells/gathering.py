@@ -1,15 +1,20 @@
-"""The pieces of all logs under one limit, `MOST_PIECES`: what works on them takes the same memory however long and many the logs are.
+"""The pieces of all logs under one limit, `MOST_PIECES`: what works on them takes the same memory
+however long and many the logs are.
 
     Stacks of one log, each in its turn in memory --pieces_of--> their pieces under each other
     more than `MOST_PIECES` of them: manoeuvres of one regime, a few neighbours together --groups-->
-        pieces of one group in one band of speed --> one Piece: joined as revolutions are in `pieces` (coefficients out, the rest averaged)
-    the pieces of several logs, more than `MOST_PIECES` together --share_out--> each log's share of them, evenly over its speeds
+        pieces of one group in one band of speed --> one Piece: joined as revolutions are in
+        `pieces` (coefficients out, the rest averaged)
+    the pieces of several logs, more than `MOST_PIECES` together --share_out--> each log's share of
+    them, evenly over its speeds
 
-Within a log no revolution is left out: each counts in its piece's mean, noise and coefficients, and `cell` knows its piece.  To all
-that follows a group is one manoeuvre: replicates are fewer, and no more correlated than manoeuvres are.  Of many logs pieces are left
-out instead, since gathering them further would make one manoeuvre of what repeats.  `notes` of the pieces say both.
+Within a log no revolution is left out: each counts in its piece's mean, noise and coefficients, and
+`cell` knows its piece. To all that follows a group is one manoeuvre: replicates are fewer, and no
+more correlated than manoeuvres are. Of many logs pieces are left out instead, since gathering them
+further would make one manoeuvre of what repeats. `notes` of the pieces say both.
 
-`diagnose` of logs does both steps at once; a campaign's workers do the first and its models the second, with the same numbers.
+`diagnose` of logs does both steps at once; a campaign's workers do the first and its models the
+second, with the same numbers.
 """
 
 from __future__ import annotations
@@ -33,23 +38,29 @@ from tirelog.inference.stacks.cut import ANGLES
 from tirelog.inference.stacks.spooled import Stacks, outlines
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: pieces that all logs together may have (25 minutes of mixed driving), of `diagnose` as of a campaign: a diagnosis takes 0.4 MB for
-#: each beside 240 MB, so twice as many would take 530 MB.  Gathering more would cost what error bars rest on: with loads that scatter
-#: by 1 %, three manoeuvres as one raised reduced chi-square from 1.0 to 2.0
+#: pieces that all logs together may have (25 minutes of mixed driving), of `diagnose` as of a
+#: campaign: a diagnosis takes 0.4 MB for each beside 240 MB, so twice as many would take 530 MB.
+#: Gathering more would cost what error bars rest on: with loads that scatter by 1 %, three
+#: manoeuvres as one raised reduced chi-square from 1.0 to 2.0
 MOST_PIECES = 360
-#: pieces that a log gives at least; where there are so many logs that they have no room, only some of the logs, evenly
+#: pieces that a log gives at least; where there are so many logs that they have no room, only some
+#: of the logs, evenly
 LEAST_SHARE = 2
 
 
 def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
-    """The pieces of all logs of the stacks, at most `most`; each log is gathered by itself, several share the room."""
+    """The pieces of all logs of the stacks, at most `most`; each log is gathered by itself, several
+    share the room.
+    """
     outline = outlines(stacks)
     most = room(outline[0].phi_rad.size, most)
     parts: list[Pieces] = []
     for places in _places_of_logs(outline):
         part = _pieces((stacks[i] for i in places), [outline[i] for i in places], most)
         first = parts[-1].manoeuvre.max() + 1 if parts else 0
-        parts.append(replace(part, manoeuvre=np.unique(part.manoeuvre, return_inverse=True)[1] + first))
+        parts.append(
+            replace(part, manoeuvre=np.unique(part.manoeuvre, return_inverse=True)[1] + first)
+        )
     chosen = chosen_logs(len(parts), most)
     shares = dict(zip(chosen, share_out([len(parts[i]) for i in chosen], most), strict=True))
     kept, cells, before = [], [], 0
@@ -66,17 +77,23 @@ def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
 
 
 def room(angles: int, most: int = MOST_PIECES) -> int:
-    """How many pieces there is room for: `most` waveforms; numbers per revolution take next to none."""
+    """How many pieces there is room for: `most` waveforms; numbers per revolution take next to
+    none.
+    """
     return most if angles > 1 else most * ANGLES
 
 
 def chosen_logs(logs: int, most: int = MOST_PIECES) -> list[int]:
     """The logs that give pieces: all, or where they have no room evenly some of them."""
-    return sorted({int(i) for i in np.linspace(0, logs - 1, min(logs, max(most // LEAST_SHARE, 1))).round()})
+    return sorted(
+        {int(i) for i in np.linspace(0, logs - 1, min(logs, max(most // LEAST_SHARE, 1))).round()}
+    )
 
 
 def share_out(sizes: Sequence[int], most: int = MOST_PIECES) -> list[int]:
-    """How many pieces each log gives, of `sizes` that they have: short logs all of theirs, longer ones equally many, `most` together."""
+    """How many pieces each log gives, of `sizes` that they have: short logs all of theirs, longer
+    ones equally many, `most` together.
+    """
     highest = max(sizes, default=0)
     while highest > LEAST_SHARE and sum(min(size, highest) for size in sizes) > most:
         highest -= 1
@@ -87,7 +104,10 @@ def left_out(used: int, of: int, logs_used: int, logs: int) -> tuple[str, ...]:
     """The sentence on what many logs have no room for, if anything."""
     if used == of and logs_used == logs:
         return ()
-    return (f"{used} of {of} means of like revolutions are used, spread over the speeds of {logs_used} of {logs} logs; more have no room",)
+    return (
+        f"{used} of {of} means of like revolutions are used, spread over the speeds of "
+        f"{logs_used} of {logs} logs; more have no room",
+    )
 
 
 def _places_of_logs(stacks: Sequence[Stack]) -> list[list[int]]:
@@ -95,12 +115,16 @@ def _places_of_logs(stacks: Sequence[Stack]) -> list[list[int]]:
     logs = [np.unique(stack.log) for stack in stacks]
     if any(names.size > 1 for names in logs):
         return [list(range(len(stacks)))]
-    return [[i for i, names in enumerate(logs) if names[0] == log] for log in dict.fromkeys(int(names[0]) for names in logs)]
+    return [
+        [i for i, names in enumerate(logs) if names[0] == log]
+        for log in dict.fromkeys(int(names[0]) for names in logs)
+    ]
 
 
 def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
-    """The piece of each revolution of a log of which `kept` pieces are left, numbered on from `before`: its own, or the one nearest in
-    speed; -1 where none is left."""
+    """The piece of each revolution of a log of which `kept` pieces are left, numbered on from
+    `before`: its own, or the one nearest in speed; -1 where none is left.
+    """
     if not kept.size:
         return np.full(part.cell.size, -1)
     if kept.size == len(part):
@@ -112,7 +136,9 @@ def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
 
 
 def pieces_of_all(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
-    """The pieces of stacks that are numbered through, `most` or fewer where manoeuvres can be gathered so far."""
+    """The pieces of stacks that are numbered through, `most` or fewer where manoeuvres can be
+    gathered so far.
+    """
     pieces = _pieces(stacks, outlines(stacks), most)
     return replace(pieces, notes=(*_notes(stacks), *pieces.notes))
 
@@ -136,21 +162,32 @@ def _pieces(stacks: Iterable[Stack], outline: Sequence[Stack], most: int) -> Pie
     pieces = _gathered(pieces, groups)
     manoeuvre = groups[pieces.manoeuvre]
     said = (
-        f"{', '.join(pieces.logs[i] for i in np.unique(pieces.log))}: {before} manoeuvres are taken together as "
-        f"{np.unique(manoeuvre).size}, some neighbours of one regime as one; scatter between those counts as the model's error"
+        f"{', '.join(pieces.logs[i] for i in np.unique(pieces.log))}: {before} manoeuvres are "
+        "taken together as "
+        f"{np.unique(manoeuvre).size}, some neighbours of one regime as one; scatter between "
+        "those counts as the model's error"
     )
     return replace(pieces, manoeuvre=manoeuvre, notes=(said,))
 
 
 def _groups(stacks: Sequence[Stack], most: int) -> IntArray | None:
-    """The group of each manoeuvre, by its number; None where there are few pieces, or numbers per revolution, which take no room."""
+    """The group of each manoeuvre, by its number; None where there are few pieces, or numbers per
+    revolution, which take no room.
+    """
     if stacks[0].phi_rad.size == 1 or sum(int(assign(stack).max()) + 1 for stack in stacks) <= most:
         return None
-    manoeuvre, first = np.unique(np.concatenate([stack.manoeuvre for stack in stacks]), return_index=True)
+    manoeuvre, first = np.unique(
+        np.concatenate([stack.manoeuvre for stack in stacks]), return_index=True
+    )
     log = np.concatenate([stack.log for stack in stacks])[first]
-    regime = np.unique(np.concatenate([stack.regime for stack in stacks])[first], return_inverse=True)[1]
+    regime = np.unique(
+        np.concatenate([stack.regime for stack in stacks])[first], return_inverse=True
+    )[1]
     band = [_bands(stack.conditions.speed_m_s) for stack in stacks]
-    places = np.unique(np.stack([np.concatenate([stack.manoeuvre for stack in stacks]), np.concatenate(band)]), axis=1)
+    places = np.unique(
+        np.stack([np.concatenate([stack.manoeuvre for stack in stacks]), np.concatenate(band)]),
+        axis=1,
+    )
     kind = np.unique(np.stack([log, regime]), axis=1, return_inverse=True)[1].ravel()
     order = np.zeros(manoeuvre.size, np.int64)  # of a manoeuvre among those of its kind
     for k in np.unique(kind):
@@ -174,7 +211,10 @@ def _gathered(pieces: Pieces, groups: IntArray) -> Pieces:
     keys = np.stack([groups[pieces.manoeuvre], _bands(pieces.conditions.speed_m_s)])
     number = np.unique(keys, axis=1, return_inverse=True)[1].ravel()
     coefficients = np.split(pieces.coefficients, np.cumsum(pieces.number)[:-1])
-    made = [_together(pieces, np.flatnonzero(number == k), coefficients) for k in range(int(number.max()) + 1)]
+    made = [
+        _together(pieces, np.flatnonzero(number == k), coefficients)
+        for k in range(int(number.max()) + 1)
+    ]
     return replace(concatenated(made), cell=number[pieces.cell])
 
 
@@ -184,13 +224,23 @@ def _together(pieces: Pieces, rows: IntArray, coefficients: Sequence[FloatArray]
         return pieces.take(rows)
     weight = pieces.number[rows]
     conditions = Conditions(
-        **{name: np.average(getattr(pieces.conditions, name)[rows], weights=weight)[None] for name in Conditions.__dataclass_fields__}
+        **{
+            name: np.average(getattr(pieces.conditions, name)[rows], weights=weight)[None]
+            for name in Conditions.__dataclass_fields__
+        }
     )
     about = (pieces.conditions.speed_m_s[rows] - conditions.speed_m_s)[:, None]
     count = pieces.count[rows]
     share = count / np.maximum(count.sum(axis=0), 1e-12)
     mean, square = pieces.speed_mean[rows], pieces.speed_square[rows]
-    part = one_waveform(pieces.mean[rows], pieces.phi[rows], pieces.variance[rows], count, pieces.conditions.speed_m_s[rows], weight)
+    part = one_waveform(
+        pieces.mean[rows],
+        pieces.phi[rows],
+        pieces.variance[rows],
+        count,
+        pieces.conditions.speed_m_s[rows],
+        weight,
+    )
     between = _without_trend(part.coefficients, pieces.conditions.speed_m_s[rows])
     changed: dict[str, Any] = {
         "residual_ss": part.residual_ss + pieces.residual_ss[rows].sum(axis=0),
@@ -204,7 +254,12 @@ def _together(pieces: Pieces, rows: IntArray, coefficients: Sequence[FloatArray]
     return replace(
         one,
         number=weight.sum(keepdims=True),
-        coefficients=np.concatenate([_scattered(coefficients[row]) + moved for row, moved in zip(rows, between, strict=True)]),
+        coefficients=np.concatenate(
+            [
+                _scattered(coefficients[row]) + moved
+                for row, moved in zip(rows, between, strict=True)
+            ]
+        ),
         conditions=conditions,
         **{name: value[None] for name, value in whole.items()},
     )
@@ -218,8 +273,10 @@ def _without_trend(x: FloatArray, along: FloatArray) -> FloatArray:
 
 
 def _scattered(coefficients: FloatArray) -> FloatArray:
-    """The coefficients of a piece's revolutions about their trend in the order of driving, as `cells` takes their scatter, at the size that
-    counts what the trend took: beside those of other manoeuvres the trend would be taken for scatter."""
+    """The coefficients of a piece's revolutions about their trend in the order of driving, as
+    `cells` takes their scatter, at the size that counts what the trend took: beside those of other
+    manoeuvres the trend would be taken for scatter.
+    """
     k = len(coefficients)
     left = _without_trend(coefficients, np.arange(float(k)))
     return left * np.sqrt(k / max(k - (2 if k >= 4 else 1), 1))

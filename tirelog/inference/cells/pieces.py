@@ -1,10 +1,15 @@
-"""Like revolutions averaged: all that later steps need of them, so that the revolutions themselves can go.
+"""Like revolutions averaged: all that later steps need of them, so that the revolutions themselves
+can go.
 
-    Stack (n, m)  ->  cell (n,): one manoeuvre, a band of speed  ->  Pieces (P, m)  ->  `cells.cells_of` pools noise and scatter over all
+    Stack (n, m)  ->  cell (n,): one manoeuvre, a band of speed  ->  Pieces (P, m)  ->
+                  `cells.cells_of` pools noise and scatter over all
 
-Within a piece each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' + noise   with P the piece's mean waveform
-at the revolution's real angles.  The four coefficients are taken out, the rest averaged.  With one angle only the mean is taken.
-A piece is 25 kB, whatever the number of its revolutions; a mixed log of two minutes makes some 30 of them.
+Within a piece each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' +
+                                    noise   with P the piece's mean waveform
+at the revolution's real angles.  The four coefficients are taken out, the rest averaged.  With one
+angle only the mean is taken.
+A piece is 25 kB, whatever the number of its revolutions; a mixed log of two minutes makes some 30
+of them.
 """
 
 from __future__ import annotations
@@ -25,29 +30,48 @@ BAND_M_S = 1.6
 FEWEST = 3
 MOST_BANDS = 6
 _ROUNDS = 2
-#: neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a gap is a slope, and 0.3 makes it three times
-#: what a whole bin does; doubling it begins to blur edges where angles are spread evenly
+#: neighbouring knots of a cell's curve are at least this share of a bin apart: noise over a gap is
+#: a slope, and 0.3 makes it three times what a whole bin does; doubling it begins to blur edges
+#: where angles are spread evenly
 CLOSEST = 0.3
-#: a bin with less than this share of the samples of the middle one joins a neighbour within so many bins; doubling changes nothing seen
+#: a bin with less than this share of the samples of the middle one joins a neighbour within so many
+#: bins; doubling changes nothing seen
 LEAST_COUNT = 0.1
 _NEIGHBOUR = 1.5
 _FEWEST_KNOTS = 8
 #: fields of Pieces that are not a row a piece
-_APART = ("observable", "channel", "surface", "radius_m", "coefficients", "conditions", "cell", "logs", "notes")
-#: successive logs take their share of pieces at other speeds: the golden ratio's fraction spreads them evenly
+_APART = (
+    "observable",
+    "channel",
+    "surface",
+    "radius_m",
+    "coefficients",
+    "conditions",
+    "cell",
+    "logs",
+    "notes",
+)
+#: successive logs take their share of pieces at other speeds: the golden ratio's fraction spreads
+#: them evenly
 _GOLDEN = 0.6180339887498949
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """P means of like revolutions x m angles, from one log or several; rows in the order of log, manoeuvre, time.
+    """P means of like revolutions x m angles, from one log or several; rows in the order of log,
+    manoeuvre, time.
 
-    mean, phi, variance, count (P, m)  mean waveform, mean angle and variance of its samples, samples; NaN where there are none
-    random         (P, m, 3)  P, phi P', rms of P;  shift (P, m)  -P', whose mean coefficient is zero
-    residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard deviation, with one angle only
-    speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the piece's mean speed [m/s], [m^2/s^2]
+    mean, phi, variance, count (P, m)  mean waveform, mean angle and variance of its samples,
+                                       samples; NaN where there are none
+    random         (P, m, 3)  P, phi P', rms of P;  shift (P, m)  -P', whose mean coefficient is
+                   zero
+    residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard
+                                 deviation, with one angle only
+    speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the
+                                     piece's mean speed [m/s], [m^2/s^2]
     number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces
-    conditions, log, manoeuvre, regime  a value a piece;  cell (n,) the piece of each revolution of the stack, empty where it is not known
+    conditions, log, manoeuvre, regime  a value a piece;  cell (n,) the piece of each revolution of
+                                        the stack, empty where it is not known
     notes          sentences on what was set apart, taken together or left out on the way here
     """
 
@@ -86,11 +110,17 @@ class Pieces:
         rows = {f.name: getattr(self, f.name)[kept] for f in fields(self) if f.name not in _APART}
         mine = np.repeat(kept, self.number)
         return replace(
-            self, coefficients=self.coefficients[mine], conditions=self.conditions.take(kept), cell=np.zeros(0, np.int64), **rows
+            self,
+            coefficients=self.coefficients[mine],
+            conditions=self.conditions.take(kept),
+            cell=np.zeros(0, np.int64),
+            **rows,
         )
 
     def thinned(self, most: int, turn: int = 0) -> Pieces:
-        """At most `most` pieces, evenly over the speeds; another `turn` (the number of a log, say) takes them at other speeds."""
+        """At most `most` pieces, evenly over the speeds; another `turn` (the number of a log, say)
+        takes them at other speeds.
+        """
         return self if len(self) <= most else self.take(self.spread(most, turn))
 
     def spread(self, most: int, turn: int = 0) -> IntArray:
@@ -126,7 +156,12 @@ def concatenated(parts: Sequence[Pieces]) -> Pieces:
     }
     first = np.cumsum([0, *(len(part) for part in parts[:-1])])
     cell = np.concatenate([part.cell + more for part, more in zip(parts, first, strict=True)])
-    return replace(parts[0], conditions=Conditions.concatenate([part.conditions for part in parts]), cell=cell, **rows)
+    return replace(
+        parts[0],
+        conditions=Conditions.concatenate([part.conditions for part in parts]),
+        cell=cell,
+        **rows,
+    )
 
 
 def assign(stack: Stack) -> IntArray:
@@ -137,7 +172,9 @@ def assign(stack: Stack) -> IntArray:
         rows = np.flatnonzero(stack.manoeuvre == manoeuvre)
         speed = stack.conditions.speed_m_s[rows]
         low, spread = speed.min(), np.ptp(speed)
-        bands = int(np.clip(np.ceil(spread / BAND_M_S), 1, max(1, min(MOST_BANDS, rows.size // FEWEST))))
+        bands = int(
+            np.clip(np.ceil(spread / BAND_M_S), 1, max(1, min(MOST_BANDS, rows.size // FEWEST)))
+        )
         band = np.minimum(((speed - low) / max(spread, 1e-9) * bands).astype(int), bands - 1)
         _, band = np.unique(_merge_small(band), return_inverse=True)
         cell[rows] = first + band
@@ -162,7 +199,11 @@ def pieces_of(stack: Stack) -> Pieces:
     rows_of = [np.flatnonzero(cell == c) for c in range(int(cell.max()) + 1)]
     parts = [_one_piece(stack, rows_of_one) for rows_of_one in rows_of]
     first = np.array([rows_of_one[0] for rows_of_one in rows_of])
-    rows: dict[str, Any] = {f.name: np.stack([getattr(part, f.name) for part in parts]) for f in fields(_Part) if f.name != "coefficients"}
+    rows: dict[str, Any] = {
+        f.name: np.stack([getattr(part, f.name) for part in parts])
+        for f in fields(_Part)
+        if f.name != "coefficients"
+    }
     return Pieces(
         observable=stack.observable,
         channel=stack.channel,
@@ -201,8 +242,8 @@ class _Part:
 def _curve(phi: FloatArray, values: FloatArray, count: FloatArray) -> CubicSpline:
     """Periodic spline through a cell's bins, those that lie too close taken together.
 
-    Samples that lock to fixed angles give neighbouring bins mean angles far closer than a bin; a spline that goes through
-    both turns their noise into a slope.
+    Samples that lock to fixed angles give neighbouring bins mean angles far closer than a bin; a
+    spline that goes through both turns their noise into a slope.
     """
     full = np.isfinite(values) & (count > 0)
     x, y, n = phi[full], values[full], count[full]
@@ -219,8 +260,12 @@ def _curve(phi: FloatArray, values: FloatArray, count: FloatArray) -> CubicSplin
     return CubicSpline(np.append(x, x[0] + 2.0 * np.pi), np.append(y, y[0]), bc_type="periodic")
 
 
-def _joined(x: FloatArray, y: FloatArray, n: FloatArray, first: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The knots with `first` and the one after it (round the turn) as one, at the mean of their samples."""
+def _joined(
+    x: FloatArray, y: FloatArray, n: FloatArray, first: int
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The knots with `first` and the one after it (round the turn) as one, at the mean of their
+    samples.
+    """
     last = (first + 1) % x.size
     total = n[first] + n[last]
     share = n[last] / total
@@ -234,8 +279,12 @@ def _joined(x: FloatArray, y: FloatArray, n: FloatArray, first: int) -> tuple[Fl
     return x[order], y[order], n[order]
 
 
-def _bin_means(values: FloatArray, phi: FloatArray, variance: FloatArray, count: FloatArray) -> tuple[FloatArray, ...]:
-    """Mean value, mean angle, angle variance and number of samples of each bin over revolutions (k, m) -> (m,)."""
+def _bin_means(
+    values: FloatArray, phi: FloatArray, variance: FloatArray, count: FloatArray
+) -> tuple[FloatArray, ...]:
+    """Mean value, mean angle, angle variance and number of samples of each bin over revolutions (k,
+    m) -> (m,).
+    """
     total = count.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(count > 0, values, 0.0).T
@@ -250,15 +299,24 @@ def _one_piece(stack: Stack, rows: IntArray) -> _Part:
     if stack.phi_rad.size == 1:
         return _one_number(stack.values[rows])
     speed = stack.conditions.speed_m_s[rows]
-    return one_waveform(stack.values[rows], stack.phi_mean[rows], stack.phi_variance[rows], stack.count[rows], speed)
+    return one_waveform(
+        stack.values[rows], stack.phi_mean[rows], stack.phi_variance[rows], stack.count[rows], speed
+    )
 
 
 def one_waveform(
-    values: FloatArray, phi: FloatArray, variance: FloatArray, count: NDArray[Any], speed: FloatArray, weight: IntArray | None = None
+    values: FloatArray,
+    phi: FloatArray,
+    variance: FloatArray,
+    count: NDArray[Any],
+    speed: FloatArray,
+    weight: IntArray | None = None,
 ) -> _Part:
-    """The piece of k revolutions: bin means, mean angles, variances and counts (k, m) and speeds (k,).
+    """The piece of k revolutions: bin means, mean angles, variances and counts (k, m) and speeds
+    (k,).
 
-    The same of k pieces: `weight` (k,) are their revolutions then.  The coefficients of all revolutions together are zero in the mean.
+    The same of k pieces: `weight` (k,) are their revolutions then. The coefficients of all
+    revolutions together are zero in the mean.
     """
     count = np.where(np.isfinite(values), count, 0).astype(float)
     corrected = values
@@ -270,7 +328,10 @@ def one_waveform(
         excess = np.where(count > 0, values - expected, 0.0)
         gram = np.einsum("kmi,km,kmj->kij", columns, count, columns)
         right = np.einsum("kmi,km->ki", columns, excess * count)
-        coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(4), right[..., None])[..., 0]
+        coefficients = np.linalg.solve(
+            gram + 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(4),
+            right[..., None],
+        )[..., 0]
         coefficients -= np.average(coefficients, axis=0, weights=weight)
         taken = np.einsum("kmi,ki->km", columns, coefficients)
         corrected = np.where(count > 0, values - taken, np.nan)
@@ -297,15 +358,23 @@ def one_waveform(
 
 
 def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:
-    """P, phi P', -P' and the rms of P at angles (..., ) -> (..., 4); the width about the patch only, where P' is."""
+    """P, phi P', -P' and the rms of P at angles (..., ) -> (..., 4); the width about the patch
+    only, where P' is.
+    """
     slope = curve(phi, 1)
     size = float(np.sqrt(np.mean(curve(curve.x) ** 2)))
-    return np.stack([curve(phi), phi * slope * np.exp(-((phi / 0.6) ** 2)), -slope, np.full_like(phi, size)], axis=-1)
+    return np.stack(
+        [curve(phi), phi * slope * np.exp(-((phi / 0.6) ** 2)), -slope, np.full_like(phi, size)],
+        axis=-1,
+    )
 
 
-def _scatter(residual: FloatArray, count: FloatArray, speed: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Per bin: sum of count x residual^2 after the mean and, with enough revolutions, the trend in speed; degrees of freedom.  (m,)
-    each."""
+def _scatter(
+    residual: FloatArray, count: FloatArray, speed: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Per bin: sum of count x residual^2 after the mean and, with enough revolutions, the trend in
+    speed; degrees of freedom. (m,) each.
+    """
     k = residual.shape[0]
     present = (count > 0).sum(axis=0)
     total = np.maximum(count.sum(axis=0), 1e-12)
@@ -316,7 +385,9 @@ def _scatter(residual: FloatArray, count: FloatArray, speed: FloatArray) -> tupl
         slope = (count * dv * centred).sum(axis=0) / np.maximum((count * dv**2).sum(axis=0), 1e-12)
         centred = centred - slope * dv
         lost += 1.0
-    return (count * np.where(count > 0, centred, 0.0) ** 2).sum(axis=0), np.maximum(present - lost, 0.0)
+    return (count * np.where(count > 0, centred, 0.0) ** 2).sum(axis=0), np.maximum(
+        present - lost, 0.0
+    )
 
 
 def _one_number(values: FloatArray) -> _Part:
@@ -334,4 +405,9 @@ def _one_number(values: FloatArray) -> _Part:
 def _mean_conditions(conditions: Conditions, cell: IntArray, C: int) -> Conditions:
     """Means over each cell."""
     number = np.bincount(cell, minlength=C)
-    return Conditions(**{name: np.bincount(cell, getattr(conditions, name), C) / number for name in Conditions.__dataclass_fields__})
+    return Conditions(
+        **{
+            name: np.bincount(cell, getattr(conditions, name), C) / number
+            for name in Conditions.__dataclass_fields__
+        }
+    )

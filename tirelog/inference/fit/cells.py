@@ -1,10 +1,12 @@
-"""The base model's parameters from cells: damped least squares in whitened space, several starts, one free offset per log.
+"""The base model's parameters from cells: damped least squares in whitened space, several starts,
+one free offset per log.
 
-    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p), offsets o = W 1 (C, m), each log's its own
-    offsets are projected out of r and J (they are linear), steps are damped in the scale of the parameters, bounds are kept
+    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p), offsets o = W 1 (C,
+    m), each log's its own offsets are projected out of r and J (they are linear), steps are damped
+    in the scale of the parameters, bounds are kept
 
-Where a parameter stands at a bound and would leave it, it is held.  One start may end in a local minimum: `fit_model` tries several
-on a few cells and takes the best two on to all of them.
+Where a parameter stands at a bound and would leave it, it is held. One start may end in a local
+minimum: `fit_model` tries several on a few cells and takes the best two on to all of them.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 MOST_STEPS = 25
 _SETTLED = 1e-4
-#: eigenvalues of the normal matrix (columns of length one) below this share of the largest are directions that change nothing
+#: eigenvalues of the normal matrix (columns of length one) below this share of the largest are
+#: directions that change nothing
 NULL = 1e-10
 #: dampings tried for one step
 _TRIALS = 8
@@ -41,8 +44,8 @@ STARTS: tuple[Mapping[str, float], ...] = (
 #: a shift below this is left to the linear nuisance [rad]; most centrings in a row
 _CENTRED = 1e-3
 _CENTRINGS = 8
-#: a fit that ends within this share of a bound, and would leave it, stands at it: steps along a valley shrink before they arrive; doubling
-#: changes nothing seen
+#: a fit that ends within this share of a bound, and would leave it, stands at it: steps along a
+#: valley shrink before they arrive; doubling changes nothing seen
 AT_BOUND = 5e-3
 #: cells that a start is judged on
 _FEW = 12
@@ -50,9 +53,11 @@ _FEW = 12
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model in the metric `white`: whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p)
-    in the observable's unit, prediction (C, m) without offsets, offset per log, chi-square, errors by name; `cells` as they were
-    centred.  `held`: parameters that stand at a bound and would leave it."""
+    """A fitted model in the metric `white`: whitened residual (C, m) with the offsets taken out,
+    Jacobian of the prediction (C, m, p) in the observable's unit, prediction (C, m) without
+    offsets, offset per log, chi-square, errors by name; `cells` as they were centred. `held`:
+    parameters that stand at a bound and would leave it.
+    """
 
     model: Model
     names: tuple[str, ...]
@@ -73,7 +78,9 @@ class Fit:
 
     @property
     def moving(self) -> FloatArray:
-        """The Jacobian (C, m, p) with zeros for what is held: whatever data are left out or added, that does not move."""
+        """The Jacobian (C, m, p) with zeros for what is held: whatever data are left out or added,
+        that does not move.
+        """
         if not self.held:
             return self.jacobian
         return np.where(np.isin(self.names, self.held), 0.0, self.jacobian)
@@ -96,7 +103,9 @@ class Problem:
         self.offsets = Offsets.of(cells, white)
 
     def centre(self, model: Model, values: Mapping[str, float]) -> None:
-        """Moves the cells' angles to where the model has its patch: a lag or a lopsided load shifts its waveform beyond what is linear."""
+        """Moves the cells' angles to where the model has its patch: a lag or a lopsided load shifts
+        its waveform beyond what is linear.
+        """
         for _ in range(_CENTRINGS):
             self.cells, farthest = centred(self.cells, self.predict(model, values))
             if farthest < _CENTRED:
@@ -107,12 +116,20 @@ class Problem:
         return self.offsets.without(self.white(self.cells.values - prediction))
 
     def predict(self, model: Model, values: Mapping[str, float]) -> FloatArray:
-        return model.predict(self.cells.conditions, surface=self.cells.surface, values=values, **self.cells.angles)
+        return model.predict(
+            self.cells.conditions, surface=self.cells.surface, values=values, **self.cells.angles
+        )
 
-    def linearised(self, model: Model, names: Sequence[str], values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    def linearised(
+        self, model: Model, names: Sequence[str], values: Mapping[str, float]
+    ) -> tuple[FloatArray, FloatArray]:
         """Prediction (C, m) and Jacobian (C, m, p) in the observable's unit."""
         prediction, slopes = model.linearised(
-            self.cells.conditions, names=names, surface=self.cells.surface, values=values, **self.cells.angles
+            self.cells.conditions,
+            names=names,
+            surface=self.cells.surface,
+            values=values,
+            **self.cells.angles,
         )
         return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
 
@@ -122,20 +139,28 @@ class Problem:
 
 
 def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
-    """The cells with their angles moved by the shift between measurement and prediction, and the largest shift left [rad]."""
+    """The cells with their angles moved by the shift between measurement and prediction, and the
+    largest shift left [rad].
+    """
     if cells.phi.shape[1] == 1:
         return cells, 0.0
     weight = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), cells.shift, 0.0)
     left = np.nan_to_num(cells.values - prediction)
     left = left - left.mean(axis=1, keepdims=True)
-    shift = np.clip((weight * left).sum(axis=1) / np.maximum((weight**2).sum(axis=1), 1e-300), -0.03, 0.03)
-    return replace(cells, phi=cells.phi - shift[:, None], moved=cells.moved + shift), float(np.abs(shift).max())
+    shift = np.clip(
+        (weight * left).sum(axis=1) / np.maximum((weight**2).sum(axis=1), 1e-300), -0.03, 0.03
+    )
+    return replace(cells, phi=cells.phi - shift[:, None], moved=cells.moved + shift), float(
+        np.abs(shift).max()
+    )
 
 
 def _sizes(model: Model, names: Sequence[str]) -> FloatArray:
     """The scale in which a parameter's step is damped."""
     parameters = model.parameters
-    return np.array([max(abs(parameters[n].value), 0.3 * abs(parameters[n].probe), 1e-12) for n in names])
+    return np.array(
+        [max(abs(parameters[n].value), 0.3 * abs(parameters[n].probe), 1e-12) for n in names]
+    )
 
 
 def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -143,15 +168,23 @@ def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]
     return np.array([p.min for p in parameters]), np.array([p.max for p in parameters])
 
 
-def _leaving(theta: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray) -> NDArray[np.bool_]:
-    """Which parameters stand at a bound and would leave it; `gradient` (p,) points to where chi-square falls."""
+def _leaving(
+    theta: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray
+) -> NDArray[np.bool_]:
+    """Which parameters stand at a bound and would leave it; `gradient` (p,) points to where
+    chi-square falls.
+    """
     return ((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0))
 
 
-def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = MOST_STEPS) -> tuple[Model, float, bool]:
-    """Levenberg-Marquardt from the model's values; the best model, its chi-square, whether it settled.
+def descend(
+    problem: Problem, model: Model, names: Sequence[str], steps: int = MOST_STEPS
+) -> tuple[Model, float, bool]:
+    """Levenberg-Marquardt from the model's values; the best model, its chi-square, whether it
+    settled.
 
-    A point that the physics refuses is a step too far; ModelError only where the start itself is refused.
+    A point that the physics refuses is a step too far; ModelError only where the start itself is
+    refused.
     """
     theta = np.array([model.values[n] for n in names])
     low, high = _bounds(model, names)
@@ -159,7 +192,9 @@ def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = M
     jacobian, residual = _at(problem, model, names, values)
     chi2 = float((residual**2).sum())
     for _ in range(steps if len(names) else 0):
-        size = _sizes(model.with_values(dict(zip(names, np.clip(theta, low, high), strict=True))), names)
+        size = _sizes(
+            model.with_values(dict(zip(names, np.clip(theta, low, high), strict=True))), names
+        )
         slope = problem.offsets.without(problem.white(jacobian * size)).reshape(-1, len(names))
         gram, gradient = slope.T @ slope, slope.T @ residual.reshape(-1)
         free = ~_leaving(theta, low, high, gradient)
@@ -182,7 +217,9 @@ def descend(problem: Problem, model: Model, names: Sequence[str], steps: int = M
     return model.with_values(values), chi2, settled
 
 
-def _at(problem: Problem, model: Model, names: Sequence[str], values: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+def _at(
+    problem: Problem, model: Model, names: Sequence[str], values: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
     """Jacobian in the observable's unit and whitened residual at a point, the cells centred there."""
     problem.centre(model, values)
     prediction, jacobian = problem.linearised(model, names, values)
@@ -197,7 +234,9 @@ def _chi2_at(problem: Problem, model: Model, values: Mapping[str, float]) -> flo
         return float("inf")
 
 
-def _damped(gram: FloatArray, gradient: FloatArray, free: NDArray[np.bool_], damping: float) -> FloatArray:
+def _damped(
+    gram: FloatArray, gradient: FloatArray, free: NDArray[np.bool_], damping: float
+) -> FloatArray:
     """A damped step of the free parameters in units of their sizes, at most one size each."""
     step = np.zeros(gradient.size)
     square = gram[np.ix_(free, free)]
@@ -213,7 +252,10 @@ def starts(model: Model, names: Sequence[str]) -> list[Model]:
         moved = {n: f * model.values[n] for n, f in factors.items() if n in names}
         if factors and not moved:
             continue
-        clipped = {n: float(np.clip(v, model.parameters[n].min, model.parameters[n].max)) for n, v in moved.items()}
+        clipped = {
+            n: float(np.clip(v, model.parameters[n].min, model.parameters[n].max))
+            for n, v in moved.items()
+        }
         result.append(model.with_values(clipped))
     return result
 
@@ -238,7 +280,10 @@ def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = Tr
         except ModelError as problem_of_start:
             refused = problem_of_start
     if not results:
-        raise refused or ModelError("the model could not be fitted; a model that predicts these speeds is allowed; change its start values")
+        raise refused or ModelError(
+            "the model could not be fitted; a model that predicts these speeds is allowed; "
+            "change its start values"
+        )
     best, _, settled = min(results, key=lambda result: result[1])
     fit = finish(problem, best, names, settled)
     if several and fit.held:
@@ -247,9 +292,13 @@ def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = Tr
 
 
 def _from_within(cells: Cells, white: Whitener, model: Model, fit: Fit) -> Fit:
-    """The best of this fit, which ended at a bound, and of fits that begin with what stands there brought back to its start values."""
+    """The best of this fit, which ended at a bound, and of fits that begin with what stands there
+    brought back to its start values.
+    """
     values = {tuple(start.values[name] for name in fit.held) for start in starts(model, fit.names)}
-    inner = [fit.model.with_values(dict(zip(fit.held, inside, strict=True))) for inside in sorted(values)]
+    inner = [
+        fit.model.with_values(dict(zip(fit.held, inside, strict=True))) for inside in sorted(values)
+    ]
     best = fit
     for begin in _promising(cells, white, fit.names, inner):
         problem = Problem(cells, white)
@@ -262,10 +311,15 @@ def _from_within(cells: Cells, white: Whitener, model: Model, fit: Fit) -> Fit:
     return best
 
 
-def _promising(cells: Cells, white: Whitener, names: Sequence[str], candidates: list[Model]) -> list[Model]:
+def _promising(
+    cells: Cells, white: Whitener, names: Sequence[str], candidates: list[Model]
+) -> list[Model]:
     """The two best of the starts after a few steps on a few cells."""
     rows = few_cells(cells)
-    problem = Problem(take_cells(cells, rows), Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]))
+    problem = Problem(
+        take_cells(cells, rows),
+        Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]),
+    )
     reached = []
     for start in candidates:
         try:
@@ -273,7 +327,11 @@ def _promising(cells: Cells, white: Whitener, names: Sequence[str], candidates: 
         except ModelError:
             continue
     reached.sort(key=lambda result: result[1])
-    distinct = [r for i, r in enumerate(reached) if i == 0 or abs(r[1] - reached[0][1]) > 0.02 * reached[0][1]]
+    distinct = [
+        r
+        for i, r in enumerate(reached)
+        if i == 0 or abs(r[1] - reached[0][1]) > 0.02 * reached[0][1]
+    ]
     return [r[0] for r in distinct[:2]] or candidates
 
 
@@ -283,7 +341,11 @@ def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
         "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions", "log", "manoeuvre", "regime", "within",
         "speed_mean", "moved", "speed_square",
     )  # fmt: skip
-    return replace(cells, conditions=cells.conditions.take(rows), **{name: getattr(cells, name)[rows] for name in names})
+    return replace(
+        cells,
+        conditions=cells.conditions.take(rows),
+        **{name: getattr(cells, name)[rows] for name in names},
+    )
 
 
 def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) -> Fit:
@@ -294,12 +356,25 @@ def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) 
     chi2 = float((residual**2).sum())
     low, high = _bounds(model, names)
     theta = np.array([model.values[n] for n in names])
-    leaving = _leaving(theta, low + AT_BOUND * np.abs(low), high - AT_BOUND * np.abs(high), slope.T @ residual.reshape(-1))
+    leaving = _leaving(
+        theta,
+        low + AT_BOUND * np.abs(low),
+        high - AT_BOUND * np.abs(high),
+        slope.T @ residual.reshape(-1),
+    )
     slope = np.where(leaving, 0.0, slope)
-    freedom = max(problem.white.values - problem.white.removed - problem.offsets.count - (len(names) - leaving.sum()), 1.0)
+    freedom = max(
+        problem.white.values
+        - problem.white.removed
+        - problem.offsets.count
+        - (len(names) - leaving.sum()),
+        1.0,
+    )
     errors = _errors(slope, max(1.0, chi2 / freedom))
     return Fit(
-        model.with_values({n: model.values[n] for n in names}, se=dict(zip(names, errors, strict=True))),
+        model.with_values(
+            {n: model.values[n] for n in names}, se=dict(zip(names, errors, strict=True))
+        ),
         tuple(names),
         chi2,
         freedom,
@@ -315,7 +390,9 @@ def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) 
 
 
 def _errors(slope: FloatArray, scale: float) -> list[float]:
-    """Standard errors from the whitened Jacobian (N, p); infinite along directions that the data cannot see."""
+    """Standard errors from the whitened Jacobian (N, p); infinite along directions that the data
+    cannot see.
+    """
     norm = np.linalg.norm(slope, axis=0)
     usable = norm > 0
     if not usable.any():
@@ -324,7 +401,9 @@ def _errors(slope: FloatArray, scale: float) -> list[float]:
     values, vectors = np.linalg.eigh(unit.T @ unit)
     good = values > NULL * values[-1]
     variance = np.where(
-        np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1, np.inf, (vectors[:, good] ** 2 / values[good]).sum(axis=1)
+        np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1,
+        np.inf,
+        (vectors[:, good] ** 2 / values[good]).sum(axis=1),
     )
     errors = np.full(slope.shape[1], np.inf)
     errors[usable] = np.sqrt(scale * variance) / norm[usable]

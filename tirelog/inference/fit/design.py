@@ -14,8 +14,9 @@ from tirelog.vocabulary.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Design:
-    """A model on a stack: prediction (n, m), its derivatives by `names` (p, n, m), and of the prediction the waveform without what is
-    added to it and the waveform's slope by phi (n, m each)."""
+    """A model on a stack: prediction (n, m), its derivatives by `names` (p, n, m), and of the
+    prediction the waveform without what is added to it and the waveform's slope by phi (n, m each).
+    """
 
     names: tuple[str, ...]
     prediction: FloatArray
@@ -29,14 +30,18 @@ def observable_of(model: Model, stack: Stack) -> str:
     both_waves = model.observable in WAVEFORMS and stack.observable in WAVEFORMS
     if model.observable != stack.observable and not both_waves:
         raise ModelError(
-            f"the model predicts {model.observable}, the channel {stack.channel!r} measures {stack.observable}; "
-            f"the same observable (or two waveforms of one tire) is allowed; take another model or channel"
+            f"the model predicts {model.observable}, the channel {stack.channel!r} measures "
+            f"{stack.observable}; "
+            "the same observable (or two waveforms of one tire) is allowed; take another model "
+            "or channel"
         )
     return stack.observable
 
 
 def angles_of(stack: Stack) -> tuple[FloatArray | None, FloatArray | None]:
-    """The angles at which the stack was measured, and their variance in each bin; none for a number per revolution."""
+    """The angles at which the stack was measured, and their variance in each bin; none for a number
+    per revolution.
+    """
     return (None, None) if stack.observable in SCALARS else (stack.phi_mean, stack.phi_variance)
 
 
@@ -47,32 +52,69 @@ def parts_on(
     phi, variance = angles_of(stack)
     observable = observable_of(model, stack)
     return model.parts(
-        stack.conditions, phi, surface=stack.surface, phi_variance=variance, values=values, observable=observable, slope=slope
+        stack.conditions,
+        phi,
+        surface=stack.surface,
+        phi_variance=variance,
+        values=values,
+        observable=observable,
+        slope=slope,
     )
 
 
-def slopes_on(model: Model, stack: Stack, names: Sequence[str], values: Mapping[str, float] | None = None) -> FloatArray:
+def slopes_on(
+    model: Model, stack: Stack, names: Sequence[str], values: Mapping[str, float] | None = None
+) -> FloatArray:
     """`Model.jacobian` on the stack's own angles and conditions."""
     phi, variance = angles_of(stack)
     observable = observable_of(model, stack)
-    return model.jacobian(stack.conditions, phi, names, surface=stack.surface, phi_variance=variance, values=values, observable=observable)
+    return model.jacobian(
+        stack.conditions,
+        phi,
+        names,
+        surface=stack.surface,
+        phi_variance=variance,
+        values=values,
+        observable=observable,
+    )
 
 
-def load_slope_on(model: Model, stack: Stack, values: Mapping[str, float] | None = None) -> FloatArray:
+def load_slope_on(
+    model: Model, stack: Stack, values: Mapping[str, float] | None = None
+) -> FloatArray:
     """`Model.load_slope` on the stack's own angles and conditions."""
     phi, variance = angles_of(stack)
     observable = observable_of(model, stack)
-    return model.load_slope(stack.conditions, phi, surface=stack.surface, phi_variance=variance, values=values, observable=observable)
+    return model.load_slope(
+        stack.conditions,
+        phi,
+        surface=stack.surface,
+        phi_variance=variance,
+        values=values,
+        observable=observable,
+    )
 
 
-def load_bend_on(model: Model, stack: Stack, share: FloatArray, by_load: FloatArray, values: Mapping[str, float]) -> FloatArray:
-    """What a load that is higher by `share` (n,) of itself adds to the prediction beyond share x `by_load`, (n, m)."""
+def load_bend_on(
+    model: Model, stack: Stack, share: FloatArray, by_load: FloatArray, values: Mapping[str, float]
+) -> FloatArray:
+    """What a load that is higher by `share` (n,) of itself adds to the prediction beyond share x
+    `by_load`, (n, m).
+    """
     higher = replace(stack, conditions=model.loaded(stack.conditions, 1.0 + share, values))
-    (wave, level, _), (usual, at_rest, _) = parts_on(model, higher, values), parts_on(model, stack, values)
+    (wave, level, _), (usual, at_rest, _) = (
+        parts_on(model, higher, values),
+        parts_on(model, stack, values),
+    )
     return (wave + level) - (usual + at_rest) - share[:, None] * by_load
 
 
-def design(model: Model, stack: Stack, names: Sequence[str] | None = None, values: Mapping[str, float] | None = None) -> Design:
+def design(
+    model: Model,
+    stack: Stack,
+    names: Sequence[str] | None = None,
+    values: Mapping[str, float] | None = None,
+) -> Design:
     """The model on the stack; `names` by default the free parameters."""
     names = tuple(model.free if names is None else names)
     wave, level, slope = parts_on(model, stack, values, slope=True)

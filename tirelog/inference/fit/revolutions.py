@@ -1,11 +1,13 @@
 """Bounded nonlinear least squares on stacks of revolutions, from several logs and channels at once.
 
-    residual = project[ w (values - lever_share waveform - level) ],   weights w from noise and count
+    residual = project[ w (values - lever_share waveform - level) ],   weights w from noise and
+        count
 
-What is linear is eliminated at every step (variable projection): an offset per log and channel of a waveform, and the lever arm,
-which scales all strain.  The rest is scipy's trust-region reflective least squares in units of the parameters' own sizes.
-Several starts are tried on a few revolutions; the best goes on to all of them.  The errors come from the full Jacobian at the
-end, lever arm included.
+What is linear is eliminated at every step (variable projection): an offset per log and channel of a
+waveform, and the lever arm, which scales all strain. The rest is scipy's trust-region reflective
+least squares in units of the parameters' own sizes. Several starts are tried on a few revolutions;
+the best goes on to all of them. The errors come from the full Jacobian at the end, lever arm
+included.
 """
 
 from __future__ import annotations
@@ -47,19 +49,23 @@ def fit(
     starts: int = 4,
     max_evaluations: int = 60,
 ) -> FitResult:
-    """The model's free parameters fitted to the stacks (strain, radial acceleration or a number per revolution; several logs and channels).
+    """The model's free parameters fitted to the stacks (strain, radial acceleration or a number per
+    revolution; several logs and channels).
 
-    nuisances   'offset', 'amplitude', 'shift' of every revolution that are taken out; without 'offset' one offset per log is; with
-                'amplitude' the lever arm is held
-    scatter     load, its rise and the baseline of revolutions and manoeuvres scatter: how much is learnt from the residual, they
-                weigh accordingly (`metric`), and the few worst revolutions are set aside; the errors then hold on real drives
+    nuisances   'offset', 'amplitude', 'shift' of every revolution that are taken out; without
+                'offset' one offset per log is; with 'amplitude' the lever arm is held
+    scatter     load, its rise and the baseline of revolutions and manoeuvres scatter: how much is
+                learnt from the residual, they weigh accordingly (`metric`), and the few worst
+                revolutions are set aside; the errors then hold on real drives
     starts      how many starts are compared on a few revolutions before all are used
-    ModelError  no data, nothing free, another observable, a condition that an effect needs is not known, or no convergence: never a number.
+    ModelError  no data, nothing free, another observable, a condition that an effect needs is not
+                known, or no convergence: never a number.
     """
     _refuse(model, stacks)
     model = model.resolved(Conditions.concatenate([stack.conditions for stack in stacks]))
     problem = _problem(model, stacks)
-    # a free amplitude of every revolution leaves nothing that could show the lever arm: it comes from a first fit without
+    # a free amplitude of every revolution leaves nothing that could show the lever arm: it comes
+    # from a first fit without
     first = [kind for kind in nuisances if kind != "amplitude"]
     start = _scouted(problem, starts, first)
     problem = problem.measured_at(problem.values(start), first, scatter=False)
@@ -81,20 +87,28 @@ def fit(
 def _refuse(model: Model, stacks: Sequence[Stack]) -> None:
     """ModelError where there is nothing to fit, or to fit to."""
     if not stacks or not sum(len(stack) for stack in stacks):
-        raise ModelError("there is no revolution to fit; at least ten are sensible; give a log with patch passages")
+        raise ModelError(
+            "there is no revolution to fit; at least ten are sensible; give a log with patch "
+            "passages"
+        )
     if not model.free:
-        raise ModelError("the model has no free parameter; one with { value, min, max } is needed; free one in the model file")
+        raise ModelError(
+            "the model has no free parameter; one with { value, min, max } is needed; "
+            "free one in the model file"
+        )
     for stack in stacks:
         observable_of(model, stack)
     if all(stack.observable != model.observable for stack in stacks):
         have = ", ".join(sorted({stack.observable for stack in stacks}))
         raise ModelError(
-            f"the model predicts {model.observable}, the logs measure {have}; the same observable is allowed; take another model"
+            f"the model predicts {model.observable}, the logs measure {have}; "
+            "the same observable is allowed; take another model"
         )
     for stack in stacks:
         for effect, lacking in model.missing_conditions(stack.conditions).items():
             raise ModelError(
-                f"effect {effect!r} needs {', '.join(lacking)}, which {stack.logs[int(stack.log[0])]} does not know; "
+                f"effect {effect!r} needs {', '.join(lacking)}, which "
+                f"{stack.logs[int(stack.log[0])]} does not know; "
                 f"every log must know it; add it to the setup, or remove the effect"
             )
 
@@ -114,7 +128,10 @@ def _scouted(problem: Problem, starts: int, nuisances: Sequence[str]) -> FloatAr
     given = np.array([problem.model.parameters[name].value for name in problem.nonlinear])
     if starts <= 1 or not problem.nonlinear:
         return given
-    few = [stack.take(np.unique(np.linspace(0, len(stack) - 1, SCOUTS).astype(int))) for stack in problem.stacks]
+    few = [
+        stack.take(np.unique(np.linspace(0, len(stack) - 1, SCOUTS).astype(int)))
+        for stack in problem.stacks
+    ]
     scout = replace(problem, stacks=few)
     best, cost = given, np.inf
     for k in range(starts):
@@ -154,7 +171,9 @@ class _Solution:
 
 
 class _Tried:
-    """The problem at the point last asked for, so that residual and slope share it; None where the model refuses the values."""
+    """The problem at the point last asked for, so that residual and slope share it; None where the
+    model refuses the values.
+    """
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.key = problem, b""
@@ -170,8 +189,12 @@ class _Tried:
         return self.point
 
 
-def _solve(problem: Problem, start: FloatArray, max_evaluations: int, *, tight: bool = True) -> _Solution:
-    """Least squares from one start; ModelError where the model refuses the start, or (`tight`) it did not converge."""
+def _solve(
+    problem: Problem, start: FloatArray, max_evaluations: int, *, tight: bool = True
+) -> _Solution:
+    """Least squares from one start; ModelError where the model refuses the start, or (`tight`) it
+    did not converge.
+    """
     first = problem.evaluate(problem.values(start))
     if not problem.nonlinear:
         return _Solution(start, first, 1)
@@ -187,7 +210,11 @@ def _solve(problem: Problem, start: FloatArray, max_evaluations: int, *, tight: 
 
     def slope(x: FloatArray) -> FloatArray:
         point = tried.at(x)
-        return np.zeros((size, x.size)) if point is None else problem.jacobian(point, problem.nonlinear, eliminate=True)
+        return (
+            np.zeros((size, x.size))
+            if point is None
+            else problem.jacobian(point, problem.nonlinear, eliminate=True)
+        )
 
     tolerance = 1e-9 if tight else 1e-4
     found = least_squares(
@@ -204,7 +231,8 @@ def _solve(problem: Problem, start: FloatArray, max_evaluations: int, *, tight: 
     last = tried.at(found.x)
     if last is None or (tight and found.status <= 0):
         raise ModelError(
-            f"the fit did not converge in {found.nfev} steps; a model that the data determine is allowed; "
+            f"the fit did not converge in {found.nfev} steps; a model that the data determine is "
+            "allowed; "
             f"fix parameters, give other start values or narrower bounds"
         )
     return _Solution(found.x, last, int(found.nfev))

@@ -1,9 +1,10 @@
 """One free offset a log, in a metric: what its baseline stands at is nobody's physics.
 
-    Cells, metric -> a log's column is 1 in its own cells, 0 elsewhere: whitened, one array (C, m) for all logs together
+    Cells, metric -> a log's column is 1 in its own cells, 0 elsewhere: whitened, one array (C, m)
+    for all logs together
 
-A metric couples no two manoeuvres and a manoeuvre belongs to one log, so the columns of two logs never meet: each is projected out alone,
-and the number of logs costs neither memory nor time.
+A metric couples no two manoeuvres and a manoeuvre belongs to one log, so the columns of two logs
+never meet: each is projected out alone, and the number of logs costs neither memory nor time.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ _BLOCK = 32
 
 @dataclass(frozen=True)
 class Offsets:
-    """`direction` (C, m): each cell's part of its log's column, which has length one; `log` (C,) 0 ... `count` - 1; `norm` (count,)."""
+    """`direction` (C, m): each cell's part of its log's column, which has length one; `log` (C,) 0
+    ... `count` - 1; `norm` (count,).
+    """
 
     direction: FloatArray
     log: IntArray
@@ -70,12 +73,18 @@ class Offsets:
 
     def fit(self, x: FloatArray) -> FloatArray:
         """Offset of each log, (count,), that comes nearest to the whitened x (C, m)."""
-        return self.products(x[..., None])[:, 0] / np.maximum(self.norm, 1e-300) if self.count else np.zeros(0)
+        return (
+            self.products(x[..., None])[:, 0] / np.maximum(self.norm, 1e-300)
+            if self.count
+            else np.zeros(0)
+        )
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What is projected out of residual and signatures: the offsets, and the span of other whitened columns beside them."""
+    """What is projected out of residual and signatures: the offsets, and the span of other whitened
+    columns beside them.
+    """
 
     offsets: Offsets
     basis: FloatArray
@@ -86,7 +95,9 @@ class Nuisance:
         before = np.linalg.norm(columns.reshape(-1, columns.shape[-1]), axis=0)
         left = offsets.without(columns)
         del columns
-        left[..., np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) <= _NOTHING * before] = 0.0
+        left[..., np.linalg.norm(left.reshape(-1, left.shape[-1]), axis=0) <= _NOTHING * before] = (
+            0.0
+        )
         return cls(offsets, orthonormal(left))
 
     def without(self, x: FloatArray) -> FloatArray:
@@ -96,8 +107,9 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Levelled:
-    """Normal equations of each manoeuvre with its log's offset beside the columns: of the offset's column o on the columns (M, p), on
-    itself and on the residual (M,); `log` (M,)."""
+    """Normal equations of each manoeuvre with its log's offset beside the columns: of the offset's
+    column o on the columns (M, p), on itself and on the residual (M,); `log` (M,).
+    """
 
     normal: Normal
     cross: FloatArray
@@ -106,7 +118,14 @@ class Levelled:
     log: IntArray
 
     @classmethod
-    def of(cls, columns: FloatArray, residual: FloatArray, offset: FloatArray, manoeuvre: IntArray, log: IntArray) -> Levelled:
+    def of(
+        cls,
+        columns: FloatArray,
+        residual: FloatArray,
+        offset: FloatArray,
+        manoeuvre: IntArray,
+        log: IntArray,
+    ) -> Levelled:
         """columns (C, m, p), residual and offset (C, m), in one metric; manoeuvre and log (C,)."""
         own = np.zeros(int(manoeuvre.max()) + 1, np.int64)
         own[manoeuvre] = np.unique(log, return_inverse=True)[1]
@@ -121,14 +140,21 @@ class Levelled:
     @classmethod
     def joined(cls, parts: Sequence[Levelled], log: IntArray) -> Levelled:
         """Those of successive manoeuvres as one; `log` (M,) of all."""
-        gram, right, square = (np.concatenate([getattr(part.normal, name) for part in parts]) for name in ("gram", "right", "square"))
-        cross, size, of_offset = (np.concatenate([getattr(part, name) for part in parts]) for name in ("cross", "size", "right"))
+        gram, right, square = (
+            np.concatenate([getattr(part.normal, name) for part in parts])
+            for name in ("gram", "right", "square")
+        )
+        cross, size, of_offset = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("cross", "size", "right")
+        )
         return cls(Normal(gram, right, square), cross, size, of_offset, log)
 
     def left_out(self) -> tuple[FloatArray, FloatArray]:
         """(theta (M, p), offset (M,)): for each manoeuvre the solution of all the others.
 
-        Where no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself, with the rest held.
+        Where no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
+        with the rest held.
         """
         everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)
         of_log = [_sums(x, self.log) for x in everything]
@@ -144,28 +170,50 @@ class Levelled:
             others[3] = np.where(alone, 0.0, others[3])
             gram, right = _without_offset(*others)
             gram, right = gram + whole[1] - gram_of_log[log], right + whole[2] - right_of_log[log]
-            seen = np.einsum("mii->mi", gram) > RANK * np.einsum("mii->mi", whole[0] - own[0])  # a column that the offsets take is none
-            theta[rows] = solve_scaled(np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0), np.where(seen, right, 0.0))
+            seen = np.einsum("mii->mi", gram) > RANK * np.einsum(
+                "mii->mi", whole[0] - own[0]
+            )  # a column that the offsets take is none
+            theta[rows] = solve_scaled(
+                np.where(seen[:, :, None] & seen[:, None, :], gram, 0.0), np.where(seen, right, 0.0)
+            )
             cross = np.where(alone[:, None], own[2], others[2])
-            size, level = np.where(alone, own[3], others[3]), np.where(alone, own[4], others[4]) - (cross * theta[rows]).sum(axis=1)
+            size, level = (
+                np.where(alone, own[3], others[3]),
+                np.where(alone, own[4], others[4]) - (cross * theta[rows]).sum(axis=1),
+            )
             offset[rows] = np.divide(level, size, out=np.zeros_like(level), where=size > 0)
         return theta, offset
 
     def step_of_all(self, first: int) -> tuple[FloatArray, FloatArray]:
-        """(theta (p,), offset (M,)): what the `first` columns and the offsets would still move by on all data; nothing at an optimum."""
+        """(theta (p,), offset (M,)): what the `first` columns and the offsets would still move by
+        on all data; nothing at an optimum.
+        """
         crosses, sizes = _sums(self.cross, self.log)[:, :first], _sums(self.size, self.log)
-        grams, rights = _sums(self.normal.gram, self.log)[:, :first, :first], _sums(self.normal.right, self.log)[:, :first]
+        grams, rights = (
+            _sums(self.normal.gram, self.log)[:, :first, :first],
+            _sums(self.normal.right, self.log)[:, :first],
+        )
         gram, right = _without_offset(grams, rights, crosses, sizes, _sums(self.right, self.log))
         theta = np.zeros(self.cross.shape[1])
         theta[:first] = solve_scaled(gram.sum(axis=0)[None], right.sum(axis=0)[None])[0]
-        level = -np.divide(crosses @ theta[:first], sizes, out=np.zeros_like(sizes), where=sizes > 0)
+        level = -np.divide(
+            crosses @ theta[:first], sizes, out=np.zeros_like(sizes), where=sizes > 0
+        )
         return theta, level[self.log]
 
     def loss(self, theta: FloatArray, offset: FloatArray) -> FloatArray:
         """Sum of squares of residual - columns theta - offset o in each manoeuvre, (M,)."""
-        crossed = 2.0 * offset * ((self.cross * theta).sum(axis=1) - self.right) + offset**2 * self.size
+        crossed = (
+            2.0 * offset * ((self.cross * theta).sum(axis=1) - self.right) + offset**2 * self.size
+        )
         quadratic = np.einsum("mi,mij,mj->m", theta, self.normal.gram, theta)
-        return np.maximum(self.normal.square - 2.0 * (theta * self.normal.right).sum(axis=1) + quadratic + crossed, 0.0)
+        return np.maximum(
+            self.normal.square
+            - 2.0 * (theta * self.normal.right).sum(axis=1)
+            + quadratic
+            + crossed,
+            0.0,
+        )
 
 
 def _sums(x: FloatArray, group: IntArray) -> FloatArray:

@@ -1,7 +1,9 @@
-"""Linear algebra in a given metric: columns out of residuals, normal matrices per manoeuvre, held-out losses.
+"""Linear algebra in a given metric: columns out of residuals, normal matrices per manoeuvre,
+held-out losses.
 
-Arrays are cells x angles x columns, (C, m, k); `manoeuvre` (C,) numbers the groups 0 ... M-1.  A metric is what the arrays were multiplied
-with before they came here: whitened for significance, plain (shift removed, weighted by revolutions) for size.
+Arrays are cells x angles x columns, (C, m, k); `manoeuvre` (C,) numbers the groups 0 ... M-1. A
+metric is what the arrays were multiplied with before they came here: whitened for significance,
+plain (shift removed, weighted by revolutions) for size.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ import numpy as np
 
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: singular values below this share of the largest are no directions: EJ, k, mu, y and load share one scale
+#: singular values below this share of the largest are no directions: EJ, k, mu, y and load share
+#: one scale
 RANK = 1e-7
 #: cells that are worked on at a time
 _BLOCK = 32
@@ -22,7 +25,8 @@ SOME_COLUMNS = 8
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
-    """Orthonormal basis (N, r) of the span of columns (..., k) with all leading axes flattened; scale-free in each column.
+    """Orthonormal basis (N, r) of the span of columns (..., k) with all leading axes flattened;
+    scale-free in each column.
 
     Free shapes are many columns: beside them there are never more than two arrays of their size.
     """
@@ -47,7 +51,9 @@ def without(basis: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def in_blocks(operator: Callable[[slice, FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """operator(rows, x[rows]) for all cells of x (C, m, k), some at a time: what it needs besides its result stays small."""
+    """operator(rows, x[rows]) for all cells of x (C, m, k), some at a time: what it needs besides
+    its result stays small.
+    """
     result = np.empty(x.shape)
     for start in range(0, x.shape[0], _BLOCK):
         rows = slice(start, start + _BLOCK)
@@ -55,8 +61,12 @@ def in_blocks(operator: Callable[[slice, FloatArray], FloatArray], x: FloatArray
     return result
 
 
-def side_by_side(metric: Callable[[FloatArray], FloatArray], parts: Sequence[FloatArray]) -> FloatArray:
-    """metric of all columns of the parts (C, m, k), as one array; some columns at a time, since free shapes are many."""
+def side_by_side(
+    metric: Callable[[FloatArray], FloatArray], parts: Sequence[FloatArray]
+) -> FloatArray:
+    """metric of all columns of the parts (C, m, k), as one array; some columns at a time, since
+    free shapes are many.
+    """
     result = np.empty((*parts[0].shape[:-1], sum(part.shape[-1] for part in parts)))
     first = 0
     for part in parts:
@@ -76,7 +86,9 @@ def per_manoeuvre(products: FloatArray, manoeuvre: IntArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal equations of each manoeuvre: gram (M, p, p), right (M, p), square (M,) of residual on columns."""
+    """Normal equations of each manoeuvre: gram (M, p, p), right (M, p), square (M,) of residual on
+    columns.
+    """
 
     gram: FloatArray
     right: FloatArray
@@ -94,7 +106,9 @@ class Normal:
 
 
 def solve_scaled(gram: FloatArray, right: FloatArray) -> FloatArray:
-    """Least squares from normal equations, (..., p, p) and (..., p); columns scaled to one, directions without support left at zero."""
+    """Least squares from normal equations, (..., p, p) and (..., p); columns scaled to one,
+    directions without support left at zero.
+    """
     scale = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
     scale = np.where(scale > 1e-140, scale, np.inf)
     values, vectors = np.linalg.eigh(gram / scale[..., :, None] / scale[..., None, :])

@@ -1,13 +1,17 @@
-"""What a fit measures residuals in: weighted by noise and count, nuisances taken out, scatter whitened.
+"""What a fit measures residuals in: weighted by noise and count, nuisances taken out, scatter
+whitened.
 
-    values (..., n, m) --w--> --free nuisances of each revolution out--> --scatter within manoeuvres whitened--> --scatter between
-    manoeuvres whitened--> --one offset per log out--> (..., n, m), in which independent unit noise is left
+    values (..., n, m) --w--> --free nuisances of each revolution out--> --scatter within manoeuvres
+    whitened--> --scatter between manoeuvres whitened--> --one offset per log out--> (..., n, m), in
+    which independent unit noise is left
 
-Free nuisances (an offset, amplitude or small shift of each revolution) are projected out.  Scatter is what a real drive adds from
-revolution to revolution and from manoeuvre to manoeuvre: the load is a little higher, rises a little over the turn, the baseline
-moves: D (a + b phi + c phi^2) + rms d with D = dP / d ln F from the model, random with covariances that are estimated from the
-residual.  Its directions stay in, at the weight they deserve: (1 + U Lambda U^T)^(-1/2).  (Amplitude and width of the waveform
-instead of D leave a reduced chi-square of 1.7 on a road of 1 % roughness, D alone 1.09, with phi D 1.016, with phi^2 D 1.012.)
+Free nuisances (an offset, amplitude or small shift of each revolution) are projected out. Scatter
+is what a real drive adds from revolution to revolution and from manoeuvre to manoeuvre: the load is
+a little higher, rises a little over the turn, the baseline moves: D (a + b phi + c phi^2) + rms d
+with D = dP / d ln F from the model, random with covariances that are estimated from the residual.
+Its directions stay in, at the weight they deserve: (1 + U Lambda U^T)^(-1/2). (Amplitude and width
+of the waveform instead of D leave a reduced chi-square of 1.7 on a road of 1 % roughness, D alone
+1.09, with phi D 1.016, with phi^2 D 1.012.)
 """
 
 from __future__ import annotations
@@ -31,7 +35,9 @@ _LIKELY_LOAD = 0.2
 
 
 def weights(stack: Stack) -> FloatArray:
-    """sqrt(count) / noise, (n, m), 0 where nothing was measured; a stack without a noise figure weighs all bins alike."""
+    """sqrt(count) / noise, (n, m), 0 where nothing was measured; a stack without a noise figure
+    weighs all bins alike.
+    """
     noise = np.where(np.isfinite(stack.noise) & (stack.noise > 0), stack.noise, np.nan)
     if np.isnan(noise).all():
         noise = np.full(len(stack), max(float(np.nanstd(stack.values)), 1e-30))
@@ -44,9 +50,11 @@ def weights(stack: Stack) -> FloatArray:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Covariances (4, 4) of load, its rise [1/rad] and bend [1/rad^2] over the turn, and baseline (relative; the baseline to the
-    waveform's rms): of a revolution about its manoeuvre, and of manoeuvres; the shapes, (n, m) each, that they belong to; and each
-    revolution's likely load, (n,), less the one predicted with, relative."""
+    """Covariances (4, 4) of load, its rise [1/rad] and bend [1/rad^2] over the turn, and baseline
+    (relative; the baseline to the waveform's rms): of a revolution about its manoeuvre, and of
+    manoeuvres; the shapes, (n, m) each, that they belong to; and each revolution's likely load,
+    (n,), less the one predicted with, relative.
+    """
 
     shapes: tuple[FloatArray, ...]
     within: FloatArray
@@ -54,17 +62,24 @@ class Scatter:
     load: FloatArray
 
 
-def scatter_shapes(stack: Stack, waveform: FloatArray, by_load: FloatArray) -> tuple[FloatArray, ...]:
-    """What scatter adds per unit of load, its rise and bend, and baseline, (n, m) each; `by_load` is D."""
+def scatter_shapes(
+    stack: Stack, waveform: FloatArray, by_load: FloatArray
+) -> tuple[FloatArray, ...]:
+    """What scatter adds per unit of load, its rise and bend, and baseline, (n, m) each; `by_load`
+    is D.
+    """
     rms = np.sqrt(np.nanmean(waveform**2, axis=1, keepdims=True))
     phi = np.nan_to_num(stack.phi_mean)
     return by_load, phi * by_load, phi**2 * by_load, np.broadcast_to(rms, waveform.shape)
 
 
 class Metric:
-    """The chain above for one stack, at a waveform and its slope by phi, (n, m) each; revolutions in `aside` (n,) weigh nothing.
+    """The chain above for one stack, at a waveform and its slope by phi, (n, m) each; revolutions
+    in `aside` (n,) weigh nothing.
 
-    `bend` is what the values hold beyond the scatter's straight line, (n, m) or 0: to be taken off them before they are measured."""
+    `bend` is what the values hold beyond the scatter's straight line, (n, m) or 0: to be taken off
+    them before they are measured.
+    """
 
     def __init__(
         self,
@@ -79,10 +94,17 @@ class Metric:
         self.bend = bend
         unknown = [kind for kind in nuisances if kind not in NUISANCES]
         if unknown:
-            raise ModelError(f"unknown nuisance {unknown[0]!r}; allowed are {', '.join(NUISANCES)}; choose among them")
-        self.weight = weights(stack) if aside is None else np.where(aside[:, None], 0.0, weights(stack))
+            raise ModelError(
+                f"unknown nuisance {unknown[0]!r}; allowed are {', '.join(NUISANCES)}; "
+                "choose among them"
+            )
+        self.weight = (
+            weights(stack) if aside is None else np.where(aside[:, None], 0.0, weights(stack))
+        )
         self._seen = self.weight > 0
-        self._log, self._manoeuvre = (np.unique(labels, return_inverse=True)[1] for labels in (stack.log, stack.manoeuvre))
+        self._log, self._manoeuvre = (
+            np.unique(labels, return_inverse=True)[1] for labels in (stack.log, stack.manoeuvre)
+        )
         self._steps: list[_Whitener] = []
         shapes = {"offset": np.ones_like(waveform), "amplitude": waveform, "shift": slope}
         if nuisances:
@@ -105,9 +127,13 @@ class Metric:
         return weighted
 
     def _columns(self, shapes: Sequence[FloatArray]) -> FloatArray:
-        return np.stack([np.where(self._seen, self.weight * shape, 0.0) for shape in shapes], axis=-1)
+        return np.stack(
+            [np.where(self._seen, self.weight * shape, 0.0) for shape in shapes], axis=-1
+        )
 
-    def _then(self, columns: FloatArray, group: np.ndarray | None, covariance: FloatArray | None) -> None:
+    def _then(
+        self, columns: FloatArray, group: np.ndarray | None, covariance: FloatArray | None
+    ) -> None:
         """Adds a step along `columns` as the steps before leave them."""
         moved = np.moveaxis(columns, -1, 0)
         for step in self._steps:
@@ -116,11 +142,15 @@ class Metric:
 
 
 class _Whitener:
-    """x -> (1 + U Lambda U^T)^(-1/2) x for the columns U (n, m, k) of each revolution, or of each `group` of them together.
+    """x -> (1 + U Lambda U^T)^(-1/2) x for the columns U (n, m, k) of each revolution, or of each
+    `group` of them together.
 
-    `covariance` None stands for an infinite Lambda: the columns are projected out."""
+    `covariance` None stands for an infinite Lambda: the columns are projected out.
+    """
 
-    def __init__(self, columns: FloatArray, group: np.ndarray | None, covariance: FloatArray | None) -> None:
+    def __init__(
+        self, columns: FloatArray, group: np.ndarray | None, covariance: FloatArray | None
+    ) -> None:
         n, _, k = columns.shape
         self._group = np.arange(n) if group is None else group
         self._size = int(self._group.max()) + 1 if n else 0
@@ -135,7 +165,9 @@ class _Whitener:
             return
         half = np.where(seen, root, 0.0)[:, :, None] * np.swapaxes(turn, 1, 2)
         spread, axes = np.linalg.eigh(np.eye(k) + half @ covariance @ np.swapaxes(half, 1, 2))
-        self._gain = (axes * (1.0 / np.sqrt(spread))[:, None, :]) @ np.swapaxes(axes, 1, 2) - np.eye(k)
+        self._gain = (axes * (1.0 / np.sqrt(spread))[:, None, :]) @ np.swapaxes(
+            axes, 1, 2
+        ) - np.eye(k)
 
     def _sum(self, rows: FloatArray) -> FloatArray:
         """Sums over the revolutions of each group, (n, ...) to (groups, ...)."""
@@ -152,13 +184,16 @@ class _Whitener:
         return (flat + np.einsum("nmk,npk->pnm", self._basis, back)).reshape(x.shape)
 
 
-def estimate_scatter(metric: Metric, shapes: tuple[FloatArray, ...], residual: FloatArray, manoeuvre: np.ndarray) -> Scatter:
+def estimate_scatter(
+    metric: Metric, shapes: tuple[FloatArray, ...], residual: FloatArray, manoeuvre: np.ndarray
+) -> Scatter:
     """Scatter from what a prediction leaves of the values (n, m), in a metric without scatter.
 
-    A revolution's coefficients by least squares scatter about their manoeuvre's mean by `within` + their own error.  `between` is how
-    the manoeuvres' means scatter less their own error; what `within` leaves in a mean stays in it, since neighbours on one road are
-    correlated, and few manoeuvres know it badly, so it is widened by (G - 1) / (G - 3) and taken without correlations, which so
-    few would only feign.  Negative variances are zero.
+    A revolution's coefficients by least squares scatter about their manoeuvre's mean by `within` +
+    their own error. `between` is how the manoeuvres' means scatter less their own error; what
+    `within` leaves in a mean stays in it, since neighbours on one road are correlated, and few
+    manoeuvres know it badly, so it is widened by (G - 1) / (G - 3) and taken without correlations,
+    which so few would only feign. Negative variances are zero.
     """
     used = metric.weight.any(axis=1)
     columns = np.stack([metric(shape)[used] for shape in shapes], axis=-1)
@@ -167,21 +202,29 @@ def estimate_scatter(metric: Metric, shapes: tuple[FloatArray, ...], residual: F
     _, group = np.unique(manoeuvre[used], return_inverse=True)
     count = np.bincount(group).astype(float)
     groups = count.size
-    mean = np.stack([np.bincount(group, b[:, k]) for k in range(b.shape[1])], axis=1) / count[:, None]
+    mean = (
+        np.stack([np.bincount(group, b[:, k]) for k in range(b.shape[1])], axis=1) / count[:, None]
+    )
     rest = b - mean[group]
     noise = error.mean(axis=0)
     within = _excess(rest * np.sqrt(b.shape[0] / max(b.shape[0] - groups, 1)), error)
     means = mean - mean.mean(axis=0)
-    between = ((means**2).sum(axis=0) - np.diag(noise) * (groups - 1) * np.mean(1.0 / count)) / max(groups - 3, 1)
+    between = ((means**2).sum(axis=0) - np.diag(noise) * (groups - 1) * np.mean(1.0 / count)) / max(
+        groups - 3, 1
+    )
     apart = np.diag(np.maximum(between, 0.0)) if groups > 2 else np.zeros_like(within)
     load = np.zeros(used.size)
-    load[used] = np.einsum("kl,nlj,nj->nk", within + apart, np.linalg.pinv(within + apart + error, hermitian=True), b)[:, 0]
+    load[used] = np.einsum(
+        "kl,nlj,nj->nk", within + apart, np.linalg.pinv(within + apart + error, hermitian=True), b
+    )[:, 0]
     return Scatter(shapes, within, apart, np.clip(load, -_LIKELY_LOAD, _LIKELY_LOAD))
 
 
 def _excess(b: FloatArray, error: FloatArray) -> FloatArray:
-    """The covariance (k, k) of what coefficients `b` (n, k) estimate, each with its own error covariance (n, k, k): by expectation and
-    maximisation, which weighs the good ones and keeps variances positive."""
+    """The covariance (k, k) of what coefficients `b` (n, k) estimate, each with its own error
+    covariance (n, k, k): by expectation and maximisation, which weighs the good ones and keeps
+    variances positive.
+    """
     unit = np.sqrt(np.median(np.einsum("nkk->nk", error), axis=0))
     unit = np.where(unit > 0, unit, 1.0)
     b, error = b / unit, error / np.outer(unit, unit)

@@ -1,10 +1,14 @@
-"""The metric in which residuals are judged: one linear operator per manoeuvre that makes repeatable noise white.
+"""The metric in which residuals are judged: one linear operator per manoeuvre that makes repeatable
+noise white.
 
     x (C, m, k) -> x / sd -> per cell: shift removed, shrunk along the random effects of revolutions
-                          -> per manoeuvre: shrunk along the random effects of manoeuvres      -> (C, m, k)
+                          -> per manoeuvre: shrunk along the random effects of manoeuvres      ->
+                              (C, m, k)
 
-With columns B of covariance T the covariance I + B T B' has the inverse root  I - Q (1 - 1/sqrt(1 + D)) Q',  Q D Q' = B T B': a small
-singular value decomposition per cell or manoeuvre, no N x N matrix.  Infinite variance removes a direction.  Empty bins become zero.
+With columns B of covariance T the covariance I + B T B' has the inverse root  I - Q (1 - 1/sqrt(1 +
+    D)) Q',  Q D Q' = B T B': a small
+singular value decomposition per cell or manoeuvre, no N x N matrix.  Infinite variance removes a
+direction.  Empty bins become zero.
 """
 
 from __future__ import annotations
@@ -24,7 +28,9 @@ _SHIFT_SD = 0.05
 
 @dataclass(frozen=True)
 class Whitener:
-    """`inverse_sd` (C, m), zero where empty; per cell basis (C, m, k) and shrinkage (C, k); the same per manoeuvre, rows of its cells."""
+    """`inverse_sd` (C, m), zero where empty; per cell basis (C, m, k) and shrinkage (C, k); the
+    same per manoeuvre, rows of its cells.
+    """
 
     inverse_sd: FloatArray
     basis: FloatArray
@@ -40,7 +46,9 @@ class Whitener:
 
     @property
     def removed(self) -> float:
-        """Degrees of freedom that the shrinkage takes out of chi-square, as the expectation under the covariance is one a value."""
+        """Degrees of freedom that the shrinkage takes out of chi-square, as the expectation under
+        the covariance is one a value.
+        """
         return float((self.shrink > 0.999999).sum())
 
     def __call__(self, x: FloatArray) -> FloatArray:
@@ -50,9 +58,13 @@ class Whitener:
         flat = x.ndim == 2
         x = x[..., None] if flat else x
         x = in_blocks(self._of_cells, x)
-        for rows, basis, shrink in zip(self.groups, self.group_basis, self.group_shrink, strict=True):
+        for rows, basis, shrink in zip(
+            self.groups, self.group_basis, self.group_shrink, strict=True
+        ):
             part = x[rows].reshape(-1, x.shape[-1])
-            x[rows] = (part - basis @ (shrink[:, None] * (basis.T @ part))).reshape(rows.size, -1, x.shape[-1])
+            x[rows] = (part - basis @ (shrink[:, None] * (basis.T @ part))).reshape(
+                rows.size, -1, x.shape[-1]
+            )
         return x[..., 0] if flat else x
 
     def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
@@ -65,30 +77,47 @@ class Whitener:
         """The operator of some manoeuvres alone, whose cells are the ascending `rows`."""
         groups = tuple(np.searchsorted(rows, group) for group in self.groups[manoeuvres])
         return Whitener(
-            self.inverse_sd[rows], self.basis[rows], self.shrink[rows], groups, self.group_basis[manoeuvres], self.group_shrink[manoeuvres]
+            self.inverse_sd[rows],
+            self.basis[rows],
+            self.shrink[rows],
+            groups,
+            self.group_basis[manoeuvres],
+            self.group_shrink[manoeuvres],
         )
 
-    def with_manoeuvres(self, manoeuvre: NDArray[np.int64], columns: FloatArray, sd: FloatArray) -> Whitener:
-        """The same with random effects of manoeuvres: `columns` (C, m, k) in the observable's unit per unit of effect, `sd` (k,)."""
+    def with_manoeuvres(
+        self, manoeuvre: NDArray[np.int64], columns: FloatArray, sd: FloatArray
+    ) -> Whitener:
+        """The same with random effects of manoeuvres: `columns` (C, m, k) in the observable's unit
+        per unit of effect, `sd` (k,).
+        """
         white = Whitener(self.inverse_sd, self.basis, self.shrink)(columns) * sd
         groups, bases, shrinks = [], [], []
         for number in range(int(manoeuvre.max()) + 1):
             rows = np.flatnonzero(manoeuvre == number)
-            basis, size, _ = np.linalg.svd(white[rows].reshape(-1, white.shape[-1]), full_matrices=False)
+            basis, size, _ = np.linalg.svd(
+                white[rows].reshape(-1, white.shape[-1]), full_matrices=False
+            )
             groups.append(rows)
             bases.append(basis)
             shrinks.append(1.0 - 1.0 / np.sqrt(1.0 + size**2))
-        return Whitener(self.inverse_sd, self.basis, self.shrink, tuple(groups), tuple(bases), tuple(shrinks))
+        return Whitener(
+            self.inverse_sd, self.basis, self.shrink, tuple(groups), tuple(bases), tuple(shrinks)
+        )
 
 
 def whitener(cells: Cells, discrepancy: float = 0.0) -> Whitener:
     """The operator of single cells: noise, shift and the random effects of revolutions.
 
-    `discrepancy` [unit^2] is the mean square that the model at hand misses.  It is added to the noise,
-    so that a model that is wrong in shape does not buy shape with amplitude only because amplitude
-    scatters from revolution to revolution.
+    `discrepancy` [unit^2] is the mean square that the model at hand misses. It is added to the
+    noise, so that a model that is wrong in shape does not buy shape with amplitude only because
+    amplitude scatters from revolution to revolution.
     """
-    inverse = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), 1.0 / np.sqrt(cells.sd**2 + discrepancy), 0.0)
+    inverse = np.where(
+        np.isfinite(cells.values) & np.isfinite(cells.sd),
+        1.0 / np.sqrt(cells.sd**2 + discrepancy),
+        0.0,
+    )
     C, m = inverse.shape
     if m == 1:
         return Whitener(inverse, np.zeros((C, 1, 0)), np.zeros((C, 0)))

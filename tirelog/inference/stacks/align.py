@@ -1,12 +1,14 @@
-"""The wheel's angle at every sample: passages refined by a matched filter, and a smooth course between them.
+"""The wheel's angle at every sample: passages refined by a matched filter, and a smooth course
+between them.
 
-    passage times (n,) [s] -> WheelAngle: theta(t) with theta(t_i) = 2 pi i, an interpolating cubic spline (its slope is the speed)
+    passage times (n,) [s] -> WheelAngle: theta(t) with theta(t_i) = 2 pi i, an interpolating cubic
+    spline (its slope is the speed)
     samples at theta, chunk by chunk -> sums by angle -> template T(phi)
     the same once more -> sums by revolution  y = b + a [T(phi) - s T'(phi)]  -> t_i moved by s
 
-The matched filter uses the whole front around the patch, not its peak: a peak would follow whatever an
-odd effect does to it.  What is left of a shift is a nuisance of every cell (`cells`), so nothing is
-learnt from absolute position.
+The matched filter uses the whole front around the patch, not its peak: a peak would follow whatever
+an odd effect does to it. What is left of a shift is a nuisance of every cell (`cells`), so nothing
+is learnt from absolute position.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ _TEMPLATE_POINTS = 512
 
 @dataclass(frozen=True)
 class WheelAngle:
-    """theta(t) through the passages `centre_s` (n,): 2 pi i at the i-th; outside of them it goes on at the speed of the end."""
+    """theta(t) through the passages `centre_s` (n,): 2 pi i at the i-th; outside of them it goes on
+    at the speed of the end.
+    """
 
     centre_s: FloatArray
     spline: CubicSpline
@@ -57,7 +61,9 @@ def split_turns(theta: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     return turn, theta - 2.0 * np.pi * turn
 
 
-def turned(samples: Samples, angle: WheelAngle, chunk: Chunk) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+def turned(
+    samples: Samples, angle: WheelAngle, chunk: Chunk
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """The samples of a chunk's turns: turn after the chunk's first, phi and value, (k,) each."""
     time_s, values = samples.read(chunk)
     turn, phi = split_turns(angle.theta(time_s))
@@ -75,7 +81,9 @@ class TemplateSums:
 
     def add(self, phi: FloatArray, values: FloatArray) -> None:
         """More samples (N,) at angles (N,)."""
-        bins = ((phi + np.pi) * (_TEMPLATE_POINTS / (2.0 * np.pi))).astype(np.int64) % _TEMPLATE_POINTS
+        bins = ((phi + np.pi) * (_TEMPLATE_POINTS / (2.0 * np.pi))).astype(
+            np.int64
+        ) % _TEMPLATE_POINTS
         self._count += np.bincount(bins, minlength=_TEMPLATE_POINTS)
         self._angle += np.bincount(bins, phi, _TEMPLATE_POINTS)
         self._value += np.bincount(bins, values, _TEMPLATE_POINTS)
@@ -84,7 +92,9 @@ class TemplateSums:
         """A periodic spline through bin means at the bins' mean angles."""
         full = self._count > 0
         angle, mean = self._angle[full] / self._count[full], self._value[full] / self._count[full]
-        return CubicSpline(np.append(angle, angle[0] + 2.0 * np.pi), np.append(mean, mean[0]), bc_type="periodic")
+        return CubicSpline(
+            np.append(angle, angle[0] + 2.0 * np.pi), np.append(mean, mean[0]), bc_type="periodic"
+        )
 
 
 def template(phi: FloatArray, values: FloatArray) -> CubicSpline:
@@ -94,9 +104,12 @@ def template(phi: FloatArray, values: FloatArray) -> CubicSpline:
     return sums.curve()
 
 
-def front_fit(turn: NDArray[np.int64], phi: FloatArray, values: FloatArray, shape: CubicSpline, n: int) -> tuple[FloatArray, FloatArray]:
-    """Shift [rad] (n,) and amplitude (n,) of each revolution against the template by least squares near the patch; NaN where it cannot
-    be."""
+def front_fit(
+    turn: NDArray[np.int64], phi: FloatArray, values: FloatArray, shape: CubicSpline, n: int
+) -> tuple[FloatArray, FloatArray]:
+    """Shift [rad] (n,) and amplitude (n,) of each revolution against the template by least squares
+    near the patch; NaN where it cannot be.
+    """
     near = np.abs(phi) < FRONT_RAD
     turn, phi, values = turn[near], phi[near], values[near]
     columns = (np.ones_like(phi), shape(phi), -shape(phi, 1))
@@ -118,7 +131,10 @@ def front_fit(turn: NDArray[np.int64], phi: FloatArray, values: FloatArray, shap
 
 
 def refine(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
-    """Passage times (n,) after matched filtering.  A passage whose front cannot be fitted keeps its time."""
+    """Passage times (n,) after matched filtering.
+
+    A passage whose front cannot be fitted keeps its time.
+    """
     chunks = samples.chunks(centre_s, 0, centre_s.size)
     for _ in range(rounds):
         angle = WheelAngle.through(centre_s)
@@ -127,7 +143,16 @@ def refine(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArra
             _, phi, values = turned(samples, angle, chunk)
             sums.add(phi, values)
         shape = sums.curve()
-        shift = np.concatenate([front_fit(*turned(samples, angle, chunk), shape, chunk.stop - chunk.first)[0] for chunk in chunks])
-        shift = np.where(np.isfinite(shift), shift - np.nanmedian(shift) if np.isfinite(shift).any() else 0.0, 0.0)
+        shift = np.concatenate(
+            [
+                front_fit(*turned(samples, angle, chunk), shape, chunk.stop - chunk.first)[0]
+                for chunk in chunks
+            ]
+        )
+        shift = np.where(
+            np.isfinite(shift),
+            shift - np.nanmedian(shift) if np.isfinite(shift).any() else 0.0,
+            0.0,
+        )
         centre_s = centre_s + shift / angle.speed_rad_s(centre_s)
     return centre_s

@@ -15,8 +15,12 @@ _CONDITION_KINDS = {
 }
 
 
-def conditions_of(recording: Recording, centre_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> Conditions:
-    """What each revolution was driven under: the setup's constants, or a channel's mean over the revolution where there is one."""
+def conditions_of(
+    recording: Recording, centre_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
+) -> Conditions:
+    """What each revolution was driven under: the setup's constants, or a channel's mean over the
+    revolution where there is one.
+    """
     given = recording.setup.conditions
     values: dict[str, FloatArray | float] = {
         name: float("nan") if getattr(given, name) is None else getattr(given, name)
@@ -27,11 +31,19 @@ def conditions_of(recording: Recording, centre_s: FloatArray, speed_m_s: FloatAr
             mean = _channel_mean(channel, centre_s)
             if np.isfinite(mean).all():
                 values[name] = mean - mean[0] if kind == "temperature" else mean
-    return Conditions.of(centre_s.size, speed_m_s=speed_m_s, acceleration_m_s2=acceleration_m_s2, time_s=centre_s, **values)
+    return Conditions.of(
+        centre_s.size,
+        speed_m_s=speed_m_s,
+        acceleration_m_s2=acceleration_m_s2,
+        time_s=centre_s,
+        **values,
+    )
 
 
 def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
-    """Mean of a channel around each passage, half a period to either side, (n,); a revolution without samples takes its neighbours'."""
+    """Mean of a channel around each passage, half a period to either side, (n,); a revolution
+    without samples takes its neighbours'.
+    """
     half = 0.5 * np.gradient(centre_s) if centre_s.size > 1 else np.full(1, 0.05)
     below = [_Below(centre_s - half), _Below(centre_s + half)]
     between = np.full(centre_s.size, np.nan)
@@ -56,7 +68,9 @@ def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
 
 
 class _Below:
-    """Number and sum of the samples that are earlier than each of some times, (n,), as a channel goes by."""
+    """Number and sum of the samples that are earlier than each of some times, (n,), as a channel
+    goes by.
+    """
 
     def __init__(self, time_s: FloatArray) -> None:
         self._time_s = time_s

@@ -1,13 +1,17 @@
-"""Recordings to stacks: one channel cut into revolutions and laid on one grid of angle bins, raw, with what each was driven under.
+"""Recordings to stacks: one channel cut into revolutions and laid on one grid of angle bins, raw,
+with what each was driven under.
 
-    Recording --find_passages--> passage times --`align.refine`--> theta(t)      all revolutions of the log, small arrays
-        --speeds, accelerations, manoeuvres, conditions--> stretches of some 1000 revolutions --bins--> Stack (n, m) each
+    Recording --find_passages--> passage times --`align.refine`--> theta(t)      all revolutions of
+        the log, small arrays --speeds, accelerations, manoeuvres, conditions--> stretches of some
+        1000 revolutions --bins--> Stack (n, m) each
     several Recordings --> `Stacks`
 
-The log is in memory as counts at most (`runs.in_memory`); its times, angles and waveforms are there for a chunk or a stretch at a time.
+The log is in memory as counts at most (`runs.in_memory`); its times, angles and waveforms are there
+for a chunk or a stretch at a time.
 
-Bin means are raw (no amplitude, shift or baseline is taken out here: `cells` does that and keeps account of it), at the angles the samples
-really have.  The first and last revolution of an unbroken run of passages are left out, since half of their angle is extrapolated.
+Bin means are raw (no amplitude, shift or baseline is taken out here: `cells` does that and keeps
+account of it), at the angles the samples really have. The first and last revolution of an unbroken
+run of passages are left out, since half of their angle is extrapolated.
 """
 
 from __future__ import annotations
@@ -36,13 +40,18 @@ ANGLES = 256
 #: revolutions that are in memory at a time, 8 kB each
 STRETCH = 1024
 #: observable -> kinds of channel that measure it
-KINDS = {"strain": ("fbg_strain", "strain"), "radial_acceleration": ("radial_acceleration",), **SOURCES}
+KINDS = {
+    "strain": ("fbg_strain", "strain"),
+    "radial_acceleration": ("radial_acceleration",),
+    **SOURCES,
+}
 _SHORTEST_RUN = 5
 
 
 @dataclass(frozen=True)
 class Turns:
-    """The revolutions of one unbroken run: ordinal of each passage in the log (k,), refined times (k,) and the angle between them.
+    """The revolutions of one unbroken run: ordinal of each passage in the log (k,), refined times
+    (k,) and the angle between them.
 
     Its k - 2 whole revolutions are the turns 1 ... k - 2.
     """
@@ -55,7 +64,10 @@ class Turns:
 
 
 def observe_channel(recording: Recording, observable: str, name: str | None = None) -> Channel:
-    """The channel of the recording that measures the observable: the named one, or the first.  UsageError: there is none."""
+    """The channel of the recording that measures the observable: the named one, or the first.
+
+    UsageError: there is none.
+    """
     kinds = KINDS.get(observable, (observable,))
     found = recording.of_kind(*kinds)
     if name is not None and name in recording.channels:
@@ -64,23 +76,35 @@ def observe_channel(recording: Recording, observable: str, name: str | None = No
             return channel
         fits = ", ".join(c.name for c in found) or "none of this log"
         raise UsageError(
-            f"channel {name} is of the kind {channel.kind}, the model predicts {observable}; channels of the kind {' or '.join(kinds)} are "
+            f"channel {name} is of the kind {channel.kind}, the model predicts {observable}; "
+            f"channels of the kind {' or '.join(kinds)} are "
             f"allowed: {fits}; name one of them, or take a model for {channel.kind}",
             file=recording.log,
         )
     if name is not None or not found:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         wanted = name or f"of the observable {observable} ({' or '.join(kinds)})"
-        raise UsageError(f"no channel {wanted}; the log has {have}; take a model for what is measured, or another log", file=recording.log)
+        raise UsageError(
+            f"no channel {wanted}; the log has {have}; take a model for what is measured, or "
+            "another log",
+            file=recording.log,
+        )
     return found[0]
 
 
 def stacks_from_logs(
-    recordings: Iterable[Recording], observable: str = "strain", channel: str | None = None, *, angles: int = ANGLES, most: int = STRETCH
+    recordings: Iterable[Recording],
+    observable: str = "strain",
+    channel: str | None = None,
+    *,
+    angles: int = ANGLES,
+    most: int = STRETCH,
 ) -> Stacks:
-    """The stacks of the recordings, one each (several where there are more than `most` revolutions), manoeuvres numbered through all.
+    """The stacks of the recordings, one each (several where there are more than `most`
+    revolutions), manoeuvres numbered through all.
 
-    UsageError where a log holds fewer than ten whole revolutions, or an acceleration without its mean level.
+    UsageError where a log holds fewer than ten whole revolutions, or an acceleration without its
+    mean level.
     """
     stacks = Stacks()
     for recording in recordings:
@@ -97,8 +121,17 @@ def stacks_from_logs(
     return stacks
 
 
-def stretches_of(recording: Recording, channel: Channel, observable: str, *, angles: int = ANGLES, most: int = STRETCH) -> Iterator[Stack]:
-    """The stacks of one channel of one recording, at most `most` revolutions each; manoeuvres and conditions are those of the whole log."""
+def stretches_of(
+    recording: Recording,
+    channel: Channel,
+    observable: str,
+    *,
+    angles: int = ANGLES,
+    most: int = STRETCH,
+) -> Iterator[Stack]:
+    """The stacks of one channel of one recording, at most `most` revolutions each; manoeuvres and
+    conditions are those of the whole log.
+    """
     radius = recording.setup.tire.radius_m
     channel = held(channel)
     passages = find_passages(channel, radius)
@@ -110,7 +143,8 @@ def stretches_of(recording: Recording, channel: Channel, observable: str, *, ang
         if passages.doubt:
             raise UsageError(passages.doubt, file=recording.log)
         raise UsageError(
-            f"{n} whole revolutions in channel {channel.name}; at least ten are needed to see what repeats; give a longer log",
+            f"{n} whole revolutions in channel {channel.name}; at least ten are needed to see "
+            "what repeats; give a longer log",
             file=recording.log,
         )
     course = _course(recording, channel, observable, runs, passages.noise, angles)
@@ -118,12 +152,23 @@ def stretches_of(recording: Recording, channel: Channel, observable: str, *, ang
         yield replace(course.take(rows), **_waveforms(samples, runs, rows, angles))
 
 
-def _course(recording: Recording, channel: Channel, observable: str, runs: Sequence[Turns], noise: float, angles: int) -> Stack:
-    """What a revolution has one value of, for all revolutions of a log: their stack, its waveforms still without a bin."""
+def _course(
+    recording: Recording,
+    channel: Channel,
+    observable: str,
+    runs: Sequence[Turns],
+    noise: float,
+    angles: int,
+) -> Stack:
+    """What a revolution has one value of, for all revolutions of a log: their stack, its waveforms
+    still without a bin.
+    """
     radius = recording.setup.tire.radius_m
     times = [run.angle.centre_s[1:-1] for run in runs]
     speeds = [run.angle.speed_rad_s(time) for run, time in zip(runs, times, strict=True)]
-    acceleration = np.concatenate([accelerations(time, speed * radius) for time, speed in zip(times, speeds, strict=True)])
+    acceleration = np.concatenate(
+        [accelerations(time, speed * radius) for time, speed in zip(times, speeds, strict=True)]
+    )
     breaks = np.concatenate([np.r_[True, np.zeros(len(run) - 1, bool)] for run in runs])
     manoeuvre, regime = segment(regimes(acceleration), breaks)
     centre, speed = np.concatenate(times), np.concatenate(speeds)
@@ -135,7 +180,9 @@ def _course(recording: Recording, channel: Channel, observable: str, runs: Seque
         surface=channel.surface,
         radius_m=radius,
         values=none,
-        phi_rad=np.asarray((np.arange(angles) + 0.5) * (2.0 * np.pi / angles) - np.pi, dtype=np.float64),
+        phi_rad=np.asarray(
+            (np.arange(angles) + 0.5) * (2.0 * np.pi / angles) - np.pi, dtype=np.float64
+        ),
         phi_mean=none,
         phi_variance=none,
         count=np.empty((n, 0), np.int64),
@@ -150,13 +197,18 @@ def _course(recording: Recording, channel: Channel, observable: str, runs: Seque
 
 
 def _cuts(manoeuvre: NDArray[np.int64], most: int) -> Iterator[slice]:
-    """The stretches of a log: at most `most` revolutions, cut where a manoeuvre begins, and within one only where it is longer than half of
-    that; then no part of it is shorter than a quarter."""
+    """The stretches of a log: at most `most` revolutions, cut where a manoeuvre begins, and within
+    one only where it is longer than half of that; then no part of it is shorter than a quarter.
+    """
     starts = np.flatnonzero(np.diff(manoeuvre)) + 1
     low, n = 0, manoeuvre.size
     while n - low > most:
         last = int(np.searchsorted(starts, low + most, side="right")) - 1
-        high = int(starts[last]) if last >= 0 and starts[last] > low + most // 2 else low + 3 * most // 4
+        high = (
+            int(starts[last])
+            if last >= 0 and starts[last] > low + most // 2
+            else low + 3 * most // 4
+        )
         yield slice(low, high)
         low = high
     yield slice(low, n)
@@ -179,10 +231,14 @@ def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> 
     before = 0
     for run in runs:
         first, stop = max(rows.start - before, 0), min(rows.stop - before, len(run))
-        for chunk in samples.chunks(run.angle.centre_s, first + 1, stop + 1) if first < stop else ():
+        for chunk in (
+            samples.chunks(run.angle.centre_s, first + 1, stop + 1) if first < stop else ()
+        ):
             low = before + chunk.first - 1 - rows.start
             here = slice(low, low + chunk.stop - chunk.first)
-            values[here], phi_mean[here], phi_variance[here], count[here] = _binned(samples, run.angle, chunk, m)
+            values[here], phi_mean[here], phi_variance[here], count[here] = _binned(
+                samples, run.angle, chunk, m
+            )
         before += len(run)
     return {"values": values, "phi_mean": phi_mean, "phi_variance": phi_variance, "count": count}
 

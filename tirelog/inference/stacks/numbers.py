@@ -1,6 +1,8 @@
-"""Numbers per revolution as stacks with one angle: patch length, dissipation factor, phase shift, patch width.
+"""Numbers per revolution as stacks with one angle: patch length, dissipation factor, phase shift,
+patch width.
 
-Recording --estimators--> a row a passage, those with nothing wrong --> Stack (n, 1), the same conditions and manoeuvres as a waveform's
+Recording --estimators--> a row a passage, those with nothing wrong --> Stack (n, 1), the same
+conditions and manoeuvres as a waveform's
 """
 
 from __future__ import annotations
@@ -45,15 +47,23 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     n = ordinal.size
     if n < 10:
         raise UsageError(
-            f"{n} revolutions with a {observable} in channel {channel.name}; at least ten are needed; give a longer log", file=recording.log
+            f"{n} revolutions with a {observable} in channel {channel.name}; at least ten are "
+            "needed; give a longer log",
+            file=recording.log,
         )
     time_s, speed, value = time_s[ordinal], speed[ordinal], value[ordinal]
     acceleration = accelerations(time_s, speed)
     period = np.diff(time_s, prepend=time_s[0])
-    manoeuvre, regime = segment(regimes(acceleration), np.r_[True, (period > _GAP * np.median(period))[1:]])
+    manoeuvre, regime = segment(
+        regimes(acceleration), np.r_[True, (period > _GAP * np.median(period))[1:]]
+    )
     zero = np.zeros((n, 1))
     doubted = int(unclear[ordinal].sum())
-    said = f"{doubted} of {n} lengths are marked {_UNCLEAR}: they may all be off by the same share" if doubted else ""
+    said = (
+        f"{doubted} of {n} lengths are marked {_UNCLEAR}: they may all be off by the same share"
+        if doubted
+        else ""
+    )
     stack = Stack(
         observable=observable,
         channel=channel.name,
@@ -78,7 +88,9 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
 def _of_strain(
     recording: Recording, channel: Channel, observable: str
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, NDArray[np.bool_]]:
-    """Times, speeds and values of every passage, NaN if something is wrong with it; the rolling radius; lengths of unclear form."""
+    """Times, speeds and values of every passage, NaN if something is wrong with it; the rolling
+    radius; lengths of unclear form.
+    """
     from tirelog.strain.dissipation import dissipation
     from tirelog.strain.footprint.footprint import footprint
     from tirelog.strain.passages.find import find_passages
@@ -96,12 +108,23 @@ def _of_strain(
     return passages.time_s, passages.speed_m_s, np.where(good, value, np.nan), radius, unclear
 
 
-def _of_fronts(recording: Recording, channel: Channel, observable: str) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+def _of_fronts(
+    recording: Recording, channel: Channel, observable: str
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """The same from the fronts of an accelerometer against the encoder."""
     from tirelog.wheel.phase_shift import measure
 
     for found in measure(recording):
         if found.channel == channel.name:
             value = found.shift_deg if observable == "phase_shift" else found.width_deg
-            return found.time_s, found.speed_m_s, np.where(found.good, np.deg2rad(value), np.nan), found.radius_m
-    raise UsageError(f"no fronts in channel {channel.name}; an accelerometer with a patch is needed; give another", file=recording.log)
+            return (
+                found.time_s,
+                found.speed_m_s,
+                np.where(found.good, np.deg2rad(value), np.nan),
+                found.radius_m,
+            )
+    raise UsageError(
+        f"no fronts in channel {channel.name}; an accelerometer with a patch is needed; "
+        "give another",
+        file=recording.log,
+    )

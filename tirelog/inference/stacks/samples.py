@@ -1,9 +1,10 @@
 """A channel's samples by time, in chunks of whole turns: nothing in it has the length of the log.
 
-    Channel, passages (n,) [s] --chunks--> Chunk: some turns, the samples that hold them --read--> times, values --angle--> turn, phi
+    Channel, passages (n,) [s] --chunks--> Chunk: some turns, the samples that hold them --read-->
+    times, values --angle--> turn, phi
 
-A turn lies in one chunk, so sums over a revolution do not know of the chunks; sums over the log (the template's) are added up chunk by
-chunk.
+A turn lies in one chunk, so sums over a revolution do not know of the chunks; sums over the log
+(the template's) are added up chunk by chunk.
 """
 
 from __future__ import annotations
@@ -19,13 +20,16 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 CHUNK_SAMPLES = 1 << 16
 #: of the times of an axis every so many are kept, to find the others
 _STRIDE = 1 << 13
-#: turns to either side of a chunk whose samples are looked at too: what a refined passage moves is far less
+#: turns to either side of a chunk whose samples are looked at too: what a refined passage moves is
+#: far less
 _MARGIN = 1
 
 
 @dataclass(frozen=True)
 class Chunk:
-    """Turns [first, stop) of a run of passages, and samples [low, high) among which all of theirs are."""
+    """Turns [first, stop) of a run of passages, and samples [low, high) among which all of theirs
+    are.
+    """
 
     first: int
     stop: int
@@ -48,22 +52,33 @@ class Samples:
         for number in np.unique(block) if self._coarse.size else ():
             mine = block == number
             low = int(number) * _STRIDE
-            place[mine] = low + np.searchsorted(self.channel.axis.time(low, low + _STRIDE), time_s[mine])
+            place[mine] = low + np.searchsorted(
+                self.channel.axis.time(low, low + _STRIDE), time_s[mine]
+            )
         return place
 
-    def chunks(self, centre_s: FloatArray, first: int, stop: int, size: int | None = None) -> list[Chunk]:
-        """Turns [first, stop) of the run of passages `centre_s` (n,), about `size` samples at a time.
+    def chunks(
+        self, centre_s: FloatArray, first: int, stop: int, size: int | None = None
+    ) -> list[Chunk]:
+        """Turns [first, stop) of the run of passages `centre_s` (n,), about `size` samples at a
+        time.
 
-        The first turn's samples begin one period before its passage, the last one's end one after, where the run ends there.
+        The first turn's samples begin one period before its passage, the last one's end one after,
+        where the run ends there.
         """
         spent = (centre_s[first:stop] - centre_s[first]) * self.channel.axis.rate_Hz
         cuts = first + np.flatnonzero(np.diff(spent // (size or CHUNK_SAMPLES))) + 1
         edges = np.array([first, *cuts, stop])
-        around = np.concatenate([[2 * centre_s[0] - centre_s[1]], centre_s, [2 * centre_s[-1] - centre_s[-2]]])
+        around = np.concatenate(
+            [[2 * centre_s[0] - centre_s[1]], centre_s, [2 * centre_s[-1] - centre_s[-2]]]
+        )
         low = np.maximum(edges[:-1] - _MARGIN, 0)
         high = np.minimum(edges[1:] + 1 + _MARGIN, around.size - 1)
         low, high = self.before(around[low]), self.before(around[high])
-        return [Chunk(*(int(x) for x in row)) for row in zip(edges[:-1], edges[1:], low, high, strict=True)]
+        return [
+            Chunk(*(int(x) for x in row))
+            for row in zip(edges[:-1], edges[1:], low, high, strict=True)
+        ]
 
     def read(self, chunk: Chunk) -> tuple[FloatArray, FloatArray]:
         """Times and values of a chunk's samples that are there."""

@@ -1,9 +1,12 @@
-"""The stacks of several logs, numbered through: in memory while they are few, then in a temporary file, one at a time in memory again.
+"""The stacks of several logs, numbered through: in memory while they are few, then in a temporary
+file, one at a time in memory again.
 
-    stretches of a log (`stack.stretches_of`, at most some MB each) --add--> Stacks --one at a time--> Stack, equal to the bit
+    stretches of a log (`stack.stretches_of`, at most some MB each) --add--> Stacks --one at a
+    time--> Stack, equal to the bit
 
-A usual log is one stack.  A long one is several, one after the other, cut between manoeuvres where these are short enough; a manoeuvre
-that had to be cut keeps its number.  What has a value a revolution stays in memory, the waveforms (32 bytes a bin) are put aside.
+A usual log is one stack. A long one is several, one after the other, cut between manoeuvres where
+these are short enough; a manoeuvre that had to be cut keeps its number. What has a value a
+revolution stays in memory, the waveforms (32 bytes a bin) are put aside.
 """
 
 from __future__ import annotations
@@ -26,7 +29,8 @@ _NUMBERS = ("noise", "log", "manoeuvre", "revolution", "regime")
 
 
 class Stacks(Sequence[Stack]):
-    """Stacks on the same angles; `logs` names all logs, and each stack's `log` and `manoeuvre` count through them.
+    """Stacks on the same angles; `logs` names all logs, and each stack's `log` and `manoeuvre`
+    count through them.
 
     `notes`: sentences on what was set apart of them.
     """
@@ -36,11 +40,16 @@ class Stacks(Sequence[Stack]):
         self.notes: tuple[str, ...] = ()
         self._room = IN_MEMORY if in_memory is None else in_memory
         self._stacks: list[Stack] = []
-        self._places: list[int | None] = []  # where in the file the waveforms are, None where they are in memory
+        self._places: list[
+            int | None
+        ] = []  # where in the file the waveforms are, None where they are in memory
         self._file: IO[bytes] | None = None
 
     def add(self, log: str, stretches: Iterable[Stack]) -> None:
-        """One more log.  OutputError: the folder for temporary files is full or cannot be written."""
+        """One more log.
+
+        OutputError: the folder for temporary files is full or cannot be written.
+        """
         first = 1 + max((int(stack.manoeuvre.max()) for stack in self._stacks), default=-1)
         for stretch in stretches:
             if len(stretch):
@@ -62,8 +71,13 @@ class Stacks(Sequence[Stack]):
 
     def number_through(self) -> None:
         """Manoeuvres 0, 1, 2, ... where some have gone with their revolutions."""
-        names = np.unique(np.concatenate([np.zeros(0, np.int64), *(stack.manoeuvre for stack in self._stacks)]))
-        self._stacks = [replace(stack, manoeuvre=np.searchsorted(names, stack.manoeuvre)) for stack in self._stacks]
+        names = np.unique(
+            np.concatenate([np.zeros(0, np.int64), *(stack.manoeuvre for stack in self._stacks)])
+        )
+        self._stacks = [
+            replace(stack, manoeuvre=np.searchsorted(names, stack.manoeuvre))
+            for stack in self._stacks
+        ]
 
     def __len__(self) -> int:
         return len(self._stacks)
@@ -93,15 +107,17 @@ class Stacks(Sequence[Stack]):
         """The waveforms at the end of the file; where they begin."""
         try:
             if self._file is None:
-                self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115 - lives as long as the stacks
+                self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
             place = self._file.seek(0, 2)
             for name in _WAVEFORMS:
                 np.save(self._file, getattr(stack, name), allow_pickle=False)
             self._file.flush()
         except OSError as problem:
             raise OutputError(
-                f"the revolutions of long logs cannot be put aside ({problem.strerror or problem}); the folder for temporary files has to "
-                f"hold them, {_bytes(stack) / len(stack) / 1e3:.0f} kB each; make room or set TMPDIR to another folder",
+                "the revolutions of long logs cannot be put aside "
+                f"({problem.strerror or problem}); the folder for temporary files has to "
+                f"hold them, {_bytes(stack) / len(stack) / 1e3:.0f} kB each; make room or set "
+                "TMPDIR to another folder",
                 file=tempfile.tempdir or os.environ.get("TMPDIR"),
             ) from problem
         return place
@@ -127,5 +143,10 @@ def joined(stacks: Iterable[Stack]) -> Stack:
     parts = list(stacks)
     if len(parts) == 1:
         return parts[0]
-    rows: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*_WAVEFORMS, *_NUMBERS)}
-    return replace(parts[0], conditions=Conditions.concatenate([part.conditions for part in parts]), **rows)
+    rows: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in (*_WAVEFORMS, *_NUMBERS)
+    }
+    return replace(
+        parts[0], conditions=Conditions.concatenate([part.conditions for part in parts]), **rows
+    )

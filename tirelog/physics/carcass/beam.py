@@ -1,9 +1,12 @@
-"""The beam on an elastic foundation under a moving load, P1 (2) and P2 (1), steady and closed to the tread's circumference.
+"""The beam on an elastic foundation under a moving load, P1 (2) and P2 (1), steady and closed to
+the tread's circumference.
 
-    EJ w'''' + (mu c^2 - T) w'' + 2 mu omega_d c w' + k w = p(xi)          w inward, xi in the direction of passing (errata)
+    EJ w'''' + (mu c^2 - T) w'' + 2 mu omega_d c w' + k w = p(xi)          w inward, xi in the
+        direction of passing (errata)
 
 Strain at the signed lever arm y (positive toward the axle) is -y w'' (errata to P2 (11)).
-`impedance` is the same line in Fourier modes; `exact_displacement` its solution from the four roots, for parabolic pressure.
+`impedance` is the same line in Fourier modes; `exact_displacement` its solution from the four
+roots, for parabolic pressure.
 """
 
 from __future__ import annotations
@@ -16,30 +19,50 @@ from tirelog.vocabulary.arrays import FloatArray
 
 
 def critical_speed(
-    flexural_stiffness_N_m2: float, foundation_stiffness_N_m2: float, line_mass_kg_m: float, tension_N: float = 0.0
+    flexural_stiffness_N_m2: float,
+    foundation_stiffness_N_m2: float,
+    line_mass_kg_m: float,
+    tension_N: float = 0.0,
 ) -> float:
     """c_cr [m/s], above which no steady wave without radiation exists: mu c^2 = 2 sqrt(EJ k) + T.
 
     Without tension P1 (5): 2 lambda sqrt(EJ / mu) with lambda^4 = k / (4 EJ).
     """
-    return float(np.sqrt((2.0 * np.sqrt(flexural_stiffness_N_m2 * foundation_stiffness_N_m2) + tension_N) / line_mass_kg_m))
+    return float(
+        np.sqrt(
+            (2.0 * np.sqrt(flexural_stiffness_N_m2 * foundation_stiffness_N_m2) + tension_N)
+            / line_mass_kg_m
+        )
+    )
 
 
-def refuse_supercritical(speed_m_s: FloatArray, hoop_N: FloatArray, EJ: float, k: FloatArray | float, mu: float) -> None:
-    """ModelError where EJ q^4 + (T - mu c^2) q^2 + k has no lower bound above zero; `hoop_N` is T - mu c^2, shape (n, 1)."""
+def refuse_supercritical(
+    speed_m_s: FloatArray, hoop_N: FloatArray, EJ: float, k: FloatArray | float, mu: float
+) -> None:
+    """ModelError where EJ q^4 + (T - mu c^2) q^2 + k has no lower bound above zero; `hoop_N` is T -
+    mu c^2, shape (n, 1).
+    """
     if np.any(-hoop_N >= 2.0 * np.sqrt(EJ * k)):
-        tension = np.broadcast_to(hoop_N + mu * speed_m_s**2, np.broadcast_shapes(hoop_N.shape, speed_m_s.shape))
+        tension = np.broadcast_to(
+            hoop_N + mu * speed_m_s**2, np.broadcast_shapes(hoop_N.shape, speed_m_s.shape)
+        )
         limit = np.sqrt((2.0 * np.sqrt(EJ * k) + tension) / mu).min()
         raise ModelError(
-            f"speed {float(speed_m_s.max()):.4g} m/s reaches the beam's critical speed {float(limit):.4g} m/s; below it a "
-            f'steady wave exists; take a stiffer or lighter beam (EJ, k, mu), the effect belt_tension, or carcass = "ring"'
+            f"speed {float(speed_m_s.max()):.4g} m/s reaches the beam's critical speed "
+            f"{float(limit):.4g} m/s; below it a "
+            "steady wave exists; take a stiffer or lighter beam (EJ, k, mu), the effect "
+            'belt_tension, or carcass = "ring"'
         )
 
 
-def impedance(q: FloatArray, EJ: float, k: FloatArray | float, hoop_N: FloatArray, drag: FloatArray) -> FloatArray | ComplexArray:
-    """Z(q) [N/m^2]: EJ q^4 + hoop q^2 + k + i q drag; `hoop_N` = T - mu c^2, `drag` = 2 mu omega_d c, both (n, 1).
+def impedance(
+    q: FloatArray, EJ: float, k: FloatArray | float, hoop_N: FloatArray, drag: FloatArray
+) -> FloatArray | ComplexArray:
+    """Z(q) [N/m^2]: EJ q^4 + hoop q^2 + k + i q drag; `hoop_N` = T - mu c^2, `drag` = 2 mu omega_d
+    c, both (n, 1).
 
-    Real where nothing dissipates (half the work)."""
+    Real where nothing dissipates (half the work).
+    """
     real = EJ * q**4 + hoop_N * q**2 + k
     return real + 1j * (q * drag) if np.any(drag) else real
 
@@ -57,27 +80,38 @@ def exact_displacement(
     damping_rate_1_s: float = 0.0,
     derivative: int = 0,
 ) -> FloatArray:
-    """w(xi) [m] or its derivative under the parabolic pressure P2 (12), from the four roots of the characteristic equation.
+    """w(xi) [m] or its derivative under the parabolic pressure P2 (12), from the four roots of the
+    characteristic equation.
 
-    Shapes: xi (m,) to (m,).  Superposition in closed form; the tread closes upon itself after `circumference_m`, so the images of the patch
-    one, two, ... turns away are added.  Any alpha below the critical speed, any damping (errata: prefer the roots to P1 (7)-(12)).
+    Shapes: xi (m,) to (m,). Superposition in closed form; the tread closes upon itself after
+    `circumference_m`, so the images of the patch one, two, ... turns away are added. Any alpha
+    below the critical speed, any damping (errata: prefer the roots to P1 (7)-(12)).
     """
     EJ, k, mu, c = flexural_stiffness_N_m2, foundation_stiffness_N_m2, line_mass_kg_m, speed_m_s
     refuse_supercritical(np.array([[c]]), np.array([[-mu * c**2]]), EJ, np.array([[k]]), mu)
     roots = np.roots([EJ, 0.0, mu * c**2, 2.0 * mu * damping_rate_1_s * c, k])
     if derivative > 3:
-        raise ModelError(f"derivative {derivative} of the displacement jumps at the edges; 0 to 3 are allowed; ask for one of them")
+        raise ModelError(
+            f"derivative {derivative} of the displacement jumps at the edges; "
+            "0 to 3 are allowed; ask for one of them"
+        )
     gamma, L = 0.75 * load_N / half_length_m**3, half_length_m
     total = np.zeros(xi_m.shape, dtype=np.complex128)
     turns = 1 + int(np.ceil(40.0 / (np.abs(roots.real).min() * circumference_m)))
     for xi in (xi_m + image * circumference_m for image in range(-turns, turns + 1)):
         for r in roots:
             slope = 4.0 * EJ * r**3 + 2.0 * mu * c**2 * r + 2.0 * mu * damping_rate_1_s * c
-            # a root that decays with xi is excited by the load already passed, [-L, xi]; one that grows by the load to come, [xi, L]
+            # a root that decays with xi is excited by the load already passed, [-L, xi]; one that
+            # grows by the load to come, [xi, L]
             reached = xi > -L if r.real < 0 else xi < L
             x = xi[reached]
             start = np.full_like(x, -L if r.real < 0 else L)
-            total[reached] += gamma * r**derivative / slope * (_moment(r, x, np.clip(x, -L, L), L) - _moment(r, x, start, L))
+            total[reached] += (
+                gamma
+                * r**derivative
+                / slope
+                * (_moment(r, x, np.clip(x, -L, L), L) - _moment(r, x, start, L))
+            )
     return total.real
 
 

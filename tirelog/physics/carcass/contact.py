@@ -1,9 +1,14 @@
-"""One-sided contact of the ring's tread with a flat road at a given load (the contact algorithm that P3 describes).
+"""One-sided contact of the ring's tread with a flat road at a given load (the contact algorithm
+that P3 describes).
 
-The tread is a layer of springs k_t [N/m^2]; it presses where the deformed ring would go below the road and never pulls:
-    p = k_t max(0, delta - R (1 - cos phi) - u(phi)),   u = A p  the ring's vertical yield,   sum p h = F.
-Solved by active sets (Newton's method on the max), on the waveform's grid; the load is a row of the linear system, so it is carried to
-rounding.  The solution is the one of the undamped ring with its own tension: what damping and effects on the structure change in the
+The tread is a layer of springs k_t [N/m^2]; it presses where the deformed ring would go below the
+road and never pulls:
+    p = k_t max(0, delta - R (1 - cos phi) - u(phi)),   u = A p  the ring's vertical yield,   sum p
+                                                        h = F.
+Solved by active sets (Newton's method on the max), on the waveform's grid; the load is a row of the
+linear system, so it is carried to
+rounding.  The solution is the one of the undamped ring with its own tension: what damping and
+effects on the structure change in the
 pressure is of second order and left out.
 """
 
@@ -24,13 +29,16 @@ from tirelog.vocabulary.arrays import FloatArray
 REACH = 0.8
 _NODES = int(REACH / STEP)
 _PHI = np.arange(-_NODES, _NODES + 1) * STEP
-#: Loads that differ are solved one by one up to this number, else on as many Chebyshev nodes as _TABLE and interpolated.
+#: Loads that differ are solved one by one up to this number, else on as many Chebyshev nodes as
+#: _TABLE and interpolated.
 _FEW, _TABLE = 4, 12
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Pressure [N/m] at `phi_rad` (both (j,)), half length [m] and centre [m] of the patch, and the hub's drop delta [m]."""
+    """Pressure [N/m] at `phi_rad` (both (j,)), half length [m] and centre [m] of the patch, and the
+    hub's drop delta [m].
+    """
 
     phi_rad: FloatArray
     pressure_N_m: FloatArray
@@ -44,7 +52,10 @@ def _yield_matrix(carcass: RingCarcass) -> FloatArray:
     """A h: vertical yield [m] at phi_i per pressure [N/m] at phi_j, (j, j)."""
     n = np.arange(GRID // 2 + 1, dtype=np.float64)
     inverse = 1.0 / modal_impedance(n, carcass).real
-    a, b, d = (np.fft.irfft(x, GRID) * (GRID / (2.0 * np.pi * carcass.R)) for x in (inverse, 1j * n * inverse, n**2 * inverse))
+    a, b, d = (
+        np.fft.irfft(x, GRID) * (GRID / (2.0 * np.pi * carcass.R))
+        for x in (inverse, 1j * n * inverse, n**2 * inverse)
+    )
     gap = np.arange(_PHI.size)
     difference = (gap[:, None] - gap[None, :]) % GRID
     c, s = np.cos(_PHI), np.sin(_PHI)
@@ -55,9 +66,14 @@ def _yield_matrix(carcass: RingCarcass) -> FloatArray:
 
 @lru_cache(maxsize=512)
 def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
-    """The contact at the load F [N]; ModelError where the load is not above zero or the patch grows beyond REACH."""
+    """The contact at the load F [N]; ModelError where the load is not above zero or the patch grows
+    beyond REACH.
+    """
     if not load_N > 0.0:
-        raise ModelError(f"load {load_N:g} N does not press the tire on the road; a load above zero is allowed; correct load_N")
+        raise ModelError(
+            f"load {load_N:g} N does not press the tire on the road; a load above zero is "
+            "allowed; correct load_N"
+        )
     A, h = _yield_matrix(carcass), carcass.R * STEP
     shape = carcass.R * (1.0 - np.cos(_PHI))
     active = np.abs(_PHI) <= 0.15
@@ -75,13 +91,17 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
             pressing[np.argmax(depth)] = True
         if pressing[0] or pressing[-1]:
             raise ModelError(
-                f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side; a shorter one is allowed; "
+                f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side; "
+                "a shorter one is allowed; "
                 f"give a stiffer foundation or a lower load"
             )
         if np.array_equal(pressing, active):
             return _contact(on, p, depth, drop, carcass.R)
         active = pressing
-    raise ModelError("the contact with the flat road found no balance; give a smaller stiffness contrast or patch_half_length_m")
+    raise ModelError(
+        "the contact with the flat road found no balance; give a smaller stiffness contrast or "
+        "patch_half_length_m"
+    )
 
 
 def _contact(on: np.ndarray, p: FloatArray, depth: FloatArray, drop: float, R: float) -> Contact:
@@ -89,13 +109,22 @@ def _contact(on: np.ndarray, p: FloatArray, depth: FloatArray, drop: float, R: f
     first, last = on[0], on[-1]
     entry = _PHI[first] - STEP * depth[first] / (depth[first] - depth[first - 1])
     leave = _PHI[last] + STEP * depth[last] / (depth[last] - depth[last + 1])
-    return Contact(_PHI[on], p, 0.5 * R * float(leave - entry), 0.5 * R * float(leave + entry), drop)
+    return Contact(
+        _PHI[on], p, 0.5 * R * float(leave - entry), 0.5 * R * float(leave + entry), drop
+    )
 
 
-def pressure_modes(carcass: RingCarcass, load_N: FloatArray, pb_N_m: FloatArray) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """(L, modes of p, modes of p xi / L) for columns of load and inflation p0 b, (n or 1, 1) each; interpolated between solved loads."""
+def pressure_modes(
+    carcass: RingCarcass, load_N: FloatArray, pb_N_m: FloatArray
+) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    """(L, modes of p, modes of p xi / L) for columns of load and inflation p0 b, (n or 1, 1) each;
+    interpolated between solved loads.
+    """
     load, pb = np.broadcast_arrays(load_N, pb_N_m)
-    half, modes, tilted = (np.empty((load.shape[0], size), dtype) for size, dtype in ((1, float), (MODES, complex), (MODES, complex)))
+    half, modes, tilted = (
+        np.empty((load.shape[0], size), dtype)
+        for size, dtype in ((1, float), (MODES, complex), (MODES, complex))
+    )
     for value in np.unique(pb):
         rows = np.flatnonzero(pb[:, 0] == value)
         solved = replace(carcass, pb=float(value))
@@ -127,5 +156,9 @@ def _nodes(load: FloatArray) -> tuple[FloatArray, FloatArray]:
     distance = load[:, None] - nodes
     exact = distance == 0.0
     ratio = barycentric / np.where(exact, 1.0, distance)
-    weights = np.where(exact.any(axis=1, keepdims=True), exact.astype(float), ratio / ratio.sum(axis=1, keepdims=True))
+    weights = np.where(
+        exact.any(axis=1, keepdims=True),
+        exact.astype(float),
+        ratio / ratio.sum(axis=1, keepdims=True),
+    )
     return nodes, weights

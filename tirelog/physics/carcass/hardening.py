@@ -1,7 +1,8 @@
 """The foundation that hardens: the extra load k k3 w^3 by fixed point.
 
-(Z + s m) w = p - s (w^3 - m w) with m = 1.5 max w^2: the right side's slope lies between -s m and s m where w is, so the
-iteration contracts whatever the strength.  w falls off as n^-6: an eighth of the modes carries it to 1e-7.
+(Z + s m) w = p - s (w^3 - m w) with m = 1.5 max w^2: the right side's slope lies between -s m and s
+m where w is, so the iteration contracts whatever the strength. w falls off as n^-6: an eighth of
+the modes carries it to 1e-7.
 """
 
 from __future__ import annotations
@@ -21,8 +22,12 @@ _SETTLED = 3
 _TOLERANCE = 1e-11
 
 
-def hardened_load(load: ComplexArray, compliance: ComplexArray | FloatArray, stiffness: FloatArray | float) -> ComplexArray:
-    """The load less the hardened foundation's extra reaction, (n, K); `stiffness` is k k3 [N/m^4], column or number."""
+def hardened_load(
+    load: ComplexArray, compliance: ComplexArray | FloatArray, stiffness: FloatArray | float
+) -> ComplexArray:
+    """The load less the hardened foundation's extra reaction, (n, K); `stiffness` is k k3 [N/m^4],
+    column or number.
+    """
     rows = np.broadcast_shapes(load.shape, compliance.shape)[0]
     p = np.broadcast_to(load, (rows, load.shape[1]))
     P, H = p[:, :_MODES], np.broadcast_to(compliance, (rows, load.shape[1]))[:, :_MODES]
@@ -42,11 +47,18 @@ def hardened_load(load: ComplexArray, compliance: ComplexArray | FloatArray, sti
             return hardened
         w = _hurried(new, change, past)
         past = [*past[1 - _DEPTH :], (new, change)]
-    raise ModelError("the hardened foundation found no balance; k3 w^2 up to about 10 is allowed; lower stiffening.cubic_1_m2")
+    raise ModelError(
+        "the hardened foundation found no balance; k3 w^2 up to about 10 is allowed; "
+        "lower stiffening.cubic_1_m2"
+    )
 
 
-def _hurried(new: FloatArray, change: FloatArray, past: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """The next trial by the secants through the last steps, row by row (Anderson's mixing): a third of the steps."""
+def _hurried(
+    new: FloatArray, change: FloatArray, past: list[tuple[FloatArray, FloatArray]]
+) -> FloatArray:
+    """The next trial by the secants through the last steps, row by row (Anderson's mixing): a third
+    of the steps.
+    """
     if not past:
         return new
     turns = np.stack([change - old for _, old in past], axis=1)

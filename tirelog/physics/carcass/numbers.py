@@ -14,19 +14,61 @@ CARCASSES = ("beam", "ring", "coupled_ring")
 CONTACTS = ("prescribed", "flat_road")
 
 
-def _p(name: str, unit: str, description: str, value: float, low: float, high: float, *, free: bool = True) -> Parameter:
-    return Parameter(name, unit, description, value, low, high, probe=value or 0.01 * high, free=free)
+def _p(
+    name: str,
+    unit: str,
+    description: str,
+    value: float,
+    low: float,
+    high: float,
+    *,
+    free: bool = True,
+) -> Parameter:
+    return Parameter(
+        name, unit, description, value, low, high, probe=value or 0.01 * high, free=free
+    )
 
 
 _LOAD = (
-    _p("lever_arm_m", "m", "distance from the neutral axis; the surface gives the sign", 3e-4, 0.0, 0.02),
+    _p(
+        "lever_arm_m",
+        "m",
+        "distance from the neutral axis; the surface gives the sign",
+        3e-4,
+        0.0,
+        0.02,
+    ),
     _p("load_N", "N", "F, where the log does not measure it", 3600.0, 1.0, 1e6, free=False),
-    _p("radius_m", "m", "R, with which the tread passes: v = Omega R, the rolling radius", 0.3126, 0.05, 3.0, free=False),
+    _p(
+        "radius_m",
+        "m",
+        "R, with which the tread passes: v = Omega R, the rolling radius",
+        0.3126,
+        0.05,
+        3.0,
+        free=False,
+    ),
 )
 _PATCH = (
     _p("patch_half_length_m", "m", "L at the reference load", 0.055, 0.01, 0.2),
-    _p("reference_load_N", "N", "load at which patch_half_length_m holds", 3600.0, 1.0, 1e6, free=False),
-    _p("patch_load_exponent", "1", "L = L_ref (load / reference_load_N)^exponent", 0.5, 0.0, 2.0, free=False),
+    _p(
+        "reference_load_N",
+        "N",
+        "load at which patch_half_length_m holds",
+        3600.0,
+        1.0,
+        1e6,
+        free=False,
+    ),
+    _p(
+        "patch_load_exponent",
+        "1",
+        "L = L_ref (load / reference_load_N)^exponent",
+        0.5,
+        0.0,
+        2.0,
+        free=False,
+    ),
 )
 _BEAM = (
     _p("flexural_stiffness_N_m2", "N m^2", "EJ", 4.0, 0.1, 100.0),
@@ -40,32 +82,107 @@ _RING = (
     _p("tangential_stiffness_N_m2", "N/m^2", "k_v", 6.3e5, 1e3, 1e9),
     _p("radial_damping_N_s_m2", "N s/m^2", "c_w", 0.0, 0.0, 1e6, free=False),
     _p("tangential_damping_N_s_m2", "N s/m^2", "c_v", 0.0, 0.0, 1e6, free=False),
-    _p("inflation_pressure_Pa", "Pa", "p0, where the log does not measure it", 1.2e5, 0.0, 2e6, free=False),
+    _p(
+        "inflation_pressure_Pa",
+        "Pa",
+        "p0, where the log does not measure it",
+        1.2e5,
+        0.0,
+        2e6,
+        free=False,
+    ),
     _p("width_m", "m", "b", 0.14, 0.01, 2.0, free=False),
 )
-#: What the coupled ring has beside the ring: it rolls with damping, on a hub that has mass, with bristles that cling to the road.
+#: What the coupled ring has beside the ring: it rolls with damping, on a hub that has mass, with
+#: bristles that cling to the road.
 _COUPLED = (
-    _p("hub_mass_kg", "kg", "m_h, hub and rim (and what moves with them)", 20.0, 1e-3, 1e5, free=False),
-    _p("hub_inertia_kg_m2", "kg m^2", "J_h, hub and rim about the axle", 0.8, 1e-5, 1e5, free=False),
-    _p("suspension_damping_N_s_m", "N s/m", "of the hub's vertical motion against the vehicle", 0.0, 0.0, 1e6, free=False),
-    _p("added_mass_kg", "kg", "of the rigid ring beside the belt's 2 pi R rho A: tread, the sidewall's share", 0.0, 0.0, 1e3, free=False),
-    _p("sidewall_stiffness_ratio", "1", "k_s of the rigid ring over the foundation's pi R (k_w + k_v)", 1.0, 0.01, 100.0, free=False),
-    _p("wind_up_stiffness_ratio", "1", "k_theta over the foundation's 2 pi R^3 k_v", 1.0, 0.01, 100.0, free=False),
-    _p("sidewall_damping_ratio", "1", "damping of the rigid ring's motions over what the foundation's gives", 1.0, 0.0, 100.0, free=False),
-    _p("bristle_stiffness_N_m2", "N/m^2", "c_x, tread along the road", 1.9e6, 0.0, 1e10, free=False),
+    _p(
+        "hub_mass_kg",
+        "kg",
+        "m_h, hub and rim (and what moves with them)",
+        20.0,
+        1e-3,
+        1e5,
+        free=False,
+    ),
+    _p(
+        "hub_inertia_kg_m2", "kg m^2", "J_h, hub and rim about the axle", 0.8, 1e-5, 1e5, free=False
+    ),
+    _p(
+        "suspension_damping_N_s_m",
+        "N s/m",
+        "of the hub's vertical motion against the vehicle",
+        0.0,
+        0.0,
+        1e6,
+        free=False,
+    ),
+    _p(
+        "added_mass_kg",
+        "kg",
+        "of the rigid ring beside the belt's 2 pi R rho A: tread, the sidewall's share",
+        0.0,
+        0.0,
+        1e3,
+        free=False,
+    ),
+    _p(
+        "sidewall_stiffness_ratio",
+        "1",
+        "k_s of the rigid ring over the foundation's pi R (k_w + k_v)",
+        1.0,
+        0.01,
+        100.0,
+        free=False,
+    ),
+    _p(
+        "wind_up_stiffness_ratio",
+        "1",
+        "k_theta over the foundation's 2 pi R^3 k_v",
+        1.0,
+        0.01,
+        100.0,
+        free=False,
+    ),
+    _p(
+        "sidewall_damping_ratio",
+        "1",
+        "damping of the rigid ring's motions over what the foundation's gives",
+        1.0,
+        0.0,
+        100.0,
+        free=False,
+    ),
+    _p(
+        "bristle_stiffness_N_m2", "N/m^2", "c_x, tread along the road", 1.9e6, 0.0, 1e10, free=False
+    ),
     _p("friction", "1", "mu of the bristles on the road", 0.8, 0.0, 5.0, free=False),
 )
 #: What the steady waveform does not tell, or hardly, and a motion does.
-MOTION = (*(p.name for p in _COUPLED), "line_mass_kg_m", "radial_damping_N_s_m2", "tangential_damping_N_s_m2")
+MOTION = (
+    *(p.name for p in _COUPLED),
+    "line_mass_kg_m",
+    "radial_damping_N_s_m2",
+    "tangential_damping_N_s_m2",
+)
 #: Damping [N s/m^2] that a new coupled ring starts with: without any it would ring for ever.
 _ROLLS_WITH = 60.0
-_TREAD = (_p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),)
+_TREAD = (
+    _p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),
+)
 #: For `phase_shift` and `patch_width`: the level, and what follows the force (P4 III).
 _LEVEL = tuple(
     replace(p, probe=0.01)
     for p in (
         _p("offset_rad", "rad", "level without force", 0.0, -3.2, 3.2),
-        _p("per_acceleration_rad_s2_m", "rad s^2/m", "what follows the longitudinal force, per acceleration", 0.0, -1.0, 1.0),
+        _p(
+            "per_acceleration_rad_s2_m",
+            "rad s^2/m",
+            "what follows the longitudinal force, per acceleration",
+            0.0,
+            -1.0,
+            1.0,
+        ),
     )
 )
 
@@ -79,17 +196,27 @@ def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tup
     if observable in (STRAIN, "dissipation_factor"):
         return chosen
     # neither of these reads the lever arm; the scalars of geometry do not read the structure either
-    reads = ("patch_half_length_m", "tread_stiffness_N_m2", "offset_rad", "per_acceleration_rad_s2_m")
+    reads = (
+        "patch_half_length_m",
+        "tread_stiffness_N_m2",
+        "offset_rad",
+        "per_acceleration_rad_s2_m",
+    )
     held = (p if observable == ACCELERATION or p.name in reads else p.fixed() for p in chosen)
     return tuple(p.fixed() if p.name == "lever_arm_m" else p for p in held)
 
 
 def _coupled() -> tuple[Parameter, ...]:
     """The ring's parameters and the coupled ring's own."""
-    damped = (replace(p, value=_ROLLS_WITH, probe=_ROLLS_WITH) if p.name.endswith("damping_N_s_m2") else p for p in _RING)
+    damped = (
+        replace(p, value=_ROLLS_WITH, probe=_ROLLS_WITH) if p.name.endswith("damping_N_s_m2") else p
+        for p in _RING
+    )
     return (*damped, *_COUPLED)
 
 
 def steady_carcass(carcass: str) -> str:
-    """The carcass whose steady waveform it has: a coupled ring that rolls steadily on a flat road is the ring."""
+    """The carcass whose steady waveform it has: a coupled ring that rolls steadily on a flat road
+    is the ring.
+    """
     return "ring" if carcass == "coupled_ring" else carcass

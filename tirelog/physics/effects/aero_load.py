@@ -16,11 +16,20 @@ EFFECT = Effect(
     mechanism="load follows speed squared, and the patch length follows the load",
     follows="speed^2",
     acts_on=("load",),
-    parameters=(Parameter("coefficient", "1", "a in F (1 + a (v/30)^2)", 0.0, -0.9, 2.0, probe=0.05),),
+    parameters=(
+        Parameter("coefficient", "1", "a in F (1 + a (v/30)^2)", 0.0, -0.9, 2.0, probe=0.05),
+    ),
     strength=("coefficient",),
     source="P4 IV",
     valid="the wheel stays on the road",
     signature="even; the waveform grows and widens with speed squared",
-    observables=("strain", "radial_acceleration", "patch_length", "dissipation_factor", "patch_width", "phase_shift"),
+    observables=(
+        "strain",
+        "radial_acceleration",
+        "patch_length",
+        "dissipation_factor",
+        "patch_width",
+        "phase_shift",
+    ),
     load=_load,
 )

@@ -1,7 +1,8 @@
 """What an effect is: plain data, and the hooks by which it enters the pipeline's stages.
 
-Hooks are pure functions of the effect's own parameter values `v`, of the conditions `drive` and, after the load stage, of the `site`.
-Columns have shape (n, 1), or (1, 1) where they are the same for all revolutions; modes (n or 1, K).
+Hooks are pure functions of the effect's own parameter values `v`, of the conditions `drive` and,
+after the load stage, of the `site`. Columns have shape (n, 1), or (1, 1) where they are the same
+for all revolutions; modes (n or 1, K).
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ ACTS_ON = (
     "load", "contact_pressure", "structure", "baseline", "sensor", "regressors", "foundation_stiffness", "strain", "radial_acceleration",
 )  # fmt: skip
 _WAVES = ("strain", "radial_acceleration", "dissipation_factor")
-_PRESSURE, _ALL = ("contact_pressure", _WAVES), (*_WAVES, "patch_length", "phase_shift", "patch_width")
+_PRESSURE, _ALL = (
+    ("contact_pressure", _WAVES),
+    (*_WAVES, "patch_length", "phase_shift", "patch_width"),
+)
 #: Hook -> (the stage it enters, the observables that are computed from that stage).
 REACH: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "load": ("load", _ALL),
@@ -54,7 +58,9 @@ def acting_on(observable: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Drive:
-    """The conditions as columns: each (n, 1), or (1, 1) where all revolutions share the value; NaN where it is not known."""
+    """The conditions as columns: each (n, 1), or (1, 1) where all revolutions share the value; NaN
+    where it is not known.
+    """
 
     speed_m_s: FloatArray
     acceleration_m_s2: FloatArray
@@ -77,13 +83,17 @@ class Drive:
 
 
 def _column(values: FloatArray) -> FloatArray:
-    same = values.size > 0 and bool(np.all((values == values[0]) | (np.isnan(values) & np.isnan(values[0]))))
+    same = values.size > 0 and bool(
+        np.all((values == values[0]) | (np.isnan(values) & np.isnan(values[0])))
+    )
     return np.asarray(values[:1] if same else values, dtype=np.float64).reshape(-1, 1)
 
 
 @dataclass(frozen=True)
 class Site:
-    """Where the load acts: F [N] and half length L [m] of the patch (n or 1, 1) on a tread of radius R."""
+    """Where the load acts: F [N] and half length L [m] of the patch (n or 1, 1) on a tread of
+    radius R.
+    """
 
     load_N: FloatArray
     half_length_m: FloatArray
@@ -107,7 +117,7 @@ class Site:
 
 @dataclass(frozen=True)
 class Structure:
-    """What effects do to the carcass; contributions of several effects add up.  Columns or numbers.
+    """What effects do to the carcass; contributions of several effects add up. Columns or numbers.
 
     tension [N]             T in T q^2
     damping_rate [1/s]      omega_d in 2 mu omega_d c w'
@@ -115,7 +125,8 @@ class Structure:
     stiffening              the foundation's relative change
     added_stiffness [N/m^2] to the foundation
     cubic [1/m^2]           k3 in k (1 + k3 w^2)
-    ring                    share of a closed ring, and ring_tangential [N/m^2] that share times its k_v
+    ring                    share of a closed ring, and ring_tangential [N/m^2] that share times its
+                            k_v
     """
 
     tension: FloatArray | float = 0.0
@@ -128,7 +139,9 @@ class Structure:
     ring_tangential: float = 0.0
 
     def __add__(self, other: Structure) -> Structure:
-        return Structure(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
+        return Structure(
+            **{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)}
+        )
 
 
 #: (values, drive) -> column; (values, drive, site) -> column or modes.
@@ -142,17 +155,21 @@ class Effect:
 
     id, mechanism, follows     as in the catalogue
     acts_on                    the stages it enters
-    parameters                 numbers with unit, bounds, start; `strength` names those that are all zero when it is off
+    parameters                 numbers with unit, bounds, start; `strength` names those that are all
+                               zero when it is off
     needs                      fields of Conditions without which it cannot be computed
-    also_at_zero               carcasses on which something of it acts also when its strength is zero
+    also_at_zero               carcasses on which something of it acts also when its strength is
+                               zero
     instead                    a field of `needs` -> another that serves as well
     options                    words a model file may choose from, the first by default
     source, valid, signature   where it comes from, where it holds, what it looks like in a waveform
-    hooks                      load: relative change of F; added_load [N]; pressure: modes to add [N/m]; tilt: a in p (1 - a xi/L);
-                               kernel: transfer of a convolution of p; traction: modes of tau [N/m] and its lever [m];
-                               structure; baseline [strain]; transfer: sensor's transfer; gain: sensor's factor; lever: the same
-                               of the lever arm, so for strain alone; strain: added waveform at (drive, site, phi);
-                               acceleration [m/s^2]: likewise; regressor: added to a number per revolution
+    hooks                      load: relative change of F; added_load [N]; pressure: modes to add
+                               [N/m]; tilt: a in p (1 - a xi/L); kernel: transfer of a convolution
+                               of p; traction: modes of tau [N/m] and its lever [m]; structure;
+                               baseline [strain]; transfer: sensor's transfer; gain: sensor's
+                               factor; lever: the same of the lever arm, so for strain alone;
+                               strain: added waveform at (drive, site, phi); acceleration [m/s^2]:
+                               likewise; regressor: added to a number per revolution
     """
 
     id: str
@@ -168,7 +185,12 @@ class Effect:
     also_at_zero: tuple[str, ...] = ()
     instead: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    observables: tuple[str, ...] = ("strain", "radial_acceleration", "patch_length", "dissipation_factor")
+    observables: tuple[str, ...] = (
+        "strain",
+        "radial_acceleration",
+        "patch_length",
+        "dissipation_factor",
+    )
     load: DriveHook | None = None
     added_load: DriveHook | None = None
     tilt: DriveHook | None = None
@@ -186,25 +208,42 @@ class Effect:
 
     @property
     def reaches(self) -> tuple[str, ...]:
-        """Those of its `observables` that are computed from a stage which it enters; on the others it would act on nothing."""
+        """Those of its `observables` that are computed from a stage which it enters; on the others
+        it would act on nothing.
+        """
         hooks = [reached for hook, (_, reached) in REACH.items() if getattr(self, hook) is not None]
         return tuple(name for name in self.observables if any(name in reached for reached in hooks))
 
     def is_on(self, values: Values, carcass: str = "beam") -> bool:
-        """False where its strength is zero: the model is then the same as without it, to the last bit."""
-        return not self.strength or carcass in self.also_at_zero or any(values[name] != 0.0 for name in self.strength)
+        """False where its strength is zero: the model is then the same as without it, to the last
+        bit.
+        """
+        return (
+            not self.strength
+            or carcass in self.also_at_zero
+            or any(values[name] != 0.0 for name in self.strength)
+        )
 
     def missing(self, conditions: Conditions) -> list[str]:
         """Fields of the conditions that it needs and some revolution lacks."""
         lacking = [name for name in self.needs if not conditions.known(name)]
-        return [name for name in lacking if name not in self.instead or not conditions.known(self.instead[name])]
+        return [
+            name
+            for name in lacking
+            if name not in self.instead or not conditions.known(self.instead[name])
+        ]
 
     def checked(self) -> Effect:
         """Itself; ModelError where its description contradicts itself."""
         names = [parameter.name for parameter in self.parameters]
-        if len(set(names)) != len(names) or not set(self.strength) <= set(names) or not set(self.acts_on) <= set(ACTS_ON):
+        if (
+            len(set(names)) != len(names)
+            or not set(self.strength) <= set(names)
+            or not set(self.acts_on) <= set(ACTS_ON)
+        ):
             raise ModelError(
-                f"effect {self.id}: parameters {names}, strength {list(self.strength)}, acts on {list(self.acts_on)}; allowed are distinct "
+                f"effect {self.id}: parameters {names}, strength {list(self.strength)}, acts on "
+                f"{list(self.acts_on)}; allowed are distinct "
                 f"parameters, a strength among them, and {', '.join(ACTS_ON)}; correct the effect"
             )
         for parameter in self.parameters:

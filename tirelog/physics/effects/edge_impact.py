@@ -10,7 +10,9 @@ from tirelog.physics.spectral import ComplexArray
 
 def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
     height = v["amplitude"] * site.mean_pressure * (drive.speed_m_s / 20.0)
-    return bell(height, -v["position"] * site.half_length_m, v["width"] * site.half_length_m, site.radius_m)
+    return bell(
+        height, -v["position"] * site.half_length_m, v["width"] * site.half_length_m, site.radius_m
+    )
 
 
 EFFECT = Effect(
@@ -19,7 +21,15 @@ EFFECT = Effect(
     follows="speed",
     acts_on=("contact_pressure",),
     parameters=(
-        Parameter("amplitude", "1", "a in a F/(2L) (v/20) exp(-((xi + x0 L)/(s L))^2/2)", 0.0, 0.0, 20.0, probe=0.5),
+        Parameter(
+            "amplitude",
+            "1",
+            "a in a F/(2L) (v/20) exp(-((xi + x0 L)/(s L))^2/2)",
+            0.0,
+            0.0,
+            20.0,
+            probe=0.5,
+        ),
         Parameter("position", "1", "x0, place of the pulse over L", 1.0, 0.5, 1.5, probe=1.0),
         Parameter("width", "1", "s, width of the pulse over L", 0.05, 0.02, 0.5, probe=0.05),
     ),

@@ -19,7 +19,17 @@ EFFECT = Effect(
     follows="nothing",
     acts_on=("sensor",),
     # even in the length: a fit must start away from zero
-    parameters=(Parameter("length_m", "m", "length of the grating (fixed where it is known)", 0.01, 0.0, 0.2, probe=0.01),),
+    parameters=(
+        Parameter(
+            "length_m",
+            "m",
+            "length of the grating (fixed where it is known)",
+            0.01,
+            0.0,
+            0.2,
+            probe=0.01,
+        ),
+    ),
     strength=("length_m",),
     source="fibre Bragg gratings of finite length",
     valid="lengths below the patch length",

@@ -15,7 +15,11 @@ EFFECT = Effect(
     mechanism="rate-independent loss, k (1 + i eta sign(kappa))",
     follows="nothing (same at every speed)",
     acts_on=("structure",),
-    parameters=(Parameter("loss_factor", "1", "eta, loss factor of the foundation", 0.0, 0.0, 1.0, probe=0.1),),
+    parameters=(
+        Parameter(
+            "loss_factor", "1", "eta, loss factor of the foundation", 0.0, 0.0, 1.0, probe=0.1
+        ),
+    ),
     strength=("loss_factor",),
     source="P1 1, 3.2",
     valid="loss factors of rubber, up to about 0.5",

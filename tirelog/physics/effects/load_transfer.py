@@ -16,12 +16,23 @@ EFFECT = Effect(
     mechanism="load follows the longitudinal acceleration, and the patch length follows the load",
     follows="acceleration",
     acts_on=("load",),
-    parameters=(Parameter("coefficient", "1", "a in F (1 + a acceleration/9.81)", 0.0, -2.0, 2.0, probe=0.25),),
+    parameters=(
+        Parameter(
+            "coefficient", "1", "a in F (1 + a acceleration/9.81)", 0.0, -2.0, 2.0, probe=0.25
+        ),
+    ),
     strength=("coefficient",),
     source="P4 V",
     valid="the wheel stays on the road; positive on a rear wheel, negative on a front wheel",
     signature="even; the waveform grows and widens with acceleration",
     needs=("acceleration_m_s2",),
-    observables=("strain", "radial_acceleration", "patch_length", "dissipation_factor", "patch_width", "phase_shift"),
+    observables=(
+        "strain",
+        "radial_acceleration",
+        "patch_length",
+        "dissipation_factor",
+        "patch_width",
+        "phase_shift",
+    ),
     load=_load,
 )

@@ -1,4 +1,5 @@
-"""Corrections of the phase shift and the patch width, numbers per revolution (P4 IV): terms added to them, in rad.
+"""Corrections of the phase shift and the patch width, numbers per revolution (P4 IV): terms added
+to them, in rad.
 
 They are linear regressors rather than mechanisms of the waveform, so they share this file.
 """
@@ -36,11 +37,15 @@ def _delay(v: Values, drive: Drive, site: Site, observable: str) -> FloatArray:
 
 def _pitch(v: Values, drive: Drive, site: Site, observable: str) -> FloatArray:
     angle = v["phase_per_g_rad"] * drive.acceleration_m_s2 / CATALOGUE_G_M_S2
-    return v["amplitude_rad"] * (np.cos(v["steps"] * angle) - 1.0) + v["slope_rad"] * np.sin(v["steps"] * angle)
+    return v["amplitude_rad"] * (np.cos(v["steps"] * angle) - 1.0) + v["slope_rad"] * np.sin(
+        v["steps"] * angle
+    )
 
 
 def _inflation(v: Values, drive: Drive, site: Site, observable: str) -> FloatArray:
-    return v["per_relative_pressure_rad"] * (drive.inflation_pressure_Pa / NOMINAL_PRESSURE_PA - 1.0)
+    return v["per_relative_pressure_rad"] * (
+        drive.inflation_pressure_Pa / NOMINAL_PRESSURE_PA - 1.0
+    )
 
 
 SPEED_TREND = Effect(
@@ -48,7 +53,10 @@ SPEED_TREND = Effect(
     mechanism="second-order polynomial of speed: rolling resistance and aerodynamic force",
     follows="speed",
     acts_on=("regressors",),
-    parameters=(_angle("linear_rad", "a in a (v/20) + b (v/20)^2"), _angle("quadratic_rad", "b in a (v/20) + b (v/20)^2")),
+    parameters=(
+        _angle("linear_rad", "a in a (v/20) + b (v/20)^2"),
+        _angle("quadratic_rad", "b in a (v/20) + b (v/20)^2"),
+    ),
     strength=("linear_rad", "quadratic_rad"),
     source="P4 IV, Fig. 9",
     valid="the speeds of the ramp it was learnt on (10 to 25 m/s)",
@@ -77,7 +85,11 @@ TELEMETRY_DELAY = Effect(
     mechanism="constant delay between encoder and radio-linked sensor, Omega x delay",
     follows="speed",
     acts_on=("regressors",),
-    parameters=(Parameter("delay_s", "s", "delay of the sensor behind the encoder", 0.0, -0.1, 0.1, probe=1e-3),),
+    parameters=(
+        Parameter(
+            "delay_s", "s", "delay of the sensor behind the encoder", 0.0, -0.1, 0.1, probe=1e-3
+        ),
+    ),
     strength=("delay_s",),
     source="P4, errata",
     valid="constant delay; cannot be told from the linear part of speed_trend",
@@ -94,7 +106,13 @@ TOOTH_PITCH = Effect(
         _angle("amplitude_rad", "cosine part over one tooth", 0.1),
         _angle("slope_rad", "sine part over one tooth", 0.1),
         Parameter(
-            "phase_per_g_rad", "rad", "phase shift at 1 g of acceleration, that moves the patch over the teeth", 0.05, -1.0, 1.0, probe=0.05
+            "phase_per_g_rad",
+            "rad",
+            "phase shift at 1 g of acceleration, that moves the patch over the teeth",
+            0.05,
+            -1.0,
+            1.0,
+            probe=0.05,
         ),
         Parameter("steps", "1", "teeth of the wheel", 48.0, 1.0, 1e4, probe=48.0, free=False),
     ),

@@ -1,4 +1,6 @@
-"""Asperities that smear the edges of the pressure: p convolved with exp(-|xi| / (s L)) (outlook (ii) of P1 and P2)."""
+"""Asperities that smear the edges of the pressure: p convolved with exp(-|xi| / (s L)) (outlook
+(ii) of P1 and P2).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ EFFECT = Effect(
     follows="nothing",
     acts_on=("contact_pressure",),
     # the response is even in s: at zero a fit has no slope to follow, so it starts away from it
-    parameters=(Parameter("length", "1", "s in the kernel exp(-abs(xi)/(s L))", 0.1, 0.0, 1.0, probe=0.1),),
+    parameters=(
+        Parameter("length", "1", "s in the kernel exp(-abs(xi)/(s L))", 0.1, 0.0, 1.0, probe=0.1),
+    ),
     strength=("length",),
     source="P1, P2, outlook (ii)",
     valid="smearing shorter than the patch",

@@ -15,7 +15,9 @@ EFFECT = Effect(
     mechanism="foundation that hardens with deflection, k (1 + k3 w^2)",
     follows="load",
     acts_on=("structure",),
-    parameters=(Parameter("cubic_1_m2", "1/m^2", "k3 in k (1 + k3 w^2)", 0.0, 0.0, 1e5, probe=3e3),),
+    parameters=(
+        Parameter("cubic_1_m2", "1/m^2", "k3 in k (1 + k3 w^2)", 0.0, 0.0, 1e5, probe=3e3),
+    ),
     strength=("cubic_1_m2",),
     source="P1, P2, outlook (iii)",
     valid="k3 w^2 up to about 10; softening is not modelled",

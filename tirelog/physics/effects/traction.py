@@ -13,7 +13,11 @@ from tirelog.vocabulary.arrays import FloatArray
 
 def slip(v: Values, drive: Drive) -> FloatArray:
     """The measured slip where the log has one, else -a acceleration/9.81; positive in braking."""
-    return np.where(np.isfinite(drive.slip), drive.slip, -v["slip_per_g"] * drive.acceleration_m_s2 / CATALOGUE_G_M_S2)
+    return np.where(
+        np.isfinite(drive.slip),
+        drive.slip,
+        -v["slip_per_g"] * drive.acceleration_m_s2 / CATALOGUE_G_M_S2,
+    )
 
 
 def _traction(v: Values, drive: Drive, site: Site) -> tuple[ComplexArray, float] | None:
@@ -29,13 +33,32 @@ EFFECT = Effect(
     follows="acceleration (slip, where it is measured)",
     acts_on=("contact_pressure",),
     parameters=(
-        Parameter("lever_m", "m", "h in h d tau/d xi, of either sign (P2: the section height)", 0.005, -0.05, 0.05, probe=0.01),
-        Parameter("slip_per_g", "1", "a in slip = -a acceleration/9.81, where no slip is measured", 0.1, 0.0, 1.0, probe=0.1),
+        Parameter(
+            "lever_m",
+            "m",
+            "h in h d tau/d xi, of either sign (P2: the section height)",
+            0.005,
+            -0.05,
+            0.05,
+            probe=0.01,
+        ),
+        Parameter(
+            "slip_per_g",
+            "1",
+            "a in slip = -a acceleration/9.81, where no slip is measured",
+            0.1,
+            0.0,
+            1.0,
+            probe=0.1,
+        ),
     ),
     strength=("lever_m",),
-    also_at_zero=("ring",),  # the belt is pulled along by the shear itself; the lever only adds its couple
+    also_at_zero=(
+        "ring",
+    ),  # the belt is pulled along by the shear itself; the lever only adds its couple
     source="P2 (13)-(18), C_x by (17); errata: the jump at x_s, either sign of the lever",
-    valid="slip up to 1; friction 0.8 sticking, 0.6 sliding; on a ring the shear also pulls the belt along",
+    valid="slip up to 1; friction 0.8 sticking, 0.6 sliding; on a ring the shear also pulls the "
+    "belt along",
     signature="odd, changes sign with the acceleration, a kink where adhesion ends",
     needs=("acceleration_m_s2",),
     instead={"acceleration_m_s2": "slip"},

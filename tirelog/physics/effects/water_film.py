@@ -9,7 +9,9 @@ from tirelog.physics.spectral import ComplexArray
 
 
 def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
-    height = v["amplitude"] * site.mean_pressure * (drive.speed_m_s / 20.0) ** 2 * drive.water_depth_mm
+    height = (
+        v["amplitude"] * site.mean_pressure * (drive.speed_m_s / 20.0) ** 2 * drive.water_depth_mm
+    )
     return wedge(height, -site.half_length_m, v["length"] * site.half_length_m, site.radius_m)
 
 
@@ -19,7 +21,15 @@ EFFECT = Effect(
     follows="speed^2, water depth",
     acts_on=("contact_pressure",),
     parameters=(
-        Parameter("amplitude", "1/mm", "a in a F/(2L) (v/20)^2 depth u exp(1 - u)", 0.0, 0.0, 20.0, probe=0.1),
+        Parameter(
+            "amplitude",
+            "1/mm",
+            "a in a F/(2L) (v/20)^2 depth u exp(1 - u)",
+            0.0,
+            0.0,
+            20.0,
+            probe=0.1,
+        ),
         Parameter("length", "1", "s in u = (-L - xi)/(s L)", 0.4, 0.05, 2.0, probe=0.4),
     ),
     strength=("amplitude",),

@@ -15,7 +15,9 @@ from tirelog.physics.parameters import Parameter
 
 @dataclass(frozen=True)
 class ModelEffect:
-    """An effect as it stands in a model: with its numbers and options; `source` keeps a user's own words (expression, acts_on)."""
+    """An effect as it stands in a model: with its numbers and options; `source` keeps a user's own
+    words (expression, acts_on).
+    """
 
     effect: Effect
     parameters: tuple[Parameter, ...]
@@ -29,7 +31,9 @@ class ModelEffect:
     @classmethod
     def of(cls, effect: Effect) -> ModelEffect:
         """The effect with its start values."""
-        return cls(effect, effect.parameters, {name: words[0] for name, words in effect.options.items()})
+        return cls(
+            effect, effect.parameters, {name: words[0] for name, words in effect.options.items()}
+        )
 
     def values(self, flat: Mapping[str, float]) -> dict[str, float]:
         """Its own values out of the model's, with its options as `option:word` switches."""
@@ -39,8 +43,16 @@ class ModelEffect:
         return own
 
     def resolved(self, conditions: Conditions) -> ModelEffect:
-        """With `driver = "auto"` settled: temperature where every revolution knows it and it varies, else time."""
+        """With `driver = "auto"` settled: temperature where every revolution knows it and it
+        varies, else time.
+        """
         if self.options.get("driver") != "auto":
             return self
-        varies = conditions.known("temperature_K") and len(conditions) > 0 and np.ptp(conditions.temperature_K) > 0.0
-        return replace(self, options={**self.options, "driver": "temperature" if varies else "time"})
+        varies = (
+            conditions.known("temperature_K")
+            and len(conditions) > 0
+            and np.ptp(conditions.temperature_K) > 0.0
+        )
+        return replace(
+            self, options={**self.options, "driver": "temperature" if varies else "time"}
+        )

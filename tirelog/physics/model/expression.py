@@ -1,7 +1,9 @@
-"""A user's formula in a model file: parsed into a tree of allowed nodes and computed by walking it, never executed as Python.
+"""A user's formula in a model file: parsed into a tree of allowed nodes and computed by walking it,
+never executed as Python.
 
-Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else b`, and numpy's elementary functions by
-their plain names.  Everything is computed in floating point, so no exponent grows beyond it.
+Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else b`,
+and numpy's elementary functions by their plain names. Everything is computed in floating point, so
+no exponent grows beyond it.
 """
 
 from __future__ import annotations
@@ -22,9 +24,15 @@ _ELEMENTARY: tuple[Callable[..., Any], ...] = (
     np.square, np.abs, np.sign, np.floor, np.ceil, np.minimum, np.maximum, np.where, np.clip, np.hypot,
     np.heaviside, np.sinc,
 )  # fmt: skip
-FUNCTIONS: Mapping[str, Callable[..., Any]] = {function.__name__: function for function in _ELEMENTARY} | {"abs": np.abs}
-#: how many arguments each takes; a third one of a function of two numbers would be numpy's array to write into
-ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTIONS.items()} | {"where": (3,), "clip": (2, 3)}
+FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    function.__name__: function for function in _ELEMENTARY
+} | {"abs": np.abs}
+#: how many arguments each takes; a third one of a function of two numbers would be numpy's array to
+#: write into
+ARGUMENTS = {name: (getattr(function, "nin", 1),) for name, function in FUNCTIONS.items()} | {
+    "where": (3,),
+    "clip": (2, 3),
+}
 CONSTANTS = {"pi": np.pi, "e": np.e}
 _BINARY: Mapping[type, Callable[..., Any]] = {
     ast.Add: np.add,
@@ -62,26 +70,34 @@ class Expression:
     tree: ast.expr
 
     def __call__(self, values: Mapping[str, Any]) -> np.ndarray:
-        """The value where the names have these values (arrays that broadcast); ModelError where it is not finite."""
+        """The value where the names have these values (arrays that broadcast); ModelError where it
+        is not finite.
+        """
         with np.errstate(all="ignore"):
             result = np.asarray(_compute(self.tree, values), dtype=np.float64)
         if not np.isfinite(result).all():
             raise ModelError(
-                f"expression {self.text!r} is not finite everywhere; a finite number at every xi and condition is allowed; "
+                f"expression {self.text!r} is not finite everywhere; a finite number at every xi "
+                "and condition is allowed; "
                 f"guard it with where(), clip() or a comparison"
             )
         return result
 
 
 def parse(text: str, allowed: frozenset[str] | set[str]) -> Expression:
-    """The formula `text` over the `allowed` names; ModelError for anything else, with what is allowed."""
+    """The formula `text` over the `allowed` names; ModelError for anything else, with what is
+    allowed.
+    """
     if len(text) > LONGEST:
-        raise ModelError(f"expression of {len(text)} characters; up to {LONGEST} are allowed; shorten it")
+        raise ModelError(
+            f"expression of {len(text)} characters; up to {LONGEST} are allowed; shorten it"
+        )
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
         raise ModelError(
-            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)}); numbers, names, operators and calls "
+            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)}); "
+            "numbers, names, operators and calls "
             f"are allowed; correct it"
         ) from None
     names: set[str] = set()
@@ -89,14 +105,20 @@ def parse(text: str, allowed: frozenset[str] | set[str]) -> Expression:
     return Expression(text, frozenset(names), tree)
 
 
-def _check(node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: set[str], depth: int) -> None:
+def _check(
+    node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: set[str], depth: int
+) -> None:
     """Refuses every node that is not on the list; collects names."""
     if depth > DEEPEST:
-        raise ModelError(f"expression {text!r} is nested deeper than {DEEPEST}; a flatter one is allowed; split it")
+        raise ModelError(
+            f"expression {text!r} is nested deeper than {DEEPEST}; a flatter one is allowed; "
+            "split it"
+        )
     if isinstance(node, ast.Name):
         if node.id not in allowed and node.id not in CONSTANTS:
             raise ModelError(
-                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}; allowed here are {', '.join(sorted(allowed))}, "
+                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}; "
+                f"allowed here are {', '.join(sorted(allowed))}, "
                 f"pi, e and the functions {', '.join(FUNCTIONS)}; use one of them"
             )
         names.add(node.id)
@@ -107,7 +129,11 @@ def _check(node: ast.AST, text: str, allowed: frozenset[str] | set[str], names: 
 
 def _parts(node: ast.AST, text: str) -> list[ast.expr]:
     """The operands of an allowed node."""
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float) and abs(node.value) < 1e300:  # type: ignore[arg-type]
+    if (
+        isinstance(node, ast.Constant)
+        and type(node.value) in (int, float)
+        and abs(node.value) < 1e300  # type: ignore[arg-type]
+    ):
         return []
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
         return [node.left, node.right]
@@ -123,11 +149,15 @@ def _parts(node: ast.AST, text: str) -> list[ast.expr]:
     if isinstance(node, ast.Call) and called in FUNCTIONS and not node.keywords:
         if len(node.args) not in ARGUMENTS[called]:
             many = " or ".join(map(str, ARGUMENTS[called]))
-            raise ModelError(f"expression {text!r} gives {called}() {len(node.args)} arguments; allowed are {many}; correct it")
+            raise ModelError(
+                f"expression {text!r} gives {called}() {len(node.args)} arguments; "
+                f"allowed are {many}; correct it"
+            )
         return node.args  # a starred argument is refused as a node of its own
     what = called or type(node).__name__
     raise ModelError(
-        f"expression {text!r} uses {what}, which is not allowed; allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, "
+        f"expression {text!r} uses {what}, which is not allowed; allowed are finite numbers, "
+        "names, + - * / ** %, comparisons, and/or/not, "
         f"a if c else b, and the functions {', '.join(FUNCTIONS)}; write it with these"
     )
 
@@ -139,10 +169,16 @@ def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
         return values[node.id] if node.id in values else CONSTANTS[node.id]
     if isinstance(node, ast.BinOp):
         left, right = _compute(node.left, values), _compute(node.right, values)
-        return _BINARY[type(node.op)](_float(left), _float(right)) if not _logical(node.op) else _BINARY[type(node.op)](left, right)
+        return (
+            _BINARY[type(node.op)](_float(left), _float(right))
+            if not _logical(node.op)
+            else _BINARY[type(node.op)](left, right)
+        )
     if isinstance(node, ast.UnaryOp):
         operand = _compute(node.operand, values)
-        return _UNARY[type(node.op)](_float(operand) if isinstance(node.op, ast.USub | ast.UAdd) else operand)
+        return _UNARY[type(node.op)](
+            _float(operand) if isinstance(node.op, ast.USub | ast.UAdd) else operand
+        )
     if isinstance(node, ast.BoolOp):
         result = _compute(node.values[0], values)
         for part in node.values[1:]:
@@ -155,14 +191,17 @@ def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
             result = np.logical_and(result, _COMPARE[type(op)](left, right))
         return result
     if isinstance(node, ast.IfExp):
-        return np.where(_compute(node.test, values), _compute(node.body, values), _compute(node.orelse, values))
+        return np.where(
+            _compute(node.test, values), _compute(node.body, values), _compute(node.orelse, values)
+        )
     call: Any = node  # `_check` let nothing but a call of an allowed function through
     arguments = [_compute(part, values) for part in call.args]
     try:
         return FUNCTIONS[call.func.id](*arguments)
     except (TypeError, ValueError):
         raise ModelError(
-            f"{call.func.id}() does not take {len(arguments)} arguments; as many as numpy's {call.func.id} takes are allowed; "
+            f"{call.func.id}() does not take {len(arguments)} arguments; as many as numpy's "
+            f"{call.func.id} takes are allowed; "
             f"correct the expression"
         ) from None
 

@@ -1,8 +1,9 @@
 """The model file: TOML to Model and back (contract, "Model file").
 
-Reading is strict: unknown keys are refused with the nearest allowed ones and the line.  Writing keeps the comments of the document that the
-model was read from, and the file appears whole or not at all.  A plain number is a fixed parameter; a table { value, min, max } is
-free, and carries `se` after a fit (and `fixed = true` where it is held although it has bounds).
+Reading is strict: unknown keys are refused with the nearest allowed ones and the line. Writing
+keeps the comments of the document that the model was read from, and the file appears whole or not
+at all. A plain number is a fixed parameter; a table { value, min, max } is free, and carries `se`
+after a fit (and `fixed = true` where it is held although it has bounds).
 """
 
 from __future__ import annotations
@@ -41,35 +42,58 @@ class _Text:
         self.lines, self.path = text.splitlines(), path
 
     def error(self, message: str, key: str | None = None, after: int = 0) -> ModelError:
-        return ModelError(message, file=self.path or "model", line=self.line(key, after) if key else None)
+        return ModelError(
+            message, file=self.path or "model", line=self.line(key, after) if key else None
+        )
 
     def line(self, key: str, after: int = 0) -> int | None:
-        pattern = re.compile(rf"(^|[\s{{,\[\"'.]){re.escape(key)}[\"']?\s*(=|\]|\.)|=\s*[\"']{re.escape(key)}[\"']")
-        found = (number for number, line in enumerate(self.lines, 1) if number > after and pattern.search(line.split("#")[0]))
+        pattern = re.compile(
+            rf"(^|[\s{{,\[\"'.]){re.escape(key)}[\"']?\s*(=|\]|\.)|=\s*[\"']{re.escape(key)}[\"']"
+        )
+        found = (
+            number
+            for number, line in enumerate(self.lines, 1)
+            if number > after and pattern.search(line.split("#")[0])
+        )
         return next(found, None)
 
 
 def load_model(path: str | Path, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
-    """The model in the file (contract, "Model file"); ModelError names file, line and what is allowed."""
+    """The model in the file (contract, "Model file"); ModelError names file, line and what is
+    allowed.
+    """
     path = Path(path)
     text = toml_text(path, ModelError, what="a model", advice="make one with `tirelog model new`")
     return replace(parse(text, path, catalogue=catalogue), path=path)
 
 
-def parse(text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
+def parse(
+    text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect] | None = None
+) -> Model:
     """The model that the TOML text describes."""
     source = _Text(text, path)
-    toml_tables(text, ModelError, file=path or "model")  # tomlkit, which keeps the comments, follows any depth and any number
+    toml_tables(
+        text, ModelError, file=path or "model"
+    )  # tomlkit, which keeps the comments, follows any depth and any number
     try:
         document = tomlkit.parse(text).unwrap()
     except (TOMLKitError, RecursionError) as problem:
         raise ModelError(
-            f"is not TOML ({problem}); see `tirelog model new`; correct it", file=path or "model", line=getattr(problem, "line", None)
+            f"is not TOML ({problem}); see `tirelog model new`; correct it",
+            file=path or "model",
+            line=getattr(problem, "line", None),
         ) from None
     _only(document, ("model", "parameters", "effects"), source, "a model file")
-    head, numbers, effects = document.get("model", {}), document.get("parameters", {}), document.get("effects", [])
+    head, numbers, effects = (
+        document.get("model", {}),
+        document.get("parameters", {}),
+        document.get("effects", []),
+    )
     if not (isinstance(head, dict) and isinstance(numbers, dict) and isinstance(effects, list)):
-        raise source.error("[model] and [parameters] are tables, [[effects]] a list of tables; no other form is allowed; correct it")
+        raise source.error(
+            "[model] and [parameters] are tables, [[effects]] a list of tables; no other form is "
+            "allowed; correct it"
+        )
     _only(head, ("observable", "carcass", "contact"), source, "[model]")
     carcass = _word(head, "carcass", CARCASSES, None, source)
     observable = _word(head, "observable", OBSERVABLES, None, source)
@@ -81,7 +105,10 @@ def parse(text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect
     after = 0
     for table in effects:
         if not isinstance(table, dict) or not isinstance(table.get("name"), str):
-            raise source.error('an effect has no name; [[effects]] with name = "..." is allowed; name it', "effects")
+            raise source.error(
+                'an effect has no name; [[effects]] with name = "..." is allowed; name it',
+                "effects",
+            )
         after = source.line(table["name"], after) or after
         effect = _effect(table, catalogue, source, after)
         try:
@@ -91,43 +118,73 @@ def parse(text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect
     return model
 
 
-def _contact(head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, source: _Text) -> str:
-    """`contact` stands in [model] or in [parameters]; without it a patch length means a prescribed patch."""
+def _contact(
+    head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, source: _Text
+) -> str:
+    """`contact` stands in [model] or in [parameters]; without it a patch length means a prescribed
+    patch.
+    """
     default = "prescribed" if carcass == "beam" or "patch_half_length_m" in numbers else "flat_road"
     contact = _word(numbers if "contact" in numbers else head, "contact", CONTACTS, default, source)
     if carcass == "beam" and contact == "flat_road":
-        raise source.error('contact = "flat_road" needs a ring; "prescribed" is allowed for a beam; correct it', "contact")
+        raise source.error(
+            'contact = "flat_road" needs a ring; "prescribed" is allowed for a beam; correct it',
+            "contact",
+        )
     if carcass == "coupled_ring" and contact == "prescribed":
-        raise source.error(COUPLED_STANDS, "contact" if "contact" in {**head, **numbers} else "patch_half_length_m")
+        raise source.error(
+            COUPLED_STANDS, "contact" if "contact" in {**head, **numbers} else "patch_half_length_m"
+        )
     return contact
 
 
-def _word(table: Mapping[str, Any], key: str, allowed: tuple[str, ...], default: str | None, source: _Text, after: int = 0) -> str:
+def _word(
+    table: Mapping[str, Any],
+    key: str,
+    allowed: tuple[str, ...],
+    default: str | None,
+    source: _Text,
+    after: int = 0,
+) -> str:
     value = table.get(key, default)
     if value not in allowed:
         near = nearest(value, allowed) if isinstance(value, str) else ""
-        raise source.error(f"{key} = {value!r}{near}; allowed are {', '.join(allowed)}; choose one", key, after)
+        raise source.error(
+            f"{key} = {value!r}{near}; allowed are {', '.join(allowed)}; choose one", key, after
+        )
     return value  # type: ignore[return-value]
 
 
-def _only(table: Mapping[str, Any], allowed: Iterable[str], source: _Text, where: str, after: int = 0) -> None:
+def _only(
+    table: Mapping[str, Any], allowed: Iterable[str], source: _Text, where: str, after: int = 0
+) -> None:
     allowed = list(allowed)
     for key in table:
         if key not in allowed:
             raise source.error(
-                f"unknown key {key!r} in {where}{nearest(key, allowed)}; allowed are {', '.join(allowed)}; correct it", key, after
+                f"unknown key {key!r} in {where}{nearest(key, allowed)}; "
+                f"allowed are {', '.join(allowed)}; correct it",
+                key,
+                after,
             )
 
 
-def _base(numbers: Mapping[str, Any], known: tuple[Parameter, ...], source: _Text) -> tuple[Parameter, ...]:
+def _base(
+    numbers: Mapping[str, Any], known: tuple[Parameter, ...], source: _Text
+) -> tuple[Parameter, ...]:
     _only(numbers, ("contact", *(p.name for p in known)), source, "[parameters]")
     given = dict(numbers)
     if "reference_load_N" not in given and "load_N" in given:
         given["reference_load_N"] = _number(given["load_N"], known[0], source, "load_N").value
     lacking = [p.name for p in known if p.free and p.name not in given]
     if lacking:
-        raise source.error(f"[parameters] lacks {', '.join(lacking)}; a number or {{ value, min, max }} is allowed; add it")
-    return tuple(_number(given[p.name], p, source, p.name) if p.name in given else p.fixed() for p in known)
+        raise source.error(
+            f"[parameters] lacks {', '.join(lacking)}; a number or {{ value, min, max }} is "
+            "allowed; add it"
+        )
+    return tuple(
+        _number(given[p.name], p, source, p.name) if p.name in given else p.fixed() for p in known
+    )
 
 
 def _number(value: Any, known: Parameter, source: _Text, label: str, after: int = 0) -> Parameter:
@@ -135,16 +192,29 @@ def _number(value: Any, known: Parameter, source: _Text, label: str, after: int 
     table = value if isinstance(value, dict) else {"value": value}
     _only(table, _NUMBER_KEYS, source, label, after)
     for key, number in table.items():
-        wrong = not isinstance(number, bool) if key == "fixed" else (isinstance(number, bool) or not isinstance(number, int | float))
+        wrong = (
+            not isinstance(number, bool)
+            if key == "fixed"
+            else (isinstance(number, bool) or not isinstance(number, int | float))
+        )
         if wrong or (key not in ("fixed", "se") and not math.isfinite(number)):
             raise source.error(
-                f"{label}: {key} = {number!r}; a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed; correct it",
+                f"{label}: {key} = {number!r}; "
+                f"a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed; "
+                "correct it",
                 label,
                 after,
             )
     free = isinstance(value, dict) and not table.get("fixed", False)
     low, high = (float(table.get(key, getattr(known, key))) for key in ("min", "max"))
-    parameter = replace(known, value=float(table.get("value", known.value)), min=low, max=high, free=free, se=table.get("se"))
+    parameter = replace(
+        known,
+        value=float(table.get("value", known.value)),
+        min=low,
+        max=high,
+        free=free,
+        se=table.get("se"),
+    )
     if not isinstance(value, dict) and label != known.name:
         return parameter  # a number that only lends its value
     try:
@@ -153,7 +223,9 @@ def _number(value: Any, known: Parameter, source: _Text, label: str, after: int 
         raise source.error(problem.message, label, after) from None
 
 
-def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _Text, after: int) -> ModelEffect:
+def _effect(
+    table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _Text, after: int
+) -> ModelEffect:
     name = table["name"]
     own = {}
     if "expression" in table:
@@ -161,7 +233,8 @@ def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _
         given, own = table.get("parameters", {}), {k: table[k] for k in ("acts_on", "expression")}
     elif name not in catalogue:
         raise source.error(
-            f"unknown effect {name!r}{nearest(name, catalogue)}; allowed are {', '.join(catalogue)}, "
+            f"unknown effect {name!r}{nearest(name, catalogue)}; "
+            f"allowed are {', '.join(catalogue)}, "
             f"or one with an expression; for one of your own in Python give --effects FILE",
             name,
             after - 1,
@@ -170,18 +243,38 @@ def _effect(table: Mapping[str, Any], catalogue: Mapping[str, Effect], source: _
         effect = catalogue[name]
         given = {k: v for k, v in table.items() if k != "name" and k not in effect.options}
     _only(given, (p.name for p in effect.parameters), source, f"effect {name!r}", after - 1)
-    parameters = tuple(_number(given[p.name], p, source, p.name, after - 1) if p.name in given else p for p in effect.parameters)
-    options = {key: _word(table, key, words, words[0], source, after - 1) for key, words in effect.options.items()}
+    parameters = tuple(
+        _number(given[p.name], p, source, p.name, after - 1) if p.name in given else p
+        for p in effect.parameters
+    )
+    options = {
+        key: _word(table, key, words, words[0], source, after - 1)
+        for key, words in effect.options.items()
+    }
     return ModelEffect(effect, parameters, options, own)
 
 
 def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effect:
-    _only(table, ("name", "acts_on", "expression", "parameters"), source, f"effect {table['name']!r}", after - 1)
+    _only(
+        table,
+        ("name", "acts_on", "expression", "parameters"),
+        source,
+        f"effect {table['name']!r}",
+        after - 1,
+    )
     given = table.get("parameters", {})
     if not isinstance(table["expression"], str) or not isinstance(given, dict):
-        raise source.error("expression is a text and parameters a table; no other form is allowed; correct it", "expression", after - 1)
-    parameters = tuple(_number(value, _unknown(key, value), source, key, after - 1) for key, value in given.items())
-    parameters = tuple(replace(p, probe=p.value or 0.01 * max(abs(p.min), abs(p.max))) for p in parameters)
+        raise source.error(
+            "expression is a text and parameters a table; no other form is allowed; correct it",
+            "expression",
+            after - 1,
+        )
+    parameters = tuple(
+        _number(value, _unknown(key, value), source, key, after - 1) for key, value in given.items()
+    )
+    parameters = tuple(
+        replace(p, probe=p.value or 0.01 * max(abs(p.min), abs(p.max))) for p in parameters
+    )
     place = _word(table, "acts_on", EXPRESSION_ACTS_ON, "contact_pressure", source, after - 1)
     try:
         return effect_by_expression(table["name"], place, table["expression"], parameters)
@@ -196,7 +289,8 @@ def _unknown(key: str, value: Any) -> Parameter:
     return Parameter(key, "", "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
 
 
-# ---- writing ----------------------------------------------------------------------------------------------------------------------
+# ---- writing
+# ----------------------------------------------------------------------------------------------------------------------
 
 
 def save_model(model: Model, path: str | Path) -> None:
@@ -206,7 +300,11 @@ def save_model(model: Model, path: str | Path) -> None:
     """
     path = Path(path)
     if not _may_be_replaced(path):
-        raise ModelError("is there and is no model file; a model takes a new name, or the place of a model; give another -o", file=path)
+        raise ModelError(
+            "is there and is no model file; a model takes a new name, or the place of a model; "
+            "give another -o",
+            file=path,
+        )
     text = as_toml(model)
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
@@ -228,7 +326,11 @@ def as_toml(model: Model) -> str:
     document = tomlkit.parse(model.document) if model.document else tomlkit.document()
     _update(document, "model", {"observable": model.observable, "carcass": model.carcass})
     numbers = document.setdefault("parameters", tomlkit.table())
-    if model.contact == "flat_road" and "contact" not in numbers and "contact" not in document["model"]:
+    if (
+        model.contact == "flat_road"
+        and "contact" not in numbers
+        and "contact" not in document["model"]
+    ):
         numbers["contact"] = model.contact
     for parameter in model.base:
         if parameter.name in numbers or not model.document or parameter.free:

@@ -1,4 +1,6 @@
-"""A tire model as a list that a person can read: a carcass with its numbers, and effects with theirs."""
+"""A tire model as a list that a person can read: a carcass with its numbers, and effects with
+theirs.
+"""
 
 from __future__ import annotations
 
@@ -23,14 +25,18 @@ from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.parameters import Parameter
 
-COUPLED_STANDS = 'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or take carcass = "ring"'
+COUPLED_STANDS = (
+    'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
+    'take carcass = "ring"'
+)
 
 
 @dataclass(frozen=True)
 class Model(Predicting):
     """A forward model; immutable: every change gives another one.
 
-    observable  what it predicts; carcass beam, ring or coupled_ring; contact 'prescribed' (patch_half_length_m) or 'flat_road' (rings)
+    observable  what it predicts; carcass beam, ring or coupled_ring; contact 'prescribed'
+                (patch_half_length_m) or 'flat_road' (rings)
     base        parameters of carcass and load; effects with theirs, distinct ids
     document    the TOML it was read from, so that comments survive; path where it lies
     """
@@ -43,48 +49,76 @@ class Model(Predicting):
     document: str | None = None
     path: Path | None = None
 
-    # ---- making and changing ----------------------------------------------------------------------------------------------
+    # ---- making and changing
+    # ----------------------------------------------------------------------------------------------
 
     @classmethod
-    def new(cls, carcass: str = "beam", observable: str = "strain", contact: str | None = None, **values: float) -> Model:
-        """A model without effects, at its start values or those given.  A ring stands on a flat road unless `contact` says otherwise."""
+    def new(
+        cls,
+        carcass: str = "beam",
+        observable: str = "strain",
+        contact: str | None = None,
+        **values: float,
+    ) -> Model:
+        """A model without effects, at its start values or those given.
+
+        A ring stands on a flat road unless `contact` says otherwise.
+        """
         _one_of("carcass", carcass, CARCASSES)
         _one_of("observable", observable, OBSERVABLES)
         contact = contact or ("prescribed" if carcass == "beam" else "flat_road")
         _one_of("contact", contact, CONTACTS)
         if carcass == "beam" and contact == "flat_road":
             raise ModelError(
-                'contact = "flat_road" needs the geometry of a ring; "prescribed" is allowed for a beam; take carcass = "ring"'
+                'contact = "flat_road" needs the geometry of a ring; "prescribed" is allowed for '
+                'a beam; take carcass = "ring"'
             )
         if carcass == "coupled_ring" and contact == "prescribed":
             raise ModelError(COUPLED_STANDS)
         base = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
         return cls(observable, carcass, contact, base).with_values(values)
 
-    def with_values(self, values: Mapping[str, float], *, se: Mapping[str, float] | None = None) -> Model:
-        """Other values by name ("effect.parameter" for an effect's); ModelError for unknown names and values outside their bounds."""
+    def with_values(
+        self, values: Mapping[str, float], *, se: Mapping[str, float] | None = None
+    ) -> Model:
+        """Other values by name ("effect.parameter" for an effect's); ModelError for unknown names
+        and values outside their bounds.
+        """
         self.known(values)
 
         def changed(owner: str, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
             keys = [owner + p.name for p in parameters]
-            return tuple(p.at(values[key], se=(se or {}).get(key)) if key in values else p for key, p in zip(keys, parameters))
+            return tuple(
+                p.at(values[key], se=(se or {}).get(key)) if key in values else p
+                for key, p in zip(keys, parameters)
+            )
 
-        effects = tuple(replace(e, parameters=changed(f"{e.id}.", e.parameters)) for e in self.effects)
+        effects = tuple(
+            replace(e, parameters=changed(f"{e.id}.", e.parameters)) for e in self.effects
+        )
         return replace(self, base=changed("", self.base), effects=effects)
 
     def with_parameters(self, parameters: Mapping[str, Parameter]) -> Model:
         """Other parameters (bounds, free or fixed) by full name."""
         self.known(parameters)
         base = tuple(parameters.get(p.name, p) for p in self.base)
-        effects = tuple(replace(e, parameters=tuple(parameters.get(f"{e.id}.{p.name}", p) for p in e.parameters)) for e in self.effects)
+        effects = tuple(
+            replace(
+                e, parameters=tuple(parameters.get(f"{e.id}.{p.name}", p) for p in e.parameters)
+            )
+            for e in self.effects
+        )
         return replace(self, base=base, effects=effects)
 
     def with_effect(self, effect: str | Effect | ModelEffect, **values: float) -> Model:
-        """The model with one effect more, at its start values or those given; ModelError if unknown, twice, or not for this model."""
+        """The model with one effect more, at its start values or those given; ModelError if
+        unknown, twice, or not for this model.
+        """
         if isinstance(effect, str):
             if effect not in BY_ID:
                 raise ModelError(
-                    f"unknown effect {effect!r}{nearest(effect, BY_ID)}; allowed are {', '.join(BY_ID)}; see `tirelog effects`"
+                    f"unknown effect {effect!r}{nearest(effect, BY_ID)}; "
+                    f"allowed are {', '.join(BY_ID)}; see `tirelog effects`"
                 )
             effect = BY_ID[effect]
         added = effect if isinstance(effect, ModelEffect) else ModelEffect.of(effect)
@@ -97,13 +131,18 @@ class Model(Predicting):
         if effect not in [e.id for e in self.effects]:
             held = ", ".join(e.id for e in self.effects) or "none"
             raise ModelError(
-                f"the model has no effect {effect!r}{nearest(effect, [e.id for e in self.effects])}; it has: {held}; name one of them"
+                "the model has no effect "
+                f"{effect!r}{nearest(effect, [e.id for e in self.effects])}; it has: {held}; "
+                "name one of them"
             )
         return replace(self, effects=tuple(e for e in self.effects if e.id != effect))
 
     def _accept(self, added: ModelEffect) -> None:
         if added.id in [e.id for e in self.effects]:
-            raise ModelError(f"the model has the effect {added.id!r} already; each effect once is allowed; change its parameters instead")
+            raise ModelError(
+                f"the model has the effect {added.id!r} already; each effect once is allowed; "
+                "change its parameters instead"
+            )
         effect = added.effect
         if self.observable not in effect.reaches:
             own = f"acts on {', '.join(effect.acts_on)} and does nothing to {self.observable}"
@@ -113,13 +152,19 @@ class Model(Predicting):
                 f"{', '.join(acting_on(self.observable))}; choose one of them, or another effect"
             )
         if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
-            raise ModelError('the carcass is a ring already; ring_curvature is for carcass = "beam"; leave it out')
+            raise ModelError(
+                'the carcass is a ring already; ring_curvature is for carcass = "beam"; '
+                "leave it out"
+            )
 
     def resolved(self, conditions: Conditions) -> Model:
-        """With what depends on the whole data (thermal_drift's driver) settled: do so once before parts of it are predicted."""
+        """With what depends on the whole data (thermal_drift's driver) settled: do so once before
+        parts of it are predicted.
+        """
         return replace(self, effects=tuple(e.resolved(conditions) for e in self.effects))
 
-    # ---- reading ------------------------------------------------------------------------------------------------------------
+    # ---- reading
+    # ------------------------------------------------------------------------------------------------------------
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
@@ -147,11 +192,15 @@ class Model(Predicting):
         for name in names:
             if name not in self.parameters:
                 raise ModelError(
-                    f"the model has no parameter {name!r}{nearest(name, self.parameters)}; it has {', '.join(self.parameters)}; "
+                    f"the model has no parameter {name!r}{nearest(name, self.parameters)}; "
+                    f"it has {', '.join(self.parameters)}; "
                     f"use one of them"
                 )
 
 
 def _one_of(what: str, word: str, allowed: Sequence[str]) -> None:
     if word not in allowed:
-        raise ModelError(f"unknown {what} {word!r}{nearest(word, allowed)}; allowed are {', '.join(allowed)}; choose one of them")
+        raise ModelError(
+            f"unknown {what} {word!r}{nearest(word, allowed)}; allowed are {', '.join(allowed)}; "
+            "choose one of them"
+        )

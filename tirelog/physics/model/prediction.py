@@ -1,8 +1,10 @@
 """What a model computes: predictions block by block, and their derivatives.
 
-    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `pipeline.Task` --> values (n, m), slopes (p, n, m)
+    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `pipeline.Task` -->
+    values (n, m), slopes (p, n, m)
 
-`Predicting` is the half of `Model` that computes; the other half, in `model`, is the list that a person reads.
+`Predicting` is the half of `Model` that computes; the other half, in `model`, is the list that a
+person reads.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ if TYPE_CHECKING:
 
 #: Revolutions computed at once: their modes stay in the processor's cache.
 BLOCK = 96
-#: Step of a central difference over a parameter's size; the stages are smooth, the error is its square.
+#: Step of a central difference over a parameter's size; the stages are smooth, the error is its
+#: square.
 _STEP = 2e-5
 _LOAD_STEP = 1e-4
 #: Observable -> the hook that adds to it at the angles themselves.
@@ -65,17 +68,26 @@ class Predicting:
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
     ) -> FloatArray:
-        """What the sensor reads, shape (n, m): revolutions x angles; for a number per revolution (n, 1).
+        """What the sensor reads, shape (n, m): revolutions x angles; for a number per revolution
+        (n, 1).
 
-        phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2 times it.  `values` replaces values by
-        full name without a check of bounds.  `observable` may also be displacement [m], inward, contact_pressure [N/m] (its modes carry
-        the load exactly and ripple by some parts in a thousand beside its kinks), shear_traction [N/m], positive in braking, or
-        frame_acceleration [m/s^2], gravity and the vehicle's acceleration in what a radial accelerometer reads.
-        surface 'outer' (groove, minimum in the patch) or 'inner' (liner, maximum).  ModelError: speed at or above the critical one,
-        load not above zero, patch longer than the circumference, a condition that an effect needs is not known.
+        phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2
+        times it. `values` replaces values by full name without a check of bounds. `observable` may
+        also be displacement [m], inward, contact_pressure [N/m] (its modes carry the load exactly
+        and ripple by some parts in a thousand beside its kinks), shear_traction [N/m], positive in
+        braking, or frame_acceleration [m/s^2], gravity and the vehicle's acceleration in what a
+        radial accelerometer reads. surface 'outer' (groove, minimum in the patch) or 'inner'
+        (liner, maximum). ModelError: speed at or above the critical one, load not above zero, patch
+        longer than the circumference, a condition that an effect needs is not known.
         """
         wave, level, _ = self.parts(
-            conditions, phi_rad, surface=surface, phi_variance=phi_variance, values=values, observable=observable, slope=False
+            conditions,
+            phi_rad,
+            surface=surface,
+            phi_variance=phi_variance,
+            values=values,
+            observable=observable,
+            slope=False,
         )
         return wave + level
 
@@ -90,17 +102,24 @@ class Predicting:
         observable: str | None = None,
         slope: bool = True,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """`predict` as waveform (n, m), in proportion to the lever arm for strain, what is added to it (n, m or 1), and with `slope` the
-        waveform's derivative by phi (n, m), else empty."""
+        """`predict` as waveform (n, m), in proportion to the lever arm for strain, what is added to
+        it (n, m or 1), and with `slope` the waveform's derivative by phi (n, m), else empty.
+        """
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
         angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
         n, m = len(conditions), 1 if angles is None else angles.phi_rad.shape[1]
-        wide = any(getattr(e.effect, hook) is not None for e in self.effects for hook in _AT_ANGLES.values())
+        wide = any(
+            getattr(e.effect, hook) is not None
+            for e in self.effects
+            for hook in _AT_ANGLES.values()
+        )
         wave, level = np.empty((n, m)), np.zeros((n, m if wide else 1))
         steep = np.empty((n, m) if slope else (0, 0))
         for rows, task in self._tasks(conditions, flat):
-            wave[rows], level[rows], part = _parts(task, observable, surface, None if angles is None else angles.take(rows), slope)
+            wave[rows], level[rows], part = _parts(
+                task, observable, surface, None if angles is None else angles.take(rows), slope
+            )
             if slope:
                 steep[rows] = part
         return wave, level, steep
@@ -116,9 +135,17 @@ class Predicting:
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
     ) -> FloatArray:
-        """Derivatives of `predict` by the parameters `names`, (len(names), n, m): central differences of the stages that each touches."""
+        """Derivatives of `predict` by the parameters `names`, (len(names), n, m): central
+        differences of the stages that each touches.
+        """
         return self.linearised(
-            conditions, phi_rad, names, surface=surface, phi_variance=phi_variance, values=values, observable=observable
+            conditions,
+            phi_rad,
+            names,
+            surface=surface,
+            phi_variance=phi_variance,
+            values=values,
+            observable=observable,
         )[1]
 
     def load_slope(
@@ -131,7 +158,9 @@ class Predicting:
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
     ) -> FloatArray:
-        """Derivative of `predict` by the logarithm of every revolution's load, (n, m): what a load that scatters adds, per unit."""
+        """Derivative of `predict` by the logarithm of every revolution's load, (n, m): what a load
+        that scatters adds, per unit.
+        """
         up, down = (
             self.predict(
                 self.loaded(conditions, factor, values),
@@ -145,9 +174,20 @@ class Predicting:
         )
         return (up - down) / (2.0 * _LOAD_STEP)
 
-    def loaded(self, conditions: Conditions, factor: FloatArray | float, values: Mapping[str, float] | None = None) -> Conditions:
-        """The conditions with every revolution's load, the model's own where none is known, times `factor` (n,)."""
-        load = np.where(np.isfinite(conditions.load_N), conditions.load_N, {**self.values, **(values or {})}["load_N"])
+    def loaded(
+        self,
+        conditions: Conditions,
+        factor: FloatArray | float,
+        values: Mapping[str, float] | None = None,
+    ) -> Conditions:
+        """The conditions with every revolution's load, the model's own where none is known, times
+        `factor` (n,).
+        """
+        load = np.where(
+            np.isfinite(conditions.load_N),
+            conditions.load_N,
+            {**self.values, **(values or {})}["load_N"],
+        )
         return replace(conditions, load_N=load * factor)
 
     def linearised(
@@ -166,7 +206,11 @@ class Predicting:
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
         angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
-        model, n, m = self.resolved(conditions), len(conditions), 1 if angles is None else angles.phi_rad.shape[1]
+        model, n, m = (
+            self.resolved(conditions),
+            len(conditions),
+            1 if angles is None else angles.phi_rad.shape[1],
+        )
         base, slopes = np.empty((n, m)), np.empty((len(names), n, m))
         for rows, task in self._tasks(conditions, flat, also=names):
             part = None if angles is None else angles.take(rows)
@@ -176,7 +220,15 @@ class Predicting:
                 slopes[i, rows] = model._slope(task, flat, name, observable, surface, part)
         return base, slopes
 
-    def _slope(self, task: Task, flat: dict[str, float], name: str, observable: str, surface: str, angles: Angles | None) -> FloatArray:
+    def _slope(
+        self,
+        task: Task,
+        flat: dict[str, float],
+        name: str,
+        observable: str,
+        surface: str,
+        angles: Angles | None,
+    ) -> FloatArray:
         step = _STEP * max(abs(flat[name]), abs(self.parameters[name].probe) * 0.1)
         ends = []
         for value in (flat[name] + step, flat[name] - step):
@@ -186,23 +238,36 @@ class Predicting:
         if angles is None:
             value_up, value_down = (scalar(end, observable, _lever(end, surface)) for end in ends)
             return (value_up - value_down) / (2.0 * step)
-        (up, level_up), (down, level_down) = (waveform(end, observable, _lever(end, surface)) for end in ends)
+        (up, level_up), (down, level_down) = (
+            waveform(end, observable, _lever(end, surface)) for end in ends
+        )
         added_up, added_down = (_added(end, observable, angles.phi_rad) for end in ends)
         level = (level_up - level_down + added_up - added_down) / (2.0 * step)
         return angles.evaluate((up - down) / (2.0 * step)) + level
 
     def _angles(self, phi_rad: FloatArray | None, phi_variance: FloatArray | None) -> Angles:
         if phi_rad is None:
-            raise ModelError(f"a waveform ({self.observable}) needs angles; phi_rad of shape (m,) or (n, m) is allowed; give it")
+            raise ModelError(
+                f"a waveform ({self.observable}) needs angles; phi_rad of shape (m,) or (n, m) "
+                "is allowed; give it"
+            )
         return Angles(phi_rad, phi_variance)
 
     def _split(self, flat: Mapping[str, float]) -> tuple[dict[str, float], tuple[Active, ...]]:
         """The carcass's values, and the effects that are on, in the order of their ids."""
-        active = (Active(e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id))
-        return {p.name: flat[p.name] for p in self.base}, tuple(a for a in active if a.effect.is_on(a.values, steady_carcass(self.carcass)))
+        active = (
+            Active(e.effect, e.values(flat)) for e in sorted(self.effects, key=lambda e: e.id)
+        )
+        return {p.name: flat[p.name] for p in self.base}, tuple(
+            a for a in active if a.effect.is_on(a.values, steady_carcass(self.carcass))
+        )
 
-    def _tasks(self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()) -> Iterator[tuple[slice, Task]]:
-        """(rows, task) block by block; ModelError where an effect that is on, or has a parameter in `also`, lacks a condition."""
+    def _tasks(
+        self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()
+    ) -> Iterator[tuple[slice, Task]]:
+        """(rows, task) block by block; ModelError where an effect that is on, or has a parameter in
+        `also`, lacks a condition.
+        """
         model = self.resolved(conditions)
         base, active = model._split(flat)
         on = {a.effect.id for a in active} | {name.split(".")[0] for name in also if "." in name}
@@ -213,11 +278,22 @@ class Predicting:
                     f"give it in the setup's [conditions] or as a channel"
                 )
         if len(conditions) and not conditions.known("speed_m_s"):
-            raise ModelError("a revolution has no speed; every revolution needs one; leave it out of the stack")
+            raise ModelError(
+                "a revolution has no speed; every revolution needs one; leave it out of the stack"
+            )
         drive = Drive.of(conditions)
         for start in range(0, len(conditions), BLOCK):
             rows = slice(start, min(start + BLOCK, len(conditions)))
-            yield rows, Task(steady_carcass(self.carcass), self.contact == "flat_road", base, active, drive.take(rows))
+            yield (
+                rows,
+                Task(
+                    steady_carcass(self.carcass),
+                    self.contact == "flat_road",
+                    base,
+                    active,
+                    drive.take(rows),
+                ),
+            )
 
     def half_length_m(self, conditions: Conditions) -> FloatArray:
         """L of the patch, shape (n,), after the effects on the load."""
@@ -227,9 +303,14 @@ class Predicting:
         return out[:, 0]
 
     def hub_forces(self, conditions: Conditions) -> tuple[FloatArray, FloatArray]:
-        """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.  For rings (P3, errata)."""
+        """(F_x, F_z) [N] on the hub, each (n,): F_x positive in braking, F_z up.
+
+        For rings (P3, errata).
+        """
         if steady_carcass(self.carcass) != "ring":
-            raise ModelError('a beam has no hub; hub forces are for carcass = "ring"; make such a model')
+            raise ModelError(
+                'a beam has no hub; hub forces are for carcass = "ring"; make such a model'
+            )
         out = np.empty((2, len(conditions)))
         for rows, task in self._tasks(conditions, self.values):
             out[:, rows] = hub_forces(task)
@@ -238,12 +319,18 @@ class Predicting:
 
 def _lever(task: Task, surface: str) -> float:
     if surface not in ("outer", "inner"):
-        raise ModelError(f"unknown surface {surface!r}; allowed are outer, inner; choose one of them")
+        raise ModelError(
+            f"unknown surface {surface!r}; allowed are outer, inner; choose one of them"
+        )
     return task.base["lever_arm_m"] if surface == "inner" else -task.base["lever_arm_m"]
 
 
-def _parts(task: Task, observable: str, surface: str, angles: Angles | None, slope: bool) -> tuple[Any, Any, Any]:
-    """Waveform, what is added to it, and with `slope` the waveform's derivative by phi, of one block."""
+def _parts(
+    task: Task, observable: str, surface: str, angles: Angles | None, slope: bool
+) -> tuple[Any, Any, Any]:
+    """Waveform, what is added to it, and with `slope` the waveform's derivative by phi, of one
+    block.
+    """
     if angles is None:
         return scalar(task, observable, _lever(task, surface)), 0.0, 0.0
     modes, level = waveform(task, observable, _lever(task, surface))
@@ -252,7 +339,9 @@ def _parts(task: Task, observable: str, surface: str, angles: Angles | None, slo
 
 
 def _added(task: Task, observable: str, phi_rad: FloatArray) -> FloatArray | float:
-    """What effects add at the angles themselves (a user's own, `acts_on = "strain"` or "radial_acceleration")."""
+    """What effects add at the angles themselves (a user's own, `acts_on = "strain"` or
+    "radial_acceleration").
+    """
     total: FloatArray | float = 0.0
     hook = _AT_ANGLES.get(observable, "")
     for a in task.having(hook) if hook else ():

@@ -1,4 +1,6 @@
-"""Numbers per revolution from the same stages: patch length, dissipation factor, and P4's phase shift and patch width."""
+"""Numbers per revolution from the same stages: patch length, dissipation factor, and P4's phase
+shift and patch width.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ def scalar(task: Task, observable: str, lever_m: float) -> FloatArray:
     if observable == "dissipation_factor":
         return dissipation_factor(task, lever_m)
     site = loaded_site(task)[0]
-    value = task.base["offset_rad"] + task.base["per_acceleration_rad_s2_m"] * np.nan_to_num(task.drive.acceleration_m_s2)
+    value = task.base["offset_rad"] + task.base["per_acceleration_rad_s2_m"] * np.nan_to_num(
+        task.drive.acceleration_m_s2
+    )
     if observable == "patch_width":
         value = value + 2.0 * site.half_length_m / site.radius_m
     for a in task.having("regressor"):

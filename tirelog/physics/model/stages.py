@@ -1,7 +1,8 @@
-"""The stages of a prediction, load -> pressure -> structure -> sensor, each a function of the values that it reads.
+"""The stages of a prediction, load -> pressure -> structure -> sensor, each a function of the
+values that it reads.
 
-Everything here works on one block of revolutions as columns (`Drive`).  `Memo` keeps each stage by the values it read, so that a
-derivative recomputes only the stages that its parameter touches.
+Everything here works on one block of revolutions as columns (`Drive`). `Memo` keeps each stage by
+the values it read, so that a derivative recomputes only the stages that its parameter touches.
 """
 
 from __future__ import annotations
@@ -22,8 +23,15 @@ from tirelog.physics.spectral import MODES, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
-#: Parameters of the carcass and the load by the stage that reads them; the ring on a flat road reads its carcass in the load stage too.
-LOAD_NAMES = ("load_N", "reference_load_N", "patch_load_exponent", "patch_half_length_m", "radius_m")
+#: Parameters of the carcass and the load by the stage that reads them; the ring on a flat road
+#: reads its carcass in the load stage too.
+LOAD_NAMES = (
+    "load_N",
+    "reference_load_N",
+    "patch_load_exponent",
+    "patch_half_length_m",
+    "radius_m",
+)
 LOAD_HOOKS, PRESSURE_HOOKS = ("load", "added_load"), ("tilt", "pressure", "kernel", "traction")
 
 
@@ -43,7 +51,9 @@ def ring_carcass(task: Task) -> ring.RingCarcass:
 
 
 def loads(task: Task) -> FloatArray:
-    """F [N], (n or 1, 1): the measured load, else the model's, times and plus what effects on the load do."""
+    """F [N], (n or 1, 1): the measured load, else the model's, times and plus what effects on the
+    load do.
+    """
     F = np.where(np.isfinite(task.drive.load_N), task.drive.load_N, task.base["load_N"])
     for a in task.having("load"):
         F = F * (1.0 + a.effect.load(a.values, task.drive))  # type: ignore[misc]
@@ -51,14 +61,17 @@ def loads(task: Task) -> FloatArray:
         F = F + a.effect.added_load(a.values, task.drive)  # type: ignore[misc]
     if not np.all(F > 0.0):
         raise ModelError(
-            f"load {float(np.min(F)):g} N does not press the tire on the road; a load above zero is allowed; "
+            f"load {float(np.min(F)):g} N does not press the tire on the road; a load above zero "
+            "is allowed; "
             f"correct load_N or the effects on load"
         )
     return F
 
 
 def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
-    """The patch, the modes of the pressure without effects, and (where an effect tilts it) of the pressure times xi / L."""
+    """The patch, the modes of the pressure without effects, and (where an effect tilts it) of the
+    pressure times xi / L.
+    """
     F, b = loads(task), task.base
     R = b["radius_m"]
     tilted = bool(task.having("tilt"))
@@ -68,7 +81,8 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     half = b["patch_half_length_m"] * (F / b["reference_load_N"]) ** b["patch_load_exponent"]
     if np.any(half >= np.pi * R):
         raise ModelError(
-            f"the patch of {2 * float(np.max(half)):.3g} m is longer than the circumference {2 * np.pi * R:.3g} m; "
+            f"the patch of {2 * float(np.max(half)):.3g} m is longer than the circumference "
+            f"{2 * np.pi * R:.3g} m; "
             f"a shorter one is allowed; correct patch_half_length_m, load or radius_m"
         )
     return Site(F, half, R), parabola(F, half, R), tilted_parabola(F, half, R) if tilted else None
@@ -83,9 +97,11 @@ def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
 
 @dataclass(frozen=True)
 class Pressed:
-    """What the road does to the tread, modes (n or 1, K) [N/m]: the pressure p, which carries F exactly; the traction tau along the
-    road, positive in braking; and what tau does across the tread by its lever h, the `couple` h d tau / d xi (P2 (18)).  The last two
-    are None without traction."""
+    """What the road does to the tread, modes (n or 1, K) [N/m]: the pressure p, which carries F
+    exactly; the traction tau along the road, positive in braking; and what tau does across the
+    tread by its lever h, the `couple` h d tau / d xi (P2 (18)). The last two are None without
+    traction.
+    """
 
     pressure: ComplexArray
     traction: ComplexArray | None = None
@@ -100,7 +116,9 @@ class Pressed:
 def pressure(task: Task) -> Pressed:
     """What the road does to the tread with all effects, once per set of values."""
     names = None if task.flat_road else LOAD_NAMES
-    return task.once("pressure", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: _pressure(task))
+    return task.once(
+        "pressure", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: _pressure(task)
+    )
 
 
 def _pressure(task: Task) -> Pressed:
@@ -118,28 +136,37 @@ def _pressure(task: Task) -> Pressed:
         if pulled is not None:
             own, lever = pulled
             across = (1j * lever * site.q) * own
-            tau, couple = (own, across) if tau is None or couple is None else (tau + own, couple + across)
+            tau, couple = (
+                (own, across) if tau is None or couple is None else (tau + own, couple + across)
+            )
     for a in task.having("kernel"):
         smeared = a.effect.kernel(a.values, task.drive, site)  # type: ignore[misc]
         p, couple = p * smeared, None if couple is None else couple * smeared
     carried = 2.0 * np.pi * site.radius_m * p[:, :1].real
     if not np.all(carried > 0.0):
         raise ModelError(
-            "the effects on the contact pressure lift the tire off the road; a pressure that carries the load is allowed; "
+            "the effects on the contact pressure lift the tire off the road; a pressure that "
+            "carries the load is allowed; "
             "lower their strength"
         )
     scale = site.load_N / carried
-    return Pressed(p * scale, None if tau is None else tau * scale, None if couple is None else couple * scale)
+    return Pressed(
+        p * scale, None if tau is None else tau * scale, None if couple is None else couple * scale
+    )
 
 
 def load_on_carcass(task: Task) -> ComplexArray:
-    """Modes of the inward load per length: the pressure, on a ring with its tangential parts (`ring.equivalent_load`)."""
+    """Modes of the inward load per length: the pressure, on a ring with its tangential parts
+    (`ring.equivalent_load`).
+    """
     pressed = pressure(task)
     if task.carcass == "beam":
         return pressed.normal
     names = None if task.flat_road else LOAD_NAMES
     return task.once(
-        "ring load", task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS), lambda: ring.equivalent_load(pressed.normal, pressed.traction)
+        "ring load",
+        task.key(names, *LOAD_HOOKS, *PRESSURE_HOOKS),
+        lambda: ring.equivalent_load(pressed.normal, pressed.traction),
     )
 
 
@@ -154,7 +181,10 @@ def structure(task: Task) -> Structure:
 def _inflation_pb(task: Task) -> FloatArray:
     """p0 b [N/m], (n or 1, 1): at the measured inflation pressure, else the model's."""
     known = task.drive.inflation_pressure_Pa
-    return np.where(np.isfinite(known), known, task.base["inflation_pressure_Pa"]) * task.base["width_m"]
+    return (
+        np.where(np.isfinite(known), known, task.base["inflation_pressure_Pa"])
+        * task.base["width_m"]
+    )
 
 
 def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
@@ -178,7 +208,10 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     _positive_foundation(k_w)
     bending = (EI / R**4) * (1.0 - n**2) ** 2
     Z = bending + (n**2 - 1.0) * ((_inflation_pb(task) * R + s.tension) / R**2) + k_w + k_v / n**2
-    drag = (c / R) * ((b["radial_damping_N_s_m2"] + 2.0 * b["line_mass_kg_m"] * s.damping_rate) * n + b["tangential_damping_N_s_m2"] / n)
+    drag = (c / R) * (
+        (b["radial_damping_N_s_m2"] + 2.0 * b["line_mass_kg_m"] * s.damping_rate) * n
+        + b["tangential_damping_N_s_m2"] / n
+    )
     if np.any(drag):
         Z = Z + 1j * drag
     return _with_loss(Z, k_w + k_v / n**2, s.loss)
@@ -195,13 +228,16 @@ def _with_loss(Z: Any, k: FloatArray | float, loss: FloatArray | float) -> Any:
 def _positive_foundation(k: FloatArray | float) -> None:
     if not np.all(np.asarray(k) > 0.0):
         raise ModelError(
-            "the foundation's stiffness falls to zero or below under the effects; a positive stiffness is allowed; lower their strength"
+            "the foundation's stiffness falls to zero or below under the effects; "
+            "a positive stiffness is allowed; lower their strength"
         )
 
 
 @dataclass(frozen=True)
 class Response:
-    """What the carcass makes of a unit load: inward displacement [m^3/N... per (N/m)], and (strain per lever arm) = q^2-like curvature."""
+    """What the carcass makes of a unit load: inward displacement [m^3/N... per (N/m)], and (strain
+    per lever arm) = q^2-like curvature.
+    """
 
     displacement: FloatArray | ComplexArray
     curvature: FloatArray | ComplexArray
@@ -230,7 +266,9 @@ def response(task: Task) -> Response:
 def _response(task: Task) -> Response:
     s, R = structure(task), task.base["radius_m"]
     q2 = (np.arange(MODES) / R) ** 2
-    k = task.base["foundation_stiffness_N_m2" if task.carcass == "beam" else "radial_stiffness_N_m2"]
+    k = task.base[
+        "foundation_stiffness_N_m2" if task.carcass == "beam" else "radial_stiffness_N_m2"
+    ]
     if task.carcass == "ring":
         w = 1.0 / impedance(task, s)
         return Response(w, w * (q2 - 1.0 / R**2), k * s.cubic)
@@ -243,8 +281,11 @@ def _response(task: Task) -> Response:
     return Response(w, (1.0 - share) * (q2 / Z) + share * (q2 - 1.0 / R**2) * closed, k * s.cubic)
 
 
-def closed_ring(task: Task, Z: FloatArray | ComplexArray, s: Structure) -> FloatArray | ComplexArray:
-    """1 / (Z_n / n^2) of the ring that the beam closes to (`ring`): same EJ, k, tension, damping and loss, no inertia left.
+def closed_ring(
+    task: Task, Z: FloatArray | ComplexArray, s: Structure
+) -> FloatArray | ComplexArray:
+    """1 / (Z_n / n^2) of the ring that the beam closes to (`ring`): same EJ, k, tension, damping
+    and loss, no inertia left.
 
     Differs from the beam's Z by EJ (1 - 2 n^2) / R^4 - T / R^2 + mu c^2 q^2 + k_v / n^2.
     """
@@ -253,17 +294,22 @@ def closed_ring(task: Task, Z: FloatArray | ComplexArray, s: Structure) -> Float
     n[0] = 1.0
     tangential = s.ring_tangential / s.ring
     more = b["flexural_stiffness_N_m2"] * (1.0 - 2.0 * n**2) / R**4 - s.tension / R**2
-    Z_ring = Z + more + b["line_mass_kg_m"] * task.drive.speed_m_s**2 * (n / R) ** 2 + tangential / n**2
+    Z_ring = (
+        Z + more + b["line_mass_kg_m"] * task.drive.speed_m_s**2 * (n / R) ** 2 + tangential / n**2
+    )
     closed = 1.0 / Z_ring
     closed[:, 0] = 0.0
     return closed
 
 
-def waveform(task: Task, observable: str, lever_m: float) -> tuple[ComplexArray, FloatArray | float]:
+def waveform(
+    task: Task, observable: str, lever_m: float
+) -> tuple[ComplexArray, FloatArray | float]:
     """Modes of the waveform (n or 1, K) and the baseline (n or 1, 1) that is added to it.
 
-    `observable`: strain (at the signed `lever_m`), radial_acceleration [m/s^2], outward positive (errata), what of it is no motion of the
-    tread (frame_acceleration), displacement [m], inward, contact_pressure or shear_traction [N/m].
+    `observable`: strain (at the signed `lever_m`), radial_acceleration [m/s^2], outward positive
+    (errata), what of it is no motion of the tread (frame_acceleration), displacement [m], inward,
+    contact_pressure or shear_traction [N/m].
     """
     if observable == "contact_pressure":
         return pressure(task).pressure, 0.0
@@ -283,16 +329,22 @@ def waveform(task: Task, observable: str, lever_m: float) -> tuple[ComplexArray,
             modes = modes * a.effect.lever(a.values, task.drive)  # type: ignore[misc]
         return modes * gain(task), baseline(task)
     spin = task.drive.speed_m_s**2
-    curved = load * r.curvature if task.carcass == "ring" else load * (r.curvature - r.displacement / R**2)
+    curved = (
+        load * r.curvature
+        if task.carcass == "ring"
+        else load * (r.curvature - r.displacement / R**2)
+    )
     factor = gain(task)
     return sensed(task, curved * spin + frame_acceleration(task)) * factor, -spin / R * factor
 
 
 def frame_acceleration(task: Task) -> ComplexArray:
-    """Modes (n or 1, K) of what an accelerometer that the wheel carries round reads without any motion of the tread in the wheel.
+    """Modes (n or 1, K) of what an accelerometer that the wheel carries round reads without any
+    motion of the tread in the wheel.
 
-    It reads specific force, acceleration less gravity, here along the outward radius.  That points down at the patch centre (phi = 0),
-    where gravity does too, and backwards at phi = 90 degrees, where the material has left the patch:
+    It reads specific force, acceleration less gravity, here along the outward radius. That points
+    down at the patch centre (phi = 0), where gravity does too, and backwards at phi = 90 degrees,
+    where the material has left the patch:
 
         -g cos(phi) - a_x sin(phi) = Re[(-g + i a_x) exp(i phi)]
 
@@ -320,7 +372,11 @@ def sensed(task: Task, modes: ComplexArray) -> ComplexArray:
     site = loaded_site(task)[0]
     for a in sensors:
         key = task.key(("radius_m",), "transfer")
-        modes = modes * task.once(f"sensor {a.effect.id}", key, partial(a.effect.transfer, a.values, task.drive, site))  # type: ignore[arg-type,misc]
+        modes = modes * task.once(
+            f"sensor {a.effect.id}",
+            key,
+            partial(a.effect.transfer, a.values, task.drive, site),  # type: ignore[arg-type,misc]
+        )
     return modes
 
 
@@ -333,7 +389,13 @@ def baseline(task: Task) -> FloatArray | float:
 
 
 def hub_forces(task: Task) -> FloatArray:
-    """(F_x, F_z) [N] of a ring, (2, n or 1); `ring.hub_forces` at the pressure and traction of the task."""
+    """(F_x, F_z) [N] of a ring, (2, n or 1); `ring.hub_forces` at the pressure and traction of the
+    task.
+    """
     pressed = pressure(task)
     carcass = ring_carcass(task)
-    return np.stack(ring.hub_forces(pressed.normal, pressed.traction, carcass, task.drive.speed_m_s[:, 0] / carcass.R))
+    return np.stack(
+        ring.hub_forces(
+            pressed.normal, pressed.traction, carcass, task.drive.speed_m_s[:, 0] / carcass.R
+        )
+    )

@@ -1,4 +1,6 @@
-"""What a prediction works on: one block of revolutions, the numbers, the effects that are on, and what was computed before."""
+"""What a prediction works on: one block of revolutions, the numbers, the effects that are on, and
+what was computed before.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ class Active:
 
 @dataclass(frozen=True)
 class Task:
-    """What to compute: the carcass and its numbers, the effects that are on (by id), the conditions, the observable."""
+    """What to compute: the carcass and its numbers, the effects that are on (by id), the
+    conditions, the observable.
+    """
 
     carcass: str
     flat_road: bool
@@ -30,11 +34,19 @@ class Task:
 
     def having(self, *hooks: str) -> list[Active]:
         """The effects that enter by one of these hooks."""
-        return [a for a in self.active if any(getattr(a.effect, hook) is not None for hook in hooks)]
+        return [
+            a for a in self.active if any(getattr(a.effect, hook) is not None for hook in hooks)
+        ]
 
     def key(self, names: Sequence[str] | None, *hooks: str) -> tuple[Any, ...]:
-        """What a stage reads: the named base values (all for None) and the values of the effects with these hooks."""
-        base = tuple(self.base.items()) if names is None else tuple(self.base.get(name) for name in names)
+        """What a stage reads: the named base values (all for None) and the values of the effects
+        with these hooks.
+        """
+        base = (
+            tuple(self.base.items())
+            if names is None
+            else tuple(self.base.get(name) for name in names)
+        )
         return base, tuple((a.effect.id, *a.values.values()) for a in self.having(*hooks))
 
     def once(self, stage: str, key: tuple[Any, ...], compute: Callable[[], Any]) -> Any:

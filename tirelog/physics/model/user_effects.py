@@ -1,10 +1,14 @@
-"""A user's own effects: by expression in a model file, by a Python file, or by an installed package (entry points "tirelog.effects").
+"""A user's own effects: by expression in a model file, by a Python file, or by an installed package
+(entry points "tirelog.effects").
 
 What an expression means depends on `acts_on`:
-    contact_pressure      a pressure [N/m] added to p, that is then rescaled to carry the load; may read xi, phi, L, R
+    contact_pressure      a pressure [N/m] added to p, that is then rescaled to carry the load; may
+                          read xi, phi, L, R
     strain                a strain added to the waveform; may read xi, phi, L, R
-    radial_acceleration   [m/s^2], outward, added to the waveform of an accelerometer; may read xi, phi, L, R
-    foundation_stiffness  [N/m^2] added to k;  baseline  a strain added all around;  load  [N] added to F
+    radial_acceleration   [m/s^2], outward, added to the waveform of an accelerometer; may read xi,
+                          phi, L, R
+    foundation_stiffness  [N/m^2] added to k;  baseline  a strain added all around;  load  [N] added
+                          to F
     sensor                the waveform is multiplied by 1 + expression
 """
 
@@ -40,12 +44,24 @@ CONDITIONS = {
     "water": "water_depth_mm",
 }
 PLACES = ("xi", "phi", "L", "R", "load")
-EXPRESSION_ACTS_ON = ("contact_pressure", "foundation_stiffness", "strain", "baseline", "load", "sensor", "radial_acceleration")
+EXPRESSION_ACTS_ON = (
+    "contact_pressure",
+    "foundation_stiffness",
+    "strain",
+    "baseline",
+    "load",
+    "sensor",
+    "radial_acceleration",
+)
 _WAVES = ("contact_pressure", "strain", "radial_acceleration")
 
 
-def effect_by_expression(name: str, acts_on: str, expression: str, parameters: tuple[Parameter, ...]) -> Effect:
-    """The effect that a model file describes; ModelError where name, place or formula are not allowed."""
+def effect_by_expression(
+    name: str, acts_on: str, expression: str, parameters: tuple[Parameter, ...]
+) -> Effect:
+    """The effect that a model file describes; ModelError where name, place or formula are not
+    allowed.
+    """
     if acts_on not in EXPRESSION_ACTS_ON:
         raise ModelError(
             f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}; "
@@ -55,7 +71,8 @@ def effect_by_expression(name: str, acts_on: str, expression: str, parameters: t
     clash = [p.name for p in parameters if p.name in taken or not p.name.isidentifier()]
     if name in BY_ID or not name.replace("-", "_").isidentifier() or clash:
         raise ModelError(
-            f"effect {name!r} with parameters {[p.name for p in parameters]}: {', '.join(clash) or name} is taken or no plain "
+            f"effect {name!r} with parameters {[p.name for p in parameters]}: "
+            f"{', '.join(clash) or name} is taken or no plain "
             f"name; allowed are names that are no effect, function or condition; rename it"
         )
     places = PLACES if acts_on in _WAVES else ()
@@ -84,10 +101,16 @@ def _hook(acts_on: str, formula: Expression) -> dict[str, Any]:
         return np.atleast_2d(formula(_names(v, drive)))
 
     def pressure(v: Values, drive: Drive, site: Site) -> Any:
-        return to_modes(np.atleast_2d(_spread(formula(_names(v, drive, site, grid_angles())), grid_angles().size)))
+        return to_modes(
+            np.atleast_2d(
+                _spread(formula(_names(v, drive, site, grid_angles())), grid_angles().size)
+            )
+        )
 
     def at_angles(v: Values, drive: Drive, site: Site, phi_rad: FloatArray) -> FloatArray:
-        empty = np.isnan(phi_rad)  # bins without a sample have no angle, and that is no fault of the formula
+        empty = np.isnan(
+            phi_rad
+        )  # bins without a sample have no angle, and that is no fault of the formula
         values = formula(_names(v, drive, site, np.where(empty, 0.0, phi_rad)))
         return np.atleast_2d(np.where(empty, np.nan, values))
 
@@ -95,7 +118,9 @@ def _hook(acts_on: str, formula: Expression) -> dict[str, Any]:
         "contact_pressure": {"pressure": pressure},
         "strain": {"strain": at_angles},
         "radial_acceleration": {"acceleration": at_angles},
-        "foundation_stiffness": {"structure": lambda v, drive: Structure(added_stiffness=column(v, drive))},
+        "foundation_stiffness": {
+            "structure": lambda v, drive: Structure(added_stiffness=column(v, drive))
+        },
         "baseline": {"baseline": column},
         "load": {"added_load": column},
         "sensor": {"gain": lambda v, drive: 1.0 + column(v, drive)},
@@ -112,10 +137,20 @@ def _spread(values: FloatArray, size: int) -> FloatArray:
     )
 
 
-def _names(v: Values, drive: Drive, site: Site | None = None, phi_rad: FloatArray | None = None) -> dict[str, Any]:
-    values: dict[str, Any] = dict(v) | {name: getattr(drive, column) for name, column in CONDITIONS.items()}
+def _names(
+    v: Values, drive: Drive, site: Site | None = None, phi_rad: FloatArray | None = None
+) -> dict[str, Any]:
+    values: dict[str, Any] = dict(v) | {
+        name: getattr(drive, column) for name, column in CONDITIONS.items()
+    }
     if site is not None and phi_rad is not None:
-        values |= {"phi": phi_rad, "xi": phi_rad * site.radius_m, "L": site.half_length_m, "R": site.radius_m, "load": site.load_N}
+        values |= {
+            "phi": phi_rad,
+            "xi": phi_rad * site.radius_m,
+            "L": site.half_length_m,
+            "R": site.radius_m,
+            "load": site.load_N,
+        }
     return values
 
 
@@ -137,14 +172,19 @@ def _strength(formula: Expression, parameters: tuple[Parameter, ...]) -> tuple[s
 
 
 def effects_of_file(path: Path) -> dict[str, Effect]:
-    """The effects that a Python file defines: every module-level `Effect`.  The file is the user's own and is executed."""
+    """The effects that a Python file defines: every module-level `Effect`.
+
+    The file is the user's own and is executed.
+    """
     namespace: dict[str, Any] = {"__name__": f"tirelog_effects_{path.stem}", "__file__": str(path)}
     try:
         exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), namespace)
     except OSError as problem:
         if not _line(problem, path):  # the file itself
             raise ModelError(
-                f"cannot be read ({problem.strerror}); a Python file with effects is allowed; give its path", file=path
+                f"cannot be read ({problem.strerror}); a Python file with effects is allowed; "
+                "give its path",
+                file=path,
             ) from None
         raise _failed(problem, path) from problem
     except (Exception, SystemExit) as problem:
@@ -154,8 +194,16 @@ def effects_of_file(path: Path) -> dict[str, Effect]:
 
 def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
     """A ModelError for what a user's own Python raised, with its line."""
-    told = "calls sys.exit" if isinstance(problem, SystemExit) else f"{type(problem).__name__}: {problem}"
-    return ModelError(f"{what}{told}; Python that runs and returns is allowed; correct it", file=path, line=_line(problem, path))
+    told = (
+        "calls sys.exit"
+        if isinstance(problem, SystemExit)
+        else f"{type(problem).__name__}: {problem}"
+    )
+    return ModelError(
+        f"{what}{told}; Python that runs and returns is allowed; correct it",
+        file=path,
+        line=_line(problem, path),
+    )
 
 
 def _line(problem: BaseException, path: object) -> int | None:
@@ -186,21 +234,29 @@ def _watched(effect: Effect, origin: object) -> Effect:
     """The effect, whose functions say whose they are when they fail."""
     hooks = {f.name: value for f in fields(effect) if callable(value := getattr(effect, f.name))}
     what = f" of the effect {effect.id!r}: "
-    watched: dict[str, Any] = {name: _Hook(hook, name + what, origin) for name, hook in hooks.items()}
+    watched: dict[str, Any] = {
+        name: _Hook(hook, name + what, origin) for name, hook in hooks.items()
+    }
     return replace(effect, **watched)
 
 
 def installed_effects() -> dict[str, Effect]:
-    """The effects of installed packages: entry points of the group "tirelog.effects", each an Effect or a list of them."""
+    """The effects of installed packages: entry points of the group "tirelog.effects", each an
+    Effect or a list of them.
+    """
     found: dict[str, Effect] = {}
     for point in entry_points(group=ENTRY_POINTS):
         value = point.load()
-        found |= _collected(list(value) if isinstance(value, list | tuple) else [value], point.value)
+        found |= _collected(
+            list(value) if isinstance(value, list | tuple) else [value], point.value
+        )
     return found
 
 
 def catalogue_with(path: Path | None = None) -> Mapping[str, Effect]:
-    """The whole catalogue by id: our own, installed packages', and those of the Python file at `path`."""
+    """The whole catalogue by id: our own, installed packages', and those of the Python file at
+    `path`.
+    """
     return {**BY_ID, **installed_effects(), **(effects_of_file(path) if path else {})}
 
 
@@ -208,10 +264,20 @@ def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
     found: dict[str, Effect] = {}
     for effect in effects:
         if not isinstance(effect, Effect):
-            raise ModelError(f"gives {type(effect).__name__}; tirelog.physics.Effect is allowed; correct it", file=origin)
+            raise ModelError(
+                f"gives {type(effect).__name__}; tirelog.physics.Effect is allowed; correct it",
+                file=origin,
+            )
         if effect.id in BY_ID or effect.id in found:
-            raise ModelError(f"effect {effect.id!r} exists already; a new name is allowed; rename it", file=origin)
+            raise ModelError(
+                f"effect {effect.id!r} exists already; a new name is allowed; rename it",
+                file=origin,
+            )
         found[effect.id] = _watched(effect.checked(), origin)
     if not found:
-        raise ModelError("has no effect; at least one tirelog.physics.Effect at module level is needed; define it", file=origin)
+        raise ModelError(
+            "has no effect; at least one tirelog.physics.Effect at module level is needed; "
+            "define it",
+            file=origin,
+        )
     return found

@@ -1,10 +1,11 @@
 """Road against tread: one-sided springs along the road's normal, and brush friction along the road.
 
-The tread is a ring of M nodes that turn with the belt, h = 2 pi R / M apart. Node j lies at r_j = C + (R + w) e_r + v e_t; where it
-would go below the road, by d = h(x) - z with x = -s, the spring energy k_t d^2 / 2 per length pushes it back along its gradient, k_t d
-(h'(x), 1). A bristle clings to the road: its deflection u grows by what the node slides (the way between two steps, so that
-a steady patch slides steadily whatever the step), and stays within mu p / C_x. The nodes carry u
-with them, so nothing is smeared; a node that leaves the road forgets it.
+The tread is a ring of M nodes that turn with the belt, h = 2 pi R / M apart. Node j lies at r_j = C
++ (R + w) e_r + v e_t; where it would go below the road, by d = h(x) - z with x = -s, the spring
+energy k_t d^2 / 2 per length pushes it back along its gradient, k_t d (h'(x), 1). A bristle clings
+to the road: its deflection u grows by what the node slides (the way between two steps, so that a
+steady patch slides steadily whatever the step), and stays within mu p / C_x. The nodes carry u with
+them, so nothing is smeared; a node that leaves the road forgets it.
 """
 
 from __future__ import annotations
@@ -33,8 +34,9 @@ _TOP_EVERY_M = 0.05
 class RoadForces:
     """What the road does to the tire, totals and modes.
 
-    force [N] as s + i z; torque [N m] that turns the ring, sum f . r'; modes E_n (N - 1,) [N/m]; energy [J] of the tread's springs
-    (bristles included); angle phi [rad] of the nodes that were looked at, and the springs' vertical force per length p [N/m] on them.
+    force [N] as s + i z; torque [N m] that turns the ring, sum f . r'; modes E_n (N - 1,) [N/m];
+    energy [J] of the tread's springs (bristles included); angle phi [rad] of the nodes that were
+    looked at, and the springs' vertical force per length p [N/m] on them.
     """
 
     force: complex
@@ -69,22 +71,48 @@ class Tread:
         self._top, self._top_at = 0.0, np.inf
 
     def forces(self, centre: complex, psi: float, V: ComplexArray) -> RoadForces:
-        """The road's forces at this place; bristles move on by what their nodes slid since the last call."""
+        """The road's forces at this place; bristles move on by what their nodes slid since the last
+        call.
+        """
         tire, n = self.tire, self.tire.n
         start, phi = self._near(centre, psi)
         sin, cos = np.sin(phi), np.cos(phi)
         turn = np.exp(1j * psi * n)
         A = 2.0 * turn * V
-        s, z, bend = kernels.places(self._cos, self._sin, start, n, A.real, A.imag, tire.R, centre.real, centre.imag, sin, cos)
+        s, z, bend = kernels.places(
+            self._cos,
+            self._sin,
+            start,
+            n,
+            A.real,
+            A.imag,
+            tire.R,
+            centre.real,
+            centre.imag,
+            sin,
+            cos,
+        )
         height, slope = self.road.profile(-s)
         self._now += 1
         f_s, f_z, sprung, clung, lost = kernels.press(
-            s, z, height, slope, self._was, self.bristles, start, self.nodes, tire.k_t, tire.c_x, tire.mu, self._now
+            s,
+            z,
+            height,
+            slope,
+            self._was,
+            self.bristles,
+            start,
+            self.nodes,
+            tire.k_t,
+            tire.c_x,
+            tire.mu,
+            self._now,
         )
         self.lost += self._pitch * lost
         if phi.size and ((phi[0] <= -FAR and f_z[0] != 0.0) or (phi[-1] >= FAR and f_z[-1] != 0.0)):
             raise ModelError(
-                f"the road reaches the tire beyond {FAR:g} rad to either side; a shorter patch is allowed; lower the load or the obstacle"
+                f"the road reaches the tire beyond {FAR:g} rad to either side; a shorter patch "
+                "is allowed; lower the load or the obstacle"
             )
         f_r, f_t = f_s * sin - f_z * cos, f_s * cos + f_z * sin
         real, imag = kernels.modes_of(self._cos, self._sin, start, f_t, f_r, n, self.nodes)
@@ -99,11 +127,15 @@ class Tread:
         R, pitch = self.tire.R, 2.0 * np.pi / self.nodes
         if not abs(centre.real - self._top_at) < _TOP_EVERY_M:
             reach = (FAR + 0.1) * R + _TOP_EVERY_M
-            self._top = float(np.max(self.road.profile(np.linspace(-reach, reach, 1001) - centre.real)[0]))
+            self._top = float(
+                np.max(self.road.profile(np.linspace(-reach, reach, 1001) - centre.real)[0])
+            )
             self._top_at = centre.real
         low = (centre.imag - self._top) / R - NEAR
         if low >= 1.0:
             return 0, np.zeros(0)
         reach = min(math.acos(max(low, -1.0)), FAR + 2.0 * pitch)
         first, last = math.ceil((-reach - psi) / pitch), math.floor((reach - psi) / pitch)
-        return first % self.nodes, np.asarray(np.arange(first, last + 1) * pitch + psi, dtype=np.float64)
+        return first % self.nodes, np.asarray(
+            np.arange(first, last + 1) * pitch + psi, dtype=np.float64
+        )

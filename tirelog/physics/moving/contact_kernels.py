@@ -1,7 +1,9 @@
-"""Compiled loops of the coupled ring's contact: where the tread's nodes are, and what the road does to them.
+"""Compiled loops of the coupled ring's contact: where the tread's nodes are, and what the road does
+to them.
 
-Nodes of a stretch, (j,), stand in order of their angle; tables of cos(n theta), sin(n theta), (N - 1, 2 M), go twice around the belt, so
-that any stretch is one slice from `start`.  Sums keep their order whatever the machine.
+Nodes of a stretch, (j,), stand in order of their angle; tables of cos(n theta), sin(n theta), (N -
+1, 2 M), go twice around the belt, so that any stretch is one slice from `start`. Sums keep their
+order whatever the machine.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ def places(
     cosines: FloatArray, sines: FloatArray, start: int, n: FloatArray, real: FloatArray, imag: FloatArray, radius: float,
     centre_s: float, centre_z: float, sin: FloatArray, cos: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """s, z and w' - v of nodes at angles with these `sin`, `cos` (j,), from the modes 2 V e^(i n psi) as `real`, `imag` (N - 1,)."""
+    """s, z and w' - v of nodes at angles with these `sin`, `cos` (j,), from the modes 2 V e^(i n
+    psi) as `real`, `imag` (N - 1,).
+    """
     size = sin.size
     v, w, bend = np.zeros(size), np.zeros(size), np.zeros(size)
     for k in range(n.size):
@@ -37,10 +41,12 @@ def press(
     s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: FloatArray, bristles: FloatArray, start: int, nodes: int,
     k_t: float, c_x: float, mu: float, now: float,
 ) -> tuple[FloatArray, FloatArray, float, float, float]:  # fmt: skip
-    """Forces (f_s, f_z) [N/m] on nodes (j,), the energies of springs and bristles and what sliding took, in J per length of pitch.
+    """Forces (f_s, f_z) [N/m] on nodes (j,), the energies of springs and bristles and what sliding
+    took, in J per length of pitch.
 
-    was (4, M): s, z, depth and the call `now` at which the node was seen last; bristles (M,) [m].  A node that came down since the last
-    call has slid for a part of the way; one that was not looked at then has not.
+    was (4, M): s, z, depth and the call `now` at which the node was seen last; bristles (M,) [m]. A
+    node that came down since the last call has slid for a part of the way; one that was not looked
+    at then has not.
     """
     size = s.size
     f_s, f_z = np.zeros(size), np.zeros(size)
@@ -58,7 +64,11 @@ def press(
             limit = mu * k_t * max(gap, 0.0) * long / c_x
             slid = 0.0
             if seen:
-                share = 1.0 if was[2, j] >= 0.0 else min(max(gap / max(gap - was[2, j], 1e-12), 0.0), 1.0)
+                share = (
+                    1.0
+                    if was[2, j] >= 0.0
+                    else min(max(gap / max(gap - was[2, j], 1e-12), 0.0), 1.0)
+                )
                 slid = share * ((s[i] - was[0, j]) - steep * (z[i] - was[1, j])) / long
             else:
                 before = 0.0
@@ -75,9 +85,17 @@ def press(
 
 @compiled
 def modes_of(
-    cosines: FloatArray, sines: FloatArray, start: int, f_t: FloatArray, f_r: FloatArray, n: FloatArray, nodes: int
+    cosines: FloatArray,
+    sines: FloatArray,
+    start: int,
+    f_t: FloatArray,
+    f_r: FloatArray,
+    n: FloatArray,
+    nodes: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Real and imaginary part of Q_v + i n Q_w (N - 1,) of forces [N/m] on nodes (j,), in the belt's own angle."""
+    """Real and imaginary part of Q_v + i n Q_w (N - 1,) of forces [N/m] on nodes (j,), in the
+    belt's own angle.
+    """
     real, imag = np.zeros(n.size), np.zeros(n.size)
     for k in range(n.size):
         t_c = t_s = r_c = r_s = 0.0

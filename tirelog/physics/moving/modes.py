@@ -1,18 +1,23 @@
-"""How a tire rings: natural frequencies, damping and shapes of the coupled ring, free in the air or on a flat road.
+"""How a tire rings: natural frequencies, damping and shapes of the coupled ring, free in the air or
+on a flat road.
 
-The equations of `ring`, linear about the tire that turns at Omega (second-order terms left out), in the frame that does not turn:
+The equations of `ring`, linear about the tire that turns at Omega (second-order terms left out), in
+the frame that does not turn:
 
-    M q'' + (C + G) q' + (K + D) q = 0,    q = (H_s, H_z, C_s, C_z, psi_h, psi, Re V_2, Im V_2, ... Re V_N, Im V_N)
+    M q'' + (C + G) q' + (K + D) q = 0,    q = (H_s, H_z, C_s, C_z, psi_h, psi, Re V_2, Im V_2, ...
+                                           Re V_N, Im V_N)
 
-G is the gyroscopic part 4 pi R 2 gamma_n Omega (skew), D what the turning dampers push sideways (circulatory).  On the road the
-tread's springs under the standing patch are added to K, sum k_t h g g' with g the gradient of a node's height; and the bristles, which
-cling (they are far from sliding in free rolling), as states of their own that pass through the patch with the belt:
+G is the gyroscopic part 4 pi R 2 gamma_n Omega (skew), D what the turning dampers push sideways
+(circulatory). On the road the tread's springs under the standing patch are added to K, sum k_t h g
+g' with g the gradient of a node's height; and the bristles, which cling (they are far from sliding
+in free rolling), as states of their own that pass through the patch with the belt:
 
     u_t + Omega u_phi = a . q' + Omega b . q,  u = 0 at the entry,    force on q:  - sum c_x h a u
 
-a the gradient of a node's place along the road, b of (w' - v) sin phi.  A ring model without bristles stands on a road free of friction:
-its rotation does not feel the road.  Frequencies are those that an observer beside the tire hears; on the belt
-itself a wave of n lobes is n Omega / 2 pi away.
+a the gradient of a node's place along the road, b of (w' - v) sin phi. A ring model without
+bristles stands on a road free of friction: its rotation does not feel the road. Frequencies are
+those that an observer beside the tire hears; on the belt itself a wave of n lobes is n Omega / 2 pi
+away.
 """
 
 from __future__ import annotations
@@ -29,7 +34,14 @@ from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
-_RIGID = ("hub longitudinal", "hub vertical", "rigid longitudinal", "rigid vertical", "hub rotational", "rotational")
+_RIGID = (
+    "hub longitudinal",
+    "hub vertical",
+    "rigid longitudinal",
+    "rigid vertical",
+    "hub rotational",
+    "rotational",
+)
 #: A coupled ring model's names for what a ring model does not have.
 _OWN = {
     "m_h": "hub_mass_kg",
@@ -51,7 +63,8 @@ _SLOWEST = 0.05
 
 @dataclass(frozen=True)
 class Mode:
-    """One natural vibration: frequency [Hz], damping ratio, its shape in words, lobes n (0 rotational, 1 rigid), share of n in its energy.
+    """One natural vibration: frequency [Hz], damping ratio, its shape in words, lobes n (0
+    rotational, 1 rigid), share of n in its energy.
 
     direction: `with` or `against` the rotation for a travelling wave, `standing` else.
     """
@@ -64,31 +77,52 @@ class Mode:
     share: float
 
 
-def natural_modes(tire: CoupledRing, *, speed_m_s: float = 0.0, load_N: float | None = None, to_Hz: float = 300.0) -> list[Mode]:
-    """The modes up to `to_Hz`, lowest first; free in the air without `load_N`, else on the road under it.
+def natural_modes(
+    tire: CoupledRing, *, speed_m_s: float = 0.0, load_N: float | None = None, to_Hz: float = 300.0
+) -> list[Mode]:
+    """The modes up to `to_Hz`, lowest first; free in the air without `load_N`, else on the road
+    under it.
 
-    ModelError for a speed at or beyond the critical one, a load that does not press, or a range that is none.
+    ModelError for a speed at or beyond the critical one, a load that does not press, or a range
+    that is none.
     """
     if not to_Hz > 0.0:
-        raise ModelError(f"modes up to {to_Hz:g} Hz; above zero is allowed; give the highest frequency")
+        raise ModelError(
+            f"modes up to {to_Hz:g} Hz; above zero is allowed; give the highest frequency"
+        )
     tire.check_speed(speed_m_s)
     tire = enough_modes(tire, to_Hz, speed_m_s)
     system, M = first_order(tire, speed_m_s / tire.R, load_N)
     size = M.size
     values, vectors = np.linalg.eig(system)
     heard = (values.imag > 2.0 * np.pi * _SLOWEST) & (values.imag <= 2.0 * np.pi * to_Hz)
-    found = [_mode(value, vector[:size], M, turning=speed_m_s != 0.0) for value, vector in zip(values[heard], vectors[:, heard].T)]
+    found = [
+        _mode(value, vector[:size], M, turning=speed_m_s != 0.0)
+        for value, vector in zip(values[heard], vectors[:, heard].T)
+    ]
     return sorted(found, key=lambda mode: (mode.frequency_Hz, mode.lobes))
 
 
-def of_model(values: Mapping[str, float], *, hub_mass_kg: float | None = None, hub_inertia_kg_m2: float | None = None) -> CoupledRing:
-    """The coupled ring with a ring or coupled ring model's numbers by name (contract, "Model file"); ModelError where they cannot move.
+def of_model(
+    values: Mapping[str, float],
+    *,
+    hub_mass_kg: float | None = None,
+    hub_inertia_kg_m2: float | None = None,
+) -> CoupledRing:
+    """The coupled ring with a ring or coupled ring model's numbers by name (contract, "Model
+    file"); ModelError where they cannot move.
 
-    A ring has no hub of its own: 20 kg and 0.8 kg m^2 without the two; and no bristles.  A model without a tread has one that does not
-    matter in the air.
+    A ring has no hub of its own: 20 kg and 0.8 kg m^2 without the two; and no bristles. A model
+    without a tread has one that does not matter in the air.
     """
-    own: dict[str, Any] = {"c_x": 0.0} | {name: values[key] for name, key in _OWN.items() if key in values}
-    own |= {name: given for name, given in (("m_h", hub_mass_kg), ("J_h", hub_inertia_kg_m2)) if given is not None}
+    own: dict[str, Any] = {"c_x": 0.0} | {
+        name: values[key] for name, key in _OWN.items() if key in values
+    }
+    own |= {
+        name: given
+        for name, given in (("m_h", hub_mass_kg), ("J_h", hub_inertia_kg_m2))
+        if given is not None
+    }
     return CoupledRing(
         EI=values["flexural_stiffness_N_m2"],
         k_w=values["radial_stiffness_N_m2"],
@@ -104,15 +138,21 @@ def of_model(values: Mapping[str, float], *, hub_mass_kg: float | None = None, h
 
 
 def enough_modes(tire: CoupledRing, to_Hz: float, speed_m_s: float) -> CoupledRing:
-    """The tire with as many belt modes as ring up to `to_Hz` (seen beside a tire at that speed), twice over for the patch, 12 to 60."""
+    """The tire with as many belt modes as ring up to `to_Hz` (seen beside a tire at that speed),
+    twice over for the patch, 12 to 60.
+    """
     n = np.arange(2.0, 61.0)
     wide = replace(tire, modes=60)
     slow = np.sqrt(wide.Z_n / wide.m_n) - n * abs(speed_m_s) / tire.R
     below = n[slow < 2.0 * np.pi * to_Hz]
-    return replace(tire, modes=int(np.clip(2.0 * (below[-1] if below.size else 0.0) + 4.0, 12.0, 60.0)))
+    return replace(
+        tire, modes=int(np.clip(2.0 * (below[-1] if below.size else 0.0) + 4.0, 12.0, 60.0))
+    )
 
 
-def first_order(tire: CoupledRing, omega_rad_s: float, load_N: float | None = None) -> tuple[FloatArray, FloatArray]:
+def first_order(
+    tire: CoupledRing, omega_rad_s: float, load_N: float | None = None
+) -> tuple[FloatArray, FloatArray]:
     """(A of y' = A y, diagonal of M), y = (q, q', and on the road the bristles' deflections u)."""
     M, damping, stiffness = matrices(tire, omega_rad_s, load_N)
     size = M.size
@@ -124,17 +164,24 @@ def first_order(tire: CoupledRing, omega_rad_s: float, load_N: float | None = No
     return system, M
 
 
-def matrices(tire: CoupledRing, omega_rad_s: float, load_N: float | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
+def matrices(
+    tire: CoupledRing, omega_rad_s: float, load_N: float | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(diagonal of M, C + G, K + D), (k,), (k, k), (k, k) in SI, q as above."""
     scale = 4.0 * np.pi * tire.R
     M = np.concatenate(
-        [[tire.m_h, tire.m_h, tire.m_r, tire.m_r, tire.J_h, tire.J_r], np.repeat(scale * tire.m_n, 2)],
+        [
+            [tire.m_h, tire.m_h, tire.m_r, tire.m_r, tire.J_h, tire.J_r],
+            np.repeat(scale * tire.m_n, 2),
+        ],
     )
     damping, stiffness = np.zeros((M.size, M.size)), np.zeros((M.size, M.size))
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     pair = np.array([[1.0, -1.0], [-1.0, 1.0]])
     damping[:4, :4] = tire.c_s * np.kron(pair, np.eye(2))
-    stiffness[:4, :4] = tire.k_s * np.kron(pair, np.eye(2)) - tire.c_s * omega_rad_s * np.kron(pair, turn)
+    stiffness[:4, :4] = tire.k_s * np.kron(pair, np.eye(2)) - tire.c_s * omega_rad_s * np.kron(
+        pair, turn
+    )
     damping[1, 1] += tire.c_h
     damping[4:6, 4:6], stiffness[4:6, 4:6] = tire.c_theta * pair, tire.k_theta * pair
     for i, (n, c, gamma, Z) in enumerate(zip(tire.n, tire.c_n, tire.gamma_n, tire.Z_n)):
@@ -160,8 +207,12 @@ def _road(tire: CoupledRing, load_N: float) -> FloatArray:
     return (tire.k_t * tire.R * contact.STEP) * gradient @ gradient.T
 
 
-def _with_bristles(tire: CoupledRing, system: FloatArray, M: FloatArray, omega: float, load_N: float) -> FloatArray:
-    """The system with the bristles' deflections u (_CELLS,) as states more, in upwind cells from entry to exit."""
+def _with_bristles(
+    tire: CoupledRing, system: FloatArray, M: FloatArray, omega: float, load_N: float
+) -> FloatArray:
+    """The system with the bristles' deflections u (_CELLS,) as states more, in upwind cells from
+    entry to exit.
+    """
     pressed = contact.solve_contact(tire.carcass, load_N)
     half = pressed.half_length_m / tire.R
     width = 2.0 * half / _CELLS
@@ -171,13 +222,21 @@ def _with_bristles(tire: CoupledRing, system: FloatArray, M: FloatArray, omega: 
     along, turned = np.zeros((2, size, _CELLS))
     along[2], along[5] = 1.0, tire.R
     # s = C_s + w sin phi + v cos phi + R psi;  w' - v = (n^2 - 1) v
-    along[_RINGS::2], along[_RINGS + 1 :: 2] = n * sin * np.sin(phi) + cos * np.cos(phi), n * cos * np.sin(phi) - sin * np.cos(phi)
-    turned[_RINGS::2], turned[_RINGS + 1 :: 2] = (n**2 - 1.0) * cos * np.sin(phi), -(n**2 - 1.0) * sin * np.sin(phi)
+    along[_RINGS::2], along[_RINGS + 1 :: 2] = (
+        n * sin * np.sin(phi) + cos * np.cos(phi),
+        n * cos * np.sin(phi) - sin * np.cos(phi),
+    )
+    turned[_RINGS::2], turned[_RINGS + 1 :: 2] = (
+        (n**2 - 1.0) * cos * np.sin(phi),
+        -(n**2 - 1.0) * sin * np.sin(phi),
+    )
     whole = np.zeros((system.shape[0] + _CELLS,) * 2)
     whole[: 2 * size, : 2 * size] = system
     whole[size : 2 * size, 2 * size :] = -tire.c_x * tire.R * width * along / M[:, None]
     whole[2 * size :, :size], whole[2 * size :, size : 2 * size] = omega * turned.T, along.T
-    whole[2 * size :, 2 * size :] = -abs(omega) / width * (np.eye(_CELLS) - np.eye(_CELLS, k=-1 if omega >= 0.0 else 1))
+    whole[2 * size :, 2 * size :] = (
+        -abs(omega) / width * (np.eye(_CELLS) - np.eye(_CELLS, k=-1 if omega >= 0.0 else 1))
+    )
     return whole
 
 
@@ -190,19 +249,42 @@ def _mode(value: complex, q: ComplexArray, M: FloatArray, *, turning: bool) -> M
     groups = np.concatenate([[rotational, rigid], lobes])
     main = int(np.argmax(groups))
     # rounded: what is not damped is 0, not the eigenvalue solver's noise
-    frequency, damping = float(value.imag) / (2.0 * np.pi), round(-float(value.real) / abs(value), 12) + 0.0
+    frequency, damping = (
+        float(value.imag) / (2.0 * np.pi),
+        round(-float(value.real) / abs(value), 12) + 0.0,
+    )
     share = float(groups[main])
     if main == 0:
         return Mode(frequency, damping, "rotational", 0, "standing", share)
     if main == 1:
         upright = (energy[1] + energy[3]) / rigid
-        word = "rigid vertical" if upright > 0.75 else "rigid longitudinal" if upright < 0.25 else "rigid whirl"
+        word = (
+            "rigid vertical"
+            if upright > 0.75
+            else "rigid longitudinal"
+            if upright < 0.25
+            else "rigid whirl"
+        )
         x, y = (q[2], q[3]) if energy[2:4].sum() > energy[:2].sum() else (q[0], q[1])
         # s + i z turning with the rotation goes as exp(+ i omega t)
-        return Mode(frequency, damping, word, 1, _direction(abs(x + 1j * y), abs(x - 1j * y), turning), share)
+        return Mode(
+            frequency,
+            damping,
+            word,
+            1,
+            _direction(abs(x + 1j * y), abs(x - 1j * y), turning),
+            share,
+        )
     x, y = q[_RINGS + 2 * (main - 2) :][:2]
     # V exp(i n phi): with the rotation, V goes as exp(- i omega t)
-    return Mode(frequency, damping, f"{main}-lobe", main, _direction(abs(x - 1j * y), abs(x + 1j * y), turning), share)
+    return Mode(
+        frequency,
+        damping,
+        f"{main}-lobe",
+        main,
+        _direction(abs(x - 1j * y), abs(x + 1j * y), turning),
+        share,
+    )
 
 
 def _direction(along: float, against: float, turning: bool) -> str:

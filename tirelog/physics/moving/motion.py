@@ -1,16 +1,20 @@
-"""The coupled ring in time: a symmetric step of kicks (road, sidewall) and an exact step of the belt's modes between them.
+"""The coupled ring in time: a symmetric step of kicks (road, sidewall) and an exact step of the
+belt's modes between them.
 
 Scenario -> `simulate` -> `Motion`, columns over time.  One step h:
 
     half kick   road and sidewall act on velocities and spin
-    drift       rigid parts move on; every mode takes the exact step of  m V'' + (c + 2 i gamma Omega) V' + (Z + i n Omega c) V = 0
+    drift       rigid parts move on; every mode takes the exact step of  m V'' + (c + 2 i gamma
+                Omega) V' + (Z + i n Omega c) V = 0
     half kick   with the forces of the new place
 
-The kicks on a mode are not h / 2 m but beta and beta', chosen such that a load at rest in space holds the mode at E_n / (Z_n + i n
-Omega c_n) to the last bit: steady rolling is the steady ring at any h, and error is left for transients only (second order in h). The
-spin's momentum J_r Omega + P is what is integrated, so that energy and angular momentum pass between belt and spin as the equations
-say.  Without damping all energy stays to some 1e-6 over 10 s of rolling; of the energy of the vibration alone a few percent come and go at
-h = 1e-4 and one at 5e-5, since nodes that touch and leave give the force a kink which no order of the step smooths.
+The kicks on a mode are not h / 2 m but beta and beta', chosen such that a load at rest in space
+holds the mode at E_n / (Z_n + i n Omega c_n) to the last bit: steady rolling is the steady ring at
+any h, and error is left for transients only (second order in h). The spin's momentum J_r Omega + P
+is what is integrated, so that energy and angular momentum pass between belt and spin as the
+equations say. Without damping all energy stays to some 1e-6 over 10 s of rolling; of the energy of
+the vibration alone a few percent come and go at h = 1e-4 and one at 5e-5, since nodes that touch
+and leave give the force a kink which no order of the step smooths.
 """
 
 from __future__ import annotations
@@ -32,12 +36,24 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: Spin [rad/s] by which the belt's exact step may be out of date.
 _STALE = 1e-3
-_COLUMNS = ("time_s", "force_s_N", "force_z_N", "spindle_s_N", "spindle_z_N", "omega_rad_s", "psi_rad", "hub_z_m", "energy_J")
+_COLUMNS = (
+    "time_s",
+    "force_s_N",
+    "force_z_N",
+    "spindle_s_N",
+    "spindle_z_N",
+    "omega_rad_s",
+    "psi_rad",
+    "hub_z_m",
+    "energy_J",
+)
 
 
 @dataclass
 class State:
-    """Where the tire is: hub H and ring C [m] as s + i z, angles [rad], spins [rad/s], modes V (N - 1,) [m], and their rates."""
+    """Where the tire is: hub H and ring C [m] as s + i z, angles [rad], spins [rad/s], modes V (N -
+    1,) [m], and their rates.
+    """
 
     hub: complex
     centre: complex
@@ -51,7 +67,9 @@ class State:
     V_rate: ComplexArray
 
     @classmethod
-    def rolling(cls, tire: CoupledRing, load_N: float, speed_m_s: float, *, height_m: float = 0.0) -> State:
+    def rolling(
+        cls, tire: CoupledRing, load_N: float, speed_m_s: float, *, height_m: float = 0.0
+    ) -> State:
         """On a flat road of that height at x = 0, rolling freely and steadily (`steady_rolling`)."""
         tire.check_speed(speed_m_s)
         steady = steady_rolling(tire, load_N, speed_m_s)
@@ -59,12 +77,25 @@ class State:
         # what the sidewall's damping takes from the hub is held by the wind-up
         wound = tire.c_s * omega * abs(a) ** 2 / tire.k_theta
         rate = complex(-speed_m_s)
-        return cls(centre - a, centre, rate, rate, wound, 0.0, omega, omega, steady.V, np.zeros_like(steady.V))
+        return cls(
+            centre - a,
+            centre,
+            rate,
+            rate,
+            wound,
+            0.0,
+            omega,
+            omega,
+            steady.V,
+            np.zeros_like(steady.V),
+        )
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What is done to the hub, as functions of time [s]: load [N] downwards, speed [m/s] (None: free), torque [N m] with the spin."""
+    """What is done to the hub, as functions of time [s]: load [N] downwards, speed [m/s] (None:
+    free), torque [N m] with the spin.
+    """
 
     load_N: Callable[[float], float]
     speed_m_s: Callable[[float], float] | None = None
@@ -73,9 +104,11 @@ class Drive:
 
 @dataclass(frozen=True)
 class Motion:
-    """Columns over time, each (k,) or (k, N - 1): the road's forces, the spindle's, the spin, and the belt.
+    """Columns over time, each (k,) or (k, N - 1): the road's forces, the spindle's, the spin, and
+    the belt.
 
-    force_s_N, force_z_N  of the road on the tire, s backwards; spindle_s_N, spindle_z_N  of the sidewall on the hub
+    force_s_N, force_z_N  of the road on the tire, s backwards; spindle_s_N, spindle_z_N  of the
+                          sidewall on the hub
     hub_rate, centre_rate  velocities (k,) of hub and ring, s + i z
     """
 
@@ -95,17 +128,33 @@ class Motion:
     centre_rate: ComplexArray
 
     def strain(self, theta_rad: float, lever_m: float) -> FloatArray:
-        """Strain (k,) at the belt's own angle theta, `lever_m` toward the axle positive: (y / R^2) (w + w''), w outward (errata)."""
+        """Strain (k,) at the belt's own angle theta, `lever_m` toward the axle positive: (y / R^2)
+        (w + w''), w outward (errata).
+        """
         n = self.tire.n
         turn = np.exp(1j * np.outer(self.psi_rad + theta_rad, n))
-        return lever_m / self.tire.R**2 * 2.0 * np.sum(-1j * n * (1.0 - n**2) * self.V * turn, axis=1).real
+        return (
+            lever_m
+            / self.tire.R**2
+            * 2.0
+            * np.sum(-1j * n * (1.0 - n**2) * self.V * turn, axis=1).real
+        )
 
 
 class Stepper:
-    """Moves a `State` on in steps of `step_s`; ModelError where such a step is unstable, or the motion leaves what the ring can do."""
+    """Moves a `State` on in steps of `step_s`; ModelError where such a step is unstable, or the
+    motion leaves what the ring can do.
+    """
 
     def __init__(
-        self, tire: CoupledRing, state: State, drive: Drive, road: Road | None = None, *, step_s: float = 1e-4, nodes: int = 1536
+        self,
+        tire: CoupledRing,
+        state: State,
+        drive: Drive,
+        road: Road | None = None,
+        *,
+        step_s: float = 1e-4,
+        nodes: int = 1536,
     ) -> None:
         self.tire, self.state, self.drive, self.step_s = tire, state, drive, step_s
         self.tread = Tread(tire, road or FlatRoad(), nodes)
@@ -115,7 +164,8 @@ class Stepper:
         check_climbable(self.tread.road, tire.R)
         if not 0.0 < step_s <= tire.largest_step_s(speed):
             raise ModelError(
-                f"step of {step_s:g} s is not stable for this tire; above zero and up to {tire.largest_step_s(speed):.3g} s is allowed; "
+                f"step of {step_s:g} s is not stable for this tire; above zero and up to "
+                f"{tire.largest_step_s(speed):.3g} s is allowed; "
                 f"give a shorter step or fewer modes"
             )
         self._belt_at = np.nan
@@ -126,7 +176,8 @@ class Stepper:
         self._momentum = tire.J_r * state.omega + tire.gyroscopic_momentum(state.V, state.V_rate)
         self.road_forces: RoadForces = self._touch()
 
-    # ---- one step -----------------------------------------------------------------------------------------------------------------
+    # ---- one step
+    # -----------------------------------------------------------------------------------------------------------------
 
     def step(self) -> None:
         """One step."""
@@ -156,7 +207,9 @@ class Stepper:
         return self.tread.forces(s.centre, s.psi, s.V)
 
     def _belt(self) -> None:
-        """The modes' exact flow over h at this spin, and the kicks that keep a steady load's answer exact."""
+        """The modes' exact flow over h at this spin, and the kicks that keep a steady load's answer
+        exact.
+        """
         tire, omega, h = self.tire, self.state.omega, self.step_s
         if abs(omega - self._belt_at) < _STALE:
             return
@@ -176,7 +229,9 @@ class Stepper:
         self._after = -c / K - d * self._before
 
     def _kick(self, h: float, beta: ComplexArray) -> None:
-        """Impulses of road, springs and what the drive applies, over h; the modes take theirs by `beta`."""
+        """Impulses of road, springs and what the drive applies, over h; the modes take theirs by
+        `beta`.
+        """
         s, tire, drive, road = self.state, self.tire, self.drive, self.road_forces
         spring = tire.k_s * (s.centre - s.hub)
         wound = tire.k_theta * (s.psi - s.psi_hub)
@@ -190,17 +245,24 @@ class Stepper:
         self._respin()
 
     def _damp(self, h: float) -> None:
-        """The sidewall's dampers over h, exact for velocities: what they take from the ring they give to the hub; and the suspension's."""
+        """The sidewall's dampers over h, exact for velocities: what they take from the ring they
+        give to the hub; and the suspension's.
+        """
         s, tire = self.state, self.tire
         if tire.c_h > 0.0:
-            s.hub_rate = complex(s.hub_rate.real, s.hub_rate.imag * math.exp(-tire.c_h / tire.m_h * h))
+            s.hub_rate = complex(
+                s.hub_rate.real, s.hub_rate.imag * math.exp(-tire.c_h / tire.m_h * h)
+            )
         if not self._damped:
             return
         across = 1j * (s.centre - s.hub)
         sliding = s.centre_rate - s.hub_rate - s.omega_hub * across
         free = 1.0 / tire.m_r + 1.0 / tire.m_h
         held = free if self.drive.speed_m_s is None else 1.0 / tire.m_r
-        impulse = complex(sliding.real * math.expm1(-tire.c_s * held * h) / held, sliding.imag * math.expm1(-tire.c_s * free * h) / free)
+        impulse = complex(
+            sliding.real * math.expm1(-tire.c_s * held * h) / held,
+            sliding.imag * math.expm1(-tire.c_s * free * h) / free,
+        )
         s.centre_rate += impulse / tire.m_r
         s.hub_rate -= (impulse if self.drive.speed_m_s is None else 1j * impulse.imag) / tire.m_h
         inverse = 1.0 / tire.J_r + 1.0 / tire.J_h
@@ -213,18 +275,33 @@ class Stepper:
         """The spin that belongs to the momentum; the belt's canonical momenta stay as they are."""
         s, tire = self.state, self.tire
         carried = float(np.dot(self._carried, s.V.real**2 + s.V.imag**2))
-        change = (self._momentum - tire.J_r * s.omega - tire.gyroscopic_momentum(s.V, s.V_rate)) / (tire.J_r - carried)
+        change = (self._momentum - tire.J_r * s.omega - tire.gyroscopic_momentum(s.V, s.V_rate)) / (
+            tire.J_r - carried
+        )
         s.omega += change
         s.V_rate = s.V_rate - (1j * change) * self._swing * s.V
 
-    # ---- what there is to see ---------------------------------------------------------------------------------------------------
+    # ---- what there is to see
+    # ---------------------------------------------------------------------------------------------------
 
     def energy(self) -> float:
         """Kinetic and elastic energy [J] of tire, hub and tread; the load's potential is not in it."""
         s, tire = self.state, self.tire
-        rigid = tire.m_r * abs(s.centre_rate) ** 2 + tire.m_h * abs(s.hub_rate) ** 2 + tire.k_s * abs(s.centre - s.hub) ** 2
-        spin = tire.J_r * s.omega**2 + tire.J_h * s.omega_hub**2 + tire.k_theta * (s.psi - s.psi_hub) ** 2
-        return 0.5 * (rigid + spin) + tire.belt_energy(s.V, s.V_rate, s.omega) + self.road_forces.energy
+        rigid = (
+            tire.m_r * abs(s.centre_rate) ** 2
+            + tire.m_h * abs(s.hub_rate) ** 2
+            + tire.k_s * abs(s.centre - s.hub) ** 2
+        )
+        spin = (
+            tire.J_r * s.omega**2
+            + tire.J_h * s.omega_hub**2
+            + tire.k_theta * (s.psi - s.psi_hub) ** 2
+        )
+        return (
+            0.5 * (rigid + spin)
+            + tire.belt_energy(s.V, s.V_rate, s.omega)
+            + self.road_forces.energy
+        )
 
     def spindle(self) -> complex:
         """Force [N] of the sidewall on the hub, along s and (imaginary) z."""
@@ -234,7 +311,9 @@ class Stepper:
 
 
 def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
-    """Moves on for `duration_s` and keeps every `every`-th step; ModelError where the ring turns inside out or flies apart."""
+    """Moves on for `duration_s` and keeps every `every`-th step; ModelError where the ring turns
+    inside out or flies apart.
+    """
     rows: list[list[float]] = []
     shapes: list[tuple[Any, ...]] = []
     for index in range(max(round(duration_s / stepper.step_s), 1)):
@@ -244,7 +323,8 @@ def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
         s, force, spindle = stepper.state, stepper.road_forces.force, stepper.spindle()
         if not (np.isfinite(s.omega) and abs(s.centre - s.hub) < 0.5 * stepper.tire.R):
             raise ModelError(
-                f"the ring left its sidewall at {stepper.time_s:.4g} s; displacements below half of the radius are allowed; "
+                f"the ring left its sidewall at {stepper.time_s:.4g} s; displacements below half "
+                "of the radius are allowed; "
                 f"lower the load, the obstacle or the step"
             )
         hub = (s.omega, s.psi, s.hub.imag, stepper.energy())
@@ -252,4 +332,6 @@ def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
         shapes.append((s.V, s.V_rate, s.hub_rate, s.centre_rate))
     columns = dict(zip(_COLUMNS, np.array(rows).T))
     V, V_rate, hub_rate, centre_rate = (np.array(each) for each in zip(*shapes))
-    return Motion(stepper.tire, V=V, V_rate=V_rate, hub_rate=hub_rate, centre_rate=centre_rate, **columns)
+    return Motion(
+        stepper.tire, V=V, V_rate=V_rate, hub_rate=hub_rate, centre_rate=centre_rate, **columns
+    )

@@ -2,9 +2,10 @@
 
     `setup.RoadSetup` (a log's [road], or words of a command) --`road_of`--> Road
 
-Heights stand over `x` [m], the distance in the direction of driving, shapes as asked.  Every profile is continuous: a step and a cleat
-have a ramp, since tread that presses along the road's normal has no answer to a wall.  What is steeper than `STEEPEST` is refused, and
-`check_climbable` refuses what is higher than the tire can climb.
+Heights stand over `x` [m], the distance in the direction of driving, shapes as asked. Every profile
+is continuous: a step and a cleat have a ramp, since tread that presses along the road's normal has
+no answer to a wall. What is steeper than `STEEPEST` is refused, and `check_climbable` refuses what
+is higher than the tire can climb.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: Steepest slope [m/m] of a ramp.
 STEEPEST = 3.0
-#: Largest rise within one tire diameter, as a share of the radius: the ring's displacements are small ones.
+#: Largest rise within one tire diameter, as a share of the radius: the ring's displacements are
+#: small ones.
 HIGHEST = 0.2
 #: Ramp [m] of a step or cleat that names none, as far as its length and the steepest slope allow.
 RAMP = 0.01
@@ -46,14 +48,19 @@ class FlatRoad:
 
 @dataclass(frozen=True)
 class SineRoad:
-    """amplitude (1 - cos(2 pi x / wavelength)) from x = 0 on: begins level, rises to twice the amplitude."""
+    """amplitude (1 - cos(2 pi x / wavelength)) from x = 0 on: begins level, rises to twice the
+    amplitude.
+    """
 
     amplitude_m: float
     wavelength_m: float
 
     def __post_init__(self) -> None:
         if not (self.wavelength_m > 0.0 and np.isfinite(self.amplitude_m)):
-            raise ModelError(f"sine road of wavelength {self.wavelength_m:g} m; above zero is allowed; correct wavelength_m")
+            raise ModelError(
+                f"sine road of wavelength {self.wavelength_m:g} m; above zero is allowed; "
+                "correct wavelength_m"
+            )
         _climbable(abs(self.amplitude_m) * 2.0 * np.pi / self.wavelength_m)
 
     def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -64,24 +71,39 @@ class SineRoad:
 
 @dataclass(frozen=True)
 class MeasuredRoad:
-    """Heights [m] at growing distances [m], straight between them and level outside; at least two points."""
+    """Heights [m] at growing distances [m], straight between them and level outside; at least two
+    points.
+    """
 
     distance_m: tuple[float, ...]
     height_m: tuple[float, ...]
 
     def __post_init__(self) -> None:
         x, h = np.asarray(self.distance_m, float), np.asarray(self.height_m, float)
-        if x.ndim != 1 or x.shape != h.shape or x.size < 2 or not (np.isfinite(x).all() and np.isfinite(h).all()):
-            raise ModelError("road profile without two columns of finite numbers; two points or more are allowed; give distance and height")
+        if (
+            x.ndim != 1
+            or x.shape != h.shape
+            or x.size < 2
+            or not (np.isfinite(x).all() and np.isfinite(h).all())
+        ):
+            raise ModelError(
+                "road profile without two columns of finite numbers; two points or more are "
+                "allowed; give distance and height"
+            )
         if np.any(np.diff(x) <= 0.0):
-            raise ModelError("road profile whose distance does not grow; growing distances are allowed; sort the rows, one height each")
+            raise ModelError(
+                "road profile whose distance does not grow; growing distances are allowed; "
+                "sort the rows, one height each"
+            )
         slopes = np.diff(h) / np.diff(x)
         _climbable(float(np.max(np.abs(slopes))))
         object.__setattr__(self, "_slopes", np.concatenate([[0.0], slopes, [0.0]]))
 
     def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         slopes: FloatArray = self._slopes  # type: ignore[attr-defined]
-        return np.interp(x_m, self.distance_m, self.height_m), slopes[np.searchsorted(self.distance_m, x_m, side="right")]
+        return np.interp(x_m, self.distance_m, self.height_m), slopes[
+            np.searchsorted(self.distance_m, x_m, side="right")
+        ]
 
 
 @dataclass(frozen=True)
@@ -95,11 +117,14 @@ class Placed:
     def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         x = x_m - self.at_m
         # a turn ahead of the first obstacle there is none
-        return self.road.profile(np.where(x > 0.0, np.mod(x, self.spacing_m), x) if self.spacing_m > 0.0 else x)
+        return self.road.profile(
+            np.where(x > 0.0, np.mod(x, self.spacing_m), x) if self.spacing_m > 0.0 else x
+        )
 
 
 def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) -> Road:
-    """The road in words, its obstacle beginning at `at_m`; ModelError where its kind lacks a number, or cannot be rolled over.
+    """The road in words, its obstacle beginning at `at_m`; ModelError where its kind lacks a
+    number, or cannot be rolled over.
 
     A profile's file is sought in `folder`, where it is not an absolute path.
     """
@@ -107,7 +132,10 @@ def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) 
         return FlatRoad()
     if words.kind == "profile":
         if words.file is None:
-            raise ModelError('road profile without a file; file = "PATH" is allowed (distance and height, a point a line); name it')
+            raise ModelError(
+                'road profile without a file; file = "PATH" is allowed (distance and height, a '
+                "point a line); name it"
+            )
         road = load_road((folder or Path()) / words.file)
         return Placed(road, at_m, _spaced(words, road.distance_m[-1]))
     if words.kind == "sine":
@@ -115,7 +143,9 @@ def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) 
         return Placed(SineRoad(amplitude, wavelength), at_m)
     if words.kind == "step":
         (height,) = _needed(words, "height_m")
-        return Placed(step(0.0, height, words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)), at_m)
+        return Placed(
+            step(0.0, height, words.ramp_m or max(RAMP, 1.01 * abs(height) / STEEPEST)), at_m
+        )
     height, length = _needed(words, "height_m", "length_m")
     ramp = words.ramp_m or min(max(RAMP, 1.01 * abs(height) / STEEPEST), 0.49 * length)
     return Placed(cleat(0.0, height, length, ramp), at_m, _spaced(words, length))
@@ -125,7 +155,10 @@ def _needed(words: RoadSetup, *names: str) -> tuple[float, ...]:
     values = [getattr(words, name) for name in names]
     lacking = [name for name, value in zip(names, values) if value is None]
     if lacking:
-        raise ModelError(f"road of kind {words.kind} without {' and '.join(lacking)}; a number in m is allowed; give it")
+        raise ModelError(
+            f"road of kind {words.kind} without {' and '.join(lacking)}; a number in m is "
+            "allowed; give it"
+        )
     return tuple(cast(list[float], values))
 
 
@@ -133,7 +166,8 @@ def _spaced(words: RoadSetup, length_m: float) -> float:
     spacing = words.spacing_m or 0.0
     if 0.0 < spacing <= length_m:
         raise ModelError(
-            f"road that comes again after {spacing:g} m although it is {length_m:g} m long; a longer spacing is allowed; correct spacing_m"
+            f"road that comes again after {spacing:g} m although it is {length_m:g} m long; "
+            "a longer spacing is allowed; correct spacing_m"
         )
     return spacing
 
@@ -146,12 +180,20 @@ def step(at_m: float, height_m: float, ramp_m: float = 0.01) -> MeasuredRoad:
 def cleat(at_m: float, height_m: float, width_m: float, ramp_m: float = 0.01) -> MeasuredRoad:
     """A bar that begins at `at_m`: `width_m` at its foot, a ramp on either side."""
     if not 0.0 < ramp_m < 0.5 * width_m:
-        raise ModelError(f"cleat with ramps of {ramp_m:g} m; above zero and below half of its width is allowed; correct ramp_m")
-    return MeasuredRoad((at_m, at_m + ramp_m, at_m + width_m - ramp_m, at_m + width_m), (0.0, height_m, height_m, 0.0))
+        raise ModelError(
+            f"cleat with ramps of {ramp_m:g} m; above zero and below half of its width is "
+            "allowed; correct ramp_m"
+        )
+    return MeasuredRoad(
+        (at_m, at_m + ramp_m, at_m + width_m - ramp_m, at_m + width_m),
+        (0.0, height_m, height_m, 0.0),
+    )
 
 
 def load_road(path: str | Path) -> MeasuredRoad:
-    """A profile from text: two columns, distance [m] and height [m], comma or blanks between, `#` begins a remark."""
+    """A profile from text: two columns, distance [m] and height [m], comma or blanks between, `#`
+    begins a remark.
+    """
     rows = []
     try:
         taken_as_input(path)
@@ -164,12 +206,15 @@ def load_road(path: str | Path) -> MeasuredRoad:
                     distance, height = (float(word) for word in words)
                 except ValueError:
                     raise ModelError(
-                        f"{line.strip()!r} is no point of a road profile; distance and height in m are allowed; correct it",
+                        f"{line.strip()!r} is no point of a road profile; distance and height in " "m are allowed; correct it",
                         file=path, line=number,
                     ) from None  # fmt: skip
                 rows.append((distance, height))
     except (OSError, UnicodeDecodeError) as problem:
-        raise ModelError(f"road profile cannot be read ({problem}); a text file is allowed; check the path", file=path) from None
+        raise ModelError(
+            f"road profile cannot be read ({problem}); a text file is allowed; check the path",
+            file=path,
+        ) from None
     try:
         return MeasuredRoad(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
     except ModelError as problem:
@@ -177,11 +222,17 @@ def load_road(path: str | Path) -> MeasuredRoad:
 
 
 def check_climbable(road: Road, radius_m: float) -> None:
-    """ModelError where a measured profile rises by more than the tire can take within one of its diameters."""
+    """ModelError where a measured profile rises by more than the tire can take within one of its
+    diameters.
+    """
     if isinstance(road, Placed):
         road = road.road
     if not isinstance(road, MeasuredRoad):
-        if isinstance(road, SineRoad) and 2.0 * abs(road.amplitude_m) > HIGHEST * radius_m and road.wavelength_m < 4.0 * radius_m:
+        if (
+            isinstance(road, SineRoad)
+            and 2.0 * abs(road.amplitude_m) > HIGHEST * radius_m
+            and road.wavelength_m < 4.0 * radius_m
+        ):
             _too_high(2.0 * abs(road.amplitude_m), radius_m)
         return
     x, h = np.asarray(road.distance_m), np.asarray(road.height_m)
@@ -194,7 +245,8 @@ def check_climbable(road: Road, radius_m: float) -> None:
 
 def _too_high(rise_m: float, radius_m: float) -> None:
     raise ModelError(
-        f"road that rises {rise_m:.3g} m within one tire diameter; up to {HIGHEST * radius_m:.3g} m is allowed for a radius of "
+        f"road that rises {rise_m:.3g} m within one tire diameter; "
+        f"up to {HIGHEST * radius_m:.3g} m is allowed for a radius of "
         f"{radius_m:.3g} m (small displacements of the ring); give a lower obstacle"
     )
 
@@ -202,6 +254,7 @@ def _too_high(rise_m: float, radius_m: float) -> None:
 def _climbable(slope: float) -> None:
     if slope > STEEPEST:
         raise ModelError(
-            f"road with a slope of {slope:.3g}; up to {STEEPEST:g} is allowed (the tread presses along the road's normal); "
+            f"road with a slope of {slope:.3g}; up to {STEEPEST:g} is allowed (the tread presses "
+            "along the road's normal); "
             f"give the step a longer ramp"
         )

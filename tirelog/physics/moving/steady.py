@@ -1,8 +1,10 @@
-"""The coupled ring that rolls steadily and freely on a flat road: where a motion begins, and what it is measured from.
+"""The coupled ring that rolls steadily and freely on a flat road: where a motion begins, and what
+it is measured from.
 
-Tire, load, speed -> pressure on the tread's nodes and modes V_n = E_n / (Z_n + i n Omega c_n), n = 2 ... N, by active sets; then the
-spin at which bristles, pressure and damping leave no torque.  As `contact.solve_contact`, but with the modes that the motion has,
-and with damping: a motion that begins here stays here.
+Tire, load, speed -> pressure on the tread's nodes and modes V_n = E_n / (Z_n + i n Omega c_n), n =
+2 ... N, by active sets; then the spin at which bristles, pressure and damping leave no torque. As
+`contact.solve_contact`, but with the modes that the motion has, and with damping: a motion that
+begins here stays here.
 """
 
 from __future__ import annotations
@@ -22,12 +24,16 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: The spin is sought within this share of v / R.
 _SPIN_RANGE = 0.05
-_PHI = np.arange(-int(contact.REACH / contact.STEP), int(contact.REACH / contact.STEP) + 1) * contact.STEP
+_PHI = (
+    np.arange(-int(contact.REACH / contact.STEP), int(contact.REACH / contact.STEP) + 1)
+    * contact.STEP
+)
 
 
 @dataclass(frozen=True)
 class SteadyRolling:
-    """Modes V (N - 1,) [m]; height of the ring's centre above the road [m]; sidewall's displacement a = C - H [m]; spin [rad/s].
+    """Modes V (N - 1,) [m]; height of the ring's centre above the road [m]; sidewall's displacement
+    a = C - H [m]; spin [rad/s].
 
     phi_rad, pressure_N_m  the nodes that press, and with what
     """
@@ -41,15 +47,21 @@ class SteadyRolling:
 
 
 def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> SteadyRolling:
-    """ModelError for a load that does not press or a patch that grows beyond the reach of the contact."""
+    """ModelError for a load that does not press or a patch that grows beyond the reach of the
+    contact.
+    """
     if not load_N > 0.0:
-        raise ModelError(f"load {load_N:g} N does not press the tire on the road; a load above zero is allowed; correct load_N")
+        raise ModelError(
+            f"load {load_N:g} N does not press the tire on the road; a load above zero is "
+            "allowed; correct load_N"
+        )
     omega = speed_m_s / tire.R
     for _ in range(2 if speed_m_s else 1):
         unit, gives = _compliance(tire, omega)
         on, p, drop = _balance(tire, load_N, gives)
         V = unit[:, on] @ p
-        # the road's force i F stands on the sidewall: k_s a + c_s (0 - i Omega a) = i F, Omega x a = i Omega a in the complex plane
+        # the road's force i F stands on the sidewall: k_s a + c_s (0 - i Omega a) = i F, Omega x a
+        # = i Omega a in the complex plane
         a = 1j * load_N / complex(tire.k_s, -tire.c_s * omega)
         if speed_m_s:
             omega = _free_spin(tire, V, a, _PHI[on], p, speed_m_s)
@@ -57,7 +69,9 @@ def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> Steady
 
 
 def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArray]:
-    """(modes per pressure on a node (N - 1, j), downward yield of a node per pressure on a node (j, j)), the rigid ring held."""
+    """(modes per pressure on a node (N - 1, j), downward yield of a node per pressure on a node (j,
+    j)), the rigid ring held.
+    """
     n, cos, sin = tire.n[:, None], np.cos(_PHI), np.sin(_PHI)
     load = np.exp(-1j * n * _PHI) * (contact.STEP / (2.0 * np.pi)) * (sin - 1j * n * cos)
     unit = load / modal_impedance(tire.n, tire.carcass, omega)[:, None]
@@ -65,8 +79,12 @@ def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArr
     return unit, (lift.T @ unit).real
 
 
-def _balance(tire: CoupledRing, load_N: float, lifts: FloatArray) -> tuple[np.ndarray, FloatArray, float]:
-    """(nodes that press, their pressure [N/m], drop [m] of the ring's centre below its height unloaded)."""
+def _balance(
+    tire: CoupledRing, load_N: float, lifts: FloatArray
+) -> tuple[np.ndarray, FloatArray, float]:
+    """(nodes that press, their pressure [N/m], drop [m] of the ring's centre below its height
+    unloaded).
+    """
     shape, h = tire.R * (1.0 - np.cos(_PHI)), tire.R * contact.STEP
     active = np.abs(_PHI) <= 0.15
     for _ in range(100):
@@ -82,12 +100,15 @@ def _balance(tire: CoupledRing, load_N: float, lifts: FloatArray) -> tuple[np.nd
         if active[0] or active[-1]:
             break
     raise ModelError(
-        f"at {load_N:g} N the patch grows beyond {contact.REACH:g} rad to either side, or finds no balance; a shorter one is allowed; "
+        f"at {load_N:g} N the patch grows beyond {contact.REACH:g} rad to either side, or finds "
+        "no balance; a shorter one is allowed; "
         f"give a stiffer foundation or a lower load"
     )
 
 
-def _free_spin(tire: CoupledRing, V: ComplexArray, a: complex, phi: FloatArray, p: FloatArray, speed_m_s: float) -> float:
+def _free_spin(
+    tire: CoupledRing, V: ComplexArray, a: complex, phi: FloatArray, p: FloatArray, speed_m_s: float
+) -> float:
     """The spin [rad/s] at which the road's torque on the ring is what damping takes."""
     turn = np.exp(1j * np.outer(phi, tire.n))
     bend = 2.0 * (turn @ ((tire.n**2 - 1.0) * V)).real
@@ -98,7 +119,9 @@ def _free_spin(tire: CoupledRing, V: ComplexArray, a: complex, phi: FloatArray, 
 
     def torque(omega: float) -> float:
         u, held = 0.0, np.empty_like(p)
-        for i, (slide, most) in enumerate(zip((omega * lead - speed_m_s) * (contact.STEP / omega), limit)):
+        for i, (slide, most) in enumerate(
+            zip((omega * lead - speed_m_s) * (contact.STEP / omega), limit)
+        ):
             u = min(max(u + slide, -most), most)
             held[i] = u
         tau = tire.c_x * held
@@ -107,5 +130,7 @@ def _free_spin(tire: CoupledRing, V: ComplexArray, a: complex, phi: FloatArray, 
 
     low, high = (speed_m_s / tire.R * (1.0 + share) for share in (-_SPIN_RANGE, _SPIN_RANGE))
     if not tire.c_x > 0.0 or torque(low) * torque(high) > 0.0:
-        return speed_m_s / tire.R  # without friction, or with damping that it cannot overcome, nothing makes the ring roll
+        return (
+            speed_m_s / tire.R
+        )  # without friction, or with damping that it cannot overcome, nothing makes the ring roll
     return float(brentq(torque, low, high, xtol=1e-9 * high))

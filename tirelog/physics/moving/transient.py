@@ -1,14 +1,17 @@
 """A coupled ring model driven over a road, and what a sensor on its belt reads meanwhile.
 
-    Model, Conditions (1,), Course --`drive`--> Transient: motion on a grid in time, and strain or radial acceleration of a sensor
+    Model, Conditions (1,), Course --`drive`--> Transient: motion on a grid in time, and strain or
+    radial acceleration of a sensor
 
-A reading is the steady waveform of `Model.predict` at the conditions of the start, with all of the model's effects, plus what V - V_0 (the
-motion's modes less those of steady rolling, N of them) adds.  On a flat road at constant speed and load nothing is added, and the reading
-is the steady ring's.
+A reading is the steady waveform of `Model.predict` at the conditions of the start, with all of the
+model's effects, plus what V - V_0 (the motion's modes less those of steady rolling, N of them)
+adds. On a flat road at constant speed and load nothing is added, and the reading is the steady
+ring's.
 
-Effects: what changes the structure changes the tire that moves; sensor effects act on the whole reading.  Effects on the contact pressure,
-the baseline and user strains act on the steady waveform alone (`Transient.remarks`); a loss that is the same at every rate and a
-foundation that hardens have no linear motion in time and are refused.
+Effects: what changes the structure changes the tire that moves; sensor effects act on the whole
+reading. Effects on the contact pressure, the baseline and user strains act on the steady waveform
+alone (`Transient.remarks`); a loss that is the same at every rate and a foundation that hardens
+have no linear motion in time and are refused.
 """
 
 from __future__ import annotations
@@ -36,11 +39,13 @@ from tirelog.vocabulary.arrays import FloatArray
 if TYPE_CHECKING:
     from tirelog.physics.model.model import Model
 
-#: Belt modes and tread nodes of a motion, its longest step [s] and the grid on which it is kept [s].
+#: Belt modes and tread nodes of a motion, its longest step [s] and the grid on which it is kept
+#: [s].
 MODES, NODES = 40, 2304
 LONGEST_STEP_S = 1e-4
 KEEP_S = 1e-4
-#: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls on a flat road.
+#: The road may begin no closer than this share of R ahead of the wheel's centre: the start rolls on
+#: a flat road.
 _CLEAR = 0.35
 _STEADY_ONLY = ("tilt", "pressure", "kernel", "traction", "strain", "acceleration")
 
@@ -57,7 +62,11 @@ class Schedule:
         return cls((0.0,), (value,))
 
     def __call__(self, time_s: float) -> float:
-        return self.value[0] if len(self.value) == 1 else float(np.interp(time_s, self.time_s, self.value))
+        return (
+            self.value[0]
+            if len(self.value) == 1
+            else float(np.interp(time_s, self.time_s, self.value))
+        )
 
     def scaled(self, factor: float) -> Schedule:
         return replace(self, value=tuple(factor * v for v in self.value))
@@ -65,7 +74,9 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Course:
-    """What is driven for `duration_s`: axle speed [m/s] and load [N] over time, on a road whose x = 0 is where the wheel starts."""
+    """What is driven for `duration_s`: axle speed [m/s] and load [N] over time, on a road whose x =
+    0 is where the wheel starts.
+    """
 
     speed_m_s: Schedule
     load_N: Schedule
@@ -75,7 +86,9 @@ class Course:
 
 @dataclass(frozen=True)
 class Transient:
-    """A motion, and what it started from: modes V_0 (N - 1,) and conditions of steady rolling; `remarks` on what is not in it."""
+    """A motion, and what it started from: modes V_0 (N - 1,) and conditions of steady rolling;
+    `remarks` on what is not in it.
+    """
 
     model: Model
     conditions: Conditions
@@ -85,53 +98,91 @@ class Transient:
     task: Task
     remarks: tuple[str, ...]
 
-    def sensed(self, observable: str, theta_rad: float, time_s: FloatArray | None = None, *, surface: str = "outer") -> FloatArray:
-        """Reading (m,) of a sensor at the belt's own angle theta (0 under the wheel at the start) at times [s] (default the motion's).
+    def sensed(
+        self,
+        observable: str,
+        theta_rad: float,
+        time_s: FloatArray | None = None,
+        *,
+        surface: str = "outer",
+    ) -> FloatArray:
+        """Reading (m,) of a sensor at the belt's own angle theta (0 under the wheel at the start)
+        at times [s] (default the motion's).
 
         strain, or radial_acceleration [m/s^2], outward positive; NaN outside of the motion.
         """
         when = self.motion.time_s if time_s is None else np.asarray(time_s, dtype=np.float64)
-        return self.at(observable, np.interp(when, self.motion.time_s, self.motion.psi_rad) + theta_rad, when, surface=surface)
+        return self.at(
+            observable,
+            np.interp(when, self.motion.time_s, self.motion.psi_rad) + theta_rad,
+            when,
+            surface=surface,
+        )
 
-    def at(self, observable: str, phi_rad: FloatArray, time_s: FloatArray, *, surface: str = "outer") -> FloatArray:
+    def at(
+        self, observable: str, phi_rad: FloatArray, time_s: FloatArray, *, surface: str = "outer"
+    ) -> FloatArray:
         """Reading (m,) of a sensor that stands at phi (m,), any whole turns, at times (m,)."""
         grid = self.motion.time_s
         phi = np.mod(phi_rad + np.pi, 2.0 * np.pi) - np.pi
-        reading = self.model.predict(self.conditions, phi, surface=surface, observable=observable)[0]
+        reading = self.model.predict(self.conditions, phi, surface=surface, observable=observable)[
+            0
+        ]
         if observable == "radial_acceleration":
             omega = np.interp(time_s, grid, self.motion.omega_rad_s)
-            # gravity does not follow the spin, and the vehicle's acceleration is in what the motion adds
+            # gravity does not follow the spin, and the vehicle's acceleration is in what the motion
+            # adds
             frame = self.model.predict(self.conditions, phi, observable="frame_acceleration")[0]
             still = replace(self.conditions, acceleration_m_s2=np.zeros(1))
             gravity = self.model.predict(still, phi, observable="frame_acceleration")[0]
-            reading = (reading - frame) * (omega / self.conditions.speed_m_s[0] * self.motion.tire.R) ** 2 + gravity
+            reading = (reading - frame) * (
+                omega / self.conditions.speed_m_s[0] * self.motion.tire.R
+            ) ** 2 + gravity
         reading = reading + self.added(observable, phi, time_s, surface=surface)
         return np.where((time_s < grid[0] - KEEP_S) | (time_s > grid[-1]), np.nan, reading)
 
-    def added(self, observable: str, phi_rad: FloatArray, time_s: FloatArray, *, surface: str = "outer") -> FloatArray:
-        """What the road adds to the steady waveform at phi (m,) and times (m,); before and after the motion as at its ends."""
+    def added(
+        self, observable: str, phi_rad: FloatArray, time_s: FloatArray, *, surface: str = "outer"
+    ) -> FloatArray:
+        """What the road adds to the steady waveform at phi (m,) and times (m,); before and after
+        the motion as at its ends.
+        """
         when = np.clip(time_s, self.motion.time_s[0], self.motion.time_s[-1])
         turn = np.exp(1j * phi_rad)
         # exp(i n phi), n = 1 ... N, by products
-        turns = np.cumprod(np.broadcast_to(turn[:, None], (turn.size, self.motion.tire.modes)), axis=1)[:, 1:]
+        turns = np.cumprod(
+            np.broadcast_to(turn[:, None], (turn.size, self.motion.tire.modes)), axis=1
+        )[:, 1:]
         if observable == "radial_acceleration":
             lifted = np.interp(when, self.motion.time_s, self._lifted)
             rigid = lifted.real * np.sin(phi_rad) - lifted.imag * np.cos(phi_rad)
-            waves: FloatArray = 2.0 * np.einsum("mn,mn->m", self._acceleration(when), turns).real + rigid
+            waves: FloatArray = (
+                2.0 * np.einsum("mn,mn->m", self._acceleration(when), turns).real + rigid
+            )
             return waves * self._gain("gain")
-        lever = self.model.values["lever_arm_m"] * (1.0 if surface == "inner" else -1.0) * self._gain("lever")
-        bent: FloatArray = (2.0 * lever * self._gain("gain")) * np.einsum("mn,mn->m", self._curvature(when), turns).real
+        lever = (
+            self.model.values["lever_arm_m"]
+            * (1.0 if surface == "inner" else -1.0)
+            * self._gain("lever")
+        )
+        bent: FloatArray = (2.0 * lever * self._gain("gain")) * np.einsum(
+            "mn,mn->m", self._curvature(when), turns
+        ).real
         return bent
 
     @cached_property
     def _curvature(self) -> CubicSpline:
         """Modes of (w + w'') / R^2 of V - V_0 over time, as the sensor hands them on, (k, N - 1)."""
         n = self.motion.tire.n
-        return self._handed_on(-1j * n * (1.0 - n**2) / self.motion.tire.R**2 * (self.motion.V - self.steady))
+        return self._handed_on(
+            -1j * n * (1.0 - n**2) / self.motion.tire.R**2 * (self.motion.V - self.steady)
+        )
 
     @cached_property
     def _acceleration(self) -> CubicSpline:
-        """Modes of D^2 w - 2 Omega D v - Omega^2 w - Omega' v of V - V_0 with D = d/dt + i n Omega, likewise."""
+        """Modes of D^2 w - 2 Omega D v - Omega^2 w - Omega' v of V - V_0 with D = d/dt + i n Omega,
+        likewise.
+        """
         m, n = self.motion, self.motion.tire.n
         V, rate = m.V - self.steady, m.V_rate
         onward = np.gradient(rate, m.time_s, axis=0)
@@ -147,7 +198,9 @@ class Transient:
         return lifted
 
     def _handed_on(self, modes: ComplexArray) -> CubicSpline:
-        """Modes (k, N - 1) in space after the sensor: a grating's length by wave number, lags by frequency on the belt."""
+        """Modes (k, N - 1) in space after the sensor: a grating's length by wave number, lags by
+        frequency on the belt.
+        """
         m, n = self.motion, self.motion.tire.n
         for a in self.task.active:
             if a.effect.id == "gauge_length":
@@ -158,7 +211,8 @@ class Transient:
             belt = modes * turned
             for a in late:
                 site = loaded_site(self.task)[0]
-                belt = self._lagged(belt, np.asarray(a.effect.transfer(a.values, self.task.drive, site))[0])  # type: ignore[misc]
+                transfer = a.effect.transfer(a.values, self.task.drive, site)  # type: ignore[misc]
+                belt = self._lagged(belt, np.asarray(transfer)[0])
             modes = belt * turned.conj()
         smooth: Any = CubicSpline(m.time_s, modes)
         return smooth
@@ -167,10 +221,14 @@ class Transient:
         """After a sensor's transfer, given at the frequencies n Omega, (k, N - 1)."""
         m, size = self.motion, belt.shape[0]
         turns = np.arange(transfer.size) * self.conditions.speed_m_s[0] / (2.0 * np.pi * m.tire.R)
-        frequency = np.fft.fftfreq(2 * size, m.time_s[1] - m.time_s[0])  # twice: no reading comes round to the other end
+        frequency = np.fft.fftfreq(
+            2 * size, m.time_s[1] - m.time_s[0]
+        )  # twice: no reading comes round to the other end
         smooth = CubicSpline(turns, transfer)(np.minimum(np.abs(frequency), turns[-1]))
         answer = np.where(frequency < 0.0, smooth.conj(), smooth)
-        lagged: ComplexArray = np.fft.ifft(np.fft.fft(belt, 2 * size, axis=0) * answer[:, None], axis=0)[:size]
+        lagged: ComplexArray = np.fft.ifft(
+            np.fft.fft(belt, 2 * size, axis=0) * answer[:, None], axis=0
+        )[:size]
         return lagged
 
     def _gain(self, hook: str) -> float:
@@ -189,19 +247,26 @@ def drive(
     step_s: float | None = None,
     values: Mapping[str, float] | None = None,
 ) -> Transient:
-    """The model's motion over the course.  `conditions` (1,) hold at the start, speed and load as in the course.
+    """The model's motion over the course.
 
-    ModelError: not a coupled ring, an effect without a motion, an unstable step, a speed beyond the critical one, a road that the
-    tire cannot climb or that begins under it.
+    `conditions` (1,) hold at the start, speed and load as in the course.
+
+    ModelError: not a coupled ring, an effect without a motion, an unstable step, a speed beyond the
+    critical one, a road that the tire cannot climb or that begins under it.
     """
     if model.carcass != "coupled_ring":
         raise ModelError(
-            f'a {model.carcass} does not move in time; carcass = "coupled_ring" is allowed; make one with '
+            f'a {model.carcass} does not move in time; carcass = "coupled_ring" is allowed; '
+            "make one with "
             f"`tirelog model new --carcass coupled_ring`"
         )
     if values is not None:
         model = model.with_values(values)
-    conditions = replace(conditions, speed_m_s=np.array([course.speed_m_s(0.0)]), load_N=np.array([course.load_N(0.0)]))
+    conditions = replace(
+        conditions,
+        speed_m_s=np.array([course.speed_m_s(0.0)]),
+        load_N=np.array([course.load_N(0.0)]),
+    )
     task = next(model._tasks(conditions, model.values))[1]
     tire = tire_of(task)
     _begins_level(course.road, tire.R)
@@ -209,14 +274,25 @@ def drive(
     weight = course.load_N.scaled(load / conditions.load_N[0])
     start = State.rolling(tire, load, conditions.speed_m_s[0])
     steady = start.V
-    step = min(LONGEST_STEP_S, 0.9 * tire.largest_step_s(max(course.speed_m_s.value))) if step_s is None else step_s
-    stepper = Stepper(tire, start, Drive(weight, course.speed_m_s), course.road, step_s=step, nodes=NODES)
+    step = (
+        min(LONGEST_STEP_S, 0.9 * tire.largest_step_s(max(course.speed_m_s.value)))
+        if step_s is None
+        else step_s
+    )
+    stepper = Stepper(
+        tire, start, Drive(weight, course.speed_m_s), course.road, step_s=step, nodes=NODES
+    )
     tire.check_speed(max(course.speed_m_s.value, key=abs))
     if not min(course.load_N.value) >= 0.0:
-        raise ModelError(f"load of {min(course.load_N.value):g} N on the axle; zero and above is allowed; correct the load")
+        raise ModelError(
+            f"load of {min(course.load_N.value):g} N on the axle; zero and above is allowed; "
+            "correct the load"
+        )
     motion = simulate(stepper, course.duration_s, every=max(round(KEEP_S / step), 1))
     remarks = tuple(
-        f"{a.effect.id} acts on the steady waveform alone; what the road adds is computed without it" for a in task.having(*_STEADY_ONLY)
+        f"{a.effect.id} acts on the steady waveform alone; what the road adds is computed "
+        "without it"
+        for a in task.having(*_STEADY_ONLY)
     )
     return Transient(model, conditions, course, motion, steady, task, remarks)
 
@@ -235,16 +311,21 @@ def tire_of(task: Task) -> CoupledRing:
         own = a.effect.structure(a.values, task.drive)  # type: ignore[misc]
         if np.any(own.loss) or np.any(own.cubic):
             raise ModelError(
-                f"effect {a.effect.id!r} has no linear motion in time; viscous_damping and stiffness that does not follow the "
+                f"effect {a.effect.id!r} has no linear motion in time; viscous_damping and "
+                "stiffness that does not follow the "
                 f"deflection are allowed for transients; leave it out with `tirelog model remove`"
             )
     b, R = dict(task.base), task.base["radius_m"]
     soft = 1.0 + float(np.mean(s.stiffening))
-    b["radial_stiffness_N_m2"] = b["radial_stiffness_N_m2"] * soft + float(np.mean(s.added_stiffness))
+    b["radial_stiffness_N_m2"] = b["radial_stiffness_N_m2"] * soft + float(
+        np.mean(s.added_stiffness)
+    )
     b["tangential_stiffness_N_m2"] *= soft
     b["radial_damping_N_s_m2"] += 2.0 * b["line_mass_kg_m"] * float(np.mean(s.damping_rate))
     known = task.drive.inflation_pressure_Pa
-    b["inflation_pressure_Pa"] = float(np.where(np.isfinite(known), known, b["inflation_pressure_Pa"]).mean())
+    b["inflation_pressure_Pa"] = float(
+        np.where(np.isfinite(known), known, b["inflation_pressure_Pa"]).mean()
+    )
     tire = of_model(b)
     return replace(tire, pb=tire.pb + float(np.mean(s.tension)) / R, modes=MODES)
 
@@ -253,6 +334,7 @@ def _begins_level(road: Road, radius_m: float) -> None:
     height, _ = road.profile(np.linspace(-_CLEAR, _CLEAR, 101) * radius_m)
     if np.any(height != 0.0):
         raise ModelError(
-            f"road that begins under the standing tire; {_CLEAR * radius_m:.3g} m ahead of its centre or farther is allowed; "
+            f"road that begins under the standing tire; {_CLEAR * radius_m:.3g} m ahead of its "
+            "centre or farther is allowed; "
             f"give a larger position_m"
         )

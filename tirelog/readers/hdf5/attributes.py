@@ -1,7 +1,10 @@
-"""What the attributes of a dataset say: scale, unit, sampling rate.  One table of names each, matched without regard to case.
+"""What the attributes of a dataset say: scale, unit, sampling rate.
+
+One table of names each, matched without regard to case.
 
 value = factor x stored + offset          (NeXus: factor x (stored + offset))
-rate: an attribute of the dataset, of the groups above it, of the file; or a number stored beside it (MATLAB keeps `Fs` so)
+rate: an attribute of the dataset, of the groups above it, of the file; or a number stored beside it
+(MATLAB keeps `Fs` so)
 """
 
 from __future__ import annotations
@@ -44,7 +47,10 @@ MOST_ATTRIBUTE_BYTES = 1 << 16
 
 @dataclass(frozen=True)
 class Scale:
-    """factor x stored + offset; stored values in `lost` are lost samples.  `decimals` where the stored numbers are decimal counts."""
+    """factor x stored + offset; stored values in `lost` are lost samples.
+
+    `decimals` where the stored numbers are decimal counts.
+    """
 
     factor: float = 1.0
     offset: float = 0.0
@@ -54,7 +60,9 @@ class Scale:
     def apply(self, stored: NDArray[Any]) -> NDArray[np.float64]:
         values = stored.astype(np.float64)
         gone = np.isin(stored, self.lost) if self.lost else None
-        with np.errstate(over="ignore", invalid="ignore"):  # a damaged number may leave the range of floats, and is lost then
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # a damaged number may leave the range of floats, and is lost then
             self._scale(values)
         if gone is not None:
             values[gone] = np.nan
@@ -88,7 +96,9 @@ class Attributes:
         try:
             handle = self.item.attrs.get_id(exact)
             if handle.dtype.kind not in "iufbS" and h5py.check_string_dtype(handle.dtype) is None:
-                return None  # references and lists are of no use here, and damaged ones crash libhdf5
+                return (
+                    None  # references and lists are of no use here, and damaged ones crash libhdf5
+                )
             if math.prod(handle.shape) * max(handle.dtype.itemsize, 1) > MOST_ATTRIBUTE_BYTES:
                 return None
             return self.item.attrs[exact]
@@ -114,7 +124,11 @@ def as_number(value: Any) -> float | None:
         value = value.flat[0] if value.size == 1 else None
     if isinstance(value, bytes | str):
         text = value.decode("latin-1") if isinstance(value, bytes) else value
-        value = float(text) if re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*", text) else None
+        value = (
+            float(text)
+            if re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*", text)
+            else None
+        )
     if isinstance(value, int | float | np.integer | np.floating) and math.isfinite(value):
         return float(value)
     return None
@@ -131,8 +145,12 @@ def scale_of(column: Column) -> Scale:
             continue
         offset = offset or 0.0
         exponent = round(-math.log10(abs(factor)))
-        decimal = integer and offset == 0.0 and 0 <= exponent <= 15 and factor == float(f"1e-{exponent}")
-        return Scale(factor, factor * offset if offset_first else offset, lost, exponent if decimal else None)
+        decimal = (
+            integer and offset == 0.0 and 0 <= exponent <= 15 and factor == float(f"1e-{exponent}")
+        )
+        return Scale(
+            factor, factor * offset if offset_first else offset, lost, exponent if decimal else None
+        )
     offset = attributes.number("add_offset") or attributes.number("offset") or 0.0
     return Scale(1.0, offset, lost, 0 if integer and offset == 0.0 else None)
 
@@ -163,7 +181,9 @@ def rate_of(column: Column) -> float | None:
     for group in above(column):
         stored = {name.lower(): name for name in group}
         for name, is_period in RATES.items():
-            if (rate := rate_Hz(_stored_number(group, stored.get(name.lower())), is_period)) is not None:
+            if (
+                rate := rate_Hz(_stored_number(group, stored.get(name.lower())), is_period)
+            ) is not None:
                 return rate
     return None
 
@@ -173,6 +193,12 @@ def _stored_number(group: h5py.Group, name: str | None) -> float | None:
     if name is None or not isinstance(group.get(name, getlink=True), h5py.HardLink):
         return None
     item = group[name]
-    if not isinstance(item, h5py.Dataset) or item.size != 1 or item.dtype.kind not in "iuf" or item.external or item.is_virtual:
+    if (
+        not isinstance(item, h5py.Dataset)
+        or item.size != 1
+        or item.dtype.kind not in "iuf"
+        or item.external
+        or item.is_virtual
+    ):
         return None
     return as_number(np.asarray(item[()]))

@@ -1,4 +1,6 @@
-"""An HDF5 file that was cut off, opened so that the chunks before the cut can be read, and which samples stand behind it."""
+"""An HDF5 file that was cut off, opened so that the chunks before the cut can be read, and which
+samples stand behind it.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,10 @@ from tirelog.readers.hdf5.source import Column, chunks_of
 
 
 class Padded:
-    """A cut file as libhdf5 expects it: `size` bytes long, zeros behind the cut.  What lies there is never used as data."""
+    """A cut file as libhdf5 expects it: `size` bytes long, zeros behind the cut.
+
+    What lies there is never used as data.
+    """
 
     def __init__(self, path: Path, size: int) -> None:
         self.stream = path.open("rb")
@@ -51,18 +56,24 @@ class Padded:
 
 
 def declared_size(problem: Exception) -> int | None:
-    """The size that a file should have, from what libhdf5 says of one that was cut off; None where it says something else."""
+    """The size that a file should have, from what libhdf5 says of one that was cut off; None where
+    it says something else.
+    """
     match = re.search(r"truncated file.*stored_eof = (\d+)", str(problem))
     return int(match[1]) if match else None
 
 
 def unstored(found: Column, start: int, stop: int, end: int | None) -> list[tuple[int, int]]:
-    """Sample ranges in [start, stop) that were never written, or that lie behind `end` (the size of a file that was cut)."""
+    """Sample ranges in [start, stop) that were never written, or that lie behind `end` (the size of
+    a file that was cut).
+    """
     dataset = found.dataset
     if dataset.is_virtual:
         return []
     if dataset.chunks:
-        expected = math.prod(math.ceil(n / c) for n, c in zip(dataset.shape, dataset.chunks, strict=True))
+        expected = math.prod(
+            math.ceil(n / c) for n, c in zip(dataset.shape, dataset.chunks, strict=True)
+        )
         if end is None and dataset.id.get_num_chunks() >= expected:
             return []
         return [(a, b) for a, b, info in chunks_of(found, start, stop) if _is_lost(info, end)]
@@ -71,13 +82,18 @@ def unstored(found: Column, start: int, stop: int, end: int | None) -> list[tupl
         return []
     size = dataset.dtype.itemsize
     strides = [math.prod(dataset.shape[axis + 1 :]) * size for axis in range(dataset.ndim)]
-    base = offset + sum(at * step for at, step in zip(found.index, strides, strict=True) if at is not None)
+    base = offset + sum(
+        at * step for at, step in zip(found.index, strides, strict=True) if at is not None
+    )
     whole = max((end - base - size) // strides[found.axis] + 1, 0)
     return [(max(start, whole), stop)] if whole < stop else []
 
 
 def kept(found: Column, end: int | None, step: int) -> int:
-    """Samples up to the last one that is stored: what lies behind it was never written or cut off.  Looks at `step` samples at once."""
+    """Samples up to the last one that is stored: what lies behind it was never written or cut off.
+
+    Looks at `step` samples at once.
+    """
     stop = len(found)
     while stop > 0:
         start = max(stop - step, 0)

@@ -1,6 +1,8 @@
-"""Which dataset a source means in the layouts that have a structure of their own, and which dataset holds its time.
+"""Which dataset a source means in the layouts that have a structure of their own, and which dataset
+holds its time.
 
-pandas    "/df:column" of a `fixed` frame, a `table` frame (column names are read from the pickle's opcodes, never unpickled), or a series
+pandas    "/df:column" of a `fixed` frame, a `table` frame (column names are read from the pickle's
+          opcodes, never unpickled), or a series
 NeXus     "/entry/data" is the group's signal; its axes hold the time
 others    [log] time of the setup, or a dataset or field called time, t, timestamp beside the data
 """
@@ -27,14 +29,39 @@ from tirelog.readers.hdf5.source import (
 )
 from tirelog.vocabulary import units
 
-TIME_NAMES = ("time", "t", "timestamp", "timestamps", "time_s", "time_ms", "time_us", "time_ns", "timestamp_ns", "t_s")
-PICKLE_LIST = {"MARK", "LIST", "EMPTY_LIST", "APPEND", "APPENDS", "PUT", "BINPUT", "MEMOIZE", "PROTO", "FRAME", "STOP"}
+TIME_NAMES = (
+    "time",
+    "t",
+    "timestamp",
+    "timestamps",
+    "time_s",
+    "time_ms",
+    "time_us",
+    "time_ns",
+    "timestamp_ns",
+    "t_s",
+)
+PICKLE_LIST = {
+    "MARK",
+    "LIST",
+    "EMPTY_LIST",
+    "APPEND",
+    "APPENDS",
+    "PUT",
+    "BINPUT",
+    "MEMOIZE",
+    "PROTO",
+    "FRAME",
+    "STOP",
+}
 PICKLE_TEXT = {"UNICODE", "BINUNICODE", "SHORT_BINUNICODE"}
 
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """Stored stamps: seconds = (stored - first stored) x `step_s`; `absolute` where they count from 1970 (or `since`)."""
+    """Stored stamps: seconds = (stored - first stored) x `step_s`; `absolute` where they count from
+    1970 (or `since`).
+    """
 
     column: Column
     step_s: float
@@ -49,7 +76,9 @@ def find(file: h5py.File, source: str) -> Column:
     if isinstance(item, h5py.Dataset):
         return column(path, item, field, index)
     if not isinstance(item, h5py.Group):
-        raise ReadError(f"{path} is a type, no dataset; a source is a dataset path of the file; mend source")
+        raise ReadError(
+            f"{path} is a type, no dataset; a source is a dataset path of the file; mend source"
+        )
     attributes = Attributes(item)
     kind = attributes.text("pandas_type") or ""
     if kind == "frame":
@@ -59,19 +88,28 @@ def find(file: h5py.File, source: str) -> Column:
     if kind == "series":
         return find(file, f"{path}/values")
     if signal := _signal(item):
-        return column(f"{path}/{signal}", _dataset(walk(file, f"{path}/{signal}"), path), field, index)
+        return column(
+            f"{path}/{signal}", _dataset(walk(file, f"{path}/{signal}"), path), field, index
+        )
     near = nearest(path, names(file))
-    raise ReadError(f"{path} is a group{near}; a source is a dataset, or a group of pandas or NeXus; mend source")
+    raise ReadError(
+        f"{path} is a group{near}; a source is a dataset, or a group of pandas or NeXus; "
+        "mend source"
+    )
 
 
 def _dataset(item: h5py.Group | h5py.Dataset, path: str) -> h5py.Dataset:
     if not isinstance(item, h5py.Dataset):
-        raise ReadError(f"{path} leads to a group; a source is a dataset path of the file; mend source")
+        raise ReadError(
+            f"{path} leads to a group; a source is a dataset path of the file; mend source"
+        )
     return item
 
 
 def _signal(group: h5py.Group) -> str | None:
-    """The name of a NeXus group's signal: its attribute `signal`, or the dataset with the attribute signal = 1."""
+    """The name of a NeXus group's signal: its attribute `signal`, or the dataset with the attribute
+    signal = 1.
+    """
     named = Attributes(group).text("signal")
     if named:
         return named
@@ -83,7 +121,9 @@ def _signal(group: h5py.Group) -> str | None:
     return None
 
 
-def _fixed_frame(path: str, group: h5py.Group, field: str | None, index: tuple[int | None, ...]) -> Column:
+def _fixed_frame(
+    path: str, group: h5py.Group, field: str | None, index: tuple[int | None, ...]
+) -> Column:
     known: list[str] = []
     for block in range(len(group)):
         if f"block{block}_items" not in group:
@@ -96,16 +136,26 @@ def _fixed_frame(path: str, group: h5py.Group, field: str | None, index: tuple[i
             turned = Attributes(dataset).number("transposed") == 1  # stored (samples, columns)
             at = labels.index(field)
             return column(values, dataset, None, (None, at) if turned else (at, None))
-    raise ReadError(f"{path} is a pandas frame without {field!r}{nearest(field or '', known)}; it has {', '.join(known[:20])}; mend source")
+    raise ReadError(
+        f"{path} is a pandas frame without {field!r}{nearest(field or '', known)}; "
+        f"it has {', '.join(known[:20])}; mend source"
+    )
 
 
 def column_labels(item: h5py.Group | h5py.Dataset) -> list[str]:
-    if not isinstance(item, h5py.Dataset) or item.dtype.kind != "S" or item.ndim != 1 or item.size * item.dtype.itemsize > 1 << 24:
+    if (
+        not isinstance(item, h5py.Dataset)
+        or item.dtype.kind != "S"
+        or item.ndim != 1
+        or item.size * item.dtype.itemsize > 1 << 24
+    ):
         return []
     return [bytes(label).decode("utf-8", "replace") for label in np.asarray(item[:])]
 
 
-def _table_frame(file: h5py.File, path: str, field: str | None, index: tuple[int | None, ...]) -> Column:
+def _table_frame(
+    file: h5py.File, path: str, field: str | None, index: tuple[int | None, ...]
+) -> Column:
     where = f"{path}/table"
     table = _dataset(walk(file, where), where)
     if table.dtype.names and field in table.dtype.names:
@@ -116,11 +166,17 @@ def _table_frame(file: h5py.File, path: str, field: str | None, index: tuple[int
         known += labels
         if field in labels:
             return column(where, table, block, (labels.index(field),))
-    raise ReadError(f"{path} is a pandas table without {field!r}{nearest(field or '', known)}; it has {', '.join(known[:20])}; mend source")
+    raise ReadError(
+        f"{path} is a pandas table without {field!r}{nearest(field or '', known)}; "
+        f"it has {', '.join(known[:20])}; mend source"
+    )
 
 
 def pickled_labels(raw: object) -> list[str]:
-    """The texts in a pickled list of texts, read off its opcodes; empty where it is anything else.  Nothing is executed."""
+    """The texts in a pickled list of texts, read off its opcodes; empty where it is anything else.
+
+    Nothing is executed.
+    """
     if not isinstance(raw, bytes):
         return []
     labels = []
@@ -135,8 +191,13 @@ def pickled_labels(raw: object) -> list[str]:
     return labels
 
 
-def time_of(file: h5py.File, found: Column, setup_time: str | None, time_unit: str | None) -> TimeColumn | None:
-    """The stamps of the column's samples, or None.  ReadError where the setup names a time that cannot be used."""
+def time_of(
+    file: h5py.File, found: Column, setup_time: str | None, time_unit: str | None
+) -> TimeColumn | None:
+    """The stamps of the column's samples, or None.
+
+    ReadError where the setup names a time that cannot be used.
+    """
     if setup_time:
         return _stamps(_named_time(file, found, setup_time), time_unit)
     group = found.dataset.parent
@@ -145,7 +206,11 @@ def time_of(file: h5py.File, found: Column, setup_time: str | None, time_unit: s
             stamps = find(file, candidate)
         except (ReadError, *LIBRARY_ERRORS):
             continue
-        if len(stamps) == len(found) and stamps.dtype.kind in "iuf" and (stamps.path, stamps.field) != (found.path, found.field):
+        if (
+            len(stamps) == len(found)
+            and stamps.dtype.kind in "iuf"
+            and (stamps.path, stamps.field) != (found.path, found.field)
+        ):
             return _stamps(stamps, None)
     return None
 
@@ -171,14 +236,30 @@ def _named_time(file: h5py.File, found: Column, name: str) -> Column:
 def _candidates(found: Column, group: h5py.Group) -> list[str]:
     """Sources that may hold the column's time, likeliest first."""
     base = group.name if group.name != "/" else ""
-    listed = [f"{found.path}:{name}" for name in found.dataset.dtype.names or () if name.lower() in TIME_NAMES]
-    if found.path.endswith("/table") and "index_kind" in Attributes(found.dataset).names and _counts_time(found.dataset, "index_kind"):
+    listed = [
+        f"{found.path}:{name}"
+        for name in found.dataset.dtype.names or ()
+        if name.lower() in TIME_NAMES
+    ]
+    if (
+        found.path.endswith("/table")
+        and "index_kind" in Attributes(found.dataset).names
+        and _counts_time(found.dataset, "index_kind")
+    ):
         listed.append(f"{found.path}:index")
     for name in ("axis1", "index"):
-        if name in group and Attributes(group).text("pandas_type") and _counts_time(group[name], "kind"):
+        if (
+            name in group
+            and Attributes(group).text("pandas_type")
+            and _counts_time(group[name], "kind")
+        ):
             listed.append(f"{base}/{name}")
     axes = Attributes(found.dataset).text("axes") or Attributes(group).text("axes")
-    listed += [f"{base}/{name.strip()}" for name in re.split(r"[:,]", axes or "") if name.strip() not in ("", ".")]
+    listed += [
+        f"{base}/{name.strip()}"
+        for name in re.split(r"[:,]", axes or "")
+        if name.strip() not in ("", ".")
+    ]
     lower = {name.lower(): name for name in group}
     return listed + [f"{base}/{lower[name]}" for name in TIME_NAMES if name in lower]
 
@@ -189,7 +270,9 @@ def _counts_time(item: h5py.Dataset, attribute: str) -> bool:
 
 
 def _stamps(stamps: Column, time_unit: str | None) -> TimeColumn:
-    """Step and origin of stored stamps: the setup's unit, the file's, the one in the name, or seconds."""
+    """Step and origin of stored stamps: the setup's unit, the file's, the one in the name, or
+    seconds.
+    """
     unit = time_unit or unit_of(stamps) or ""
     since = SINCE.match(unit)
     if since:
@@ -198,7 +281,9 @@ def _stamps(stamps: Column, time_unit: str | None) -> TimeColumn:
     kind = attributes.text("index_kind" if stamps.field else "kind") or ""
     date = re.fullmatch(r"datetime64(?:\[(\w+)\])?", kind)
     if date:
-        return TimeColumn(stamps, {"s": 1.0, "ms": 1e-3, "us": 1e-6}.get(date[1] or "ns", 1e-9), absolute=True)
+        return TimeColumn(
+            stamps, {"s": 1.0, "ms": 1e-3, "us": 1e-6}.get(date[1] or "ns", 1e-9), absolute=True
+        )
     suffix = re.search(r"_(s|ms|us|ns)$", stamps.field or stamps.path)
     if not unit:
         unit = suffix[1] if suffix else _unit_by_size(first_number(stamps, lambda *_: False))
@@ -210,5 +295,14 @@ def _stamps(stamps: Column, time_unit: str | None) -> TimeColumn:
 
 
 def _unit_by_size(first: float | None) -> str:
-    """The unit of a stamp without one: a date in ms, us or ns since 1970 is known by its size, all else is seconds."""
-    return next((unit for unit, size in (("ns", 1e17), ("us", 1e14), ("ms", 1e11)) if first is not None and first > size), "s")
+    """The unit of a stamp without one: a date in ms, us or ns since 1970 is known by its size, all
+    else is seconds.
+    """
+    return next(
+        (
+            unit
+            for unit, size in (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
+            if first is not None and first > size
+        ),
+        "s",
+    )

@@ -1,10 +1,13 @@
 """HDF5 logs of any layout, read in slices.
 
-    path, setup --source--> Column each channel (hdf5_source, hdf5_layout) --rate, scale, unit (hdf5_attributes)
-        --channels of one length, rate and time dataset--> Group --slices of a bounded size--> RawBlock
+    path, setup --source--> Column each channel (hdf5_source, hdf5_layout) --rate, scale, unit
+    (hdf5_attributes)
+        --channels of one length, rate and time dataset--> Group --slices of a bounded size-->
+        RawBlock
 
-A channel that is missing or refused is a loss (status 3) while another one is left, else the log is unreadable (status 4).
-Samples in a damaged chunk, in one that was never written or behind the cut of a file are NaN with the flag `gap`, and a loss.
+A channel that is missing or refused is a loss (status 3) while another one is left, else the log is
+unreadable (status 4). Samples in a damaged chunk, in one that was never written or behind the cut
+of a file are NaN with the flag `gap`, and a loss.
 """
 
 from __future__ import annotations
@@ -50,7 +53,10 @@ class _Channel:
 
 @dataclass(frozen=True)
 class _Clock:
-    """A group with what its blocks are read from.  `first` is the first stored stamp, `origin_s` its time in the log."""
+    """A group with what its blocks are read from.
+
+    `first` is the first stored stamp, `origin_s` its time in the log.
+    """
 
     group: Group
     channels: tuple[_Channel, ...]
@@ -61,7 +67,10 @@ class _Clock:
 
 
 def open_hdf5(path: Path | str, setup: Setup, log_name: str) -> Hdf5Log:
-    """The log at `path`; `log_name` is its name in messages.  ReadError where nothing in it can be read."""
+    """The log at `path`; `log_name` is its name in messages.
+
+    ReadError where nothing in it can be read.
+    """
     return Hdf5Log(Path(path), setup, log_name)
 
 
@@ -77,7 +86,9 @@ class Hdf5Log:
         try:
             self.clocks = self._clocks(self._channels())
         except LIBRARY_ERRORS as problem:
-            raise self._error(f"cannot be read ({problem}); the file is damaged; record it again") from None
+            raise self._error(
+                f"cannot be read ({problem}); the file is damaged; record it again"
+            ) from None
         self.setup, said = with_stated_units(setup, self.stated)
         self.report.remarks += said
         self.groups = tuple(clock.group for clock in self.clocks)
@@ -89,7 +100,9 @@ class Hdf5Log:
         try:
             size = path.stat().st_size
         except OSError as problem:
-            raise self._error(f"cannot be opened ({problem.strerror}); a log is a readable file; mend the path") from None
+            raise self._error(
+                f"cannot be opened ({problem.strerror}); a log is a readable file; mend the path"
+            ) from None
         if size == 0:
             raise self._error("is empty; allowed is an HDF5 file; record it again")
         try:
@@ -97,13 +110,21 @@ class Hdf5Log:
         except LIBRARY_ERRORS as problem:
             declared = declared_size(problem)
             if declared is None or declared <= size:
-                raise self._error(f"is no readable HDF5 file ({problem}); allowed is HDF5; repair it or record it again") from None
+                raise self._error(
+                    f"is no readable HDF5 file ({problem}); allowed is HDF5; repair it or record "
+                    "it again"
+                ) from None
         try:
             file = h5py.File(Padded(path, declared), "r", rdcc_nbytes=CACHE_BYTES)
         except LIBRARY_ERRORS:
-            raise self._error(f"is cut off at {size} of {declared} bytes, before its index; copy it again") from None
+            raise self._error(
+                f"is cut off at {size} of {declared} bytes, before its index; copy it again"
+            ) from None
         self.end = size
-        self.report.losses.append(f"the file is cut off at {size} of {declared} bytes; samples behind the cut are lost; copy it again")
+        self.report.losses.append(
+            f"the file is cut off at {size} of {declared} bytes; samples behind the cut are "
+            "lost; copy it again"
+        )
         return file
 
     def _channels(self) -> list[_Channel]:
@@ -116,12 +137,22 @@ class Hdf5Log:
                     self.stated[name] = unit
             except ReadError as problem:
                 problems.append(f"channel {name}: {problem.message}")
-            except TypeError as problem:  # H5T_TIME, quadruple precision: whole, and of no type that numpy has
-                problems.append(f"channel {name}: {channel.source} cannot be read here ({problem}); allowed are numbers; store it as such")
+            except (
+                TypeError
+            ) as problem:  # H5T_TIME, quadruple precision: whole, and of no type that numpy has
+                problems.append(
+                    f"channel {name}: {channel.source} cannot be read here ({problem}); "
+                    "allowed are numbers; store it as such"
+                )
             except LIBRARY_ERRORS as problem:
-                problems.append(f"channel {name}: {channel.source} cannot be read ({problem}); the file is damaged; record it again")
+                problems.append(
+                    f"channel {name}: {channel.source} cannot be read ({problem}); "
+                    "the file is damaged; record it again"
+                )
         if not channels:
-            raise self._error("; ".join(self.report.losses + problems[:3]) or "the setup has no channels")
+            raise self._error(
+                "; ".join(self.report.losses + problems[:3]) or "the setup has no channels"
+            )
         self.report.losses += problems
         return channels
 
@@ -132,21 +163,36 @@ class Hdf5Log:
             time = self._time(channel)
             rate = rate_of(channel.column)
             source = (time.column.path, time.column.field, time.column.index) if time else None
-            key = (len(channel.column), rate, source, self.setup.channels[channel.name].sampling_rate_Hz)
+            key = (
+                len(channel.column),
+                rate,
+                source,
+                self.setup.channels[channel.name].sampling_rate_Hz,
+            )
             gathered.setdefault(key, ([], time, rate))[0].append(channel)
         clocks = []
         for number, (members, time, rate) in enumerate(gathered.values(), 1):
             decimals = {c.name: c.scale.decimals for c in members}
-            group = Group(f"clock_{number}", tuple(c.name for c in members), rate_Hz=rate, decimals=decimals)
+            group = Group(
+                f"clock_{number}", tuple(c.name for c in members), rate_Hz=rate, decimals=decimals
+            )
             size = max(kept(c.column, self.end, BLOCK_VALUES) for c in members)
             if size == 0:
-                self.report.losses.append(f"nothing is stored of {', '.join(group.channels)}; record the log again")
+                self.report.losses.append(
+                    f"nothing is stored of {', '.join(group.channels)}; record the log again"
+                )
                 continue
             if size < (whole := len(members[0].column)):
-                self.report.losses.append(f"{', '.join(group.channels)}: {whole - size} of {whole} samples at the end are not in the file")
+                self.report.losses.append(
+                    f"{', '.join(group.channels)}: {whole - size} of {whole} samples at the end "
+                    "are not in the file"
+                )
             first = first_number(time.column, self._is_lost) if time else 0
             if first is None:
-                self.report.losses.append(f"the stamps of {', '.join(group.channels)} cannot be read; give sampling_rate_Hz in the setup")
+                self.report.losses.append(
+                    f"the stamps of {', '.join(group.channels)} cannot be read; "
+                    "give sampling_rate_Hz in the setup"
+                )
                 time, first = None, 0
             clocks.append(_Clock(group, tuple(members), size, time, first))
         if not clocks:
@@ -164,15 +210,26 @@ class Hdf5Log:
             return None
 
     def _common_origin(self, clocks: list[_Clock]) -> list[_Clock]:
-        """The clocks with times from the first stamp of any of them; clocks of dates and clocks of seconds each have their own."""
+        """The clocks with times from the first stamp of any of them; clocks of dates and clocks of
+        seconds each have their own.
+        """
         starts = [float(c.first) * c.time.step_s if c.time else 0.0 for c in clocks]
-        dated = [bool(c.time and (c.time.absolute or start > EARLIEST_DATE_S)) for c, start in zip(clocks, starts, strict=True)]
+        dated = [
+            bool(c.time and (c.time.absolute or start > EARLIEST_DATE_S))
+            for c, start in zip(clocks, starts, strict=True)
+        ]
         stamped = [d for c, d in zip(clocks, dated, strict=True) if c.time]
         if len(set(stamped)) > 1:
-            self.report.remarks.append("some channels have dates and others seconds; each kind is taken to start with the log")
+            self.report.remarks.append(
+                "some channels have dates and others seconds; each kind is taken to start with "
+                "the log"
+            )
         shifted = []
         for clock, start, date in zip(clocks, starts, dated, strict=True):
-            origin = min((s for c, s, d in zip(clocks, starts, dated, strict=True) if c.time and d == date), default=start)
+            origin = min(
+                (s for c, s, d in zip(clocks, starts, dated, strict=True) if c.time and d == date),
+                default=start,
+            )
             shifted.append(replace(clock, origin_s=start - origin))
             if clock.time and start == origin and (date or clock.time.since):
                 self.report.start = _absolute(clock.time, start)
@@ -192,12 +249,17 @@ class Hdf5Log:
             for what, count in lost.items():
                 if count:
                     self.report.losses.append(
-                        f"{count} {what} of {names} lie in damaged or missing chunks and are lost; copy the log again"
+                        f"{count} {what} of {names} lie in damaged or missing chunks and are "
+                        "lost; copy the log again"
                     )
-                    self.report.counts[f"{what}_lost"] = self.report.counts.get(f"{what}_lost", 0) + count
+                    self.report.counts[f"{what}_lost"] = (
+                        self.report.counts.get(f"{what}_lost", 0) + count
+                    )
 
     def _block(self, clock: _Clock, start: int, stop: int) -> tuple[RawBlock, int, int]:
-        """Samples [start, stop) of a group, how many are lost (in any channel, once each), and how many stamps are."""
+        """Samples [start, stop) of a group, how many are lost (in any channel, once each), and how
+        many stamps are.
+        """
         values: dict[str, FloatArray] = {}
         flags: list[tuple[str, int, int, str]] = []
         gone = np.zeros(stop - start, bool)
@@ -213,10 +275,18 @@ class Hdf5Log:
                 flags.append((channel.name, first - start, last - start, "gap"))
             values[channel.name] = numbers
         stamps, stamps_gone = self._stamps(clock, start, stop, slabs) if clock.time else (None, 0)
-        return RawBlock(clock.group.name, values, stamps, None, tuple(flags)), int(gone.sum()), stamps_gone
+        return (
+            RawBlock(clock.group.name, values, stamps, None, tuple(flags)),
+            int(gone.sum()),
+            stamps_gone,
+        )
 
-    def _read(self, column: Column, start: int, stop: int, slabs: Slabs) -> tuple[NDArray[Any], list[tuple[int, int]]]:
-        """Stored values [start, stop), and the ranges of them that are lost (their values mean nothing)."""
+    def _read(
+        self, column: Column, start: int, stop: int, slabs: Slabs
+    ) -> tuple[NDArray[Any], list[tuple[int, int]]]:
+        """Stored values [start, stop), and the ranges of them that are lost (their values mean
+        nothing).
+        """
         missing = unstored(column, start, stop, self.end)
         if not missing:
             try:
@@ -241,7 +311,9 @@ class Hdf5Log:
         assert clock.time is not None
         stored, missing = self._read(clock.time.column, start, stop, slabs)
         if stored.dtype.kind in "iu":
-            counted = (stored.astype(np.int64) - int(clock.first)).astype(np.float64)  # exact for nanoseconds since 1970
+            counted = (stored.astype(np.int64) - int(clock.first)).astype(
+                np.float64
+            )  # exact for nanoseconds since 1970
         else:
             counted = stored.astype(np.float64) - float(clock.first)
         stamps = counted * clock.time.step_s + clock.origin_s
@@ -255,14 +327,22 @@ def _rows(clock: _Clock) -> int:
     columns = [c.column for c in clock.channels]
     widest = max(c.dataset.dtype.itemsize if c.field else c.dtype.itemsize for c in columns)
     rows = max(min(BLOCK_VALUES // len(columns), SLAB_BYTES // widest), 1)
-    chunk = max(c.chunk for c in columns if c.dataset.chunks) if any(c.dataset.chunks for c in columns) else 1
+    chunk = (
+        max(c.chunk for c in columns if c.dataset.chunks)
+        if any(c.dataset.chunks for c in columns)
+        else 1
+    )
     return rows - rows % chunk if chunk <= rows else rows
 
 
 def _absolute(time: TimeColumn, start_s: float) -> str | None:
-    """The start of the log as ISO 8601: stamps count from 1970, or from the date that the file names."""
+    """The start of the log as ISO 8601: stamps count from 1970, or from the date that the file
+    names.
+    """
     try:
-        since = datetime.fromisoformat(time.since) if time.since else datetime(1970, 1, 1, tzinfo=UTC)
+        since = (
+            datetime.fromisoformat(time.since) if time.since else datetime(1970, 1, 1, tzinfo=UTC)
+        )
         return (since + timedelta(seconds=start_s)).isoformat()
     except (OverflowError, ValueError):
         return None

@@ -13,7 +13,9 @@ SLAB_BYTES = 1 << 24
 
 
 class Slabs:
-    """One slice of several columns; columns of one dataset are read together, where that reads little beside them."""
+    """One slice of several columns; columns of one dataset are read together, where that reads
+    little beside them.
+    """
 
     def __init__(self, columns: list[Column], start: int, stop: int) -> None:
         self.start, self.stop = start, stop
@@ -23,14 +25,23 @@ class Slabs:
         self.slabs: dict[Any, NDArray[Any]] = {}
 
     def read(self, column: Column) -> NDArray[Any]:
-        """The column's stored values in the slice.  One of LIBRARY_ERRORS where a chunk is damaged."""
+        """The column's stored values in the slice.
+
+        One of LIBRARY_ERRORS where a chunk is damaged.
+        """
         key = (column.dataset.id, column.axis)
         together = self.shared.get(key, [])
         fields_of_rows = column.field is not None and column.dataset.ndim == 1
-        if column not in together or len(together) < 2 or not (fields_of_rows or self._narrow(column, len(together))):
+        if (
+            column not in together
+            or len(together) < 2
+            or not (fields_of_rows or self._narrow(column, len(together)))
+        ):
             return column.read(self.start, self.stop)
         if key not in self.slabs:
-            where = tuple(slice(self.start, self.stop) if at is None else slice(None) for at in column.index)
+            where = tuple(
+                slice(self.start, self.stop) if at is None else slice(None) for at in column.index
+            )
             if column.field:
                 fields = sorted({c.field for c in together if c.field})
                 self.slabs[key] = column.dataset.fields(fields)[where]

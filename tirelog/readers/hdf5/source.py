@@ -1,12 +1,16 @@
 """From a setup's `source` to one column of numbers in an HDF5 file, and what is refused on the way.
 
     "/group/data"        a dataset; its longest axis is time, axes of length 1 need no index
-    "/group/data[3]"     one column of a 2-D dataset (counted from 0); "[3, 0]" with more axes, "[:, 3]" says which axis is time
-    "/table:column"      a field of a compound dataset ("column[2]" of an array field), or a column of a pandas or NeXus group
+    "/group/data[3]"     one column of a 2-D dataset (counted from 0); "[3, 0]" with more axes, "[:,
+                         3]" says which axis is time
+    "/table:column"      a field of a compound dataset ("column[2]" of an array field), or a column
+                         of a pandas or NeXus group
 
-    file, source --walk link by link--> h5py.Dataset --checks--> Column --read(start, stop)--> shape (n,), the file's own type
+    file, source --walk link by link--> h5py.Dataset --checks--> Column --read(start, stop)--> shape
+    (n,), the file's own type
 
-A link may lead to nothing but this file.  Nothing is ever unpickled or followed as an object reference.
+A link may lead to nothing but this file. Nothing is ever unpickled or followed as an object
+reference.
 """
 
 from __future__ import annotations
@@ -38,7 +42,8 @@ LIBRARY_ERRORS = (
 )
 #: a chunk with filters has to be decompressed whole
 LARGEST_CHUNK_BYTES = 1 << 26
-#: declared / stored bytes: deflate shrinks by 1032 at most, a dataset made larger than what was recorded by some more
+#: declared / stored bytes: deflate shrinks by 1032 at most, a dataset made larger than what was
+#: recorded by some more
 LARGEST_RATIO = 1 << 16
 LARGEST_ROW_BYTES = 1 << 22
 #: values looked at together for the first that is there
@@ -49,7 +54,9 @@ MOST_NAMES = 5000
 
 @dataclass(frozen=True)
 class Column:
-    """Numbers along the axis `axis` of a dataset: at `index` (None at `axis`) on the others, `field` and `element` of a compound."""
+    """Numbers along the axis `axis` of a dataset: at `index` (None at `axis`) on the others,
+    `field` and `element` of a compound.
+    """
 
     path: str
     dataset: h5py.Dataset
@@ -75,7 +82,10 @@ class Column:
         return tuple(slice(start, stop) if at is None else at for at in self.index)
 
     def read(self, start: int, stop: int) -> NDArray[Any]:
-        """Stored values [start, stop), shape (stop - start,).  One of LIBRARY_ERRORS where a chunk is damaged."""
+        """Stored values [start, stop), shape (stop - start,).
+
+        One of LIBRARY_ERRORS where a chunk is damaged.
+        """
         source = self.dataset if self.field is None else self.dataset.fields(self.field)
         values = source[self.selection(start, stop)]
         return values[(slice(None), *self.element)] if self.element else values
@@ -86,7 +96,10 @@ def refuse(path: str, what: str, allowed: str, action: str) -> ReadError:
 
 
 def walk(file: h5py.File, path: str, links: int = MOST_LINKS) -> h5py.Group | h5py.Dataset:
-    """The object at `path`, link by link, soft links within the file followed.  ReadError where a link leaves it or leads nowhere."""
+    """The object at `path`, link by link, soft links within the file followed.
+
+    ReadError where a link leaves it or leads nowhere.
+    """
     at: Any = file["/"]
     here: list[str] = []
     parts = [part for part in path.split("/") if part not in ("", ".")]
@@ -94,12 +107,25 @@ def walk(file: h5py.File, path: str, links: int = MOST_LINKS) -> h5py.Group | h5
         name = parts.pop(0)
         link = at.get(name, getlink=True) if isinstance(at, h5py.Group) else None
         if link is None:
-            raise ReadError(f"no dataset {path!r}{nearest(path, names(file))}; a source is a dataset path of the file; mend source")
+            raise ReadError(
+                f"no dataset {path!r}{nearest(path, names(file))}; a source is a dataset path of "
+                "the file; mend source"
+            )
         if isinstance(link, h5py.ExternalLink):
-            raise refuse(path, f"is an external link to {link.filename!r}", "data inside the log itself", "copy the data into one file")
+            raise refuse(
+                path,
+                f"is an external link to {link.filename!r}",
+                "data inside the log itself",
+                "copy the data into one file",
+            )
         if isinstance(link, h5py.SoftLink):
             if links == 0:
-                raise refuse(path, "is a circle of soft links", f"{MOST_LINKS} links", "name the dataset itself")
+                raise refuse(
+                    path,
+                    "is a circle of soft links",
+                    f"{MOST_LINKS} links",
+                    "name the dataset itself",
+                )
             target = link.path if link.path.startswith("/") else "/".join([*here, link.path])
             return walk(file, "/".join([target, *parts]), links - 1)
         here.append(name)
@@ -131,20 +157,36 @@ def names(file: h5py.File) -> list[str]:
 
 
 def split(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
-    """(dataset path, field or column, index) of a source; None in the index is ':'.  ReadError where it does not parse."""
-    match = re.fullmatch(r"(?P<path>[^\[\]:]+?)(?::(?P<field>[^\[\]]+))?(?:\[(?P<index>[\d\s,:]+)\])?", source.strip())
+    """(dataset path, field or column, index) of a source; None in the index is ':'. ReadError where
+    it does not parse.
+    """
+    match = re.fullmatch(
+        r"(?P<path>[^\[\]:]+?)(?::(?P<field>[^\[\]]+))?(?:\[(?P<index>[\d\s,:]+)\])?",
+        source.strip(),
+    )
     if match is None:
-        raise ReadError(f'source {source!r} does not parse; allowed is "/path", "/path[3]", "/path[:, 3]" or "/table:column"; mend source')
+        raise ReadError(
+            f'source {source!r} does not parse; allowed is "/path", "/path[3]", "/path[:, 3]" or '
+            '"/table:column"; mend source'
+        )
     index: list[int | None] = []
     for part in (match["index"] or "").split(",") if match["index"] else ():
         if part.strip() != ":" and not part.strip().isdigit():
-            raise ReadError(f"source {source!r} has the index {part!r}; allowed are whole numbers from 0, and ':' for time; mend source")
+            raise ReadError(
+                f"source {source!r} has the index {part!r}; allowed are whole numbers from 0, "
+                "and ':' for time; mend source"
+            )
         index.append(None if part.strip() == ":" else int(part))
     return match["path"], match["field"], tuple(index)
 
 
-def column(path: str, dataset: h5py.Dataset, field: str | None, index: tuple[int | None, ...]) -> Column:
-    """The column `index` of `dataset` (of its compound field `field`), checked.  ReadError says what is refused."""
+def column(
+    path: str, dataset: h5py.Dataset, field: str | None, index: tuple[int | None, ...]
+) -> Column:
+    """The column `index` of `dataset` (of its compound field `field`), checked.
+
+    ReadError says what is refused.
+    """
     check_storage(path, dataset)
     dtype = dataset.dtype
     element: tuple[int, ...] = ()
@@ -154,21 +196,35 @@ def column(path: str, dataset: h5py.Dataset, field: str | None, index: tuple[int
         if field not in dtype.names:
             near = nearest(field or "", dtype.names)
             raise ReadError(
-                f"{path} is a table without a column {field!r}{near}; it has {', '.join(dtype.names[:20])}; add :COLUMN to source"
+                f"{path} is a table without a column {field!r}{near}; "
+                f"it has {', '.join(dtype.names[:20])}; add :COLUMN to source"
             )
         dtype = dtype[field]
         if dtype.shape and math.prod(dtype.shape) > 1:
             element = tuple(0 if i is None else i for i in index)
-            if len(element) != len(dtype.shape) or any(i >= n for i, n in zip(element, dtype.shape, strict=True)):
-                raise ReadError(f"{path}:{field} holds arrays of shape {dtype.shape}; allowed is one element [i]; mend the index in source")
+            if len(element) != len(dtype.shape) or any(
+                i >= n for i, n in zip(element, dtype.shape, strict=True)
+            ):
+                raise ReadError(
+                    f"{path}:{field} holds arrays of shape {dtype.shape}; allowed is one element "
+                    "[i]; mend the index in source"
+                )
             index = ()
         elif dtype.shape:
             element = (0,) * len(dtype.shape)
             index = ()
     elif field is not None:
-        raise ReadError(f"{path} is no table, so it has no column {field!r}; allowed is a path or an index; mend source")
+        raise ReadError(
+            f"{path} is no table, so it has no column {field!r}; allowed is a path or an index; "
+            "mend source"
+        )
     elif dtype.shape:
-        raise refuse(path, f"holds arrays of shape {dtype.shape} as its elements", "plain numbers", "store it with one more axis")
+        raise refuse(
+            path,
+            f"holds arrays of shape {dtype.shape} as its elements",
+            "plain numbers",
+            "store it with one more axis",
+        )
     check_type(path, dtype.base if dtype.shape else dtype)
     axis, where = time_axis(path, dataset.shape, index)
     found = Column(path, dataset, axis, where, field, element)
@@ -178,37 +234,78 @@ def column(path: str, dataset: h5py.Dataset, field: str | None, index: tuple[int
 
 def check_storage(path: str, dataset: h5py.Dataset) -> None:
     if dataset.external:
-        raise refuse(path, f"keeps its data in the other file {dataset.external[0][0]!r}", "data inside the log", "run h5repack on it")
+        raise refuse(
+            path,
+            f"keeps its data in the other file {dataset.external[0][0]!r}",
+            "data inside the log",
+            "run h5repack on it",
+        )
     if dataset.is_virtual:
         for source in dataset.virtual_sources():
             if source.file_name != ".":
-                raise refuse(path, f"is virtual and points to {source.file_name!r}", "data inside the log", "run h5repack on it")
+                raise refuse(
+                    path,
+                    f"is virtual and points to {source.file_name!r}",
+                    "data inside the log",
+                    "run h5repack on it",
+                )
             target = walk(dataset.file, source.dset_name)
             if not isinstance(target, h5py.Dataset) or target.is_virtual or target.external:
-                raise refuse(path, "is virtual over something that is no plain dataset", "data inside the log", "run h5repack on it")
+                raise refuse(
+                    path,
+                    "is virtual over something that is no plain dataset",
+                    "data inside the log",
+                    "run h5repack on it",
+                )
     creation = dataset.id.get_create_plist()
     for which in range(creation.get_nfilters()):
         code, _, _, name = creation.get_filter(which)
         if not h5py.h5z.filter_avail(code):
             label = name.decode("utf-8", "replace") or "unnamed"
-            raise refuse(path, f"is compressed by filter {code} ({label}), not installed here", "gzip, lzf, szip", "h5repack -f GZIP=4")
+            raise refuse(
+                path,
+                f"is compressed by filter {code} ({label}), not installed here",
+                "gzip, lzf, szip",
+                "h5repack -f GZIP=4",
+            )
 
 
 def check_type(path: str, dtype: np.dtype[Any]) -> None:
     if h5py.check_ref_dtype(dtype) is not None:
-        raise refuse(path, "holds object references", "numbers", "name the dataset that it refers to")
+        raise refuse(
+            path, "holds object references", "numbers", "name the dataset that it refers to"
+        )
     if dtype.kind in "SU" or h5py.check_string_dtype(dtype) is not None:
         raise refuse(path, "holds text", "numbers", "name another dataset in source")
     if dtype.kind == "O":
-        raise refuse(path, "is an object array (lists of varying length, or pickles)", "numbers of one fixed type", "store it as numbers")
+        raise refuse(
+            path,
+            "is an object array (lists of varying length, or pickles)",
+            "numbers of one fixed type",
+            "store it as numbers",
+        )
     if dtype.kind not in "iufb" or dtype.itemsize > 16:
-        raise refuse(path, f"has the type {dtype}", "integers or real numbers", "name another dataset in source")
+        raise refuse(
+            path,
+            f"has the type {dtype}",
+            "integers or real numbers",
+            "name another dataset in source",
+        )
 
 
-def time_axis(path: str, shape: tuple[int, ...] | None, index: tuple[int | None, ...]) -> tuple[int, tuple[int | None, ...]]:
-    """(time axis, full index) for a dataset of `shape`: ':' marks time, else it is the longest axis (the first of equals)."""
+def time_axis(
+    path: str, shape: tuple[int, ...] | None, index: tuple[int | None, ...]
+) -> tuple[int, tuple[int | None, ...]]:
+    """(time axis, full index) for a dataset of `shape`: ':' marks time, else it is the longest axis
+    (the first of equals).
+    """
     if not shape:
-        raise refuse(path, "is a single value", "a dataset with an axis of time", "name another dataset in source")
+        raise refuse(
+            path,
+            "is a single value",
+            "a dataset with an axis of time",
+            "name another dataset in source",
+        )
     if None in index and index.count(None) == 1 and len(index) == len(shape):
         axis = index.index(None)
         others = [i for i in index if i is not None]
@@ -219,7 +316,10 @@ def time_axis(path: str, shape: tuple[int, ...] | None, index: tuple[int | None,
         if None in index or len(others) not in (len(wide), len(shape) - 1):
             what = f"has the shape {shape} and source gives {len(index)} index(es)"
             raise refuse(
-                path, what, f"{len(wide)}, or one an axis with ':' for time", f"write e.g. {path}[{', '.join('0' * len(wide)) or ':'}]"
+                path,
+                what,
+                f"{len(wide)}, or one an axis with ':' for time",
+                f"write e.g. {path}[{', '.join('0' * len(wide)) or ':'}]",
             )
         if len(others) == len(wide):
             given = iter(others)
@@ -228,31 +328,51 @@ def time_axis(path: str, shape: tuple[int, ...] | None, index: tuple[int | None,
     full.insert(axis, None)
     for at, n in zip(full, shape, strict=True):
         if at is not None and at >= n:
-            raise refuse(path, f"has the shape {shape}", f"an index from 0 to {n - 1}", f"mend the index {at}")
+            raise refuse(
+                path,
+                f"has the shape {shape}",
+                f"an index from 0 to {n - 1}",
+                f"mend the index {at}",
+            )
     return axis, tuple(full)
 
 
 def check_shape(found: Column) -> None:
-    """Refuses what holds nothing, or declares more than its file can hold or than can be read in bounded memory."""
+    """Refuses what holds nothing, or declares more than its file can hold or than can be read in
+    bounded memory.
+    """
     dataset, path = found.dataset, found.path
     declared = math.prod(dataset.shape) * dataset.dtype.itemsize
     if len(found) == 0 or declared == 0:
-        raise refuse(path, "holds no samples", "one sample or more", "name another dataset in source")
+        raise refuse(
+            path, "holds no samples", "one sample or more", "name another dataset in source"
+        )
     stored = dataset.id.get_storage_size()
     if not dataset.is_virtual and (stored == 0 or declared > stored * LARGEST_RATIO):
         what = f"declares {'x'.join(map(str, dataset.shape))} values and stores {stored} bytes"
-        raise refuse(path, what, "what the file really holds", "repair the file where it was written")
+        raise refuse(
+            path, what, "what the file really holds", "repair the file where it was written"
+        )
     creation = dataset.id.get_create_plist()
     chunk = math.prod(dataset.chunks) * dataset.dtype.itemsize if dataset.chunks else 0
     if chunk > LARGEST_CHUNK_BYTES and creation.get_nfilters():
         what = f"has compressed chunks of {chunk >> 20} MB"
-        raise refuse(path, what, f"{LARGEST_CHUNK_BYTES >> 20} MB", f"h5repack -l {path}:CHUNK=65536")
+        raise refuse(
+            path, what, f"{LARGEST_CHUNK_BYTES >> 20} MB", f"h5repack -l {path}:CHUNK=65536"
+        )
     if dataset.dtype.itemsize > LARGEST_ROW_BYTES:
-        raise refuse(path, f"has rows of {dataset.dtype.itemsize} bytes", f"{LARGEST_ROW_BYTES} bytes", "store fewer columns")
+        raise refuse(
+            path,
+            f"has rows of {dataset.dtype.itemsize} bytes",
+            f"{LARGEST_ROW_BYTES} bytes",
+            "store fewer columns",
+        )
 
 
 def first_number(found: Column, is_lost: Callable[[Column, int, int], bool]) -> Any:
-    """The first stored value that can be read and is a number, or None; `is_lost` tells what the file does not hold."""
+    """The first stored value that can be read and is a number, or None; `is_lost` tells what the
+    file does not hold.
+    """
     step = min(found.chunk, FIRST_VALUES)
     for start in range(0, len(found), step):
         stop = min(start + step, len(found))
@@ -266,9 +386,20 @@ def first_number(found: Column, is_lost: Callable[[Column, int, int], bool]) -> 
     return None
 
 
-def chunks_of(found: Column, start: int, stop: int) -> Iterator[tuple[int, int, h5py.h5d.StoreInfo]]:
-    """(first sample, end, where the file keeps it) of each chunk of the column that meets [start, stop)."""
+def chunks_of(
+    found: Column, start: int, stop: int
+) -> Iterator[tuple[int, int, h5py.h5d.StoreInfo]]:
+    """(first sample, end, where the file keeps it) of each chunk of the column that meets [start,
+    stop).
+    """
     dataset = found.dataset
     for first in range(start - start % found.chunk, stop, found.chunk):
-        at = [first if i is None else i - i % size for i, size in zip(found.index, dataset.chunks, strict=True)]
-        yield max(first, start), min(first + found.chunk, stop), dataset.id.get_chunk_info_by_coord(tuple(at))
+        at = [
+            first if i is None else i - i % size
+            for i, size in zip(found.index, dataset.chunks, strict=True)
+        ]
+        yield (
+            max(first, start),
+            min(first + found.chunk, stop),
+            dataset.id.get_chunk_info_by_coord(tuple(at)),
+        )

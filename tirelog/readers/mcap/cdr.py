@@ -1,7 +1,9 @@
-"""ROS 2 messages (CDR) as templates: the definition text is parsed, one message walked, and each wanted number gets its place.
+"""ROS 2 messages (CDR) as templates: the definition text is parsed, one message walked, and each
+wanted number gets its place.
 
-CDR aligns every number to its own size, counted from behind the four bytes of encapsulation; strings and sequences begin with their
-length (32 bits), which is all that makes one message's layout differ from another's.
+CDR aligns every number to its own size, counted from behind the four bytes of encapsulation;
+strings and sequences begin with their length (32 bits), which is all that makes one message's
+layout differ from another's.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ PRIMITIVES = {
     "bool": "u1", "byte": "u1", "char": "i1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2", "uint32": "u4", "int32": "i4",
     "uint64": "u8", "int64": "i8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
-BUILTIN_TIME = dict.fromkeys(("builtin_interfaces/Time", "builtin_interfaces/Duration"), "int32 sec\nuint32 nanosec")
+BUILTIN_TIME = dict.fromkeys(
+    ("builtin_interfaces/Time", "builtin_interfaces/Duration"), "int32 sec\nuint32 nanosec"
+)
 ENCAPSULATION = 4
 LONGEST_LIST = 1 << 20
 #: structures and texts of one message: the library makes a Python object of each
@@ -27,7 +31,10 @@ FIELD = re.compile(r"^\s*([\w/]+)(?:<=\d+)?(\[(?:<=)?\d*\])?\s+([A-Za-z]\w*)\b\s
 
 @dataclass(frozen=True)
 class Member:
-    """A field of a definition.  `length` is None for one value, -1 for a sequence, else the length of a fixed array."""
+    """A field of a definition.
+
+    `length` is None for one value, -1 for a sequence, else the length of a fixed array.
+    """
 
     type: str
     name: str
@@ -49,7 +56,9 @@ def parse_definitions(name: str, text: str) -> tuple[str, dict[str, list[Member]
                 kind = _key(kind if "/" in kind else f"{package}/{kind}")
             digits = re.sub(r"\D", "", match[2] or "")
             fixed = bool(match[2]) and "<" not in match[2] and digits
-            members.append(Member(kind, match[3], None if not match[2] else int(digits) if fixed else -1))
+            members.append(
+                Member(kind, match[3], None if not match[2] else int(digits) if fixed else -1)
+            )
         definitions[key] = members
     return _key(name), definitions
 
@@ -72,7 +81,9 @@ def _sections(name: str, text: str) -> list[tuple[str, str]]:
 class CdrTemplate:
     """The walk over one message."""
 
-    def __init__(self, data: bytes, definitions: dict[str, list[Member]], wants: list[Want]) -> None:
+    def __init__(
+        self, data: bytes, definitions: dict[str, list[Member]], wants: list[Want]
+    ) -> None:
         if len(data) < ENCAPSULATION or data[1] not in (0, 1):
             raise NoPlanError
         self.data, self.definitions = data, definitions
@@ -96,7 +107,11 @@ class CdrTemplate:
         if not members:
             self.at += 1  # an empty definition is one byte
         for member in members:
-            below = [(which, tokens[1:]) for which, tokens in wants if tokens and tokens[0] == member.name]
+            below = [
+                (which, tokens[1:])
+                for which, tokens in wants
+                if tokens and tokens[0] == member.name
+            ]
             if member.length is None:
                 self._value(member.type, below, depth)
                 continue
@@ -109,7 +124,15 @@ class CdrTemplate:
                 for k in range(length):
                     if any(tokens and isinstance(tokens[0], slice) for _, tokens in below):
                         raise NoPlanError
-                    self._value(member.type, [(which, tokens[1:]) for which, tokens in below if tokens and tokens[0] == k], depth)
+                    self._value(
+                        member.type,
+                        [
+                            (which, tokens[1:])
+                            for which, tokens in below
+                            if tokens and tokens[0] == k
+                        ],
+                        depth,
+                    )
 
     def _value(self, kind: str, wants: list[tuple[int, tuple[Token, ...]]], depth: int) -> None:
         self.parts += 1
@@ -146,7 +169,11 @@ class CdrTemplate:
                 continue
             chosen = range(length)[token]
             self.plan.places[which] = Place(
-                self.at + chosen.start * width, self.order + dtype, len(chosen), chosen.step * width, batch=True
+                self.at + chosen.start * width,
+                self.order + dtype,
+                len(chosen),
+                chosen.step * width,
+                batch=True,
             )
         self.at += length * width
 
@@ -162,13 +189,19 @@ class CdrTemplate:
 
 
 def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> bool:
-    """True if a message is small, or can be walked and holds no more than MOST_PARTS parts beside its plain lists of numbers."""
+    """True if a message is small, or can be walked and holds no more than MOST_PARTS parts beside
+    its plain lists of numbers.
+    """
     try:
         return len(data) <= MOST_PARTS or bool(CdrTemplate(data, definitions, []).walk(root, []))
     except NoPlanError:
         return False
 
 
-def cdr_plan(data: bytes, root: str, definitions: dict[str, list[Member]], wants: list[Want]) -> Plan:
+def cdr_plan(
+    data: bytes, root: str, definitions: dict[str, list[Member]], wants: list[Want]
+) -> Plan:
     """The plan of one ROS 2 message.  NoPlanError where it has none."""
-    return CdrTemplate(data, definitions, wants).walk(root, [(i, want.tokens) for i, want in enumerate(wants)])
+    return CdrTemplate(data, definitions, wants).walk(
+        root, [(i, want.tokens) for i, want in enumerate(wants)]
+    )

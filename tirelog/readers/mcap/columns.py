@@ -9,7 +9,10 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class FieldColumn:
-    """Numbers for one want.  `lengths` shape (n,) where each message holds a batch; `values` are then the batches end to end."""
+    """Numbers for one want.
+
+    `lengths` shape (n,) where each message holds a batch; `values` are then the batches end to end.
+    """
 
     values: FloatArray
     lengths: IntArray | None = None

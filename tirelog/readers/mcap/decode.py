@@ -1,8 +1,11 @@
-"""Messages of one MCAP channel to numbers: by layout with numpy where layouts repeat, by pyarrow for JSON, else by the library one by one.
+"""Messages of one MCAP channel to numbers: by layout with numpy where layouts repeat, by pyarrow
+for JSON, else by the library one by one.
 
-    Table, wants --plans | arrow | library--> FieldColumn per want: `values` flat float64, `lengths` (n,) where a message holds a batch
+    Table, wants --plans | arrow | library--> FieldColumn per want: `values` flat float64, `lengths`
+    (n,) where a message holds a batch
 
-The library's decoder is the authority: a plan is used only if it gives the numbers that the library gives for its template.
+The library's decoder is the authority: a plan is used only if it gives the numbers that the library
+gives for its template.
 """
 
 from __future__ import annotations
@@ -28,12 +31,14 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 if TYPE_CHECKING:
     from tirelog.readers.mcap.json_messages import JsonReader
 
-#: layouts of one channel that are remembered, and templates that may fail before the library does the rest
+#: layouts of one channel that are remembered, and templates that may fail before the library does
+#: the rest
 MOST_PLANS = 64
 MOST_FAILURES = 8
 #: bytes of messages decoded at once
 PIECE_BYTES = 1 << 21
-#: bytes of one message: ten seconds of 64 channels at 1 kHz are 5 MB.  A library's decoder makes 30 times as much of lists in lists
+#: bytes of one message: ten seconds of 64 channels at 1 kHz are 5 MB.  A library's decoder makes 30
+#: times as much of lists in lists
 LARGEST_MESSAGE_BYTES = 1 << 23
 #: what a decoder raises on a damaged or foreign message
 DECODE_ERRORS = (Exception,)  # three libraries, each with a tree of its own
@@ -52,7 +57,10 @@ class Faults:
 
 
 class ChannelDecoder:
-    """Decodes the messages of one channel.  ReadError where its encoding is not one of JSON, protobuf and ROS 2."""
+    """Decodes the messages of one channel.
+
+    ReadError where its encoding is not one of JSON, protobuf and ROS 2.
+    """
 
     def __init__(self, topic: str, encoding: str, schema: Any) -> None:
         self.topic, self.encoding, self.faults = topic, encoding, Faults()
@@ -63,12 +71,17 @@ class ChannelDecoder:
             raise
         except DECODE_ERRORS as problem:
             what = f"{type(problem).__name__}: {problem}".splitlines()[0][:160]
-            raise ReadError(f"the schema of topic {topic!r} does not parse ({what}); allowed is a whole schema; record it again") from None
+            raise ReadError(
+                f"the schema of topic {topic!r} does not parse ({what}); allowed is a whole "
+                "schema; record it again"
+            ) from None
         if decode is None:
             name = schema.encoding if schema is not None else "none"
             raise ReadError(
-                f"topic {topic!r} has the message encoding {encoding!r} with the schema encoding {name!r}; "
-                "allowed are json, protobuf with protobuf, cdr with ros2msg; record it in one of them"
+                f"topic {topic!r} has the message encoding {encoding!r} with the schema encoding "
+                f"{name!r}; "
+                "allowed are json, protobuf with protobuf, cdr with ros2msg; record it in one of "
+                "them"
             )
         self.decode: Callable[[bytes], Any] = decode
         self.plans: list[FrozenPlan] = []
@@ -87,13 +100,17 @@ class ChannelDecoder:
             raise FieldError(f"does not decode ({type(problem).__name__})") from None
 
     def of_bounded_size(self, table: Table, *, count: bool) -> Table:
-        """The table without messages that are too large to be decoded, which are counted as faults if `count`."""
+        """The table without messages that are too large to be decoded, which are counted as faults
+        if `count`.
+        """
         small = table.sizes <= LARGEST_MESSAGE_BYTES
         if small.all():
             return table
         self.refused_size = True
         for _ in range(int((~small).sum()) if count else 0):
-            self.faults.add(f"larger than {LARGEST_MESSAGE_BYTES >> 20} MB; record fewer samples per message")
+            self.faults.add(
+                f"larger than {LARGEST_MESSAGE_BYTES >> 20} MB; record fewer samples per message"
+            )
         return table.take(small)
 
     def some(self, table: Table) -> list[Any]:
@@ -107,9 +124,13 @@ class ChannelDecoder:
     def read(self, table: Table, wants: list[Want]) -> list[list[FieldColumn]]:
         """The columns of the table's messages, piece by piece."""
         sizes = np.cumsum(table.sizes)
-        edges = np.searchsorted(sizes, np.arange(PIECE_BYTES, int(sizes[-1]) if sizes.size else 0, PIECE_BYTES))
+        edges = np.searchsorted(
+            sizes, np.arange(PIECE_BYTES, int(sizes[-1]) if sizes.size else 0, PIECE_BYTES)
+        )
         cuts = np.unique([0, *edges.tolist(), len(table)]).tolist()
-        return [self.read_piece(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)]
+        return [
+            self.read_piece(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)
+        ]
 
     def read_piece(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
         if self.json is not None:
@@ -120,7 +141,10 @@ class ChannelDecoder:
         return self._read_by_plans(table, wants)
 
     def read_slowly(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
-        """Message by message through the library.  What gives no number is NaN (one number a message) or an empty batch."""
+        """Message by message through the library.
+
+        What gives no number is NaN (one number a message) or an empty batch.
+        """
         found: list[list[Any]] = [[] for _ in wants]
         for data in table.messages():
             try:
@@ -138,7 +162,10 @@ class ChannelDecoder:
         try:
             return extract(message, want.tokens)
         except FieldError as problem:
-            self.faults.add(f"{want.path} {problem}{nearest(problem.name, problem.known) if problem.known else ''}")
+            self.faults.add(
+                f"{want.path} "
+                f"{problem}{nearest(problem.name, problem.known) if problem.known else ''}"
+            )
             return None
 
     def _read_by_plans(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
@@ -160,18 +187,26 @@ class ChannelDecoder:
                 slow = rest if self._given_up() else rest[:1]
                 pieces.append((slow, self.read_slowly(table.take(slow), wants)))
                 rest = rest[slow.size :]
-        return [_assemble(len(table), [(rows, columns[k]) for rows, columns in pieces]) for k in range(len(wants))]
+        return [
+            _assemble(len(table), [(rows, columns[k]) for rows, columns in pieces])
+            for k in range(len(wants))
+        ]
 
     def _given_up(self) -> bool:
         return self.failures >= MOST_FAILURES or len(self.plans) >= MOST_PLANS
 
     def _learn(self, data: bytes, wants: list[Want]) -> bool:
-        """Add the plan of the message `data`, if it has one and gives the numbers that the library gives."""
+        """Add the plan of the message `data`, if it has one and gives the numbers that the library
+        gives.
+        """
         if self._given_up() or self.plan_of is None:
             return False
         try:
             plan = self.plan_of(data, wants).freeze()
-            _, columns = _by_plan(plan, Table(data, np.zeros(1, np.int64), np.array([len(data)]), np.zeros(1, np.int64)))
+            _, columns = _by_plan(
+                plan,
+                Table(data, np.zeros(1, np.int64), np.array([len(data)]), np.zeros(1, np.int64)),
+            )
             message = self.decode(data)
             for want, column in zip(wants, columns, strict=True):
                 truth = extract(message, want.tokens)
@@ -222,13 +257,19 @@ def spread(starts: IntArray, lengths: IntArray) -> IntArray:
 def _column(values: list[float | FloatArray | None]) -> FieldColumn:
     """A column from what the messages gave: a number, a batch, or nothing (NaN, or an empty batch)."""
     if not any(isinstance(value, np.ndarray) for value in values):
-        return FieldColumn(np.array([np.nan if value is None else value for value in values], np.float64))
+        return FieldColumn(
+            np.array([np.nan if value is None else value for value in values], np.float64)
+        )
     batches = [np.zeros(0) if value is None else np.atleast_1d(value) for value in values]
-    return FieldColumn(np.concatenate(batches), np.array([batch.size for batch in batches], np.int64))
+    return FieldColumn(
+        np.concatenate(batches), np.array([batch.size for batch in batches], np.int64)
+    )
 
 
 def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None, PlanMaker | None]:
-    """(decoder of one message, maker of plans) of an encoding; (None, None) for one that is not known."""
+    """(decoder of one message, maker of plans) of an encoding; (None, None) for one that is not
+    known.
+    """
     if encoding == "json":
         return json.loads, None
     if encoding == "protobuf":

@@ -11,12 +11,20 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 @compiled
 def numbers_between(
-    data: Bytes, starts: IntArray, sizes: IntArray, texts: Bytes, edges: IntArray, slots: IntArray, values: FloatArray
+    data: Bytes,
+    starts: IntArray,
+    sizes: IntArray,
+    texts: Bytes,
+    edges: IntArray,
+    slots: IntArray,
+    values: FloatArray,
 ) -> int:
-    """Reads message i, `data[starts[i] : starts[i] + sizes[i]]`, into values[:, i]; how many until one is not alike, or not read so easily.
+    """Reads message i, `data[starts[i] : starts[i] + sizes[i]]`, into values[:, i]; how many until
+    one is not alike, or not read so easily.
 
-    Text k of a message is `texts[edges[k] : edges[k + 1]]`, and number k stands behind it: it goes to values[slots[k]] (-1: nowhere).
-    `null` is NaN.  The last text is not empty and no part of a number, so that no number runs past its message.
+    Text k of a message is `texts[edges[k] : edges[k + 1]]`, and number k stands behind it: it goes
+    to values[slots[k]] (-1: nowhere). `null` is NaN. The last text is not empty and no part of a
+    number, so that no number runs past its message.
     """
     for i in range(starts.size):
         at, end = starts[i], starts[i] + sizes[i]
@@ -32,7 +40,13 @@ def numbers_between(
             at += length
             if k == slots.size:
                 break
-            if at + 4 < end and data[at] == 110 and data[at + 1] == 117 and data[at + 2] == 108 and data[at + 3] == 108:
+            if (
+                at + 4 < end
+                and data[at] == 110
+                and data[at + 1] == 117
+                and data[at + 2] == 108
+                and data[at + 3] == 108
+            ):
                 value, at = np.nan, at + 4
             elif at == end or data[at] == 43:
                 return i

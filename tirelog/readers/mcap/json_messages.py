@@ -1,9 +1,12 @@
 """JSON messages to numbers, a whole piece of a chunk at once.
 
-    messages, wants --all of one shape--> a table of numbers (mcap_json_table) --> FieldColumn per want
-                    --else, a schema of the wanted fields only--> arrow's JSON reader --> FieldColumn per want
+    messages, wants --all of one shape--> a table of numbers (mcap_json_table) --> FieldColumn per
+    want
+                    --else, a schema of the wanted fields only--> arrow's JSON reader -->
+                    FieldColumn per want
 
-None where arrow cannot tell (text or true among the numbers, an element that a list does not have): then each message is decoded alone.
+None where arrow cannot tell (text or true among the numbers, an element that a list does not have):
+then each message is decoded alone.
 """
 
 from __future__ import annotations
@@ -54,18 +57,26 @@ def read_arrow(text: bytes, n: int, wants: list[Want]) -> list[FieldColumn] | No
         table = pyarrow.json.read_json(
             pa.BufferReader(text),
             read_options=pyarrow.json.ReadOptions(use_threads=False, block_size=len(text) + 1),
-            parse_options=pyarrow.json.ParseOptions(explicit_schema=pa.schema(_fields(pa, tree)), unexpected_field_behavior="ignore"),
+            parse_options=pyarrow.json.ParseOptions(
+                explicit_schema=pa.schema(_fields(pa, tree)), unexpected_field_behavior="ignore"
+            ),
         )
     except pa.ArrowException:
         return None
     if table.num_rows != n:
         return None
     columns = [_column(table, want) for want in wants]
-    return None if any(column is None for column in columns) else [column for column in columns if column is not None]
+    return (
+        None
+        if any(column is None for column in columns)
+        else [column for column in columns if column is not None]
+    )
 
 
 def _plant(tree: dict[str, Any], want: Want) -> bool:
-    """Add a path of names, and at most one index at its end, to the tree of fields; False where it is more than that."""
+    """Add a path of names, and at most one index at its end, to the tree of fields; False where it
+    is more than that.
+    """
     names = [token for token in want.tokens if isinstance(token, str)]
     if len(names) < len(want.tokens) - 1 or tuple(names) != want.tokens[: len(names)]:
         return False
@@ -80,7 +91,10 @@ def _plant(tree: dict[str, Any], want: Want) -> bool:
 
 def _fields(pa: Any, tree: dict[str, Any]) -> list[Any]:
     kinds = {"number": pa.float64(), "list": pa.list_(pa.float64())}
-    return [(name, pa.struct(_fields(pa, below)) if isinstance(below, dict) else kinds[below]) for name, below in tree.items()]
+    return [
+        (name, pa.struct(_fields(pa, below)) if isinstance(below, dict) else kinds[below])
+        for name, below in tree.items()
+    ]
 
 
 def _column(table: Any, want: Want) -> FieldColumn | None:

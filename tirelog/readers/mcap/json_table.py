@@ -1,8 +1,11 @@
-"""JSON messages of one shape as a table of numbers: the fast way for what a logger writes, the same fields again and again.
+"""JSON messages of one shape as a table of numbers: the fast way for what a logger writes, the same
+fields again and again.
 
-first message --its text between the numbers--> Shape --compiled: text alike, numbers read--> cells (messages, wanted) --> FieldColumn per want
+first message --its text between the numbers--> Shape --compiled: text alike, numbers read--> cells
+(messages, wanted) --> FieldColumn per want
 
-{"wl": [1550.1, 1551.2], "n": 3}        texts  {"wl": [   ,    ], "n":   }    cells  1550.1  1551.2  3
+{"wl": [1550.1, 1551.2], "n": 3}        texts  {"wl": [   ,    ], "n":   }    cells  1550.1  1551.2
+                                        3
 """
 
 from __future__ import annotations
@@ -34,7 +37,8 @@ class _Cell:
 
 @dataclass(frozen=True)
 class Shape:
-    """One message's `texts` before, between and behind its numbers (joined, cut at `edges`), and for each want its cells (True: a batch).
+    """One message's `texts` before, between and behind its numbers (joined, cut at `edges`), and
+    for each want its cells (True: a batch).
 
     `slots` shape (cells,): the place of each cell among those that are wanted, -1 where it is not.
     """
@@ -66,11 +70,19 @@ def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
     slots[used] = np.arange(len(used))
     texts = b"".join(message[a:b] for a, b in edges)
     cuts = np.cumsum([0] + [b - a for a, b in edges])
-    return Shape(np.frombuffer(texts, np.uint8), cuts, slots, [([int(slots[c]) for c in cells], batch) for cells, batch in wanted])
+    return Shape(
+        np.frombuffer(texts, np.uint8),
+        cuts,
+        slots,
+        [([int(slots[c]) for c in cells], batch) for cells, batch in wanted],
+    )
 
 
 def _edges(message: bytes, cells: list[_Cell]) -> list[tuple[int, int]]:
-    """[start, stop) of the texts around the cells, which stand in the message in their order.  ValueError: not to be told from texts."""
+    """[start, stop) of the texts around the cells, which stand in the message in their order.
+
+    ValueError: not to be told from texts.
+    """
     edges, at = [], 0
     for cell in cells:
         start = _outside_strings(message, cell.text.encode(), at)
@@ -110,7 +122,11 @@ def _cells(template: Any, want: Want) -> tuple[list[int], bool]:
             if k != len(want.tokens) - 1 or not is_list(at):
                 raise FieldError("is no plain list")
             return [_number(item) for item in at[token]], True
-        inside = token in at if isinstance(at, dict) else isinstance(at, list) and isinstance(token, int) and token < len(at)
+        inside = (
+            token in at
+            if isinstance(at, dict)
+            else isinstance(at, list) and isinstance(token, int) and token < len(at)
+        )
         if not inside:
             raise FieldError("is not there")
         at = at[token]
@@ -131,9 +147,22 @@ def read_table(table: Table, shape: Shape) -> list[FieldColumn] | None:
 
     n = len(table)
     values = np.empty((int(shape.slots.max(initial=-1)) + 1, n))
-    if numbers_between(bytes_of(table.data), table.starts, table.sizes, shape.texts, shape.edges, shape.slots, values) < n:
+    if (
+        numbers_between(
+            bytes_of(table.data),
+            table.starts,
+            table.sizes,
+            shape.texts,
+            shape.edges,
+            shape.slots,
+            values,
+        )
+        < n
+    ):
         return None
     return [
-        FieldColumn(values[cells].T.ravel(), np.full(n, len(cells))) if batch else FieldColumn(values[cells[0]])
+        FieldColumn(values[cells].T.ravel(), np.full(n, len(cells)))
+        if batch
+        else FieldColumn(values[cells[0]])
         for cells, batch in shape.wanted
     ]

@@ -1,10 +1,13 @@
-"""Samples of one clock put in the order of their log time, in bounded memory, and handed on as blocks.
+"""Samples of one clock put in the order of their log time, in bounded memory, and handed on as
+blocks.
 
-    add(keys, stamps, within, values) ... --stable sort by key, the older half once the buffer is full--> RawBlock
+    add(keys, stamps, within, values) ... --stable sort by key, the older half once the buffer is
+    full--> RawBlock
 
-`key` is the message's log time [ns], by which messages are ordered (equal keys keep the file's order); `stamp` the time of its first
-sample [ns]; `within` the sample's number in its batch.  A batch's samples follow its stamp at the period of the rate that setup or message
-give, or, where neither does, of the median step between batches.
+`key` is the message's log time [ns], by which messages are ordered (equal keys keep the file's
+order); `stamp` the time of its first sample [ns]; `within` the sample's number in its batch. A
+batch's samples follow its stamp at the period of the rate that setup or message give, or, where
+neither does, of the median step between batches.
 """
 
 from __future__ import annotations
@@ -21,7 +24,10 @@ HELD_VALUES = 1 << 19
 
 
 class OrderedGroup:
-    """The samples of one group on their way out.  `period_s` of batches, None where it is to be found from the stamps."""
+    """The samples of one group on their way out.
+
+    `period_s` of batches, None where it is to be found from the stamps.
+    """
 
     def __init__(self, group: Group, period_s: float | None) -> None:
         self.group, self.period_s = group, period_s
@@ -32,7 +38,9 @@ class OrderedGroup:
         self.refused = 0
 
     def add(self, keys: IntArray, stamps: IntArray, within: IntArray, values: FloatArray) -> None:
-        """Samples in the file's order: `keys`, `stamps`, `within` shape (n,), `values` (n, channels)."""
+        """Samples in the file's order: `keys`, `stamps`, `within` shape (n,), `values` (n,
+        channels).
+        """
         self.parts.append((keys, stamps, within, values))
         self.held += values.size
 
@@ -42,13 +50,17 @@ class OrderedGroup:
 
     def first_stamp(self) -> int | None:
         """The earliest stamp that is held."""
-        return min((int(stamps.min()) for _, stamps, _, _ in self.parts if stamps.size), default=None)
+        return min(
+            (int(stamps.min()) for _, stamps, _, _ in self.parts if stamps.size), default=None
+        )
 
     def blocks(self, origin_ns: int, *, everything: bool) -> Iterator[RawBlock]:
         """The older half of what is held (or all of it) as a block."""
         if not self.parts:
             return
-        keys, stamps, within, values = (np.concatenate(part) for part in zip(*self.parts, strict=True))
+        keys, stamps, within, values = (
+            np.concatenate(part) for part in zip(*self.parts, strict=True)
+        )
         if self.last_key is not None and (late := keys < self.last_key).any():
             self.refused += int(late.sum())
             keys, stamps, within, values = keys[~late], stamps[~late], within[~late], values[~late]
@@ -57,14 +69,19 @@ class OrderedGroup:
             keys, stamps, within, values = keys[order], stamps[order], within[order], values[order]
         size = keys.size if everything else keys.size // 2
         self._find_period(stamps, within)
-        self.parts = [(keys[size:], stamps[size:], within[size:], values[size:])] if size < keys.size else []
+        self.parts = (
+            [(keys[size:], stamps[size:], within[size:], values[size:])] if size < keys.size else []
+        )
         self.held = values.size - values[:size].size
         if size:
             self.last_key = int(keys[size - 1])
             seconds = (stamps[:size] - origin_ns) * 1e-9
             if self.batched:
                 seconds += within[:size] * (self.period_s or 0.0)
-            columns = {name: np.ascontiguousarray(values[:size, k]) for k, name in enumerate(self.group.channels)}
+            columns = {
+                name: np.ascontiguousarray(values[:size, k])
+                for k, name in enumerate(self.group.channels)
+            }
             yield RawBlock(self.group.name, columns, seconds)
 
     def _find_period(self, stamps: IntArray, within: IntArray) -> None:

@@ -1,7 +1,9 @@
-"""Protobuf messages as templates: one message's wire bytes are walked with its descriptor, and each wanted number gets its place.
+"""Protobuf messages as templates: one message's wire bytes are walked with its descriptor, and each
+wanted number gets its place.
 
-Tags and lengths are guards to the letter; of a varint only the continuation bits are, so that its value may change and its size may not.
-A field that the wire leaves out has its default; such a message has a layout of its own.
+Tags and lengths are guards to the letter; of a varint only the continuation bits are, so that its
+value may change and its size may not. A field that the wire leaves out has its default; such a
+message has a layout of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ FIXED = {
     F.TYPE_DOUBLE: "<f8", F.TYPE_FLOAT: "<f4", F.TYPE_FIXED64: "<u8", F.TYPE_SFIXED64: "<i8", F.TYPE_FIXED32: "<u4", F.TYPE_SFIXED32: "<i4",
 }  # fmt: skip
 ZIGZAG = (F.TYPE_SINT32, F.TYPE_SINT64)
-#: as varints these may be unsigned or 64 bits wide in ways that float64 of an int64 shows as they are
+#: as varints these may be unsigned or 64 bits wide in ways that float64 of an int64 shows as they
+#: are
 SIGNED_VARINTS = (F.TYPE_INT32, F.TYPE_INT64, F.TYPE_UINT32, F.TYPE_BOOL, F.TYPE_ENUM, *ZIGZAG)
 Wants = list[tuple[int, tuple[Token, ...]]]
 
@@ -51,7 +54,11 @@ class ProtobufTemplate:
                 self._absent(field, which, tokens[1:])
 
     def _absent(self, field: Any, which: int, tokens: tuple[Token, ...]) -> None:
-        if is_repeated(field) or tokens or field.type in (F.TYPE_MESSAGE, F.TYPE_STRING, F.TYPE_BYTES, F.TYPE_GROUP):
+        if (
+            is_repeated(field)
+            or tokens
+            or field.type in (F.TYPE_MESSAGE, F.TYPE_STRING, F.TYPE_BYTES, F.TYPE_GROUP)
+        ):
             raise NoPlanError
         self.plan.places[which] = Place(0, constant=float(field.default_value))
 
@@ -64,7 +71,9 @@ class ProtobufTemplate:
                 raise NoPlanError
             for which, tokens in wants:
                 if not tokens:
-                    self.plan.places[which] = Place(begins, size=at - begins, zigzag=field.type in ZIGZAG)
+                    self.plan.places[which] = Place(
+                        begins, size=at - begins, zigzag=field.type in ZIGZAG
+                    )
             return at
         if wire in (FIXED64, FIXED32):
             if wants and (field.type not in FIXED or is_repeated(field)):
@@ -100,7 +109,9 @@ class ProtobufTemplate:
             if isinstance(chosen, int):
                 self.plan.places[which] = Place(at + chosen * width, dtype)
             else:
-                self.plan.places[which] = Place(at + chosen.start * width, dtype, len(chosen), chosen.step * width, batch=True)
+                self.plan.places[which] = Place(
+                    at + chosen.start * width, dtype, len(chosen), chosen.step * width, batch=True
+                )
 
     def _varint(self, at: int, end: int) -> tuple[int, int]:
         value = shift = 0
@@ -128,7 +139,9 @@ def protobuf_plan(data: bytes, descriptor: Any, wants: list[Want]) -> Plan:
     """The plan of one protobuf message.  NoPlanError where it has none."""
     template = ProtobufTemplate(data, wants)
     try:
-        template.message(descriptor, [(i, want.tokens) for i, want in enumerate(wants)], 0, len(data))
+        template.message(
+            descriptor, [(i, want.tokens) for i, want in enumerate(wants)], 0, len(data)
+        )
     except IndexError:
         raise NoPlanError from None
     return template.plan

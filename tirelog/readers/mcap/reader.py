@@ -1,10 +1,11 @@
 """MCAP logs from a path or a stream that cannot seek, in one pass.
 
-    stream --mcap_records--> chunks --mcap_walk--> messages by channel --mcap_decode--> numbers --mcap_topic, mcap_order--> RawBlock
+    stream --mcap_records--> chunks --mcap_walk--> messages by channel --mcap_decode--> numbers
+    --mcap_topic, mcap_order--> RawBlock
 
-Groups have to be known before the first block: chunks are read ahead until every topic of the setup has shown its first message, or
-READ_AHEAD_BYTES = 1 << 23
-never decoded, so nothing foreign can stop the reading.
+Groups have to be known before the first block: chunks are read ahead until every topic of the setup
+has shown its first message, or READ_AHEAD_BYTES = 1 << 23 never decoded, so nothing foreign can
+stop the reading.
 """
 
 from __future__ import annotations
@@ -30,17 +31,22 @@ READ_AHEAD_BYTES = 1 << 23
 EARLIEST_DATE_NS = 631_152_000_000_000_000  # 1990
 
 
-def open_mcap(source: Path | str | BinaryIO, setup: Setup, log_name: str, path: Path | None = None) -> McapLog:
+def open_mcap(
+    source: Path | str | BinaryIO, setup: Setup, log_name: str, path: Path | None = None
+) -> McapLog:
     """The log in a file or a stream; `log_name` is its name in messages.
 
-    `path` is the file that a stream reads, where there is one: from its end come the definitions that a damaged chunk took away.
-    ReadError where nothing in it can be read.
+    `path` is the file that a stream reads, where there is one: from its end come the definitions
+    that a damaged chunk took away. ReadError where nothing in it can be read.
     """
     if isinstance(source, Path | str):
         try:
             return McapLog(open(source, "rb"), setup, log_name, Path(source))
         except OSError as problem:
-            raise ReadError(f"cannot be opened ({problem.strerror}); a log is a readable file; mend the path", file=log_name) from None
+            raise ReadError(
+                f"cannot be opened ({problem.strerror}); a log is a readable file; mend the path",
+                file=log_name,
+            ) from None
     return McapLog(source, setup, log_name, path)
 
 
@@ -59,7 +65,9 @@ class McapLog:
         self.source = self.records.chunks()
         self.ahead: deque[Chunk] = deque()
         self._read_ahead()
-        self.groups: tuple[Group, ...] = tuple(group.group for topic in self.topics.values() for group in topic.groups)
+        self.groups: tuple[Group, ...] = tuple(
+            group.group for topic in self.topics.values() for group in topic.groups
+        )
 
     def _topics(self) -> dict[str, Topic]:
         wants: dict[str, dict[str, Want]] = {}
@@ -71,7 +79,9 @@ class McapLog:
                 self.report.losses.append(f"channel {name}: {problem.message}")
         if not wants:
             raise ReadError("; ".join(self.report.losses), file=self.log_name)
-        return {topic: Topic(topic, fields, self.setup, self.report) for topic, fields in wants.items()}
+        return {
+            topic: Topic(topic, fields, self.setup, self.report) for topic, fields in wants.items()
+        }
 
     def _read_ahead(self) -> None:
         """Chunks up to the one in which the last topic begins; then the groups of all topics."""
@@ -108,22 +118,40 @@ class McapLog:
                 message = decoder.message(table.take(slice(row, row + 1)).messages()[0])
             except FieldError:
                 continue
-            metadata = next((c.metadata for c in self.records.channels.values() if c.topic == topic.name), {})
-            decimal = decoder.some(table.take(slice(row, row + 100))) if decoder.encoding == "json" else []
-            topic.start(message, int(table.log_time_ns[row]), metadata, self._group_count(), decimal)
-            self.report.losses += [f"channel {name}: {what}; mend source" for name, what in topic.failed.items()]
+            metadata = next(
+                (c.metadata for c in self.records.channels.values() if c.topic == topic.name), {}
+            )
+            decimal = (
+                decoder.some(table.take(slice(row, row + 100)))
+                if decoder.encoding == "json"
+                else []
+            )
+            topic.start(
+                message, int(table.log_time_ns[row]), metadata, self._group_count(), decimal
+            )
+            self.report.losses += [
+                f"channel {name}: {what}; mend source" for name, what in topic.failed.items()
+            ]
             return
 
-    def _messages(self, chunk: Chunk, *, count: bool = True) -> Iterator[tuple[Topic, ChannelDecoder, Table]]:
+    def _messages(
+        self, chunk: Chunk, *, count: bool = True
+    ) -> Iterator[tuple[Topic, ChannelDecoder, Table]]:
         """The messages of the topics wanted; topics that have not been met are started with them."""
         tables, definitions, rest = split(chunk.data)
         for opcode, body in definitions:
             try:
                 self.records.define(opcode, body)
             except RECORD_ERRORS as problem:
-                self.records.lose(f"a definition in the chunk at byte {chunk.offset} cannot be used ({problem}); copy the log again")
+                self.records.lose(
+                    f"a definition in the chunk at byte {chunk.offset} cannot be used "
+                    f"({problem}); copy the log again"
+                )
         if rest and count:
-            self.records.lose(f"{rest} bytes at the end of the chunk at byte {chunk.offset} are no whole record; copy the log again")
+            self.records.lose(
+                f"{rest} bytes at the end of the chunk at byte {chunk.offset} are no whole "
+                "record; copy the log again"
+            )
         for number, table in tables.items():
             if number not in self.records.channels:
                 self._definitions_from_the_end()
@@ -140,7 +168,9 @@ class McapLog:
             channel = self.records.channels[number]
             schema = self.records.schemas.get(channel.schema_id)
             try:
-                self.decoders[number] = ChannelDecoder(channel.topic, channel.message_encoding, schema)
+                self.decoders[number] = ChannelDecoder(
+                    channel.topic, channel.message_encoding, schema
+                )
             except ReadError as problem:
                 self.report.losses.append(problem.message)
                 self.decoders[number] = None
@@ -185,7 +215,10 @@ class McapLog:
     def _emit(self, *, everything: bool) -> Iterator[RawBlock]:
         groups = [group for topic in self.topics.values() for group in topic.groups]
         if self.origin_ns is None:
-            self.origin_ns = min((first for group in groups if (first := group.first_stamp()) is not None), default=None)
+            self.origin_ns = min(
+                (first for group in groups if (first := group.first_stamp()) is not None),
+                default=None,
+            )
             if self.origin_ns is not None and self.origin_ns > EARLIEST_DATE_NS:
                 self.report.start = datetime.fromtimestamp(self.origin_ns / 1e9, UTC).isoformat()
         for group in groups:
@@ -199,26 +232,50 @@ class McapLog:
         for topic in self.topics.values():
             refused = sum(group.refused for group in topic.groups)
             if refused:
-                self.report.counts["messages_out_of_order"] = self.report.counts.get("messages_out_of_order", 0) + refused
-                self.report.losses.append(f"topic {topic.name}: {refused} samples came too late to be put in order and are left out")
+                self.report.counts["messages_out_of_order"] = (
+                    self.report.counts.get("messages_out_of_order", 0) + refused
+                )
+                self.report.losses.append(
+                    f"topic {topic.name}: {refused} samples came too late to be put in order and "
+                    "are left out"
+                )
         for decoder in filter(None, self.decoders.values()):
             for what, count in decoder.faults.count.items():
                 self.report.losses.append(f"{count} messages of {decoder.topic}: {what}")
         if total := sum(self.unknown.values()):
-            self.report.losses.append(f"{total} messages belong to channels whose definition is lost; copy the log again")
+            self.report.losses.append(
+                f"{total} messages belong to channels whose definition is lost; copy the log again"
+            )
         self._missing()
         if not self.samples:
-            raise ReadError("; ".join(self.report.losses) or "holds no samples; record it again", file=self.log_name)
+            raise ReadError(
+                "; ".join(self.report.losses) or "holds no samples; record it again",
+                file=self.log_name,
+            )
 
     def _missing(self) -> None:
         """Say which topics of the setup the log does not have."""
         known = sorted({channel.topic for channel in self.records.channels.values()})
         for topic in self.topics.values():
-            if topic.started or any(loss.startswith(("topic", "the schema")) and f"{topic.name!r}" in loss for loss in self.report.losses):
+            if topic.started or any(
+                loss.startswith(("topic", "the schema")) and f"{topic.name!r}" in loss
+                for loss in self.report.losses
+            ):
                 continue
             names = ", ".join(topic.wants)
             has = f"; the log has {', '.join(known[:20])}" if known else ""
-            large = any(decoder.refused_size for decoder in self.decoders.values() if decoder and decoder.topic == topic.name)
-            decodes = f"has no message that decodes{f' and is at most {LARGEST_MESSAGE_BYTES >> 20} MB' if large else ''}"
-            state = decodes if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
-            self.report.losses.append(f"channel {names}: topic {topic.name!r} {state}{has}; mend source")
+            large = any(
+                decoder.refused_size
+                for decoder in self.decoders.values()
+                if decoder and decoder.topic == topic.name
+            )
+            decodes = (
+                "has no message that "
+                f"decodes{f' and is at most {LARGEST_MESSAGE_BYTES >> 20} MB' if large else ''}"
+            )
+            state = (
+                decodes if topic.name in known else f"is not in the log{nearest(topic.name, known)}"
+            )
+            self.report.losses.append(
+                f"channel {names}: topic {topic.name!r} {state}{has}; mend source"
+            )

@@ -1,9 +1,12 @@
-"""The records of an MCAP stream, from its first byte to its last, without seeking: whole chunks, checksums verified.
+"""The records of an MCAP stream, from its first byte to its last, without seeking: whole chunks,
+checksums verified.
 
-    bytes --record by record--> schemas, channels, chunks --decompress, CRC--> Chunk (records, uncompressed)
+    bytes --record by record--> schemas, channels, chunks --decompress, CRC--> Chunk (records,
+    uncompressed)
 
-A chunk whose checksum fails is a loss and is left out.  Where the chain of records breaks, the next chunk is looked for; where none
-follows, the file is cut off there.  Messages outside of chunks are gathered into chunks of our own.
+A chunk whose checksum fails is a loss and is left out. Where the chain of records breaks, the next
+chunk is looked for; where none follows, the file is cut off there. Messages outside of chunks are
+gathered into chunks of our own.
 """
 
 from __future__ import annotations
@@ -31,11 +34,20 @@ LOOSE_BYTES = 1 << 20
 MOST_DEFINITIONS = 1 << 16
 #: bytes of all schemas and channels that are kept: those of real logs are below 1 MB
 MOST_DEFINITION_BYTES = 1 << 25
-#: records that a chunk may hold beside so many per stored byte: a message that differs from its neighbours costs a packer 2 bytes or more
+#: records that a chunk may hold beside so many per stored byte: a message that differs from its
+#: neighbours costs a packer 2 bytes or more
 FEW_RECORDS, RECORDS_PER_BYTE = 1 << 14, 4
 HEAD = struct.Struct("<BQ")
 CHUNK_HEAD = struct.Struct("<QQQII")
-RECORD_ERRORS = (McapError, struct.error, UnicodeDecodeError, ValueError, EOFError, OverflowError, MemoryError)
+RECORD_ERRORS = (
+    McapError,
+    struct.error,
+    UnicodeDecodeError,
+    ValueError,
+    EOFError,
+    OverflowError,
+    MemoryError,
+)
 MOST_SAID = 5
 #: opcodes from here on are free for private use
 PRIVATE = 0x80
@@ -90,7 +102,9 @@ class Records:
 
     def lose(self, what: str) -> None:
         """A sentence in the report, the first few of a kind."""
-        self.report.counts["damaged_places"] = count = self.report.counts.get("damaged_places", 0) + 1
+        self.report.counts["damaged_places"] = count = (
+            self.report.counts.get("damaged_places", 0) + 1
+        )
         if count <= MOST_SAID:
             self.report.losses.append(what)
 
@@ -117,12 +131,16 @@ class Records:
             elif opcode not in (None, Opcode.MESSAGE):
                 self._other(opcode, record[HEAD.size :], at, crc)
         if self.unchecked and not self.whole_checked:
-            self.report.remarks.append("some messages carry no checksum: damage to them cannot be seen")
+            self.report.remarks.append(
+                "some messages carry no checksum: damage to them cannot be seen"
+            )
         if (said := self.report.counts.get("damaged_places", 0)) > MOST_SAID:
             self.report.losses.append(f"{said - MOST_SAID} more damaged places")
 
     def _record(self, at: int) -> tuple[int | None, bytes]:
-        """(opcode, whole record) that begins at `at`; (None, b"") where it is passed over, broken, or the file ends."""
+        """(opcode, whole record) that begins at `at`; (None, b"") where it is passed over, broken,
+        or the file ends.
+        """
         head = self._take(HEAD.size)
         if not head:
             self._cut_off(at)
@@ -146,24 +164,40 @@ class Records:
             elif opcode == Opcode.DATA_END:
                 stated = DataEnd.read(_reader(body)).data_section_crc
                 if stated and self.crc_runs and stated != crc:
-                    self.lose(f"the checksum of the whole data fails at byte {at}: something before it is damaged; copy the log again")
+                    self.lose(
+                        f"the checksum of the whole data fails at byte {at}: something before it "
+                        "is damaged; copy the log again"
+                    )
                 self.whole_checked = stated != 0 and self.crc_runs
                 self.crc = 0
             elif opcode == Opcode.STATISTICS:
                 counted = Statistics.read(_reader(body)).chunk_count
                 if counted > self.chunks_met and "damaged_places" not in self.report.counts:
-                    self.lose(f"{counted - self.chunks_met} of {counted} chunks are missing; copy the log again")
+                    self.lose(
+                        f"{counted - self.chunks_met} of {counted} chunks are missing; "
+                        "copy the log again"
+                    )
             elif opcode == Opcode.FOOTER:
                 self._footer(body, at, crc)
         except RECORD_ERRORS as problem:
-            self.lose(f"record {opcode} at byte {at} does not parse ({_short(problem)}); copy the log again")
+            self.lose(
+                f"record {opcode} at byte {at} does not parse ({_short(problem)}); "
+                "copy the log again"
+            )
 
     def _footer(self, body: bytes, at: int, crc: int) -> None:
         self.ended = True
         footer = Footer.read(_reader(body))
         stated = footer.summary_crc
-        if stated and self.crc_runs and zlib.crc32(HEAD.pack(Opcode.FOOTER, len(body)) + body[:16], crc) != stated:
-            self.lose(f"the checksum of the summary fails at byte {at}; its messages are checked chunk by chunk; copy the log again")
+        if (
+            stated
+            and self.crc_runs
+            and zlib.crc32(HEAD.pack(Opcode.FOOTER, len(body)) + body[:16], crc) != stated
+        ):
+            self.lose(
+                f"the checksum of the summary fails at byte {at}; its messages are checked chunk "
+                "by chunk; copy the log again"
+            )
         if self._take(len(MAGIC)) != MAGIC:
             self._cut_off(self.offset)
 
@@ -173,8 +207,14 @@ class Records:
         if size > LARGEST_DEFINITION_BYTES:
             raise ValueError(f"it is larger than {LARGEST_DEFINITION_BYTES >> 20} MB")
         more = size - self._definition_bytes.get(key, 0)
-        if self._defined_bytes + more > MOST_DEFINITION_BYTES or len(self._definition_bytes) > MOST_DEFINITIONS:
-            raise ValueError(f"with it there are more than {MOST_DEFINITION_BYTES >> 20} MB or {MOST_DEFINITIONS} of them")
+        if (
+            self._defined_bytes + more > MOST_DEFINITION_BYTES
+            or len(self._definition_bytes) > MOST_DEFINITIONS
+        ):
+            raise ValueError(
+                f"with it there are more than {MOST_DEFINITION_BYTES >> 20} MB or "
+                f"{MOST_DEFINITIONS} of them"
+            )
         self._definition_bytes[key] = size
         self._defined_bytes += more
         if opcode == Opcode.SCHEMA:
@@ -194,10 +234,16 @@ class Records:
 
     def _cut_off(self, at: int) -> None:
         self.ended = True
-        self.lose(f"the file is cut off at byte {at}; the whole chunks before are used; copy the log again")
+        self.lose(
+            f"the file is cut off at byte {at}; the whole chunks before are used; "
+            "copy the log again"
+        )
 
     def _broken(self, taken: bytes, at: int) -> None:
-        """The chain of records breaks at `at`; `taken` was read from there.  Goes on at the next chunk, if there is one."""
+        """The chain of records breaks at `at`; `taken` was read from there.
+
+        Goes on at the next chunk, if there is one.
+        """
         self.crc_runs = False
         behind = taken[1:] + self._take(1 << 20)
         skipped = 1
@@ -206,7 +252,10 @@ class Records:
             if found is not None:
                 self.held = behind[found:] + self.held
                 self.offset = at + skipped + found
-                self.lose(f"bytes {at} to {self.offset} are damaged; the log goes on with the chunk behind; copy the log again")
+                self.lose(
+                    f"bytes {at} to {self.offset} are damaged; the log goes on with the chunk "
+                    "behind; copy the log again"
+                )
                 return
             keep = behind[-64:]
             more = self._take(1 << 20)
@@ -226,7 +275,9 @@ class Records:
             if struct.unpack_from("<Q", body, name_end)[0] != len(stored):
                 raise ValueError("its length is wrong")
             if size > LARGEST_CHUNK_BYTES:
-                raise ValueError(f"it declares {size} bytes, and at most {LARGEST_CHUNK_BYTES} are allowed")
+                raise ValueError(
+                    f"it declares {size} bytes, and at most {LARGEST_CHUNK_BYTES} are allowed"
+                )
             data = decompress(compression, stored, size)
             if len(data) != size or (crc and zlib.crc32(data) != crc):
                 raise ValueError("its checksum fails")
@@ -241,7 +292,9 @@ class Records:
 
 
 def find_chunk(data: bytes) -> int | None:
-    """Where a record in `data` is beyond doubt a chunk: its two lengths agree, and its compression is one that exists."""
+    """Where a record in `data` is beyond doubt a chunk: its two lengths agree, and its compression
+    is one that exists.
+    """
     at = data.find(b"\x06")
     while at >= 0:
         if len(data) < at + HEAD.size + CHUNK_HEAD.size + 16:
@@ -252,7 +305,10 @@ def find_chunk(data: bytes) -> int | None:
             begins = at + HEAD.size + CHUNK_HEAD.size
             name = data[begins : begins + name_size]
             stored = struct.unpack_from("<Q", data, begins + name_size)[0]
-            if name in (b"", b"lz4", b"zstd") and stored + CHUNK_HEAD.size + name_size + 8 == length <= LARGEST_CHUNK_BYTES + 64:
+            if (
+                name in (b"", b"lz4", b"zstd")
+                and stored + CHUNK_HEAD.size + name_size + 8 == length <= LARGEST_CHUNK_BYTES + 64
+            ):
                 return at
         at = data.find(b"\x06", at + 1)
     return None
@@ -266,7 +322,10 @@ def decompress(compression: str, stored: memoryview, size: int) -> bytes:
         import zstandard
 
         try:
-            if zstandard.get_frame_parameters(stored).content_size not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            if zstandard.get_frame_parameters(stored).content_size not in (
+                size,
+                zstandard.CONTENTSIZE_UNKNOWN,
+            ):
                 raise ValueError("its length is wrong")
             return zstandard.ZstdDecompressor().decompress(stored, max_output_size=size)
         except zstandard.ZstdError as problem:

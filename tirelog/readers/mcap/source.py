@@ -4,7 +4,8 @@
 "/tire:data[3]"           one element (from 0)
 "/tire:samples"           a list of numbers: a batch of samples, in the order of time
 "/tire:data[3::16]"       a batch that is every 16th element (rows of 16 laid end to end)
-"/tire:rows[:][3]"        a batch over a list of lists; "/tire:rows[:].strain" over a list of objects
+"/tire:rows[:][3]"        a batch over a list of lists; "/tire:rows[:].strain" over a list of
+                          objects
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ class Want:
 
 
 class FieldError(ValueError):
-    """A message that has no number at a path: `what` says why, `known` are the names that it has there."""
+    """A message that has no number at a path: `what` says why, `known` are the names that it has
+    there.
+    """
 
     def __init__(self, what: str, known: tuple[str, ...] = (), name: str = "") -> None:
         super().__init__(what)
@@ -41,7 +44,9 @@ def split_source(source: str) -> tuple[str, str]:
     """(topic, field path) of a source.  ReadError where it does not parse."""
     match = re.fullmatch(r"(.+):((?:[^:\[\]]|\[[^\[\]]*\])+)", source.strip())
     if match is None:
-        raise ReadError(f'source {source!r} names no field; allowed is "topic:field.path[index]"; mend source')
+        raise ReadError(
+            f'source {source!r} names no field; allowed is "topic:field.path[index]"; mend source'
+        )
     return match[1], match[2]
 
 
@@ -57,7 +62,9 @@ def parse_path(path: str) -> Want:
             tokens.append(match[1])
         elif re.fullmatch(r"\d+\s*", match[2]):
             tokens.append(int(match[2]))
-        elif re.fullmatch(r"\d*\s*:?\s*\d*\s*(:\s*[1-9]\d*\s*)?", match[2]) and not re.fullmatch(r"\d+\s+\d+\s*", match[2]):
+        elif re.fullmatch(r"\d*\s*:?\s*\d*\s*(:\s*[1-9]\d*\s*)?", match[2]) and not re.fullmatch(
+            r"\d+\s+\d+\s*", match[2]
+        ):
             bounds = [int(part) if part.strip() else None for part in match[2].split(":")]
             tokens.append(slice(*bounds) if len(bounds) > 1 else slice(None))
         else:
@@ -65,11 +72,13 @@ def parse_path(path: str) -> Want:
     else:
         if end == len(path) and tokens:
             return Want(path, tuple(tokens))
-    raise ReadError(f"field path {path!r} does not parse; allowed are names, [3], [3::16] and [:]; mend source")
+    raise ReadError(
+        f"field path {path!r} does not parse; allowed are names, [3], [3::16] and [:]; mend source"
+    )
 
 
 def number(value: Any) -> float:
-    """A number of a message as float64; null is a lost sample.  FieldError: it is something else."""
+    """A number of a message as float64; null is a lost sample. FieldError: it is something else."""
     if value is None:
         return float("nan")
     if isinstance(value, bool | int | float):
@@ -82,7 +91,10 @@ def number(value: Any) -> float:
 
 
 def extract(message: Any, tokens: tuple[Token, ...]) -> float | FloatArray:
-    """The number, or the batch of numbers shape (k,), at `tokens` of a decoded message.  FieldError where there is none."""
+    """The number, or the batch of numbers shape (k,), at `tokens` of a decoded message.
+
+    FieldError where there is none.
+    """
     value = message
     for at, token in enumerate(tokens):
         if isinstance(token, slice):
@@ -128,7 +140,11 @@ def field_names(value: Any) -> tuple[str, ...]:
 
 
 def is_list(value: Any) -> bool:
-    return not isinstance(value, str | bytes | dict) and hasattr(value, "__len__") and hasattr(value, "__getitem__")
+    return (
+        not isinstance(value, str | bytes | dict)
+        and hasattr(value, "__len__")
+        and hasattr(value, "__getitem__")
+    )
 
 
 def _list(value: Any) -> Any:

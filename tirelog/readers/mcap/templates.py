@@ -1,10 +1,12 @@
-"""Messages whose layout repeats, read with numpy: one message is walked as a template, the others are compared with it and gathered.
+"""Messages whose layout repeats, read with numpy: one message is walked as a template, the others
+are compared with it and gathered.
 
-    template (bytes), wanted paths --walk of CDR or protobuf--> Plan: where each number lies, and the bytes that fix the layout
-    Plan, messages of the same size --compare the guard bytes--> which have this layout; --gather--> numbers
+    template (bytes), wanted paths --walk of CDR or protobuf--> Plan: where each number lies, and
+    the bytes that fix the layout Plan, messages of the same size --compare the guard bytes--> which
+    have this layout; --gather--> numbers
 
-A guard is a byte that decides where later fields lie: length prefixes, tags, continuation bits.  Messages whose guards agree have the
-same layout, so their numbers lie at the same places.
+A guard is a byte that decides where later fields lie: length prefixes, tags, continuation bits.
+Messages whose guards agree have the same layout, so their numbers lie at the same places.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ class NoPlanError(ValueError):
 
 @dataclass(frozen=True)
 class Place:
-    """Numbers in a message: `count` of `dtype` (None: a varint of `size` bytes) from byte `offset`, every `step` bytes; or a constant.
+    """Numbers in a message: `count` of `dtype` (None: a varint of `size` bytes) from byte `offset`,
+    every `step` bytes; or a constant.
 
     `batch` is true for a list of numbers.
     """
@@ -45,14 +48,19 @@ class Place:
 
 @dataclass
 class Plan:
-    """The layout of messages of `size` bytes: `places[i]` for wanted path i; guards as (byte offset, mask, value)."""
+    """The layout of messages of `size` bytes: `places[i]` for wanted path i; guards as (byte
+    offset, mask, value).
+    """
 
     size: int
     places: list[Place | None]
     guards: list[tuple[int, int, int]] = field(default_factory=list)
 
     def guard_exact(self, data: bytes, start: int, stop: int) -> None:
-        """Bytes that must be the same.  NoPlanError: so many that comparing them is no faster than decoding."""
+        """Bytes that must be the same.
+
+        NoPlanError: so many that comparing them is no faster than decoding.
+        """
         if len(self.guards) > MOST_GUARDS:
             raise NoPlanError
         self.guards += [(at, 0xFF, data[at]) for at in range(start, stop)]
@@ -63,7 +71,13 @@ class Plan:
             raise NoPlanError
         table = np.array(self.guards, np.int64).reshape(-1, 3)
         places = [place for place in self.places if place is not None]
-        return FrozenPlan(self.size, places, table[:, 0], table[:, 1].astype(np.uint8), table[:, 2].astype(np.uint8))
+        return FrozenPlan(
+            self.size,
+            places,
+            table[:, 0],
+            table[:, 1].astype(np.uint8),
+            table[:, 2].astype(np.uint8),
+        )
 
 
 @dataclass(frozen=True)
@@ -75,7 +89,9 @@ class FrozenPlan:
     value: NDArray[np.uint8]
 
     def read(self, table: Table) -> tuple[NDArray[np.bool_], list[FloatArray]]:
-        """(which of the messages, all of this size, have this layout; their numbers for each wanted path, shape (m, count))."""
+        """(which of the messages, all of this size, have this layout; their numbers for each wanted
+        path, shape (m, count)).
+        """
         bytes_ = rows(table.data, table.starts, self.size)
         fits = ((bytes_[:, self.at] & self.mask) == self.value).all(axis=1)
         if not fits.all():
@@ -93,7 +109,9 @@ def _numbers(bytes_: NDArray[np.uint8], place: Place) -> FloatArray:
     if n == 0 or place.count == 0:
         return np.zeros((n, place.count))
     width = np.dtype(place.dtype).itemsize
-    view: NDArray[Any] = np.ndarray((n, place.count), place.dtype, bytes_, place.offset, (bytes_.shape[1], place.step or width))  # type: ignore[arg-type]
+    view: NDArray[Any] = np.ndarray(
+        (n, place.count), place.dtype, bytes_, place.offset, (bytes_.shape[1], place.step or width)
+    )  # type: ignore[arg-type]
     return view.astype(np.float64)
 
 

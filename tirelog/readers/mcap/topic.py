@@ -1,10 +1,11 @@
-"""One topic of an MCAP log that the setup names: its first message tells what its channels are, the others give samples.
+"""One topic of an MCAP log that the setup names: its first message tells what its channels are, the
+others give samples.
 
     first message --> batches or single samples, which field holds the stamp, the rate --> groups
     Table, decoder --> Columns --> samples of each group (`order`)
 
-The time of a sample is the message's `header.stamp` (or the field that [log] time names) where it has one, else its log time.  Of a
-batch it is the time of its first sample.
+The time of a sample is the message's `header.stamp` (or the field that [log] time names) where it
+has one, else its log time. Of a batch it is the time of its first sample.
 """
 
 from __future__ import annotations
@@ -28,11 +29,17 @@ from tirelog.readers.rates import RATES, rate_Hz
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: pairs of fields (seconds, nanoseconds) that hold a stamp, in the order in which they are looked for
+#: pairs of fields (seconds, nanoseconds) that hold a stamp, in the order in which they are looked
+#: for
 STAMPS = tuple(
     (f"{where}.{seconds}", f"{where}.{nanoseconds}")
     for where in ("header.stamp", "stamp", "timestamp", "header.timestamp")
-    for seconds, nanoseconds in (("sec", "nanosec"), ("sec", "nsec"), ("secs", "nsecs"), ("seconds", "nanos"))
+    for seconds, nanoseconds in (
+        ("sec", "nanosec"),
+        ("sec", "nsec"),
+        ("secs", "nsecs"),
+        ("seconds", "nanos"),
+    )
 )
 #: header stamps that are further than this from the log time count from an origin of their own
 ONE_CLOCK_NS = 3_600_000_000_000
@@ -43,7 +50,9 @@ WAVELENGTHS = ("fbg_strain", "fbg_temperature")
 
 @dataclass(frozen=True)
 class _Stamp:
-    """Which fields hold the stamp, [ns] per unit of each, and what to add to get to the log's clock."""
+    """Which fields hold the stamp, [ns] per unit of each, and what to add to get to the log's
+    clock.
+    """
 
     wants: list[Want]
     factors: list[float]
@@ -53,7 +62,9 @@ class _Stamp:
 class Topic:
     """The channels of one topic."""
 
-    def __init__(self, name: str, wants: Mapping[str, Want], setup: Setup, report: ReadReport) -> None:
+    def __init__(
+        self, name: str, wants: Mapping[str, Want], setup: Setup, report: ReadReport
+    ) -> None:
         self.name, self.setup, self.report = name, setup, report
         self.wants = dict(wants)
         self.groups: list[OrderedGroup] = []
@@ -62,13 +73,25 @@ class Topic:
         self.failed: dict[str, str] = {}
 
     def assume(self, used: int) -> None:
-        """Groups for a topic whose first message is still to come: one a channel, which fits whatever comes."""
+        """Groups for a topic whose first message is still to come: one a channel, which fits
+        whatever comes.
+        """
         self.groups = [self._group([name], used + k, None) for k, name in enumerate(self.wants)]
 
-    def start(self, message: Any, log_time_ns: int, metadata: Mapping[str, str], used: int, decimal: Sequence[Any] = ()) -> None:
-        """Learn from the first message; `used` groups have names already.  Channels that it does not hold go to `failed`.
+    def start(
+        self,
+        message: Any,
+        log_time_ns: int,
+        metadata: Mapping[str, str],
+        used: int,
+        decimal: Sequence[Any] = (),
+    ) -> None:
+        """Learn from the first message; `used` groups have names already.
 
-        `decimal` are some first messages of a text encoding, by which the decimals of its numbers are told.
+        Channels that it does not hold go to `failed`.
+
+        `decimal` are some first messages of a text encoding, by which the decimals of its numbers
+        are told.
         """
         self.started = True
         kinds: dict[str, Any] = {}
@@ -89,25 +112,45 @@ class Topic:
         for name, kind in kinds.items():
             members.setdefault((kind, self.setup.channels[name].sampling_rate_Hz), []).append(name)
         if self.groups:
-            self.groups = [self._group(list(g.group.channels), 0, rate, g.group) for g in self.groups]
+            self.groups = [
+                self._group(list(g.group.channels), 0, rate, g.group) for g in self.groups
+            ]
         else:
-            self.groups = [self._group(names, used + k, rate) for k, names in enumerate(members.values())]
+            self.groups = [
+                self._group(names, used + k, rate) for k, names in enumerate(members.values())
+            ]
         for group in self.groups:
             group.batched = kinds.get(group.group.channels[0]) is not None
             group.group.decimals.update(
-                {name: decimals_of(decimal, self.wants[name]) for name in group.group.channels if name in self.wants}
+                {
+                    name: decimals_of(decimal, self.wants[name])
+                    for name in group.group.channels
+                    if name in self.wants
+                }
             )
 
-    def _group(self, names: list[str], number: int, rate: float | None, known: Group | None = None) -> OrderedGroup:
-        group = known or Group(f"clock_{number + 1}", tuple(names), rate_Hz=rate, decimals=dict.fromkeys(names))
-        own = self.setup.channels[names[0]].sampling_rate_Hz or self.setup.log.sampling_rate_Hz or rate
+    def _group(
+        self, names: list[str], number: int, rate: float | None, known: Group | None = None
+    ) -> OrderedGroup:
+        group = known or Group(
+            f"clock_{number + 1}", tuple(names), rate_Hz=rate, decimals=dict.fromkeys(names)
+        )
+        own = (
+            self.setup.channels[names[0]].sampling_rate_Hz
+            or self.setup.log.sampling_rate_Hz
+            or rate
+        )
         return OrderedGroup(group, 1.0 / own if own else None)
 
     def _rate(self, message: Any, metadata: Mapping[str, str]) -> float | None:
         """The sampling rate [Hz] that a field of the message, or the channel's metadata, states."""
         for name, is_period in RATES.items():
             try:
-                value = extract(message, (name,)) if name in names_of(message) else float(metadata.get(name, "nan"))
+                value = (
+                    extract(message, (name,))
+                    if name in names_of(message)
+                    else float(metadata.get(name, "nan"))
+                )
             except ValueError:
                 continue
             if isinstance(value, float) and (rate := rate_Hz(value, is_period)) is not None:
@@ -125,7 +168,10 @@ class Topic:
                 factor, _ = units.to_si(self.setup.log.time_unit or "s", "time")
                 found = _Stamp([want], [factor * 1e9])
             except (FieldError, ReadError, SetupError) as problem:
-                self.report.remarks.append(f"topic {self.name}: no stamp at [log] time = {named!r} ({problem}); the log time is used")
+                self.report.remarks.append(
+                    f"topic {self.name}: no stamp at [log] time = {named!r} ({problem}); "
+                    "the log time is used"
+                )
                 return _Stamp([], [])
             return self._on_one_clock(found, [value], log_time_ns)
         for pair in STAMPS:
@@ -144,7 +190,10 @@ class Topic:
         ahead = log_time_ns - int(first[0])
         if abs(ahead) < ONE_CLOCK_NS:
             return found
-        self.report.remarks.append(f"topic {self.name}: its stamps count from another origin; its first is taken to be at its log time")
+        self.report.remarks.append(
+            f"topic {self.name}: its stamps count from another origin; its first is taken to be "
+            "at its log time"
+        )
         return _Stamp(found.wants, found.factors, ahead)
 
     def feed(self, table: Table, decoder: ChannelDecoder) -> None:
@@ -170,13 +219,22 @@ class Topic:
         if any(values.size != keys.size for values in numbers):
             return keys
         lost = np.any([~np.isfinite(values) for values in numbers], axis=0)
-        stamps = _stamp_ns([np.where(lost, 0.0, values) for values in numbers], self.stamp.factors) + self.stamp.shift_ns
+        stamps = (
+            _stamp_ns([np.where(lost, 0.0, values) for values in numbers], self.stamp.factors)
+            + self.stamp.shift_ns
+        )
         return np.where(lost, keys, stamps)
 
     def _samples(
-        self, group: OrderedGroup, columns: list[FieldColumn | None], keys: IntArray, stamps: IntArray
+        self,
+        group: OrderedGroup,
+        columns: list[FieldColumn | None],
+        keys: IntArray,
+        stamps: IntArray,
     ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """keys, stamps, within, values of every sample; batches of unlike length are filled up with NaN."""
+        """keys, stamps, within, values of every sample; batches of unlike length are filled up with
+        NaN.
+        """
         sizes = [_lengths(column, keys.size) for column in columns]
         lengths = np.max(sizes, axis=0)
         values = np.full((int(lengths.sum()), len(columns)), np.nan)
@@ -190,7 +248,11 @@ class Topic:
                 values[spread(starts, own), k] = column.values
             if self.setup.channels[group.group.channels[k]].kind in WAVELENGTHS:
                 values[~(values[:, k] > 0.0), k] = np.nan
-        within = spread(np.zeros(keys.size, np.int64), lengths) if group.batched else np.zeros(keys.size, np.int64)
+        within = (
+            spread(np.zeros(keys.size, np.int64), lengths)
+            if group.batched
+            else np.zeros(keys.size, np.int64)
+        )
         if within.size != values.shape[0]:  # single samples were expected, and batches came
             group.batched = True
             within = spread(np.zeros(keys.size, np.int64), lengths)
@@ -213,13 +275,21 @@ def _stamp_ns(numbers: list[FloatArray], factors: list[float]) -> IntArray:
     total = np.zeros(numbers[0].size, np.int64)
     for values, factor in zip(numbers, factors, strict=True):
         whole = np.floor(values)
-        within_range = np.clip(whole, -9e9, 9e9) if factor == 1e9 else np.clip(whole, -9e18 / factor, 9e18 / factor)
-        total += within_range.astype(np.int64) * round(factor) + np.rint((values - whole) * factor).astype(np.int64)
+        within_range = (
+            np.clip(whole, -9e9, 9e9)
+            if factor == 1e9
+            else np.clip(whole, -9e18 / factor, 9e18 / factor)
+        )
+        total += within_range.astype(np.int64) * round(factor) + np.rint(
+            (values - whole) * factor
+        ).astype(np.int64)
     return total
 
 
 def decimals_of(messages: Sequence[Any], want: Want) -> int | None:
-    """The decimals with which a number is written in `messages` of text, None where they are no decimals of an instrument."""
+    """The decimals with which a number is written in `messages` of text, None where they are no
+    decimals of an instrument.
+    """
     most = None
     for message in messages:
         try:

@@ -23,14 +23,18 @@ MESSAGE_HEAD_BYTES = 9 + 22
 SCHEMA, CHANNEL, MESSAGE = 3, 4, 5
 #: the descriptors of the largest robots are some hundred kilobytes
 LARGEST_DEFINITION_BYTES = 1 << 22
-#: records of one chunk: writers close one at some megabytes, which is below 100,000 messages.  A table of a million takes 100 MB
+#: records of one chunk: writers close one at some megabytes, which is below 100,000 messages.  A
+#: table of a million takes 100 MB
 MOST_RECORDS = 1 << 20
 _8 = np.uint64(8)
 
 
 @dataclass(frozen=True)
 class Table:
-    """Messages of one channel in a chunk: `data[starts[i] : starts[i] + sizes[i]]` is message i.  All shape (n,), int64; log time in ns."""
+    """Messages of one channel in a chunk: `data[starts[i] : starts[i] + sizes[i]]` is message i.
+
+    All shape (n,), int64; log time in ns.
+    """
 
     data: bytes
     starts: IntArray
@@ -45,7 +49,10 @@ class Table:
 
     def messages(self) -> list[bytes]:
         data = self.data
-        return [data[a:b] for a, b in zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)]
+        return [
+            data[a:b]
+            for a, b in zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)
+        ]
 
 
 def record_starts(data: bytes, most: int = MOST_RECORDS) -> tuple[IntArray, int]:
@@ -81,15 +88,20 @@ def rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
     """The `size` bytes from each of `starts`, shape (n, size), contiguous."""
     steps = np.diff(starts)
     if steps.size and (steps == steps[0]).all():
-        return np.ascontiguousarray(np.ndarray((starts.size, size), np.uint8, data, int(starts[0]), (int(steps[0]), 1)))
+        return np.ascontiguousarray(
+            np.ndarray((starts.size, size), np.uint8, data, int(starts[0]), (int(steps[0]), 1))
+        )
     if starts.size == 0 or size == 0:
         return np.zeros((starts.size, size), np.uint8)
-    anywhere = np.ndarray((len(data) - size + 1,), f"V{size}", data, 0, (1,))  # every offset as the start of a row
+    anywhere = np.ndarray(
+        (len(data) - size + 1,), f"V{size}", data, 0, (1,)
+    )  # every offset as the start of a row
     return anywhere[starts].view(np.uint8).reshape(starts.size, size)
 
 
 def split(data: bytes) -> tuple[dict[int, Table], Iterator[tuple[int, bytes]], int]:
-    """(messages by channel id, definitions as (opcode, body) one by one, bytes at the end that are no whole record).
+    """(messages by channel id, definitions as (opcode, body) one by one, bytes at the end that are
+    no whole record).
 
     Of a definition that is too large to be kept comes no more than shows that it is.
     """
@@ -104,7 +116,9 @@ def split(data: bytes) -> tuple[dict[int, Table], Iterator[tuple[int, bytes]], i
     tables = {}
     for channel in np.unique(ids).tolist():
         which = ids == channel
-        tables[channel] = Table(data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which])
+        tables[channel] = Table(
+            data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which]
+        )
     return tables, definitions, len(data) - end
 
 

@@ -1,15 +1,20 @@
-"""Rows that are written alike, byte for byte but for their digits: nearly all rows of nearly all logs of an instrument.
+"""Rows that are written alike, byte for byte but for their digits: nearly all rows of nearly all
+logs of an instrument.
 
-    the row above --learn--> a template: which byte stands where, or that a digit does; where the digits of each cell are loaded from
-    bytes --alike_rows--> the rows that fit the template, into columns
+    the row above --learn--> a template: which byte stands where, or that a digit does; where the
+    digits of each cell are loaded from bytes --alike_rows--> the rows that fit the template, into
+    columns
 
-A row is compared as a whole, many bytes at once; then nothing in it needs to be looked for or checked, and a cell costs two loads and a
-few multiplications.  The first row that does not fit is left to `kernels.rows`, which takes it cell by cell.
+A row is compared as a whole, many bytes at once; then nothing in it needs to be looked for or
+checked, and a cell costs two loads and a few multiplications. The first row that does not fit is
+left to `kernels.rows`, which takes it cell by cell.
 
-A number's digits are taken in *groups* of eight: the last eight, and up to eight before them.  A group is put together from two words,
-one that ends before the decimal sign's place and one that ends with the group, each masked:
+A number's digits are taken in *groups* of eight: the last eight, and up to eight before them. A
+group is put together from two words, one that ends before the decimal sign's place and one that
+ends with the group, each masked:
 
-    1550.0003  ->  "....1550" (the word that ends 4 bytes behind the sign, less what is behind) and "....0003"  ->  15500003
+    1550.0003  ->  "....1550" (the word that ends 4 bytes behind the sign, less what is behind) and
+               "....0003"  ->  15500003
 """
 
 from __future__ import annotations
@@ -22,14 +27,16 @@ from tirelog.readers.text.digits import EXACT_POWERS, NIBBLES, POWERS, Bytes, Wh
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: what is done with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and byte behind
+#: what is done with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and
+#: byte behind
 SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
 #: columns of the table that guides the reading of rows (`kernels.rows`)
 GUIDE = 5
 WHAT, SLOT, PLACES, MARKS_LOST, TOO_WIDE = range(GUIDE)
-#: columns of a template's table of cells: what, slot, whether 0 is lost, whether the cell is a word for a lost sample; the power of ten
-#: that a count or tick is multiplied by, a float divided by; whether negative; first byte and byte behind; whether there are digits before
-#: the last eight; places and masks of the words of the last eight digits, and of those before
+#: columns of a template's table of cells: what, slot, whether 0 is lost, whether the cell is a word
+#: for a lost sample; the power of ten that a count or tick is multiplied by, a float divided by;
+#: whether negative; first byte and byte behind; whether there are digits before the last eight;
+#: places and masks of the words of the last eight digits, and of those before
 _CELL = 17
 _WHAT, _SLOT, _MARKS_LOST, _WORD, _POWER, _NEGATIVE, _FIRST, _STOP, _LONG, _LAST = range(10)
 _EARLIER = 13
@@ -43,7 +50,8 @@ _BEFORE = 8
 _BATCH = 64
 
 Counts = NDArray[np.int32]
-#: of each byte of a row: what it is (a digit 0), what sets the highest bit when it is added to any other difference, and that bit
+#: of each byte of a row: what it is (a digit 0), what sets the highest bit when it is added to any
+#: other difference, and that bit
 Pattern = NDArray[np.uint8]
 
 _ALL = np.uint64(2**64 - 1)
@@ -66,8 +74,12 @@ def _masked(first: Whole, stop: Whole) -> Whole:
 
 
 @compiled
-def _group(cells: IntArray, k: int, at: int, point: Whole, end: Whole, whole: Whole, behind: Whole) -> None:
-    """Where a group of digits is loaded from: `whole` of them before the byte `point`, `behind` before the byte `end` (both in the row)."""
+def _group(
+    cells: IntArray, k: int, at: int, point: Whole, end: Whole, whole: Whole, behind: Whole
+) -> None:
+    """Where a group of digits is loaded from: `whole` of them before the byte `point`, `behind`
+    before the byte `end` (both in the row).
+    """
     cells[k, at] = point - 8 + behind + _BEFORE
     cells[k, at + 1] = _masked(8 - behind - whole, 8 - behind)
     cells[k, at + 2] = (end if behind else point) - 8 + _BEFORE
@@ -76,7 +88,9 @@ def _group(cells: IntArray, k: int, at: int, point: Whole, end: Whole, whole: Wh
 
 @compiled
 def _most_digits(what: Whole, power: Whole) -> Whole:
-    """Digits of a cell that two groups give and that, times the power of ten, int64 holds; a tick may be too large even so."""
+    """Digits of a cell that two groups give and that, times the power of ten, int64 holds; a tick
+    may be too large even so.
+    """
     if what == FLOAT:
         return 15
     return min(16, (19 if what == TICK else 18) - power)
@@ -84,16 +98,27 @@ def _most_digits(what: Whole, power: Whole) -> Whole:
 
 @compiled
 def learn(
-    data: Bytes, begin: Whole, stop: Whole, guides: IntArray, separator: int, decimal: int, pattern: Pattern, cells: IntArray
+    data: Bytes,
+    begin: Whole,
+    stop: Whole,
+    guides: IntArray,
+    separator: int,
+    decimal: int,
+    pattern: Pattern,
+    cells: IntArray,
 ) -> Whole:
-    """The template of the row from `begin` to `stop`, newline included, which has been read: its cells that are wanted, 0 for none."""
+    """The template of the row from `begin` to `stop`, newline included, which has been read: its
+    cells that are wanted, 0 for none.
+    """
     width, used, at = guides.shape[0], 0, begin
     if stop - begin > _LONGEST_ROW - 8 or begin < _BEFORE:
         return 0
     for i in range(stop - begin):
         byte = data[begin + i]
         digit = 48 <= byte <= 57
-        pattern[0, i], pattern[1, i], pattern[2, i] = (48, 0x76, 0x80) if digit else (byte, 0x7F, 0x80)
+        pattern[0, i], pattern[1, i], pattern[2, i] = (
+            (48, 0x76, 0x80) if digit else (byte, 0x7F, 0x80)
+        )
     pattern[2, stop - begin : stop - begin + 8] = 0  # what stands behind the row may be anything
     for c in range(width):
         first = at
@@ -111,7 +136,11 @@ def learn(
         if what == SKIP:
             continue
         cells[used] = 0
-        cells[used, _WHAT], cells[used, _SLOT], cells[used, _MARKS_LOST] = what, slot, guides[c, MARKS_LOST]
+        cells[used, _WHAT], cells[used, _SLOT], cells[used, _MARKS_LOST] = (
+            what,
+            slot,
+            guides[c, MARKS_LOST],
+        )
         cells[used, _FIRST], cells[used, _STOP] = first - begin, end - begin
         if what != SPAN:
             negative = data[first] == 45
@@ -123,7 +152,10 @@ def learn(
             if data[point] == decimal and point < end:
                 while 48 <= data[point + 1 + behind] <= 57:
                     behind += 1
-            plain = whole + behind > 0 and point + behind + (data[point] == decimal and point < end) == end
+            plain = (
+                whole + behind > 0
+                and point + behind + (data[point] == decimal and point < end) == end
+            )
             up = behind if what == FLOAT else (places if what == COUNT else TICK_PLACES) - behind
             if not plain or (negative and guides[c, MARKS_LOST]):
                 if what == TICK:
@@ -134,11 +166,23 @@ def learn(
             elif up < 0 or whole + behind > _most_digits(what, up):
                 return 0
             else:
-                cells[used, _POWER], cells[used, _NEGATIVE], cells[used, _LONG] = up, negative, whole + behind > 8
+                cells[used, _POWER], cells[used, _NEGATIVE], cells[used, _LONG] = (
+                    up,
+                    negative,
+                    whole + behind > 8,
+                )
                 last = min(behind, 8)
                 before = min(whole, 8 - last)
                 _group(cells, used, _LAST, point - begin, end - begin, before, last)
-                _group(cells, used, _EARLIER, point - before - begin, end - 8 - begin, whole - before, behind - last)
+                _group(
+                    cells,
+                    used,
+                    _EARLIER,
+                    point - before - begin,
+                    end - 8 - begin,
+                    whole - before,
+                    behind - last,
+                )
         used += 1
     return used if at == stop else 0
 
@@ -146,7 +190,11 @@ def learn(
 @compiled
 def _fitting(data: Bytes, at: Whole, size: Whole, most: Whole, pattern: Pattern) -> Whole:
     """How many rows, `most` at most, of `size` bytes from `at` on fit the pattern."""
-    usual, above, bit = pattern[0].view(np.uint64), pattern[1].view(np.uint64), pattern[2].view(np.uint64)
+    usual, above, bit = (
+        pattern[0].view(np.uint64),
+        pattern[1].view(np.uint64),
+        pattern[2].view(np.uint64),
+    )
     words = (size + 7) // 8
     for n in range(most):
         if at + 8 * words > data.size:
@@ -162,11 +210,27 @@ def _fitting(data: Bytes, at: Whole, size: Whole, most: Whole, pattern: Pattern)
 
 
 @compiled
-def _gathered(data: Bytes, base: Whole, size: Whole, n: Whole, cell: IntArray, at: int, numbers: IntArray, times: Whole) -> None:
+def _gathered(
+    data: Bytes,
+    base: Whole,
+    size: Whole,
+    n: Whole,
+    cell: IntArray,
+    at: int,
+    numbers: IntArray,
+    times: Whole,
+) -> None:
     """Adds the numbers that a group of digits is in `n` rows of `size` bytes, multiplied."""
-    one, before, other, behind = base + cell[at], np.uint64(cell[at + 1]), base + cell[at + 2], np.uint64(cell[at + 3])
+    one, before, other, behind = (
+        base + cell[at],
+        np.uint64(cell[at + 1]),
+        base + cell[at + 2],
+        np.uint64(cell[at + 3]),
+    )
     for i in range(n):
-        numbers[i] += times * value_of((word(data, one + i * size) & before) | (word(data, other + i * size) & behind))
+        numbers[i] += times * value_of(
+            (word(data, one + i * size) & before) | (word(data, other + i * size) & behind)
+        )
 
 
 @compiled
@@ -174,7 +238,8 @@ def alike_rows(
     data: Bytes, at: Whole, size: Whole, pattern: Pattern, cells: IntArray, row: Whole,
     begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray,
 ) -> tuple[Whole, Whole]:  # fmt: skip
-    """Rows of `size` bytes like the one learnt, which lies before them, into columns from `row` on; (row behind them, byte behind them).
+    """Rows of `size` bytes like the one learnt, which lies before them, into columns from `row` on;
+    (row behind them, byte behind them).
 
     Ends before a row that does not fit, and before some whose numbers may be too large.
     """
@@ -187,24 +252,39 @@ def alike_rows(
             begins[r + i] = at + i * size
         for k in range(cells.shape[0]):
             cell = cells[k]
-            what, slot, times = cell[_WHAT], cell[_SLOT], 1 if cell[_WHAT] == FLOAT else POWERS[cell[_POWER]]
+            what, slot, times = (
+                cell[_WHAT],
+                cell[_SLOT],
+                1 if cell[_WHAT] == FLOAT else POWERS[cell[_POWER]],
+            )
             sign = -1 if cell[_NEGATIVE] else 1
             if what == SPAN:
                 for i in range(n):
-                    spans[slot, r + i, 0], spans[slot, r + i, 1] = begins[r + i] + cell[_FIRST], begins[r + i] + cell[_STOP]
+                    spans[slot, r + i, 0], spans[slot, r + i, 1] = (
+                        begins[r + i] + cell[_FIRST],
+                        begins[r + i] + cell[_STOP],
+                    )
                 continue
             numbers[:n] = 0
             _gathered(data, at - _BEFORE, size, n, cell, _LAST, numbers, times)
             if cell[_LONG]:
                 _gathered(data, at - _BEFORE, size, n, cell, _EARLIER, numbers, 100_000_000 * times)
             if what == COUNT:
-                zero = counts[slot, r - 1] if cell[_WORD] else np.int32(LOST_COUNT if cell[_MARKS_LOST] else 0)
+                zero = (
+                    counts[slot, r - 1]
+                    if cell[_WORD]
+                    else np.int32(LOST_COUNT if cell[_MARKS_LOST] else 0)
+                )
                 for i in range(n):
                     too_large |= numbers[i] > _LARGEST_COUNT
                     counts[slot, r + i] = zero if numbers[i] == 0 else np.int32(sign * numbers[i])
             elif what == FLOAT:
                 divisor = sign * EXACT_POWERS[cell[_POWER]]
-                nought = floats[slot, r - 1] if cell[_WORD] else (np.nan if cell[_MARKS_LOST] else 0.0 / divisor)
+                nought = (
+                    floats[slot, r - 1]
+                    if cell[_WORD]
+                    else (np.nan if cell[_MARKS_LOST] else 0.0 / divisor)
+                )
                 for i in range(n):
                     floats[slot, r + i] = nought if numbers[i] == 0 else numbers[i] / divisor
             else:

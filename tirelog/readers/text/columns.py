@@ -1,9 +1,10 @@
-"""Which columns of a text log hold what: the setup's channels, the time, the sample number, the error codes.
+"""Which columns of a text log hold what: the setup's channels, the time, the sample number, the
+error codes.
 
     Layout + Setup --names, else shapes of the cells--> Columns
 
-A channel's `source` is a header's name (its unit suffix may be left out; upper and lower case, blanks and underscores are
-forgiven where that leaves one column), or `#3`, the third column.
+A channel's `source` is a header's name (its unit suffix may be left out; upper and lower case,
+blanks and underscores are forgiven where that leaves one column), or `#3`, the third column.
 """
 
 from __future__ import annotations
@@ -22,9 +23,13 @@ from tirelog.readers.text.layout import Layout, filled
 from tirelog.readers.text.times import MISSING, fraction_digits, has_clock, one_ns
 from tirelog.vocabulary import units
 
-_TIME_NAMES = re.compile(r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time|t|sec|seconds|zeit|tempo)", re.I)
+_TIME_NAMES = re.compile(
+    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time|t|sec|seconds|zeit|tempo)",
+    re.I,
+)
 _NUMBER_NAMES = re.compile(
-    r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)|sample|frame|scan|record|n", re.I
+    r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)|sample|frame|scan|record|n",
+    re.I,
 )
 #: a double holds powers of ten up to this one exactly; no instrument writes as many decimals
 MOST_DECIMALS = 22
@@ -38,9 +43,10 @@ _UNIT_SUFFIX = re.compile(r".*[_ ](s|ms|us|ns|min|h)", re.I)
 class Columns:
     """Column indices, from 0.
 
-    `values` channel -> column; `peaks` channels that are found by wavelength; `missing` channel -> why its column is not there;
-    `time` the column of the stamps and `clock` a second one with the time of day where `time` holds the date alone; `form` their
-    form ('number' with `time_factor` seconds a unit); `number` the sample number; `errors` the column of error codes.
+    `values` channel -> column; `peaks` channels that are found by wavelength; `missing` channel ->
+    why its column is not there; `time` the column of the stamps and `clock` a second one with the
+    time of day where `time` holds the date alone; `form` their form ('number' with `time_factor`
+    seconds a unit); `number` the sample number; `errors` the column of error codes.
     """
 
     values: dict[str, int]
@@ -55,7 +61,10 @@ class Columns:
 
 
 def assign(layout: Layout, setup: Setup, name: str) -> Columns:
-    """The columns of the setup's channels.  ReadError where none is there; SetupError where `[log] time` names no column."""
+    """The columns of the setup's channels.
+
+    ReadError where none is there; SetupError where `[log] time` names no column.
+    """
     values: dict[str, int] = {}
     missing: dict[str, str] = {}
     peaks = []
@@ -69,18 +78,29 @@ def assign(layout: Layout, setup: Setup, name: str) -> Columns:
         else:
             values[channel] = column
     if not values and not peaks:
-        raise ReadError("; ".join(dict.fromkeys(missing.values())) + "; mend source in the setup", file=name)
+        raise ReadError(
+            "; ".join(dict.fromkeys(missing.values())) + "; mend source in the setup", file=name
+        )
     time, clock, form, factor = _time(layout, setup, set(values.values()))
     number = _sample_number(layout, {*values.values(), time})
-    errors = next((k for k, text in enumerate(layout.names) if _ERROR_NAMES.fullmatch(text) and k not in values.values()), None)
+    errors = next(
+        (
+            k
+            for k, text in enumerate(layout.names)
+            if _ERROR_NAMES.fullmatch(text) and k not in values.values()
+        ),
+        None,
+    )
     return Columns(values, tuple(peaks), missing, time, clock, form, factor, number, errors)
 
 
 def placed(layout: Layout) -> Layout:
-    """The layout with each name on the column that it names, or without names if that cannot be told.
+    """The layout with each name on the column that it names, or without names if that cannot be
+    told.
 
-    A header one name shorter than the rows stands one to the right of an unnamed row number, as R writes it and pandas reads it.  Any
-    other difference may be a separator too many or too few anywhere, and every column behind it would be its neighbour.
+    A header one name shorter than the rows stands one to the right of an unnamed row number, as R
+    writes it and pandas reads it. Any other difference may be a separator too many or too few
+    anywhere, and every column behind it would be its neighbour.
     """
     names = layout.names
     if not names or layout.ragged or layout.counts or len(names) == layout.width:
@@ -90,34 +110,50 @@ def placed(layout: Layout) -> Layout:
     blank = layout.kinds[layout.width - 1] == "blank"
     if len(names) == layout.width - blank - 1 and _is_row_number(layout):
         more = ("",) * blank
-        return replace(layout, names=("", *names, *more), units=("", *layout.units, *more), counter=True)
+        return replace(
+            layout, names=("", *names, *more), units=("", *layout.units, *more), counter=True
+        )
     # a list of peaks behind fewer names: what stands first is first
     kept = names[:1] if len(names) < layout.width - 1 else ()
     fill = ("",) * (layout.width - 1) if kept else ()
-    return replace(layout, names=kept + fill, units=layout.units[:1] + fill if kept else (), misfit=names)
+    return replace(
+        layout, names=kept + fill, units=layout.units[:1] + fill if kept else (), misfit=names
+    )
 
 
 def _lone_mark(layout: Layout) -> Layout:
-    """A lone `#` names a row number; over anything else it is the mark of a comment, and the names behind it are one too far right."""
-    if layout.ragged or layout.names[:1] not in (("#",), ("%",), ("//",)) or _whole_and_rising(layout, 0):
+    """A lone `#` names a row number; over anything else it is the mark of a comment, and the names
+    behind it are one too far right.
+    """
+    if (
+        layout.ragged
+        or layout.names[:1] not in (("#",), ("%",), ("//",))
+        or _whole_and_rising(layout, 0)
+    ):
         return layout
     return replace(layout, names=(), units=(), misfit=layout.names)
 
 
 def _is_row_number(layout: Layout) -> bool:
-    """True if the first column counts rows, and the name that would be its own is that of the second one, as far as can be told."""
+    """True if the first column counts rows, and the name that would be its own is that of the
+    second one, as far as can be told.
+    """
     first, kinds = _bare(layout.names[0]), layout.kinds
     if not _whole_and_rising(layout, 0) or _NUMBER_NAMES.fullmatch(first):
         return False
     steps = _steps(layout, 0)
     counts = sum(step == 1 for step in steps) >= 0.5 * len(steps)
-    return counts and not (_TIME_NAMES.fullmatch(first) and kinds[1] == "number" and not _ascending(layout, 1))
+    return counts and not (
+        _TIME_NAMES.fullmatch(first) and kinds[1] == "number" and not _ascending(layout, 1)
+    )
 
 
 def _whole_and_rising(layout: Layout, column: int) -> bool:
     """True for whole numbers of which each is larger than the one before."""
     cells = [row[column] for row in layout.rows if len(row) > column]
-    return all(re.fullmatch(r"\d{1,18}", cell) for cell in cells) and all(step > 0 for step in _steps(layout, column))
+    return all(re.fullmatch(r"\d{1,18}", cell) for cell in cells) and all(
+        step > 0 for step in _steps(layout, column)
+    )
 
 
 def stated_units(layout: Layout, columns: Columns) -> dict[str, str]:
@@ -141,17 +177,25 @@ def _is_length(unit: str) -> bool:
 
 
 def by_wavelength(layout: Layout, channel: ChannelSetup) -> bool:
-    """True where a grating has to be found by wavelength, as its rows hold a varying number of peaks or its column has no name."""
+    """True where a grating has to be found by wavelength, as its rows hold a varying number of
+    peaks or its column has no name.
+    """
     if not channel.kind.startswith("fbg_") or channel.source.startswith("#"):
         return False
     unnamed = bool(layout.misfit)
-    if layout.counts > 0 or (layout.ragged and not _keeps_places(layout)) or (unnamed and not layout.ragged):
+    if (
+        layout.counts > 0
+        or (layout.ragged and not _keeps_places(layout))
+        or (unnamed and not layout.ragged)
+    ):
         return True
     return channel.window_nm is not None and (layout.ragged or find(layout, channel.source) is None)
 
 
 def _keeps_places(layout: Layout) -> bool:
-    """True where rows are shorter only because blank cells at their ends are left out: others hold blanks inside of them."""
+    """True where rows are shorter only because blank cells at their ends are left out: others hold
+    blanks inside of them.
+    """
     blanks = any("" in row[: filled(row)] for row in layout.rows)
     return blanks and max(map(filled, layout.rows)) <= len(layout.names)
 
@@ -168,7 +212,13 @@ def find(layout: Layout, source: str) -> int | None:
         return column if 0 <= column < max(layout.width, len(layout.kinds)) else None
     if not source.strip():
         return None
-    for same in (str, str.strip, _bare, lambda text: _loose(_bare(text)), lambda text: _loose(_bare(text.lstrip("#%/ ")))):
+    for same in (
+        str,
+        str.strip,
+        _bare,
+        lambda text: _loose(_bare(text)),
+        lambda text: _loose(_bare(text.lstrip("#%/ "))),
+    ):
         hits = [k for k, text in enumerate(layout.names) if same(text) == same(source)]
         if len(hits) == 1 or (hits and same is str):
             return hits[0]
@@ -187,21 +237,29 @@ def _absent(layout: Layout, source: str) -> str:
     """What is wrong with a source that is no column, and which columns there are."""
     if layout.misfit:
         return (
-            f"no column {source!r} can be told: the header has {len(layout.misfit)} names and the rows have {layout.width} cells; "
+            f"no column {source!r} can be told: the header has {len(layout.misfit)} names and "
+            f"the rows have {layout.width} cells; "
             f"allowed are #1 to #{layout.width}"
         )
     if not layout.names:
         return f"no column {source!r}: the log has no header; allowed are #1 to #{layout.width}"
-    shown = ", ".join(text for text in layout.names[:12] if text) + (", ..." if len(layout.names) > 12 else "")
+    shown = ", ".join(text for text in layout.names[:12] if text) + (
+        ", ..." if len(layout.names) > 12 else ""
+    )
     return f"no column {source!r}{nearest(source, layout.names)}; the log's columns are {shown}"
 
 
-def _time(layout: Layout, setup: Setup, taken: set[int]) -> tuple[int | None, int | None, str, float]:
+def _time(
+    layout: Layout, setup: Setup, taken: set[int]
+) -> tuple[int | None, int | None, str, float]:
     """(column, column of the time of day, form, seconds a unit) of the stamps."""
     if setup.log.time:
         column = find(layout, setup.log.time)
         if column is None:
-            raise SetupError(f"[log] time: {_absent(layout, setup.log.time)}; mend time in the setup", file=setup.file)
+            raise SetupError(
+                f"[log] time: {_absent(layout, setup.log.time)}; mend time in the setup",
+                file=setup.file,
+            )
         return _with_clock(layout, setup, column)
     best: tuple[int, int | None, str, float] | None = None
     distinct = 0
@@ -215,18 +273,32 @@ def _time(layout: Layout, setup: Setup, taken: set[int]) -> tuple[int | None, in
 
 
 def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
-    """Columns that look like stamps: those whose cells are times, then numbers under a name of time, then a leading ramp."""
+    """Columns that look like stamps: those whose cells are times, then numbers under a name of
+    time, then a leading ramp.
+    """
     kinds = layout.kinds[: layout.width]
     found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
-    named = [k for k, text in enumerate(layout.names[: len(kinds)]) if _TIME_NAMES.fullmatch(_bare(text)) and kinds[k] == "number"]
+    named = [
+        k
+        for k, text in enumerate(layout.names[: len(kinds)])
+        if _TIME_NAMES.fullmatch(_bare(text)) and kinds[k] == "number"
+    ]
     found += [k for k in named if k not in taken and _ascending(layout, k)]
-    if not found and kinds[0] == "number" and 0 not in taken and not layout.counts and _is_ramp(layout):
+    if (
+        not found
+        and kinds[0] == "number"
+        and 0 not in taken
+        and not layout.counts
+        and _is_ramp(layout)
+    ):
         found.append(0)
     return found
 
 
 def _is_ramp(layout: Layout) -> bool:
-    """True where the first column, whatever it is called, rises in even steps that are not whole: nothing but a time does."""
+    """True where the first column, whatever it is called, rises in even steps that are not whole:
+    nothing but a time does.
+    """
     steps = _steps(layout, 0)
     whole = all(layout.decimal not in row[0] for row in layout.rows)
     digit = 10.0 ** -most_decimals([row[0] for row in layout.rows], layout.decimal)
@@ -240,7 +312,9 @@ def _steps(layout: Layout, column: int) -> list[float]:
     numbers = []
     for row in layout.rows:
         with suppress(ValueError):
-            numbers.append(float(row[column].replace(layout.decimal, ".")) if len(row) > column else float("x"))
+            numbers.append(
+                float(row[column].replace(layout.decimal, ".")) if len(row) > column else float("x")
+            )
     return [b - a for a, b in pairwise(numbers)]
 
 
@@ -251,7 +325,9 @@ def _ascending(layout: Layout, column: int) -> bool:
 
 
 def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | None, str, float]:
-    """The stamps' column with its form; a date alone is joined with the first column of times of day."""
+    """The stamps' column with its form; a date alone is joined with the first column of times of
+    day.
+    """
     kind = layout.kinds[column]
     if kind in ("iso", "dmy"):
         if any(has_clock(row[column]) for row in layout.rows if len(row) > column):
@@ -260,17 +336,25 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
         return column, clock, kind, 1.0
     if kind == "hms":
         date = [k for k, other in enumerate(layout.kinds[:column]) if other in ("iso", "dmy")]
-        bare = [k for k in date if not any(has_clock(row[k]) for row in layout.rows if len(row) > k)]
+        bare = [
+            k for k in date if not any(has_clock(row[k]) for row in layout.rows if len(row) > k)
+        ]
         return (bare[0], column, layout.kinds[bare[0]], 1.0) if bare else (column, None, "hms", 1.0)
     return column, None, "number", _time_factor(layout, setup, column)
 
 
 def _time_factor(layout: Layout, setup: Setup, column: int) -> float:
-    """Seconds a unit of a numeric time column: the setup's `time_unit`, the header's unit, the name's suffix, else seconds."""
+    """Seconds a unit of a numeric time column: the setup's `time_unit`, the header's unit, the
+    name's suffix, else seconds.
+    """
     if setup.log.time_unit:
         return units.to_si(setup.log.time_unit, "time")[0]
     unit = layout.units[column] if column < len(layout.units) else ""
-    if not unit and column < len(layout.names) and (match := _UNIT_SUFFIX.fullmatch(layout.names[column])):
+    if (
+        not unit
+        and column < len(layout.names)
+        and (match := _UNIT_SUFFIX.fullmatch(layout.names[column]))
+    ):
         unit = match[1].lower()
     name = units.canonical(unit) if unit else None
     return units.UNITS[name][1] if name and units.UNITS[name][0] == "time" else 1.0
@@ -304,11 +388,20 @@ def resolution_s(layout: Layout, columns: Columns) -> float:
 
 def most_decimals(cells: Sequence[str], decimal: str) -> int:
     """The most decimals of these cells; 0 for whole numbers."""
-    return max((len(cell.split(decimal)[1]) for cell in cells if cell.count(decimal) == 1 and "e" not in cell.lower()), default=0)
+    return max(
+        (
+            len(cell.split(decimal)[1])
+            for cell in cells
+            if cell.count(decimal) == 1 and "e" not in cell.lower()
+        ),
+        default=0,
+    )
 
 
 def decimals(layout: Layout, column: int) -> int | None:
-    """Decimals of a channel's column in the sample rows; None if it is written with exponents or more than MOST_DECIMALS."""
+    """Decimals of a channel's column in the sample rows; None if it is written with exponents or
+    more than MOST_DECIMALS.
+    """
     cells = [row[column] for row in layout.rows if len(row) > column]
     if any(re.search(r"\d[eE]", cell) for cell in cells):
         return None
@@ -321,7 +414,10 @@ def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:
     if columns.time is None or columns.form not in ("iso", "dmy") or not layout.rows:
         return None
     row, shown = layout.rows[0], columns.time if columns.clock is None else columns.clock
-    parts = [one_ns(row[columns.time], columns.form, us), one_ns(row[shown], "hms") if columns.clock is not None else 0]
+    parts = [
+        one_ns(row[columns.time], columns.form, us),
+        one_ns(row[shown], "hms") if columns.clock is not None else 0,
+    ]
     if MISSING in parts:
         return None
     if columns.form == "iso" and columns.clock is None:  # as written, with its offset

@@ -1,12 +1,14 @@
-"""Decimal numbers out of bytes, for compiled loops: a mantissa and an exponent of ten, both whole, so that nothing is rounded on the way.
+"""Decimal numbers out of bytes, for compiled loops: a mantissa and an exponent of ten, both whole,
+so that nothing is rounded on the way.
 
     bytes --number: sign, digits, point, exponent--> m, e          value = m 10^e, |m| < 2^63
     m, e --as_count--> int32 counts of 10^-places                  exact, or WIDE
     m, e --as_float--> float64                                     correctly rounded, or none
 
-Where |m| <= 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or division rounds once, as a correct
-parser does.  Else 128 bits of 5^e decide (D. Lemire, "Number parsing at a gigabyte per second", Software: Practice and Experience 51,
-2021); where even they leave a doubt, or the result is no ordinary number, the caller has to ask a slower parser.
+Where |m| <= 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or
+division rounds once, as a correct parser does. Else 128 bits of 5^e decide (D. Lemire, "Number
+parsing at a gigabyte per second", Software: Practice and Experience 51, 2021); where even they
+leave a doubt, or the result is no ordinary number, the caller has to ask a slower parser.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from tirelog.runtime import compiled
 
 #: in place of a count, where none holds the number
 WIDE = 1 << 31
-#: powers of ten that int64, and that float64, hold exactly; a mantissa from the last number on takes no further digit
+#: powers of ten that int64, and that float64, hold exactly; a mantissa from the last number on
+#: takes no further digit
 POWERS = 10 ** np.arange(19, dtype=np.int64)
 EXACT_POWERS = np.array([float(10**k) for k in range(23)])
 _FULL = (1 << 63) // 10
@@ -50,14 +53,18 @@ Whole = Any
 
 
 def bytes_of(block: Block) -> Bytes:
-    """The block as an array, which is never written to, so that kernels are compiled for one kind of array."""
+    """The block as an array, which is never written to, so that kernels are compiled for one kind
+    of array.
+    """
     data = np.frombuffer(block, np.uint8)
     data.flags.writeable = False
     return data
 
 
 def word(data: Bytes, at: Whole) -> Whole:
-    """The eight bytes from the place `at` of `data` on as a little-endian word; one load in compiled code."""
+    """The eight bytes from the place `at` of `data` on as a little-endian word; one load in
+    compiled code.
+    """
     return np.frombuffer(data[at : at + 8].tobytes(), np.uint64)[0]
 
 
@@ -93,7 +100,9 @@ def value_of(values: Whole) -> Whole:
 def leading_digits(word: Whole) -> Whole:
     """How many of a word's eight bytes, the lowest first, are ASCII digits before one that is not."""
     values = word ^ _ZEROS
-    others = ((values + _TO_HIGH) | values) & _HIGH  # above the first one that is no digit, a carry may tell lies
+    others = (
+        (values + _TO_HIGH) | values
+    ) & _HIGH  # above the first one that is no digit, a carry may tell lies
     if others == _NONE:
         return np.int64(8)
     below = ((others & (~others + _1)) - _1) & _ONES
@@ -102,7 +111,8 @@ def leading_digits(word: Whole) -> Whole:
 
 @compiled
 def number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole]:
-    """(m, e, place behind) of the number at `at`; the place is -1 where there is none, or too many digits.
+    """(m, e, place behind) of the number at `at`; the place is -1 where there is none, or too many
+    digits.
 
     Some byte that is no part of a number has to stand behind it.
     """
@@ -144,7 +154,9 @@ def number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole]:
 
 @compiled
 def as_count(m: Whole, e: Whole, places: Whole) -> Whole:
-    """m 10^e in units of 10^-places (at most 9), WIDE where int32 does not hold it or it is written with more places.  m = 0 is 0."""
+    """m 10^e in units of 10^-places (at most 9), WIDE where int32 does not hold it or it is written
+    with more places. m = 0 is 0.
+    """
     up = e + places
     if m == 0:
         return 0
@@ -156,7 +168,10 @@ def as_count(m: Whole, e: Whole, places: Whole) -> Whole:
 
 @compiled
 def as_float(m: Whole, e: Whole, negative: bool) -> tuple[float, bool]:
-    """(m 10^e, True), or (NaN, False) where that is left to a slower parser.  `negative` gives zero its sign."""
+    """(m 10^e, True), or (NaN, False) where that is left to a slower parser.
+
+    `negative` gives zero its sign.
+    """
     if m == 0:
         return (-0.0 if negative else 0.0), True
     if -_EXACT <= m <= _EXACT and -22 <= e <= 22:
@@ -168,7 +183,9 @@ def as_float(m: Whole, e: Whole, negative: bool) -> tuple[float, bool]:
 
 
 def _powers_of_five() -> NDArray[np.uint64]:
-    """The first 128 bits of 5^e (rounded up where e is negative), upper and lower half; shape (2 _MOST_POWER + 1, 2)."""
+    """The first 128 bits of 5^e (rounded up where e is negative), upper and lower half; shape (2
+    _MOST_POWER + 1, 2).
+    """
     found = []
     for e in range(-_MOST_POWER, _MOST_POWER + 1):
         five = 5 ** abs(e)
@@ -189,12 +206,16 @@ def _product(a: Whole, b: Whole) -> tuple[Whole, Whole]:
     a_low, a_high, b_low, b_high = a & _TENS[2], a >> _32, b & _TENS[2], b >> _32
     low, cross, other = a_low * b_low, a_low * b_high, a_high * b_low
     middle = (low >> _32) + (cross & _TENS[2]) + (other & _TENS[2])
-    return a_high * b_high + (cross >> _32) + (other >> _32) + (middle >> _32), (middle << _32) | (low & _TENS[2])
+    return a_high * b_high + (cross >> _32) + (other >> _32) + (middle >> _32), (middle << _32) | (
+        low & _TENS[2]
+    )
 
 
 @compiled
 def _rounded(m: Whole, e: Whole) -> tuple[float, bool]:
-    """m 10^e, rounded to nearest, ties to even, for 0 < m < 2^63; (NaN, False) where 128 bits of the power do not decide."""
+    """m 10^e, rounded to nearest, ties to even, for 0 < m < 2^63; (NaN, False) where 128 bits of
+    the power do not decide.
+    """
     shift = 0
     while m < _TOP_BIT:
         m <<= _1

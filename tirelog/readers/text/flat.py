@@ -1,8 +1,11 @@
-"""A block of text cell by cell: rows of any width, and cells that are no numbers, with the line where each stands.
+"""A block of text cell by cell: rows of any width, and cells that are no numbers, with the line
+where each stands.
 
-    block --text_kernels.cells--> cells and their numbers --text_numbers: those that take a slower parser--> rows --> Parsed
+    block --text_kernels.cells--> cells and their numbers --text_numbers: those that take a slower
+    parser--> rows --> Parsed
 
-A row whose stamp cannot be read is left out; one of the wrong width keeps its place with NaN; a cell that is no number is NaN.
+A row whose stamp cannot be read is left out; one of the wrong width keeps its place with NaN; a
+cell that is no number is NaN.
 """
 
 from __future__ import annotations
@@ -30,9 +33,23 @@ def flat(plan: Plan, line: int, block: Block) -> Parsed:
     data = bytes_of(block)
     text = np.array([kind not in ("number", "blank") for kind in layout.kinds])
     lines, many = block.count(b"\n"), separated(data, ord(layout.separator))
-    starts, stops, first = np.empty(many, np.int64), np.empty(many, np.int64), np.empty(lines + 1, np.int64)
+    starts, stops, first = (
+        np.empty(many, np.int64),
+        np.empty(many, np.int64),
+        np.empty(lines + 1, np.int64),
+    )
     numbers, unread = np.empty(many), np.empty(many, bool)
-    cells(data, ord(layout.separator), ord(layout.decimal), text, starts, stops, first, numbers, unread)
+    cells(
+        data,
+        ord(layout.separator),
+        ord(layout.decimal),
+        text,
+        starts,
+        stops,
+        first,
+        numbers,
+        unread,
+    )
     hard = np.flatnonzero(unread)
     if hard.size:
         numbers[hard], unread[hard] = cell_numbers(block, starts[hard], stops[hard], layout.decimal)
@@ -44,7 +61,10 @@ def flat(plan: Plan, line: int, block: Block) -> Parsed:
 
 @dataclass
 class _Rows:
-    """The cells of a block, on their way to columns.  Row i has the cells first[i] to first[i + 1]."""
+    """The cells of a block, on their way to columns.
+
+    Row i has the cells first[i] to first[i + 1].
+    """
 
     plan: Plan
     line: int
@@ -72,7 +92,11 @@ class _Rows:
             wide &= self._as_wide(size)
         self._tell(out.bad_rows, good & ~wide, f"not {layout.width} cells")
         rows = np.flatnonzero(good)
-        at = {k: self._column(rows, k, wide) for k in {*columns.values.values(), columns.number} if k is not None}
+        at = {
+            k: self._column(rows, k, wide)
+            for k in {*columns.values.values(), columns.number}
+            if k is not None
+        }
         for k in columns.values.values():
             out.values[k] = at[k]
             self._tell_cells(out.bad_cells, rows[wide[rows]], k)
@@ -86,9 +110,16 @@ class _Rows:
         return out
 
     def _least(self) -> int:
-        """Cells that a row needs: up to its stamp where rows differ in width anyway, up to the last column that is wanted where not."""
+        """Cells that a row needs: up to its stamp where rows differ in width anyway, up to the last
+        column that is wanted where not.
+        """
         columns = self.plan.columns
-        used = [columns.number, columns.time, columns.clock, *([] if self.plan.layout.ragged else columns.values.values())]
+        used = [
+            columns.number,
+            columns.time,
+            columns.clock,
+            *([] if self.plan.layout.ragged else columns.values.values()),
+        ]
         return max((k for k in used if k is not None), default=-1) + 1
 
     def _as_wide(self, size: IntArray) -> NDArray[np.bool_]:
@@ -121,10 +152,19 @@ class _Rows:
         rows = np.arange(self.first.size - 1)
         if columns.form != "number":
             parts = [(columns.time, columns.form), (columns.clock, "hms")]
-            return joined([column_ns(self.data, *self._span(rows, k), form, self.plan.us) for k, form in parts if k is not None])
+            return joined(
+                [
+                    column_ns(self.data, *self._span(rows, k), form, self.plan.us)
+                    for k, form in parts
+                    if k is not None
+                ]
+            )
         if not self.plan.exact:
             return self._column(rows, columns.time, np.ones(rows.size, bool))
-        text = [self.block[a:b].decode("latin-1").replace(self.plan.layout.decimal, ".") for a, b in zip(*self._span(rows, columns.time))]
+        text = [
+            self.block[a:b].decode("latin-1").replace(self.plan.layout.decimal, ".")
+            for a, b in zip(*self._span(rows, columns.time))
+        ]
         return np.array([_tick(cell) for cell in text], np.int64)
 
     def _errors(self, rows: IntArray, k: int) -> IntArray:
@@ -136,11 +176,16 @@ class _Rows:
         layout = self.plan.layout
         begin = np.minimum(self.first[rows] + self.plan.peaks_at, self.first[rows + 1])
         many = self.first[rows + 1] - begin
-        cell = np.repeat(begin - np.concatenate([[0], np.cumsum(many)[:-1]]), many) + np.arange(many.sum())
+        cell = np.repeat(begin - np.concatenate([[0], np.cumsum(many)[:-1]]), many) + np.arange(
+            many.sum()
+        )
         out.cells = self.numbers[cell]
         out.first = np.concatenate([[0], np.cumsum(many)])
         if layout.counts:
-            fronts = [self._column(rows, layout.counts_at + k, np.ones(self.first.size - 1, bool)) for k in range(layout.counts)]
+            fronts = [
+                self._column(rows, layout.counts_at + k, np.ones(self.first.size - 1, bool))
+                for k in range(layout.counts)
+            ]
             out.counts = np.nan_to_num(np.column_stack(fronts)).astype(np.int64)
         bad = np.flatnonzero(self.unread)
         row = np.searchsorted(self.first, bad, side="right") - 1
@@ -153,12 +198,16 @@ class _Rows:
 
     def _tell_cells(self, told: list[tuple[int, str]], rows: IntArray, k: int) -> None:
         cell = self.first[rows] + k
-        bad = np.flatnonzero(self.unread[np.minimum(cell, self.unread.size - 1)] & (cell < self.first[rows + 1]))
+        bad = np.flatnonzero(
+            self.unread[np.minimum(cell, self.unread.size - 1)] & (cell < self.first[rows + 1])
+        )
         for i in bad:
             told.append((self.line + int(rows[i]), self._text(int(cell[i]))))
 
     def _text(self, cell: int) -> str:
-        shown = self.block[self.starts[cell] : self.stops[cell]].decode(self.plan.layout.encoding, errors="replace")
+        shown = self.block[self.starts[cell] : self.stops[cell]].decode(
+            self.plan.layout.encoding, errors="replace"
+        )
         return repr(shown[:40])
 
 

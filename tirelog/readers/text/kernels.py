@@ -1,11 +1,13 @@
 """Compiled passes over the bytes of a text log.
 
-    rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row that is not like the others
+    rows       a block of rows to columns: counts, floats, ticks, spans of bytes; stops at a row
+               that is not like the others
     cells      a block of anything to its cells, with the number in each
     separated, collapsed      small helpers
 
-`rows` hands rows that are written like the one above to `alike`, and takes others cell by cell: it measures a cell's digits a word at
-a time and loads them as words; only a cell that is written otherwise is read byte by byte.
+`rows` hands rows that are written like the one above to `alike`, and takes others cell by cell: it
+measures a cell's digits a word at a time and loads them as words; only a cell that is written
+otherwise is read byte by byte.
 """
 
 from __future__ import annotations
@@ -54,13 +56,16 @@ _UNREAD, _NUMBER, _BLANK = range(3)
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
 
-#: rows that are read cell by cell before alike ones are looked for: at first, and at most, where none were found
+#: rows that are read cell by cell before alike ones are looked for: at first, and at most, where
+#: none were found
 _SOON, _MOST_PATIENCE = 2, 256
 
 
 @compiled
 def collapsed(data: Bytes, out: Bytes) -> int:
-    """Copies `data` to `out` with one blank for each run of blanks and tabs, and none at the ends of lines; the bytes written."""
+    """Copies `data` to `out` with one blank for each run of blanks and tabs, and none at the ends
+    of lines; the bytes written.
+    """
     size, gap, begun = 0, False, False
     for i in range(data.size):
         byte = data[i]
@@ -79,7 +84,9 @@ def collapsed(data: Bytes, out: Bytes) -> int:
 
 @compiled
 def _after_blanks(data: Bytes, at: Whole, separator: int) -> Whole:
-    """The first place from `at` on that is neither carriage return nor, unless blanks separate, blank."""
+    """The first place from `at` on that is neither carriage return nor, unless blanks separate,
+    blank.
+    """
     while data[at] == 13 or (data[at] == 32 and separator != 32):
         at += 1
     return at
@@ -89,7 +96,9 @@ def _after_blanks(data: Bytes, at: Whole, separator: int) -> Whole:
 def _is_lost(data: Bytes, start: Whole, stop: Whole) -> bool:
     """True for a blank cell and for `nan` in any case."""
     if stop - start == 3:
-        return data[start] | 32 == 110 and data[start + 1] | 32 == 97 and data[start + 2] | 32 == 110
+        return (
+            data[start] | 32 == 110 and data[start + 1] | 32 == 97 and data[start + 2] | 32 == 110
+        )
     return stop == start
 
 
@@ -107,7 +116,9 @@ def _together(front: Whole, back: Whole, whole: Whole, behind: Whole) -> Whole:
 
 @compiled
 def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
-    """True where a cell of so many digits, before and behind the decimal sign, is read from two words and fits the column."""
+    """True where a cell of so many digits, before and behind the decimal sign, is read from two
+    words and fits the column.
+    """
     if not 1 <= whole <= 8:
         return False
     if what == COUNT:
@@ -125,27 +136,48 @@ def rows(
     guides  (columns, GUIDE): what, slot in the output, places of counts, whether 0 and -1 are lost,
             set to 1 if a count could not hold a number
     least   cells that a row has to have; `rest` allows cells behind the columns
-    begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans: (slots, n, 2)
+    begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans:
+            (slots, n, 2)
     hard    (h, 4): row, column, first byte, byte behind of cells that are left to the caller
 
-    Ends before a row of another width, before one whose tick is no plain number, or where `hard` has no room.  A newline ends `data`.
-    One long function, since an array that is passed on costs more than a cell.
+    Ends before a row of another width, before one whose tick is no plain number, or where `hard`
+    has no room. A newline ends `data`. One long function, since an array that is passed on costs
+    more than a cell.
     """
     width, used, safe = guides.shape[0], 0, data.size - _TAIL
     pattern, template = unlearnt(width)
     r, begin, kept, wait, patience = 0, at, 0, _SOON, _SOON
     while True:
         if wait == 0 and used == kept:  # the row above left nothing to the caller
-            first_row, many = r, learn(data, begin, at, guides, separator, decimal, pattern, template)
+            first_row, many = (
+                r,
+                learn(data, begin, at, guides, separator, decimal, pattern, template),
+            )
             if many:
-                r, at = alike_rows(data, at, at - begin, pattern, template[:many], r, begins, counts, floats, ticks, spans)
+                r, at = alike_rows(
+                    data,
+                    at,
+                    at - begin,
+                    pattern,
+                    template[:many],
+                    r,
+                    begins,
+                    counts,
+                    floats,
+                    ticks,
+                    spans,
+                )
             patience = _SOON if r > first_row else min(2 * patience, _MOST_PATIENCE)
             wait = patience
         if r == begins.size:
             return r, at, used
         begin, kept, wait = at, used, max(wait - 1, 0)
         begins[r] = at
-        if used + width > hard.shape[0] or at >= data.size or data[_after_blanks(data, at, separator)] == 10:
+        if (
+            used + width > hard.shape[0]
+            or at >= data.size
+            or data[_after_blanks(data, at, separator)] == 10
+        ):
             return r, begin, kept
         ended = False
         for c in range(width):
@@ -158,19 +190,29 @@ def rows(
                 if data[point] == decimal:
                     behind = leading_digits(word(data, point + 1))
                 end = point + behind + (behind > 0)
-                last = data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
+                last = (
+                    data[end] == separator if c + 1 < width else data[end] == 10 or data[end] == 13
+                )
                 if last and _fits(what, places, whole, behind):
                     m = _together(word(data, first), word(data, point + 1), whole, behind)
                     if what == COUNT:
                         m *= POWERS[places - behind]
                         count = -m if negative else m
-                        if (negative or m == 0) and guides[c, MARKS_LOST] and (m == 0 or m == POWERS[places]):
+                        if (
+                            (negative or m == 0)
+                            and guides[c, MARKS_LOST]
+                            and (m == 0 or m == POWERS[places])
+                        ):
                             count = LOST_COUNT
                         counts[slot, r] = count
                     else:
                         value = m / EXACT_POWERS[behind]
                         value = -value if negative else value
-                        if (negative or m == 0) and guides[c, MARKS_LOST] and (m == 0 or value == -1.0):
+                        if (
+                            (negative or m == 0)
+                            and guides[c, MARKS_LOST]
+                            and (m == 0 or value == -1.0)
+                        ):
                             value = np.nan
                         floats[slot, r] = value
                     at = end + (c + 1 < width)
@@ -251,10 +293,12 @@ def cells(
     data: Bytes, separator: int, decimal: int, text: NDArray[np.bool_],
     starts: IntArray, stops: IntArray, first: IntArray, numbers: FloatArray, hard: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    """Every cell of `data`, which a newline ends: where it is, without blanks around it, and the number in it.
+    """Every cell of `data`, which a newline ends: where it is, without blanks around it, and the
+    number in it.
 
     text    (columns,) True where cells are no numbers
-    starts, stops, numbers, hard: (cells,) first byte, byte behind, number (NaN where blank), True where it is left to the caller
+    starts, stops, numbers, hard: (cells,) first byte, byte behind, number (NaN where blank), True
+    where it is left to the caller
     first   (rows + 1,) the cells of row i are first[i] to first[i + 1]
     """
     at: Whole = 0

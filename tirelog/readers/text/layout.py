@@ -2,9 +2,9 @@
 
     head (bytes, up to 256 KB) --encoding--> lines --each separator tried on the rows--> Layout
 
-Rows decide before headers do: the separator and the decimal sign are those that turn most cells of the last lines into numbers,
-times or blanks; the first line from which on all lines look like these rows is the first row; what stands above is header,
-units and preamble.
+Rows decide before headers do: the separator and the decimal sign are those that turn most cells of
+the last lines into numbers, times or blanks; the first line from which on all lines look like these
+rows is the first row; what stands above is header, units and preamble.
 """
 
 from __future__ import annotations
@@ -24,27 +24,34 @@ LOST_WORDS = (
     *("1.#qnan", "-1.#ind", "1.#ind", "-nan(ind)", "1.#inf"),
 )
 
-_NUMBER = {sign: re.compile(rf"[+-]?(\d+{re.escape(sign)}?\d*|{re.escape(sign)}\d+)([eE][+-]?\d+)?") for sign in (".", ",")}
+_NUMBER = {
+    sign: re.compile(rf"[+-]?(\d+{re.escape(sign)}?\d*|{re.escape(sign)}\d+)([eE][+-]?\d+)?")
+    for sign in (".", ",")
+}
 #: a time of day that ends with a colon and stands before the first separator
 _TIMED = re.compile(r"^\d{1,2}[-:]\d{1,2}[-:]\d{1,2}(\.\d+)?:\s")
 #: marks of a comment, which some programs put in front of a header
 _MARKS = ("#", "%", "//")
-#: rows kept as a sample from the head's beginning and end; last lines that the choice of a separator looks at, one after the other
+#: rows kept as a sample from the head's beginning and end; last lines that the choice of a
+#: separator looks at, one after the other
 _SAMPLE_ROWS = 200
 _TAILS = (10, 3, 50, 200)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A text log's layout.  `separator` ' ' stands for runs of blanks; `skip` bytes and `first_line` lead to the first row.
+    """A text log's layout.
 
-    `names` are the header's cells, and `units` those of a unit row or of suffixes like `[nm]`, both of `width` or empty;
-    `width` is the usual number of cells a row, `ragged` true where rows differ in it; `counts` is the number of columns of peak
-    counts, which begin at column `counts_at`; `kinds` says what the cells of each column are: number, time form, blank or text;
-    `timed` rows begin with a time of day and `: `.  `rows` are sample rows, cut into cells.
-    `damaged` are the numbers of lines above the first row that hold NUL bytes; `counter` is true if a row number without a name stands
-    in front of the named cells; `misfit` is a header whose names cannot be laid on the columns, and then `names` hold none of them but
-    what is sure.
+    `separator` ' ' stands for runs of blanks; `skip` bytes and `first_line` lead to the first row.
+
+    `names` are the header's cells, and `units` those of a unit row or of suffixes like `[nm]`, both
+    of `width` or empty; `width` is the usual number of cells a row, `ragged` true where rows differ
+    in it; `counts` is the number of columns of peak counts, which begin at column `counts_at`;
+    `kinds` says what the cells of each column are: number, time form, blank or text; `timed` rows
+    begin with a time of day and `: `. `rows` are sample rows, cut into cells. `damaged` are the
+    numbers of lines above the first row that hold NUL bytes; `counter` is true if a row number
+    without a name stands in front of the named cells; `misfit` is a header whose names cannot be
+    laid on the columns, and then `names` hold none of them but what is sure.
     """
 
     encoding: str
@@ -69,7 +76,10 @@ class Layout:
 
 
 def sniff(head: bytes, name: str) -> Layout:
-    """The layout of a text log that begins with `head`.  ReadError where it holds no rows or is no text."""
+    """The layout of a text log that begins with `head`.
+
+    ReadError where it holds no rows or is no text.
+    """
     text, encoding, start = _decode(head, name)
     returns = "\n" not in text and "\r" in text
     lines = text.replace("\r", "\n").split("\n") if returns else text.split("\n")
@@ -78,9 +88,13 @@ def sniff(head: bytes, name: str) -> Layout:
     clean = [line.rstrip("\r") for line in lines]
     full = [i for i, line in enumerate(clean) if line.strip() and "\0" not in line]
     if not full:
-        raise ReadError("holds no rows; a text log has one row a sample; check the recording", file=name)
+        raise ReadError(
+            "holds no rows; a text log has one row a sample; check the recording", file=name
+        )
     first = None
-    for tail in _TAILS:  # the end shows what a row is: a long preamble may stand above it, a few words below
+    for tail in (
+        _TAILS
+    ):  # the end shows what a row is: a long preamble may stand above it, a few words below
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
         separator, decimal = _separator(sample, timed)
@@ -90,14 +104,17 @@ def sniff(head: bytes, name: str) -> Layout:
             break
     if first is None:
         raise ReadError(
-            "holds no rows of numbers (only a header, or another format); a text log has one row a sample; check the recording", file=name
+            "holds no rows of numbers (only a header, or another format); a text log has one row "
+            "a sample; check the recording",
+            file=name,
         )
     rows = [cells[i] for i in full if i >= first]
     rows = rows if len(rows) <= 2 * _SAMPLE_ROWS else rows[:_SAMPLE_ROWS] + rows[-_SAMPLE_ROWS:]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
     names, unit_row = _header([i for i in full if i < first], cells, width, separator)
     raw = head.replace(b"\r", b"\n") if returns else head
-    skip = start  # counted in bytes as they stand, since not all of them need be letters of the encoding
+    # counted in bytes as they stand, since not all of them need be letters of the encoding
+    skip = start
     for _ in range(first):
         skip = raw.index(b"\n", skip) + 1
     layout = Layout(
@@ -110,7 +127,10 @@ def sniff(head: bytes, name: str) -> Layout:
         unit_row,
         width,
         _ragged(rows, width),
-        tuple(_column_kind([row[k] for row in rows if k < len(row)], decimal) for k in range(max(map(len, rows)))),
+        tuple(
+            _column_kind([row[k] for row in rows if k < len(row)], decimal)
+            for k in range(max(map(len, rows)))
+        ),
         tuple(tuple(row) for row in rows),
         timed=timed,
         returns=returns,
@@ -127,13 +147,25 @@ def _decode(head: bytes, name: str) -> tuple[str, str, int]:
         raise ReadError("is empty; a log has one row a sample; check the recording", file=name)
     pairs = head[:4096]
     even, odd = pairs[::2].count(0), pairs[1::2].count(0)
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff") or (max(even, odd) > len(pairs) // 5 and min(even, odd) * 9 < max(even, odd)):
-        raise ReadError("is UTF-16 text; allowed are UTF-8 and cp1252; convert it first: iconv -f UTF-16 -t UTF-8 LOG", file=name)
-    strange = sum(head[:65536].count(bytes([c])) for c in (*range(1, 9), *range(14, 26), *range(27, 32)))
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff") or (
+        max(even, odd) > len(pairs) // 5 and min(even, odd) * 9 < max(even, odd)
+    ):
+        raise ReadError(
+            "is UTF-16 text; allowed are UTF-8 and cp1252; convert it first: iconv -f UTF-16 -t "
+            "UTF-8 LOG",
+            file=name,
+        )
+    strange = sum(
+        head[:65536].count(bytes([c])) for c in (*range(1, 9), *range(14, 26), *range(27, 32))
+    )
     first_nul = head.find(b"\0")
     if (first_nul >= 0 and _mostly_nul(head)) or strange > len(head[:65536]) // 200:
         where = f"a NUL byte at {first_nul}" if first_nul >= 0 else "control characters"
-        raise ReadError(f"is not text ({where}); allowed are text, MCAP and HDF5 logs; check which file this is", file=name)
+        raise ReadError(
+            f"is not text ({where}); allowed are text, MCAP and HDF5 logs; check which file this "
+            "is",
+            file=name,
+        )
     start = 3 if head.startswith(b"\xef\xbb\xbf") else 0
     try:
         return head[start:].decode("utf-8"), "utf-8", start
@@ -144,15 +176,23 @@ def _decode(head: bytes, name: str) -> tuple[str, str, int]:
 
 
 def _mostly_nul(head: bytes) -> bool:
-    """True if lines with a NUL byte are no fewer than whole ones: then it is no text that lost a block to a power cut."""
+    """True if lines with a NUL byte are no fewer than whole ones: then it is no text that lost a
+    block to a power cut.
+    """
     lines = [line for line in head.replace(b"\r", b"\n").split(b"\n") if line.strip()]
     return 2 * sum(b"\0" in line for line in lines) >= len(lines)
 
 
 def split(line: str, separator: str, timed: bool = False) -> list[str]:
-    """A line's cells, without blanks and quotes around them; a separator behind the last cell makes one more, blank cell."""
+    """A line's cells, without blanks and quotes around them; a separator behind the last cell makes
+    one more, blank cell.
+    """
     if timed and (match := _TIMED.match(line)):
-        line = line[: match.end()].rstrip().rstrip(":") + (separator if separator != " " else " ") + line[match.end() :]
+        line = (
+            line[: match.end()].rstrip().rstrip(":")
+            + (separator if separator != " " else " ")
+            + line[match.end() :]
+        )
     cells = line.split() if separator == " " else line.split(separator)
     return [cell.strip().strip('"') for cell in cells]
 
@@ -194,11 +234,17 @@ def _separator(sample: list[str], timed: bool) -> tuple[str, str]:
 
 
 def _is_row(cells: list[str], decimal: str, like: str) -> bool:
-    """True where a line's first cell is of the rows' kind and at least half of its cells can be read."""
+    """True where a line's first cell is of the rows' kind and at least half of its cells can be
+    read.
+    """
     kinds = [_kind(cell, decimal) for cell in cells]
     readable = sum(kind != "text" for kind in kinds)
     first = kinds[0] == like or {kinds[0], like} <= {"number", "blank"}
-    return first and 2 * readable >= len(kinds) and any(kind not in ("text", "blank") for kind in kinds)
+    return (
+        first
+        and 2 * readable >= len(kinds)
+        and any(kind not in ("text", "blank") for kind in kinds)
+    )
 
 
 def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str, most: int) -> int | None:
@@ -216,7 +262,9 @@ def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str, most:
         if rows[i] and (len(cells[i]) > 1 or usual[0][0] == 1):
             first, bad = i, 0
         else:
-            bad += 1  # a row that does not parse may stand among the others, a header and a preamble stand above them
+            # a row that does not parse may stand among the others, a header and a preamble stand
+            # above them
+            bad += 1
             if first is not None and (bad > 3 or not any(rows[j] for j in full if j < i)):
                 break
     return first
@@ -227,24 +275,33 @@ def _ragged(rows: list[list[str]], width: int) -> bool:
     return sum(len(row) != width for row in rows[:-1]) > max(1, len(rows) // 50)
 
 
-def _header(above: list[int], cells: dict[int, list[str]], width: int, separator: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _header(
+    above: list[int], cells: dict[int, list[str]], width: int, separator: str
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """(names, units) from the lines above the first row; both empty where there is no header."""
     if not above:
         return (), ()
     last = _uncommented(cells[above[-1]], width)
     unit_row: list[str] = []
     if len(above) > 1 and _units_only(last) and len(cells[above[-2]]) >= min(2, width):
-        unit_row, last = [cell.strip("[]() ") for cell in last], _uncommented(cells[above[-2]], width)
+        unit_row, last = (
+            [cell.strip("[]() ") for cell in last],
+            _uncommented(cells[above[-2]], width),
+        )
     last = last[: filled(last)]
     if len(last) < min(2, width):
         return (), ()
     names = [_unsuffixed(cell)[0] for cell in last]
     found = [_unsuffixed(cell)[1] for cell in last]
-    return tuple(names), tuple((unit_row[k] if k < len(unit_row) else "") or found[k] for k in range(len(last)))
+    return tuple(names), tuple(
+        (unit_row[k] if k < len(unit_row) else "") or found[k] for k in range(len(last))
+    )
 
 
 def _uncommented(cells: list[str], width: int) -> list[str]:
-    """A header's cells without a comment mark in front (numpy writes `# a b c`); alone, as in `#;time`, it is a name if it has a column."""
+    """A header's cells without a comment mark in front (numpy writes `# a b c`); alone, as in
+    `#;time`, it is a name if it has a column.
+    """
     if cells[0] in _MARKS:
         return cells[1:] if filled(cells) > width else cells
     mark = next((mark for mark in _MARKS if cells[0].startswith(mark)), "")
@@ -272,11 +329,15 @@ def _column_kind(cells: list[str], decimal: str) -> str:
 
 
 def _counts(layout: Layout) -> tuple[int, int]:
-    """(`counts_at`, `counts`) where small whole numbers stand in front that add up to the number of cells behind them, in all rows."""
+    """(`counts_at`, `counts`) where small whole numbers stand in front that add up to the number of
+    cells behind them, in all rows.
+    """
     rows = layout.rows[:-1] or layout.rows
     for at in range(min(4, layout.width)):
         for number in range(1, min(33, layout.width - at)):
-            if all(_adds_up(row, at, number) for row in rows) and any(len(row) > at + number for row in rows):
+            if all(_adds_up(row, at, number) for row in rows) and any(
+                len(row) > at + number for row in rows
+            ):
                 return at, number
     return 0, 0
 

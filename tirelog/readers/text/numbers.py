@@ -1,4 +1,6 @@
-"""Cells one by one, for the few that are not written as plain digits: words, extremes, and what is no number at all."""
+"""Cells one by one, for the few that are not written as plain digits: words, extremes, and what is
+no number at all.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,12 @@ from tirelog.readers.text.layout import LOST_WORDS
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 
-def cell_numbers(block: Block, starts: IntArray, stops: IntArray, decimal: str) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """(each cell as a number, NaN where it is none or infinite; True where it is neither a number nor a word for a lost one)."""
+def cell_numbers(
+    block: Block, starts: IntArray, stops: IntArray, decimal: str
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """(each cell as a number, NaN where it is none or infinite; True where it is neither a number
+    nor a word for a lost one).
+    """
     numbers, unread = np.full(starts.size, np.nan), np.zeros(starts.size, bool)
     for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist())):
         cell = block[start:stop].decode("latin-1").replace(decimal, ".")

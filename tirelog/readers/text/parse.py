@@ -1,10 +1,14 @@
-"""One block of whole lines to arrays.  Pure functions without state, so that several blocks are parsed at once.
+"""One block of whole lines to arrays.
+
+Pure functions without state, so that several blocks are parsed at once.
 
     block (bytes) --text_plain: rows like the layout says, as far as they go--> Parsed
-                  --text_flat:  a piece cell by cell, where rows differ--> Parsed, and on with the next row
+                  --text_flat:  a piece cell by cell, where rows differ--> Parsed, and on with the
+                  next row
 
-Both take their numbers from the same compiled scanner, and those that it leaves from the same slower parser, so that they give the same
-values; the careful way says which line and which cell it could not read.
+Both take their numbers from the same compiled scanner, and those that it leaves from the same
+slower parser, so that they give the same values; the careful way says which line and which cell it
+could not read.
 """
 
 from __future__ import annotations
@@ -19,17 +23,26 @@ from tirelog.readers.text.rows import Parsed, Plan, concatenated, normalized
 __all__ = ["Parsed", "Plan", "parse"]
 
 
-#: bytes that are read carefully at once, from a row on that is unlike the others: more where the next such row follows soon, and at most so
-#: many, as cells need much memory
+#: bytes that are read carefully at once, from a row on that is unlike the others: more where the
+#: next such row follows soon, and at most so many, as cells need much memory
 _PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18
 
 
 def parse(plan: Plan, block: Block) -> Parsed:
     """The rows of one block, whose lines count from 0."""
     if block.isspace():
-        return Parsed({column: np.zeros(0) for column in plan.columns.values.values()}, lines=block.count(b"\n"))
+        return Parsed(
+            {column: np.zeros(0) for column in plan.columns.values.values()},
+            lines=block.count(b"\n"),
+        )
     block = normalized(plan.layout, block)
-    parts, line, at, piece, careful = [], 0, 0, _PIECE_BYTES if plan.regular else _MOST_PIECE_BYTES, True
+    parts, line, at, piece, careful = (
+        [],
+        0,
+        0,
+        _PIECE_BYTES if plan.regular else _MOST_PIECE_BYTES,
+        True,
+    )
     while at < len(block):
         if plan.regular:
             begin = at

@@ -1,12 +1,16 @@
-"""Gratings in rows that hold a varying number of peaks: found by wavelength and followed as they move, never by position.
+"""Gratings in rows that hold a varying number of peaks: found by wavelength and followed as they
+move, never by position.
 
-    rows of peaks (Parsed.first, .cells, .counts) --GratingTracker, block after block--> one value a row and grating
+    rows of peaks (Parsed.first, .cells, .counts) --GratingTracker, block after block--> one value a
+    row and grating
 
-A row is *plain* for a grating where exactly one peak lies in its window, no other grating claims that peak, and it lies within
-the gate of the grating's peak before.  Plain rows, which is nearly all of them, are taken at once.  The others are decided one
-by one, in order: the pairs of grating and peak are taken by distance from the last accepted position, nearest first, each once.
-The gate opens as samples go by without a peak.  A grating that is being followed may leave its window by 3 nm, as far as strain
-moves it.  A peak in the window that is not taken, a duplicate for one, is refused and its sample flagged `spurious_peak`.
+A row is *plain* for a grating where exactly one peak lies in its window, no other grating claims
+that peak, and it lies within the gate of the grating's peak before. Plain rows, which is nearly all
+of them, are taken at once. The others are decided one by one, in order: the pairs of grating and
+peak are taken by distance from the last accepted position, nearest first, each once. The gate opens
+as samples go by without a peak. A grating that is being followed may leave its window by 3 nm, as
+far as strain moves it. A peak in the window that is not taken, a duplicate for one, is refused and
+its sample flagged `spurious_peak`.
 """
 
 from __future__ import annotations
@@ -24,9 +28,11 @@ from tirelog.errors import SetupError
 from tirelog.readers.text.parse import Parsed
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: how far strain moves a grating [nm]: half the widest window, and how far it is followed beyond a given one
+#: how far strain moves a grating [nm]: half the widest window, and how far it is followed beyond a
+#: given one
 REACH_NM = 3.0
-#: the gate is at least this wide on each side [nm] and grows by this share of itself with every sample that goes without a peak
+#: the gate is at least this wide on each side [nm] and grows by this share of itself with every
+#: sample that goes without a peak
 _GATE_NM, _GROWTH = 1.0, 0.25
 #: after so many samples without a peak a grating is looked for in its window again
 _FORGOTTEN = 1000
@@ -37,7 +43,9 @@ Flag = tuple[str, int, int, str]
 
 @dataclass
 class _Grating:
-    """One followed grating: its window [nm], its fibre (None: any), the last accepted position and how many samples ago it was."""
+    """One followed grating: its window [nm], its fibre (None: any), the last accepted position and
+    how many samples ago it was.
+    """
 
     name: str
     low: float
@@ -53,7 +61,9 @@ class _Grating:
 
     def gate(self, age: FloatArray | IntArray | int) -> FloatArray:
         """Half width of the gate [nm] `age` samples after the last accepted peak."""
-        return np.minimum(self.half * (1.0 + _GROWTH * (np.asarray(age) - 1.0)), 2.0 * (self.half + REACH_NM))
+        return np.minimum(
+            self.half * (1.0 + _GROWTH * (np.asarray(age) - 1.0)), 2.0 * (self.half + REACH_NM)
+        )
 
 
 class GratingTracker:
@@ -65,7 +75,9 @@ class GratingTracker:
         self._peaks: dict[float, int] = {}
 
     def follow(self, parsed: Parsed) -> tuple[dict[str, FloatArray], list[Flag]]:
-        """(values [as in the log] of each grating, shape (n,), NaN where it has no peak; flags) of a block's rows."""
+        """(values [as in the log] of each grating, shape (n,), NaN where it has no peak; flags) of
+        a block's rows.
+        """
         n = parsed.size
         row = np.repeat(np.arange(n), np.diff(parsed.first))
         cells = np.where((parsed.cells > 0.0), parsed.cells, np.nan)
@@ -93,27 +105,44 @@ class GratingTracker:
     def why_silent(self, channel: str) -> str:
         """The sentence on a grating that no row had a peak for."""
         grating = next(grating for grating in self._gratings if grating.name == channel)
-        seen = ", ".join(f"{peak:g}" for peak, _ in sorted(sorted(self._peaks.items(), key=lambda kv: -kv[1])[:12]))
+        seen = ", ".join(
+            f"{peak:g}"
+            for peak, _ in sorted(sorted(self._peaks.items(), key=lambda kv: -kv[1])[:12])
+        )
         return (
-            f"no peak between {grating.low:g} and {grating.high:g} in any row; peaks were seen at about {seen or 'no wavelength'}; "
+            f"no peak between {grating.low:g} and {grating.high:g} in any row; peaks were seen "
+            f"at about {seen or 'no wavelength'}; "
             "mend window_nm, reference_wavelength_nm or unit in the setup"
         )
 
     def _note(self, cells: FloatArray) -> None:
         """Keeps where peaks lie, to the next half nanometre, for `why_silent`."""
-        places, many = np.unique(np.round(2.0 * cells[~np.isnan(cells)][:50_000]) / 2.0, return_counts=True)
+        places, many = np.unique(
+            np.round(2.0 * cells[~np.isnan(cells)][:50_000]) / 2.0, return_counts=True
+        )
         for place, number in zip(places[:200].tolist(), many[:200].tolist()):
             self._peaks[place] = self._peaks.get(place, 0) + number
 
-    def _claims(self, grating: _Grating, cells: FloatArray, fibre: IntArray | None) -> NDArray[np.bool_]:
+    def _claims(
+        self, grating: _Grating, cells: FloatArray, fibre: IntArray | None
+    ) -> NDArray[np.bool_]:
         """Which peaks lie in the grating's window and fibre."""
         inside = (cells >= grating.low) & (cells <= grating.high)
-        return inside if fibre is None or grating.fibre is None else inside & (fibre == grating.fibre)
+        return (
+            inside if fibre is None or grating.fibre is None else inside & (fibre == grating.fibre)
+        )
 
     def _decide(
-        self, values: FloatArray, doubtful: NDArray[np.bool_], first: IntArray, cells: FloatArray, fibre: IntArray | None
+        self,
+        values: FloatArray,
+        doubtful: NDArray[np.bool_],
+        first: IntArray,
+        cells: FloatArray,
+        fibre: IntArray | None,
     ) -> dict[str, list[int]]:
-        """Fills `values` in the doubtful rows, one after another; returns the rows of each grating with refused peaks."""
+        """Fills `values` in the doubtful rows, one after another; returns the rows of each grating
+        with refused peaks.
+        """
         refused: dict[str, list[int]] = {grating.name: [] for grating in self._gratings}
         n = values.shape[1]
         index = np.where(~np.isnan(values) & ~doubtful, np.arange(n), -1)
@@ -126,8 +155,16 @@ class GratingTracker:
             for g in np.flatnonzero(doubtful[:, r]).tolist():
                 grating = self._gratings[g]
                 before = max(int(plain[g, r]), accepted[g])
-                last, age = (values[g, before], r - before) if before >= 0 else (grating.last, grating.age + r + 1)
-                mine = np.ones(here.size, bool) if fibre is None or grating.fibre is None else fibre[peaks] == grating.fibre
+                last, age = (
+                    (values[g, before], r - before)
+                    if before >= 0
+                    else (grating.last, grating.age + r + 1)
+                )
+                mine = (
+                    np.ones(here.size, bool)
+                    if fibre is None or grating.fibre is None
+                    else fibre[peaks] == grating.fibre
+                )
                 pairs += _pairs(grating, g, here, mine, last, age)
             taken: dict[int, int] = {}
             for _, g, peak in sorted(pairs):
@@ -144,16 +181,28 @@ class GratingTracker:
 
 
 def _grating(name: str, channels: Mapping[str, ChannelSetup]) -> _Grating:
-    """A channel's grating, in the unit of its source; without a window it reaches half way to its neighbours, at most 3 nm."""
+    """A channel's grating, in the unit of its source; without a window it reaches half way to its
+    neighbours, at most 3 nm.
+    """
     channel = channels[name]
     scale = {"nm": 1.0, "pm": 1e3, "um": 1e-3, "m": 1e-9, "mm": 1e-6}.get(channel.source_unit, 1.0)
     match = _FIBRE.search(channel.source)
     fibre = int(match[1]) - 1 if match else None
     rest = channel.reference_wavelength_nm or 0.0
-    others = [abs(c.reference_wavelength_nm - rest) for n, c in channels.items() if n != name and c.reference_wavelength_nm]
+    others = [
+        abs(c.reference_wavelength_nm - rest)
+        for n, c in channels.items()
+        if n != name and c.reference_wavelength_nm
+    ]
     reach = min([REACH_NM] + [0.5 * distance for distance in others if distance > 0.0])
     low, high = channel.window_nm or (rest - reach, rest + reach)
-    return _Grating(name, low * scale, high * scale, (rest if low <= rest <= high else 0.5 * (low + high)) * scale, fibre)
+    return _Grating(
+        name,
+        low * scale,
+        high * scale,
+        (rest if low <= rest <= high else 0.5 * (low + high)) * scale,
+        fibre,
+    )
 
 
 def _refuse_overlap(gratings: Sequence[_Grating], channels: Mapping[str, ChannelSetup]) -> None:
@@ -164,8 +213,10 @@ def _refuse_overlap(gratings: Sequence[_Grating], channels: Mapping[str, Channel
         low, high = max(one.low, other.low), min(one.high, other.high)
         if low < high and not apart:
             raise SetupError(
-                f"window_nm of {one.name} and of {other.name} overlap between {low:g} and {high:g}; a peak there may be of either; "
-                "allowed are windows apart on one fibre; make one of them end where the other begins"
+                f"window_nm of {one.name} and of {other.name} overlap between {low:g} and "
+                f"{high:g}; a peak there may be of either; "
+                "allowed are windows apart on one fibre; make one of them end where the other "
+                "begins"
             )
 
 
@@ -180,12 +231,19 @@ def _fibres(parsed: Parsed, row: IntArray) -> IntArray | None:
 def _plain(
     grating: _Grating, cells: FloatArray, row: IntArray, claims: NDArray[np.bool_], n: int
 ) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
-    """(the lone peak of each row, rows that have to be decided one by one, peaks beside the window that may be the grating's)."""
+    """(the lone peak of each row, rows that have to be decided one by one, peaks beside the window
+    that may be the grating's).
+    """
     values = np.full(n, np.nan)
     many = np.bincount(row[claims], minlength=n)
     doubtful = many > 1
     values[row[claims]] = cells[claims]
-    beside = ~claims & (cells > grating.low - REACH_NM) & (cells < grating.high + REACH_NM) & (many == 0)[row]
+    beside = (
+        ~claims
+        & (cells > grating.low - REACH_NM)
+        & (cells < grating.high + REACH_NM)
+        & (many == 0)[row]
+    )
     if np.isnan(grating.last) or grating.age > _FORGOTTEN:
         beside &= row > (np.argmax(many > 0) if many.any() else n)
     doubtful[row[beside]] = True
@@ -197,14 +255,21 @@ def _plain(
     return values, doubtful, beside
 
 
-def _pairs(grating: _Grating, g: int, here: FloatArray, mine: NDArray[np.bool_], last: float, age: int) -> list[tuple[float, int, int]]:
+def _pairs(
+    grating: _Grating, g: int, here: FloatArray, mine: NDArray[np.bool_], last: float, age: int
+) -> list[tuple[float, int, int]]:
     """(distance, grating, peak) of the peaks of a row that a grating may take."""
     if np.isnan(last) or age > _FORGOTTEN:
         distance = np.abs(here - grating.rest)
         allowed = mine & (here >= grating.low) & (here <= grating.high)
     else:
         distance = np.abs(here - last)
-        allowed = mine & (distance <= grating.gate(age)) & (here > grating.low - REACH_NM) & (here < grating.high + REACH_NM)
+        allowed = (
+            mine
+            & (distance <= grating.gate(age))
+            & (here > grating.low - REACH_NM)
+            & (here < grating.high + REACH_NM)
+        )
     return [(float(distance[peak]), g, peak) for peak in np.flatnonzero(allowed).tolist()]
 
 
@@ -215,6 +280,12 @@ def _runs(refused: dict[str, list[int]]) -> list[Flag]:
         if rows:
             at = np.array(rows)
             cuts = np.flatnonzero(np.diff(at) > 1)
-            starts, stops = at[np.concatenate([[0], cuts + 1])], at[np.concatenate([cuts, [at.size - 1]])] + 1
-            out += [(name, start, stop, "spurious_peak") for start, stop in zip(starts.tolist(), stops.tolist())]
+            starts, stops = (
+                at[np.concatenate([[0], cuts + 1])],
+                at[np.concatenate([cuts, [at.size - 1]])] + 1,
+            )
+            out += [
+                (name, start, stop, "spurious_peak")
+                for start, stop in zip(starts.tolist(), stops.tolist())
+            ]
     return out

@@ -1,10 +1,12 @@
-"""Rows of a block that are like the layout says, in one compiled pass: the way that nearly all rows of nearly all logs take.
+"""Rows of a block that are like the layout says, in one compiled pass: the way that nearly all rows
+of nearly all logs take.
 
     block, first byte --text_kernels.rows--> columns of counts, floats, ticks, spans
-                      --text_numbers: cells that take a slower parser; text_time: times--> Parsed, byte behind
+                      --text_numbers: cells that take a slower parser; text_time: times--> Parsed,
+                      byte behind
 
-A channel whose column has few decimals comes as int32 counts of 10^-decimals, which a run stores as they are; it comes as floats where a
-number of the block is not such a count.
+A channel whose column has few decimals comes as int32 counts of 10^-decimals, which a run stores as
+they are; it comes as floats where a number of the block is not such a count.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ _MOST_PLACES = 9
 
 
 def plain(plan: Plan, block: Block, at: int) -> tuple[Parsed, int, bool]:
-    """(rows from the byte `at` of the block on, byte behind them, whether the row there is one for the careful way).
+    """(rows from the byte `at` of the block on, byte behind them, whether the row there is one for
+    the careful way).
 
     A newline ends the block; `plan.regular` is true.  Lines of `bad_cells` count from 0 at `at`.
     """
@@ -40,7 +43,9 @@ def plain(plan: Plan, block: Block, at: int) -> tuple[Parsed, int, bool]:
     table.resolve()
     stamps = table.stamps()
     if stamps is not None:
-        unread = np.flatnonzero(np.isnan(stamps) if stamps.dtype == np.float64 else stamps == MISSING)
+        unread = np.flatnonzero(
+            np.isnan(stamps) if stamps.dtype == np.float64 else stamps == MISSING
+        )
         if unread.size:  # the rows before it are good
             table.cut(int(unread[0]))
             stamps = stamps[: table.size]
@@ -57,11 +62,16 @@ class _Table:
         for k, what in self.whats.items():
             guides[k, :4] = what, self.slots[k], plan.places.get(k) or 0, k in plan.gratings
         data = bytes_of(block)
-        lines = min((len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS)  # of the first one's length
+        lines = min(
+            (len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS
+        )  # of the first one's length
         counts, floats, ticks, spans = (list(self.whats.values()).count(what) for what in _OUTPUTS)
         self.begins = np.empty(lines, np.int64)
         self.counts, self.floats = np.empty((counts, lines), np.int32), np.empty((floats, lines))
-        self.ticks, self.spans = np.empty((ticks, lines), np.int64), np.empty((spans, lines, 2), np.int64)
+        self.ticks, self.spans = (
+            np.empty((ticks, lines), np.int64),
+            np.empty((spans, lines, 2), np.int64),
+        )
         hard = np.empty((_HARD + plan.across, 4), np.int64)
         self.size, self.stop, used = rows(
             data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least, plan.layout.ragged,
@@ -69,8 +79,14 @@ class _Table:
         )  # fmt: skip
         self.full = used > _HARD or self.size == lines
         if 2 * self.size < lines:  # what is kept must not hold what is not
-            self.counts, self.floats = self.counts[:, : self.size].copy(), self.floats[:, : self.size].copy()
-            self.ticks, self.spans = self.ticks[:, : self.size].copy(), self.spans[:, : self.size].copy()
+            self.counts, self.floats = (
+                self.counts[:, : self.size].copy(),
+                self.floats[:, : self.size].copy(),
+            )
+            self.ticks, self.spans = (
+                self.ticks[:, : self.size].copy(),
+                self.spans[:, : self.size].copy(),
+            )
         self.hard = hard[:used].copy()
         self.too_wide = {k for k in self.whats if guides[k, TOO_WIDE]}
 
@@ -79,7 +95,11 @@ class _Table:
         whats = {}
         for k in self.columns.values.values():
             places = self.plan.places.get(k)
-            whats[k] = COUNT if places is not None and places <= _MOST_PLACES and k not in self.plan.uncounted else FLOAT
+            whats[k] = (
+                COUNT
+                if places is not None and places <= _MOST_PLACES and k not in self.plan.uncounted
+                else FLOAT
+            )
         columns = self.columns
         whats |= {k: SPAN for k in (columns.clock, columns.errors) if k is not None}
         if columns.time is not None:
@@ -95,7 +115,9 @@ class _Table:
 
     def resolve(self) -> None:
         """Reads the cells that were left."""
-        self.found, self.unread = cell_numbers(self.block, self.hard[:, 2], self.hard[:, 3], self.plan.layout.decimal)
+        self.found, self.unread = cell_numbers(
+            self.block, self.hard[:, 2], self.hard[:, 3], self.plan.layout.decimal
+        )
         for k, what in self.whats.items() if self.hard.size else ():
             if what == FLOAT:
                 mine = self.hard[:, 1] == k
@@ -112,14 +134,25 @@ class _Table:
 
     def parsed(self, stamps: Nanoseconds | FloatArray | None) -> Parsed:
         columns = self.columns
-        out = Parsed({k: self._samples(k) for k in {*columns.values.values()}}, stamps, size=self.size)
+        out = Parsed(
+            {k: self._samples(k) for k in {*columns.values.values()}}, stamps, size=self.size
+        )
         if columns.number is not None:
             out.number = self.floats[self.slots[columns.number], : self.size]
         if columns.errors is not None:
             out.errors = self._errors(columns.errors)
         for row, column, start, stop in self.hard[self.unread].tolist():
             if column in out.values:
-                out.bad_cells.append((row, repr(self.block[start:stop].decode(self.plan.layout.encoding, errors="replace")[:40])))
+                out.bad_cells.append(
+                    (
+                        row,
+                        repr(
+                            self.block[start:stop].decode(
+                                self.plan.layout.encoding, errors="replace"
+                            )[:40]
+                        ),
+                    )
+                )
         return out
 
     def _samples(self, k: int) -> Samples:
@@ -140,10 +173,18 @@ class _Table:
         if columns.time is None:
             return None
         if columns.form == "number":
-            return (self.ticks if self.plan.exact else self.floats)[self.slots[columns.time], : self.size]
+            return (self.ticks if self.plan.exact else self.floats)[
+                self.slots[columns.time], : self.size
+            ]
         data = bytes_of(self.block)
         parts = [(columns.time, columns.form), (columns.clock, "hms")]
-        return joined([column_ns(data, *self._spans(k), form, self.plan.us) for k, form in parts if k is not None])
+        return joined(
+            [
+                column_ns(data, *self._spans(k), form, self.plan.us)
+                for k, form in parts
+                if k is not None
+            ]
+        )
 
     def _spans(self, k: int) -> tuple[IntArray, IntArray]:
         spans = self.spans[self.slots[k], : self.size]
@@ -151,7 +192,10 @@ class _Table:
 
     def _errors(self, k: int) -> IntArray:
         """How many error codes of each row are not 0."""
-        cells = [self.block[a:b].decode("latin-1") for a, b in zip(*(edge.tolist() for edge in self._spans(k)))]
+        cells = [
+            self.block[a:b].decode("latin-1")
+            for a, b in zip(*(edge.tolist() for edge in self._spans(k)))
+        ]
         codes = {cell: len(re.findall(ERROR_CODE, cell)) for cell in set(cells)}
         return np.array([codes[cell] for cell in cells], np.int64)
 

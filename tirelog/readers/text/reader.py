@@ -1,11 +1,13 @@
 """Text logs: what an interrogator or a logger wrote, as blocks of the setup's channels.
 
     path or stream --text_source--> whole lines --sniff--> Layout --text_columns--> Columns
-                   --text_parse, two blocks at once--> rows --here: lost samples, stamps, flags--> RawBlock
+                   --text_parse, two blocks at once--> rows --here: lost samples, stamps, flags-->
+                   RawBlock
 
-What happens to a row that is not like the others: a cell that is no number is NaN and counted; a row of the wrong width keeps
-its place with NaN where its stamp can be read (or where the log has none) and is left out where not; a last row that is cut off
-is left out.  All three are losses, told with their first line.  Samples that the instrument marks as lost are NaN and counted.
+What happens to a row that is not like the others: a cell that is no number is NaN and counted; a
+row of the wrong width keeps its place with NaN where its stamp can be read (or where the log has
+none) and is left out where not; a last row that is cut off is left out. All three are losses, told
+with their first line. Samples that the instrument marks as lost are NaN and counted.
 """
 
 from __future__ import annotations
@@ -49,13 +51,17 @@ _THREADS, _AHEAD = 2, 4
 #: stamps above this many seconds are kept as whole numbers until the first one is taken off
 _EXACT_ABOVE_S = 1e6
 
-_RATE = re.compile(r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?", re.I)
+_RATE = re.compile(
+    r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?",
+    re.I,
+)
 
 
 def open_text(source: Path | str | BinaryIO, setup: Setup, log_name: str) -> TextReader:
     """A reader of the text log at a path or in a binary stream (which need not seek).
 
-    ReadError: no text, no rows, or none of the setup's channels in it.  SetupError: `[log] time` names no column.
+    ReadError: no text, no rows, or none of the setup's channels in it. SetupError: `[log] time`
+    names no column.
     """
     return TextReader(ByteSource(source, log_name), setup, log_name)
 
@@ -67,19 +73,33 @@ class TextReader:
         self.name, self._source = name, source
         head = source.head()
         if source.problem and not head.strip():
-            raise ReadError(f"{source.problem}; nothing before that could be unpacked; copy the log again", file=name)
+            raise ReadError(
+                f"{source.problem}; nothing before that could be unpacked; copy the log again",
+                file=name,
+            )
         self.layout = placed(sniff(head, name))
         self.columns = assign(self.layout, setup, name)
         setup, said = with_stated_units(setup, stated_units(self.layout, self.columns))
         self.setup = setup
         self._plan = _plan(self.layout, self.columns, setup)
-        self.report = ReadReport(format="text" if source.kind == "plain" else f"text, {source.kind}")
+        self.report = ReadReport(
+            format="text" if source.kind == "plain" else f"text, {source.kind}"
+        )
         self.report.start = start_iso(self.layout, self.columns, self._plan.us)
         self.report.remarks += said + _about_names(self.layout)
-        self.report.losses += [f"line {line} holds NUL bytes and was left out; copy the log again" for line in self.layout.damaged[:3]]
-        self.report.losses += [f"channel {channel}: {why}" for channel, why in self.columns.missing.items()]
+        self.report.losses += [
+            f"line {line} holds NUL bytes and was left out; copy the log again"
+            for line in self.layout.damaged[:3]
+        ]
+        self.report.losses += [
+            f"channel {channel}: {why}" for channel, why in self.columns.missing.items()
+        ]
         channels = [c for c in setup.channels if c not in self.columns.missing]
-        self._tracker = GratingTracker({c: setup.channels[c] for c in self.columns.peaks}) if self.columns.peaks else None
+        self._tracker = (
+            GratingTracker({c: setup.channels[c] for c in self.columns.peaks})
+            if self.columns.peaks
+            else None
+        )
         self.groups = (self._group(tuple(channels)),)
         self._origin: int | float | None = None
         self._last_ns: int | None = None
@@ -89,11 +109,21 @@ class TextReader:
     def _group(self, channels: tuple[str, ...]) -> Group:
         columns, layout = self.columns, self.layout
         places = {c: self._plan.places[column] for c, column in columns.values.items()}
-        places |= {c: max((decimals(layout, k) or 0 for k in range(self._plan.peaks_at, layout.width)), default=0) for c in columns.peaks}
+        places |= {
+            c: max(
+                (decimals(layout, k) or 0 for k in range(self._plan.peaks_at, layout.width)),
+                default=0,
+            )
+            for c in columns.peaks
+        }
         counted = False
         if columns.number is not None:
             parts = [k for k in (columns.time, columns.clock) if k is not None]
-            stamps = [tuple(row[k] for k in parts) for row in layout.rows if len(row) > max(parts, default=0)]
+            stamps = [
+                tuple(row[k] for k in parts)
+                for row in layout.rows
+                if len(row) > max(parts, default=0)
+            ]
             counted = not parts or len(set(stamps)) < 0.7 * len(stamps)
         return Group(GROUP, channels, _rate(layout), resolution_s(layout, columns), counted, places)
 
@@ -114,7 +144,8 @@ class TextReader:
             self._source.close()
 
     def _parsed(self) -> Generator[Parsed]:
-        """Parsed blocks in order, each read and parsed by one thread while others are used: all of that leaves the interpreter's lock.
+        """Parsed blocks in order, each read and parsed by one thread while others are used: all of
+        that leaves the interpreter's lock.
 
         What a thread has read is still near to its processor when it parses it.
         """
@@ -132,9 +163,13 @@ class TextReader:
                         yield early.pop(number)
                         number += 1
             finally:
-                pool.shutdown(cancel_futures=True)  # who stops early waits for no more than what is being read
+                pool.shutdown(
+                    cancel_futures=True
+                )  # who stops early waits for no more than what is being read
 
-    def _next(self, blocks: Iterator[tuple[int, bytearray]], reading: Lock) -> tuple[int, Parsed] | None:
+    def _next(
+        self, blocks: Iterator[tuple[int, bytearray]], reading: Lock
+    ) -> tuple[int, Parsed] | None:
         """(number of the next block, what is in it), None behind the last one."""
         with reading:
             number, block = next(blocks, (0, None))
@@ -156,12 +191,16 @@ class TextReader:
         return block[:start]
 
     def _block(self, parsed: Parsed) -> RawBlock:
-        values: dict[str, Samples] = {channel: parsed.values[column] for channel, column in self.columns.values.items()}
+        values: dict[str, Samples] = {
+            channel: parsed.values[column] for channel, column in self.columns.values.items()
+        }
         flags: list[tuple[str, int, int, str]] = []
         if self._tracker:
             found, flags = self._tracker.follow(parsed)
             values |= found
-        self._seen |= {channel for channel in self.columns.peaks if lost_samples(values[channel]) < parsed.size}
+        self._seen |= {
+            channel for channel in self.columns.peaks if lost_samples(values[channel]) < parsed.size
+        }
         if parsed.errors is not None:
             flags += self._errors(parsed)
         self._count("rows", parsed.size)
@@ -185,13 +224,19 @@ class TextReader:
         return np.asarray((ticks - int(self._origin)) * (factor / 1e9), np.float64)
 
     def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, str]]:
-        """Sample ranges whose rows carry error codes, for every channel: the codes do not say whose they are."""
+        """Sample ranges whose rows carry error codes, for every channel: the codes do not say whose
+        they are.
+        """
         codes = np.zeros(0, np.int64) if parsed.errors is None else parsed.errors
         self._count("rows_with_error_codes", int((codes > 0).sum()))
         self._count("error_codes", int(codes.sum()))
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (codes > 0).astype(np.int8), [0]])))
         spans = zip(edges[::2].tolist(), edges[1::2].tolist())
-        return [(channel, start, stop, "error_code") for start, stop in spans for channel in self.groups[0].channels]
+        return [
+            (channel, start, stop, "error_code")
+            for start, stop in spans
+            for channel in self.groups[0].channels
+        ]
 
     def _count(self, what: str, number: int) -> None:
         if number:
@@ -206,13 +251,21 @@ class TextReader:
             bad = self._bad[what]
             self._count(f"bad_{what}s", len(bad))
             if bad:
-                report.losses.append(f"{len(bad)} {sentence} (first in line {min(bad)[0]}: {min(bad)[1]})")
+                report.losses.append(
+                    f"{len(bad)} {sentence} (first in line {min(bad)[0]}: {min(bad)[1]})"
+                )
         if self._source.endless:
-            report.losses.append(f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not read")
+            report.losses.append(
+                f"line {line} has no end within {LONGEST_LINE_BYTES >> 20} MB; the rest was not "
+                "read"
+            )
         if self._source.problem:
             report.losses.append(f"{self._source.problem}; the rows before it were read")
         if not rows:
-            raise ReadError("; ".join(report.losses or ["holds no rows"]) + "; check the recording", file=self.name)
+            raise ReadError(
+                "; ".join(report.losses or ["holds no rows"]) + "; check the recording",
+                file=self.name,
+            )
         for channel in self.columns.peaks:
             if self._tracker and channel not in self._seen:
                 report.losses.append(f"channel {channel}: {self._tracker.why_silent(channel)}")
@@ -221,15 +274,23 @@ class TextReader:
 def _about_names(layout: Layout) -> list[str]:
     """What was done about a header that is not as wide as the rows."""
     if layout.counter:
-        return ["the header has one name fewer than the rows have cells; the first cell is taken for a row number without a name"]
+        return [
+            "the header has one name fewer than the rows have cells; the first cell is taken for "
+            "a row number without a name"
+        ]
     if layout.misfit:
         names, cells = len(layout.misfit), layout.width
-        return [f"the header's names are not used: it has {names} and the rows have {cells} cells; name columns #1 to #{cells}"]
+        return [
+            f"the header's names are not used: it has {names} and the rows have {cells} cells; "
+            f"name columns #1 to #{cells}"
+        ]
     return []
 
 
 def cut_off(layout: Layout, line: str) -> bool:
-    """True where a last line without its newline is shorter than the rows before it: in cells, in peaks, or in its last decimals."""
+    """True where a last line without its newline is shorter than the rows before it: in cells, in
+    peaks, or in its last decimals.
+    """
     cells = split(line, layout.separator, layout.timed)
     usual = layout.rows[:-1]
     if not usual:
@@ -240,14 +301,20 @@ def cut_off(layout: Layout, line: str) -> bool:
             return True
         if sum(map(int, fronts)) != filled(cells) - layout.counts_at - layout.counts:
             return True
-    elif not layout.ragged and len(cells) < layout.width - (layout.kinds[layout.width - 1] == "blank"):
+    elif not layout.ragged and len(cells) < layout.width - (
+        layout.kinds[layout.width - 1] == "blank"
+    ):
         return True
     last, column = cells[-1], len(cells) - 1
-    if layout.kinds[min(column, len(layout.kinds) - 1)] != "number" or (last and last.lower() in LOST_WORDS):
+    if layout.kinds[min(column, len(layout.kinds) - 1)] != "number" or (
+        last and last.lower() in LOST_WORDS
+    ):
         return False
     if not is_number(last, layout.decimal):
         return True
-    others = [row[column] for row in usual if len(row) > column and is_number(row[column], layout.decimal)]
+    others = [
+        row[column] for row in usual if len(row) > column and is_number(row[column], layout.decimal)
+    ]
     others = [cell for cell in others if cell not in ("0", "-1")]
     if last in ("0", "-1") and all(len(cell.split(layout.decimal)[0]) > 2 for cell in others):
         return False  # a lost peak among wavelengths
@@ -256,15 +323,44 @@ def cut_off(layout: Layout, line: str) -> bool:
 
 
 def _plan(layout: Layout, columns: Columns, setup: Setup) -> Plan:
-    us = columns.form == "dmy" and month_first([row[columns.time] for row in layout.rows if len(row) > (columns.time or 0)])  # type: ignore[index]
+    time = columns.time or 0  # a form of stamp is there only with a column of stamps
+    stamps = [row[time] for row in layout.rows if len(row) > time]
+    us = columns.form == "dmy" and month_first(stamps)
     exact = False
     if columns.form == "number" and columns.time is not None:
-        first = next((row[columns.time] for row in layout.rows if is_number(row[columns.time], layout.decimal)), "0")
-        exact = abs(float(first.replace(layout.decimal, "."))) * columns.time_factor > _EXACT_ABOVE_S
-    behind = [layout.counts_at + layout.counts - 1 if layout.counts else -1, columns.time, columns.clock, columns.number, columns.errors]
-    gratings = {column for channel, column in columns.values.items() if setup.channels[channel].kind.startswith("fbg_")}
+        first = next(
+            (
+                row[columns.time]
+                for row in layout.rows
+                if is_number(row[columns.time], layout.decimal)
+            ),
+            "0",
+        )
+        exact = (
+            abs(float(first.replace(layout.decimal, "."))) * columns.time_factor > _EXACT_ABOVE_S
+        )
+    behind = [
+        layout.counts_at + layout.counts - 1 if layout.counts else -1,
+        columns.time,
+        columns.clock,
+        columns.number,
+        columns.errors,
+    ]
+    gratings = {
+        column
+        for channel, column in columns.values.items()
+        if setup.channels[channel].kind.startswith("fbg_")
+    }
     places = {column: decimals(layout, column) for column in columns.values.values()}
-    return Plan(layout, columns, us, exact, max(k for k in behind if k is not None) + 1, tuple(sorted(gratings)), places)
+    return Plan(
+        layout,
+        columns,
+        us,
+        exact,
+        max(k for k in behind if k is not None) + 1,
+        tuple(sorted(gratings)),
+        places,
+    )
 
 
 def _rate(layout: Layout) -> float | None:
@@ -272,7 +368,11 @@ def _rate(layout: Layout) -> float | None:
     for line in layout.preamble:
         if match := _RATE.search(line):
             try:
-                return float(match[1].replace(",", ".")) * (1e3 if (match[2] or "").lower() == "khz" else 1.0) or None
+                return (
+                    float(match[1].replace(",", "."))
+                    * (1e3 if (match[2] or "").lower() == "khz" else 1.0)
+                    or None
+                )
             except ValueError:
                 continue
     return None

@@ -28,10 +28,12 @@ ERROR_CODE = r"(?:^|[;, |])[ +]*0*[1-9-]"
 class Parsed:
     """A block's rows.
 
-    `values[column]` shape (n,), NaN where blank or unreadable (or counts, see `RawBlock`); `stamps` shape (n,): int64 ns (MISSING where
-    unreadable) for times, float64 in the column's unit for numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0;
-    `first` shape (n + 1,) and `cells`: the peaks of row i are cells[first[i]:first[i + 1]]; `counts` shape (n, fibres).
-    `bad_rows` and `bad_cells` are (line, what stands there); `lines` were read, blank ones too.
+    `values[column]` shape (n,), NaN where blank or unreadable (or counts, see `RawBlock`); `stamps`
+    shape (n,): int64 ns (MISSING where unreadable) for times, float64 in the column's unit for
+    numbers; `number` shape (n,); `errors` shape (n,): error codes that are not 0; `first` shape (n
+    + 1,) and `cells`: the peaks of row i are cells[first[i]:first[i + 1]]; `counts` shape (n,
+    fibres). `bad_rows` and `bad_cells` are (line, what stands there); `lines` were read, blank ones
+    too.
     """
 
     values: dict[int, Samples]
@@ -48,19 +50,32 @@ class Parsed:
 
 
 def concatenated(parts: list[Parsed], places: Mapping[int, int | None]) -> Parsed:
-    """The rows of several pieces after one another; a column of which a piece is no counts is all floats."""
+    """The rows of several pieces after one another; a column of which a piece is no counts is all
+    floats.
+    """
     first = parts[0]
     if len(parts) == 1:
         return first
     starts = np.cumsum([0] + [part.cells.size for part in parts])
     return Parsed(
-        {column: _column([part.values[column] for part in parts], places.get(column)) for column in first.values},
+        {
+            column: _column([part.values[column] for part in parts], places.get(column))
+            for column in first.values
+        },
         None if first.stamps is None else np.concatenate([_stamps(part) for part in parts]),
-        None if first.number is None else np.concatenate([part.number for part in parts if part.number is not None]),
-        None if first.errors is None else np.concatenate([part.errors for part in parts if part.errors is not None]),
-        np.concatenate([[0], *(part.first[1:] + start for part, start in zip(parts, starts))]).astype(np.int64),
+        None
+        if first.number is None
+        else np.concatenate([part.number for part in parts if part.number is not None]),
+        None
+        if first.errors is None
+        else np.concatenate([part.errors for part in parts if part.errors is not None]),
+        np.concatenate(
+            [[0], *(part.first[1:] + start for part, start in zip(parts, starts))]
+        ).astype(np.int64),
         np.concatenate([part.cells for part in parts]),
-        None if first.counts is None else np.concatenate([part.counts for part in parts if part.counts is not None]),
+        None
+        if first.counts is None
+        else np.concatenate([part.counts for part in parts if part.counts is not None]),
         sum(part.size for part in parts),
         bad_rows=[bad for part in parts for bad in part.bad_rows],
         bad_cells=[bad for part in parts for bad in part.bad_cells],
@@ -78,12 +93,14 @@ def _stamps(part: Parsed) -> Nanoseconds | FloatArray:
 
 @dataclass(frozen=True)
 class Plan:
-    """What to take out of every block: the layout, the columns, and whether dates have the month first (`us`).
+    """What to take out of every block: the layout, the columns, and whether dates have the month
+    first (`us`).
 
-    `exact` reads a numeric time column as decimals of 1e-9 units, where float64 would round its stamps; `peaks_at` is the first
-    column of a flat list of peaks; `gratings` are the columns of wavelengths, where 0 and -1 are lost peaks; `places` are the decimals of
-    the channels' columns (None: written with exponents).  `uncounted` grows: columns that held numbers which no count can hold; it saves
-    work, and the numbers are the same without.
+    `exact` reads a numeric time column as decimals of 1e-9 units, where float64 would round its
+    stamps; `peaks_at` is the first column of a flat list of peaks; `gratings` are the columns of
+    wavelengths, where 0 and -1 are lost peaks; `places` are the decimals of the channels' columns
+    (None: written with exponents). `uncounted` grows: columns that held numbers which no count can
+    hold; it saves work, and the numbers are the same without.
     """
 
     layout: Layout
@@ -97,11 +114,19 @@ class Plan:
 
     @property
     def least(self) -> int:
-        """Cells that a row needs: up to its stamp where rows differ in width anyway, all but a blank one at the end where not."""
+        """Cells that a row needs: up to its stamp where rows differ in width anyway, all but a
+        blank one at the end where not.
+        """
         columns, layout = self.columns, self.layout
         if not layout.ragged:
             return layout.width - (layout.kinds[layout.width - 1] == "blank")
-        return max((k for k in (columns.number, columns.time, columns.clock) if k is not None), default=-1) + 1
+        return (
+            max(
+                (k for k in (columns.number, columns.time, columns.clock) if k is not None),
+                default=-1,
+            )
+            + 1
+        )
 
     @property
     def across(self) -> int:
@@ -112,7 +137,11 @@ class Plan:
     def regular(self) -> bool:
         """True where columns, not lists of peaks, make up a row, each for one use."""
         wanted = self._wanted
-        return not self.columns.peaks and len(wanted) == len({*wanted}) and (self.layout.ragged or max(wanted) < self.layout.width)
+        return (
+            not self.columns.peaks
+            and len(wanted) == len({*wanted})
+            and (self.layout.ragged or max(wanted) < self.layout.width)
+        )
 
     @property
     def _wanted(self) -> list[int]:
@@ -122,7 +151,9 @@ class Plan:
 
 
 def normalized(layout: Layout, block: Block) -> Block:
-    """The block with one byte between cells, without quotes, and with a newline behind its last row."""
+    """The block with one byte between cells, without quotes, and with a newline behind its last
+    row.
+    """
     if b'"' in block:
         block = block.translate(None, b'"')
     if layout.timed:

@@ -1,10 +1,11 @@
-"""Bytes of a text log, whatever wraps them: plain, gzip, zstd or xz, from a file or from standard input.
+"""Bytes of a text log, whatever wraps them: plain, gzip, zstd or xz, from a file or from standard
+input.
 
     path or stream --magic bytes--> ByteSource --cut at newlines--> pieces of 2 MB
 
-Memory that is new to a process costs more than what is read into it, so blocks are given back and filled again.  Nothing seeks, so
-standard input serves as well as a file.  A compressed stream that is cut off or damaged gives what could be unpacked;
-`ByteSource.problem` then says so.
+Memory that is new to a process costs more than what is read into it, so blocks are given back and
+filled again. Nothing seeks, so standard input serves as well as a file. A compressed stream that is
+cut off or damaged gives what could be unpacked; `ByteSource.problem` then says so.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ HEAD_BYTES = 1 << 18
 BLOCK_BYTES = 2 << 20
 #: a line longer than this is no text row
 LONGEST_LINE_BYTES = 8 << 20
-#: compressed bytes read at once, and those unpacked at once: zstd turns 4 bytes into 128 KB, so 2 KB become 64 MB at most
+#: compressed bytes read at once, and those unpacked at once: zstd turns 4 bytes into 128 KB, so 2
+#: KB become 64 MB at most
 _PIECE_BYTES, _UNPACKED_BYTES = 1 << 14, 1 << 11
 
 _MAGIC = {"gzip": b"\x1f\x8b", "zstd": b"\x28\xb5\x2f\xfd", "xz": b"\xfd7zXZ\x00"}
@@ -42,7 +44,10 @@ def _unpacker(kind: str) -> Any:
 
 
 def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
-    """Unpacked bytes of one or several members after one another.  EOFError where the last member is not whole."""
+    """Unpacked bytes of one or several members after one another.
+
+    EOFError where the last member is not whole.
+    """
     unpacker, started = _unpacker(kind), False
     for piece in pieces:
         rest = piece
@@ -63,8 +68,9 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 class ByteSource:
     """The unpacked bytes of a log, read forward only.
 
-    `kind` is plain, gzip, zstd or xz; `problem` is a sentence where the compressed stream ended early or is damaged; `endless` is true
-    where a line has no end within LONGEST_LINE_BYTES (a hole in the file), and neither it nor what follows was given.
+    `kind` is plain, gzip, zstd or xz; `problem` is a sentence where the compressed stream ended
+    early or is damaged; `endless` is true where a line has no end within LONGEST_LINE_BYTES (a hole
+    in the file), and neither it nor what follows was given.
     """
 
     def __init__(self, source: Path | str | BinaryIO, name: str) -> None:
@@ -74,35 +80,54 @@ class ByteSource:
             self._owned = isinstance(source, str | Path)
             start = self._file.read(_PIECE_BYTES)
         except OSError as problem:
-            raise ReadError(f"cannot be read ({problem.strerror}); a log is a readable file or -; check the path", file=name) from None
-        self.kind = next((kind for kind, magic in _MAGIC.items() if start.startswith(magic)), "plain")
+            raise ReadError(
+                f"cannot be read ({problem.strerror}); a log is a readable file or -; "
+                "check the path",
+                file=name,
+            ) from None
+        self.kind = next(
+            (kind for kind, magic in _MAGIC.items() if start.startswith(magic)), "plain"
+        )
         self._pieces = self._read(start)
         self._spare = b""  # of a piece that did not fit
         self._held = b""
         self._free: list[bytearray] = []
 
     def _read(self, start: bytes) -> Iterator[bytes]:
-        """Unpacked pieces.  A plain file gives its start alone: what follows is read where it is wanted."""
+        """Unpacked pieces.
+
+        A plain file gives its start alone: what follows is read where it is wanted.
+        """
 
         def raw() -> Iterator[bytes]:
             piece = start
             while piece:
-                yield from (piece[at : at + _UNPACKED_BYTES] for at in range(0, len(piece), _UNPACKED_BYTES))
+                yield from (
+                    piece[at : at + _UNPACKED_BYTES] for at in range(0, len(piece), _UNPACKED_BYTES)
+                )
                 piece = self._file.read(_PIECE_BYTES)
 
         if self.kind == "plain":
             yield start
             return
         try:
-            for piece in _unpack(self.kind, raw()):  # a piece may unpack to nothing yet, or to very much
+            for piece in _unpack(
+                self.kind, raw()
+            ):  # a piece may unpack to nothing yet, or to very much
                 for at in range(0, len(piece), BLOCK_BYTES):
                     yield piece[at : at + BLOCK_BYTES]
         except EOFError:
-            self.problem = f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
-        except Exception as problem:  # zlib.error, lzma.LZMAError, zstandard.ZstdError: each library has its own tree
+            self.problem = (
+                f"the {self.kind} stream is cut off after {self.unpacked_bytes} unpacked bytes"
+            )
+        # zlib.error, lzma.LZMAError, zstandard.ZstdError: each library has its own tree
+        except Exception as problem:
             if isinstance(problem, OSError):
                 raise
-            self.problem = f"the {self.kind} stream is damaged after {self.unpacked_bytes} unpacked bytes ({problem})"
+            self.problem = (
+                f"the {self.kind} stream is damaged after {self.unpacked_bytes} unpacked bytes "
+                f"({problem})"
+            )
 
     def head(self) -> bytes:
         """The first bytes, which `blocks` gives again."""
@@ -112,7 +137,9 @@ class ByteSource:
         return self._held
 
     def _into(self, buffer: bytearray, at: int = 0) -> int:
-        """Fills the buffer from the byte `at` on; the bytes read, fewer than there is room for only at the end."""
+        """Fills the buffer from the byte `at` on; the bytes read, fewer than there is room for only
+        at the end.
+        """
         begun = at
         with memoryview(buffer) as view:
             while at < len(buffer):
@@ -129,8 +156,11 @@ class ByteSource:
                     break
         return at - begun
 
-    def blocks(self, skip: int, size: int = BLOCK_BYTES, *, returns: bool = False) -> Iterator[bytearray]:
-        """Whole lines from byte `skip` to the end; `returns` takes carriage returns for the ends of lines.
+    def blocks(
+        self, skip: int, size: int = BLOCK_BYTES, *, returns: bool = False
+    ) -> Iterator[bytearray]:
+        """Whole lines from byte `skip` to the end; `returns` takes carriage returns for the ends of
+        lines.
 
         A last line without its end comes as it is.
         """

@@ -17,20 +17,31 @@ _FIRST_YEAR, _LAST_YEAR = 1678, 2261
 
 @compiled
 def _days(year: Whole, month: Whole, day: Whole) -> Whole:
-    """Days since 1970 of a proleptic Gregorian date (counted in years that begin in March, so that the leap day comes last).
+    """Days since 1970 of a proleptic Gregorian date (counted in years that begin in March, so that
+    the leap day comes last).
 
     Month 13 is the next January.
     """
     year -= month <= 2
     month = (month + 9) % 12
-    return 365 * year + year // 4 - year // 100 + year // 400 + (153 * month + 2) // 5 + day - 719_469
+    return (
+        365 * year + year // 4 - year // 100 + year // 400 + (153 * month + 2) // 5 + day - 719_469
+    )
 
 
 @compiled
 def times_alike(
-    data: Bytes, starts: IntArray, pattern: Bytes, roles: IntArray, dated: bool, offset_s: int, out: IntArray, done: NDArray[np.bool_]
+    data: Bytes,
+    starts: IntArray,
+    pattern: Bytes,
+    roles: IntArray,
+    dated: bool,
+    offset_s: int,
+    out: IntArray,
+    done: NDArray[np.bool_],
 ) -> None:
-    """Times from the bytes `starts` on that are written like `pattern`: nanoseconds `out`, and True in `done`; others are False.
+    """Times from the bytes `starts` on that are written like `pattern`: nanoseconds `out`, and True
+    in `done`; others are False.
 
     `dated` ones count from 1970, and lie `offset_s` east of UTC.
     """

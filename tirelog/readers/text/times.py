@@ -1,11 +1,15 @@
 """Cells of a time column to nanoseconds, a whole column at once.
 
-    cells (bytes) --grouped by length, digits at fixed places--> int64 ns since 1970 or since midnight, MISSING where unreadable
+    cells (bytes) --grouped by length, digits at fixed places--> int64 ns since 1970 or since
+    midnight, MISSING where unreadable
 
 Forms, each recognized on its own cells (see `form_of`):
-    iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone        -> ns since 1970, UTC where an offset stands
-    dmy   14/04/2022 13:00:00.5, 14-04-2022, 14.04.2022 13:00 (day first; or month first, where a field above 12 proves it)
-    hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)                           -> ns since midnight
+    iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone        -> ns since
+          1970, UTC where an offset stands
+    dmy   14/04/2022 13:00:00.5, 14-04-2022, 14.04.2022 13:00 (day first; or month first, where a
+          field above 12 proves it)
+    hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)                           -> ns since
+          midnight
 """
 
 from __future__ import annotations
@@ -34,9 +38,15 @@ DAY_NS = 86_400 * 10**9
 _CLOCK = r"(?P<h>\d{1,2})(?P<s>[:\-.])(?P<m>\d{1,2})(?:(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
 _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
 _FORMS = {
-    "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}})(?:[T _]+{_CLOCK}{_OFFSET})?"),
-    "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}})(?:[T _]+{_CLOCK}{_OFFSET})?"),
-    "hms": re.compile(r"(?P<h>\d{1,2})(?P<s>[:\-])(?P<m>\d{1,2})(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?:?"),
+    "iso": re.compile(
+        rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}})(?:[T _]+{_CLOCK}{_OFFSET})?"
+    ),
+    "dmy": re.compile(
+        rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}})(?:[T _]+{_CLOCK}{_OFFSET})?"
+    ),
+    "hms": re.compile(
+        r"(?P<h>\d{1,2})(?P<s>[:\-])(?P<m>\d{1,2})(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?:?"
+    ),
 }
 
 
@@ -76,7 +86,12 @@ def one_ns(cell: str, form: str, us: bool = False) -> int:
     if form != "hms":
         month, day = (part["D"], part["M"]) if us and form == "dmy" else (part["M"], part["D"])
         try:
-            days = int((np.datetime64(f"{part['Y']}-{int(month):02d}-{int(day):02d}") - np.datetime64("1970-01-01")).astype(int))
+            days = int(
+                (
+                    np.datetime64(f"{part['Y']}-{int(month):02d}-{int(day):02d}")
+                    - np.datetime64("1970-01-01")
+                ).astype(int)
+            )
         except ValueError:
             return MISSING
     hour, minute, second = (int(part[key] or 0) for key in ("h", "m", "sec"))
@@ -95,11 +110,17 @@ def _offset_s(text: str | None) -> int:
     return (1 if text[0] == "+" else -1) * (int(digits[:2]) * 3600 + int(digits[2:]) * 60)
 
 
-def column_ns(data: NDArray[np.uint8], starts: NDArray[np.int64], stops: NDArray[np.int64], form: str, us: bool = False) -> Nanoseconds:
+def column_ns(
+    data: NDArray[np.uint8],
+    starts: NDArray[np.int64],
+    stops: NDArray[np.int64],
+    form: str,
+    us: bool = False,
+) -> Nanoseconds:
     """Nanoseconds of the cells data[starts:stops], shape (n,).
 
-    Cells of one length mostly share one layout, so that a digit's place is read once, from the first cell; cells that do not have
-    punctuation like that one are read one by one.
+    Cells of one length mostly share one layout, so that a digit's place is read once, from the
+    first cell; cells that do not have punctuation like that one are read one by one.
     """
     out = np.full(starts.size, MISSING, np.int64)
     lengths = stops - starts
@@ -112,7 +133,16 @@ def column_ns(data: NDArray[np.uint8], starts: NDArray[np.int64], stops: NDArray
         if match:
             values = np.empty(rows.size, np.int64)
             offset_s = _offset_s(match.groupdict().get("off"))
-            times_alike(data, starts[rows], cell, _roles(match, us and form == "dmy"), form != "hms", offset_s, values, done)
+            times_alike(
+                data,
+                starts[rows],
+                cell,
+                _roles(match, us and form == "dmy"),
+                form != "hms",
+                offset_s,
+                values,
+                done,
+            )
             out[rows[done]] = values[done]
         for i in rows[~done] if length else ():
             out[i] = one_ns(data[starts[i] : stops[i]].tobytes().decode("latin-1"), form, us)
@@ -121,7 +151,15 @@ def column_ns(data: NDArray[np.uint8], starts: NDArray[np.int64], stops: NDArray
 
 def _roles(match: re.Match[str], us: bool) -> NDArray[np.int64]:
     """What each byte of a time is."""
-    fields = {"Y": YEAR, "M": DAY if us else MONTH, "D": MONTH if us else DAY, "h": HOUR, "m": MINUTE, "sec": SECOND, "frac": FRACTION}
+    fields = {
+        "Y": YEAR,
+        "M": DAY if us else MONTH,
+        "D": MONTH if us else DAY,
+        "h": HOUR,
+        "m": MINUTE,
+        "sec": SECOND,
+        "frac": FRACTION,
+    }
     roles = np.full(len(match[0]), AS_IT_IS, np.int64)
     for key, text in match.groupdict().items():
         if key in fields and text is not None:
@@ -130,7 +168,9 @@ def _roles(match: re.Match[str], us: bool) -> NDArray[np.int64]:
 
 
 def unwrap_midnight(ns: Nanoseconds, last_ns: int | None) -> tuple[Nanoseconds, int]:
-    """(times of day made to run on past midnight, number of midnights met), following `last_ns`, the last time before."""
+    """(times of day made to run on past midnight, number of midnights met), following `last_ns`,
+    the last time before.
+    """
     known = np.flatnonzero(ns != MISSING)
     if not known.size:
         return ns, 0
@@ -138,7 +178,8 @@ def unwrap_midnight(ns: Nanoseconds, last_ns: int | None) -> tuple[Nanoseconds, 
     before = 0 if last_ns is None else last_ns // DAY_NS * DAY_NS
     previous = np.concatenate([[values[0] if last_ns is None else last_ns - before], values[:-1]])
     step = values - previous
-    # stamps that fall back by more than half a day have passed midnight; those that leap by as much fell back over it
+    # stamps that fall back by more than half a day have passed midnight; those that leap by as much
+    # fell back over it
     turns = np.cumsum((step < -DAY_NS // 2).astype(np.int64) - (step > DAY_NS // 2))
     out = ns.copy()
     out[known] = values + before + turns * DAY_NS

@@ -1,6 +1,7 @@
 """Compiled: banded circulant systems, solved by elimination of all but the last five unknowns.
 
-stencil (11,) --factor: once for each change of it--> Factors --solve--> x (N,)        apply: the stencil times x
+stencil (11,) --factor: once for each change of it--> Factors --solve--> x (N,)        apply: the
+    stencil times x
 """
 
 from __future__ import annotations
@@ -18,10 +19,18 @@ HALF = 5
 
 @compiled
 def factors(size: int) -> Factors:
-    """Room for the factors of a circulant of `size` = n + 5 unknowns: stencil (11,); lower (n, 5); upper (n, 6), its pivots inverted;
-    border (n, 5), what the last five unknowns cost the rest; foot (5, 5), the inverse of what is left for them."""
+    """Room for the factors of a circulant of `size` = n + 5 unknowns: stencil (11,); lower (n, 5);
+    upper (n, 6), its pivots inverted; border (n, 5), what the last five unknowns cost the rest;
+    foot (5, 5), the inverse of what is left for them.
+    """
     n = size - HALF
-    return np.zeros(2 * HALF + 1), np.zeros((n, HALF)), np.zeros((n, HALF + 1)), np.zeros((n, HALF)), np.zeros((HALF, HALF))
+    return (
+        np.zeros(2 * HALF + 1),
+        np.zeros((n, HALF)),
+        np.zeros((n, HALF + 1)),
+        np.zeros((n, HALF)),
+        np.zeros((HALF, HALF)),
+    )
 
 
 @compiled
@@ -33,7 +42,11 @@ def factor(system: Factors) -> None:
     for i in range(n):
         for m in range(HALF):
             ahead = n + m - i
-            border[i, m] = stencil[ahead + HALF] if ahead <= HALF else (stencil[ahead - size + HALF] if size - ahead <= HALF else 0.0)
+            border[i, m] = (
+                stencil[ahead + HALF]
+                if ahead <= HALF
+                else (stencil[ahead - size + HALF] if size - ahead <= HALF else 0.0)
+            )
         row = np.zeros(2 * HALF + 1)
         for d in range(-HALF, HALF + 1):
             if 0 <= i + d < n:

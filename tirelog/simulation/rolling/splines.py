@@ -1,9 +1,11 @@
 """Finite elements on a closed belt: periodic splines of degree five on equal elements.
 
-    coefficients c (N,) --basis--> v(theta) = sum_j c_j B((theta - theta_0)/step - j), four times continuously differentiable
+    coefficients c (N,) --basis--> v(theta) = sum_j c_j B((theta - theta_0)/step - j), four times
+    continuously differentiable
 
-B_j lives on the elements j .. j + 5, so that element e sees the coefficients e - 5 .. e (modulo N).  All elements are equal: a matrix
-of basis integrals is circulant and banded, and is kept as its stencil, shape (11,), offsets -5 .. 5.
+B_j lives on the elements j .. j + 5, so that element e sees the coefficients e - 5 .. e (modulo N).
+All elements are equal: a matrix of basis integrals is circulant and banded, and is kept as its
+stencil, shape (11,), offsets -5 .. 5.
 """
 
 from __future__ import annotations
@@ -36,13 +38,17 @@ class Splines:
         return np.asarray((np.arange(self.elements) + 0.5 * (DEGREE + 1)) * self.step_rad, float)
 
     def local(self, place: FloatArray, derivative: int = 0) -> FloatArray:
-        """The six functions that live at `place` (n,) in [0, 1) of an element, or a derivative by the angle, shape (n, 6)."""
+        """The six functions that live at `place` (n,) in [0, 1) of an element, or a derivative by
+        the angle, shape (n, 6).
+        """
         x = np.asarray(place, float)[:, None] + np.arange(DEGREE, -1, -1.0)
         basis = _BASIS.derivative(derivative) if derivative else _BASIS
         return np.asarray(np.nan_to_num(basis(x)) / self.step_rad**derivative, float)
 
     def gram(self, left: int, right: int) -> FloatArray:
-        """Stencil of int B_i^(left) B_k^(right) dtheta over offsets k - i = -5 .. 5, by Gauss's rule (exact), shape (11,)."""
+        """Stencil of int B_i^(left) B_k^(right) dtheta over offsets k - i = -5 .. 5, by Gauss's
+        rule (exact), shape (11,).
+        """
         points, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
         a, b = (self.local(0.5 * (points + 1.0), m) for m in (left, right))
         # a[:, i] is the function that began DEGREE - i elements ago
@@ -55,15 +61,23 @@ class Splines:
         half = 0.5 * self.step_rad
         return float(self.step_rad * (np.sin(half) / half) ** (DEGREE + 1))
 
-    def functional(self, angle_rad: float, weights: dict[int, float], length_rad: float = 0.0) -> FloatArray:
-        """Row (N,) that reads sum_m weights[m] v^(m) at `angle_rad`, or its mean over `length_rad` around it."""
-        points, shares = np.polynomial.legendre.leggauss(24) if length_rad else (np.zeros(1), np.full(1, 2.0))
+    def functional(
+        self, angle_rad: float, weights: dict[int, float], length_rad: float = 0.0
+    ) -> FloatArray:
+        """Row (N,) that reads sum_m weights[m] v^(m) at `angle_rad`, or its mean over `length_rad`
+        around it.
+        """
+        points, shares = (
+            np.polynomial.legendre.leggauss(24) if length_rad else (np.zeros(1), np.full(1, 2.0))
+        )
         place = ((angle_rad + 0.5 * length_rad * points) / self.step_rad) % self.elements
         element = np.minimum(place.astype(int), self.elements - 1)
         row = np.zeros(self.elements)
         index = (element[:, None] - DEGREE + np.arange(DEGREE + 1)) % self.elements
         for derivative, weight in weights.items():
-            np.add.at(row, index, 0.5 * weight * shares[:, None] * self.local(place - element, derivative))
+            np.add.at(
+                row, index, 0.5 * weight * shares[:, None] * self.local(place - element, derivative)
+            )
         return row
 
 

@@ -1,7 +1,9 @@
-"""A tire in motion: the belt on its hub, on a road, under a load and a torque, from standing on the road to the end of a drive.
+"""A tire in motion: the belt on its hub, on a road, under a load and a torque, from standing on the
+road to the end of a drive.
 
     Belt, Profile --standing--> v, hub height at rest under the load
-                  --rolling---> RollingTire --run(distance, acceleration, load, torque)--> Motion, a row every few steps
+                  --rolling---> RollingTire --run(distance, acceleration, load, torque)--> Motion, a
+                  row every few steps
 
 The hub's way forward is the drive's; its height and its spin are free.
 """
@@ -37,8 +39,10 @@ class Rider:
 
 @dataclass(frozen=True)
 class Motion:
-    """Columns over time (k,): wheel angle [rad], spin, height of the hub, road's force forward and upwards, contact's edges behind the
-    axle [m] (NaN in the air), sidewall's force on the hub forward and upwards; `read` (k, rows) the riders' readings."""
+    """Columns over time (k,): wheel angle [rad], spin, height of the hub, road's force forward and
+    upwards, contact's edges behind the axle [m] (NaN in the air), sidewall's force on the hub
+    forward and upwards; `read` (k, rows) the riders' readings.
+    """
 
     time_s: FloatArray
     angle_rad: FloatArray
@@ -56,18 +60,38 @@ class Motion:
     def of(cls, time_s: FloatArray, table: FloatArray) -> Motion:
         angle, spin, hub_z, *forces, spindle_x, spindle_z = table[:, : kernel.COLUMNS].T
         force_x, force_z, entry, exit_ = forces
-        return cls(time_s, angle, spin, hub_z, force_x, force_z, entry, exit_, spindle_x, spindle_z, table[:, kernel.COLUMNS :])
+        return cls(
+            time_s,
+            angle,
+            spin,
+            hub_z,
+            force_x,
+            force_z,
+            entry,
+            exit_,
+            spindle_x,
+            spindle_z,
+            table[:, kernel.COLUMNS :],
+        )
 
 
 def longest_step_s(belt: Belt) -> float:
-    """The longest step that `RollingTire` takes: half of what the tread's springs and bristles on the belt's mass allow."""
+    """The longest step that `RollingTire` takes: half of what the tread's springs and bristles on
+    the belt's mass allow.
+    """
     tire = belt.tire
-    return float(SAFE * 2.0 / np.sqrt((tire.tread_stiffness_N_m2 + tire.bristle_stiffness_N_m2) / tire.line_mass_kg_m))
+    return float(
+        SAFE
+        * 2.0
+        / np.sqrt((tire.tread_stiffness_N_m2 + tire.bristle_stiffness_N_m2) / tire.line_mass_kg_m)
+    )
 
 
 @dataclass(frozen=True)
 class Standing:
-    """A tire at rest on a level road at height 0: coefficients `v` (N,), height of the hub, contact length."""
+    """A tire at rest on a level road at height 0: coefficients `v` (N,), height of the hub, contact
+    length.
+    """
 
     v: FloatArray
     hub_z_m: float
@@ -75,14 +99,22 @@ class Standing:
 
 
 def standing(belt: Belt, load_N: float) -> Standing:
-    """The least of elastic energy, tread springs and load, by Newton's method.  UsageError where the tire cannot carry the load."""
+    """The least of elastic energy, tread springs and load, by Newton's method.
+
+    UsageError where the tire cannot carry the load.
+    """
     points = belt.splines.elements * POINTS
     spacing = 2.0 * np.pi / points
     angle = (np.arange(points) + 0.5) * spacing
     near = np.flatnonzero(np.cos(angle) > np.cos(kernel.FAR))
     sin, cos, radius = np.sin(angle[near]), np.cos(angle[near]), belt.radius_m
     # height of a point: hub - (R + w) cos + v sin, with w = -v'
-    rise = np.stack([belt.splines.functional(a, {0: s, 1: c}) for a, s, c in zip(angle[near], sin, cos, strict=True)])
+    rise = np.stack(
+        [
+            belt.splines.functional(a, {0: s, 1: c})
+            for a, s, c in zip(angle[near], sin, cos, strict=True)
+        ]
+    )
     rise = np.hstack([rise, np.ones((near.size, 1))])
     size, stiffness = belt.splines.elements, belt.tire.tread_stiffness_N_m2 * radius * spacing
     held = np.zeros((size + 1, size + 1))
@@ -103,12 +135,16 @@ def standing(belt: Belt, load_N: float) -> Standing:
             continue
         q = np.linalg.solve(held + stiffness * springs.T @ springs, right)
     else:
-        raise UsageError(f"the tire does not settle under {load_N:.0f} N; allowed is a load that it can carry; lower it")
+        raise UsageError(
+            f"the tire does not settle under {load_N:.0f} N; allowed is a load that it can "
+            "carry; lower it"
+        )
     place = angle[near[pressed]]
     place = np.where(place > np.pi, place - 2.0 * np.pi, place)
     if np.abs(place).max() > 0.95 * kernel.FAR:
         raise UsageError(
-            f"at {load_N:.0f} N the contact is wider than +-{np.degrees(kernel.FAR):.0f} degrees; allowed is a load that the tire can "
+            f"at {load_N:.0f} N the contact is wider than +-{np.degrees(kernel.FAR):.0f} "
+            "degrees; allowed is a load that the tire can "
             "carry; lower it, or give a stiffer tire"
         )
     return Standing(q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing))
@@ -117,11 +153,21 @@ def standing(belt: Belt, load_N: float) -> Standing:
 class RollingTire:
     """State of one tire; `run` moves it on.  UsageError for an unstable step."""
 
-    def __init__(self, belt: Belt, profile: Profile, start: Standing, *, speed_m_s: float, distance_m: float, step_s: float) -> None:
+    def __init__(
+        self,
+        belt: Belt,
+        profile: Profile,
+        start: Standing,
+        *,
+        speed_m_s: float,
+        distance_m: float,
+        step_s: float,
+    ) -> None:
         longest = longest_step_s(belt)
         if not 0.0 < step_s <= longest:
             raise UsageError(
-                f"step_s = {step_s:g} is unstable for this tread and line mass; allowed is up to {longest:.2g} s; give a shorter step"
+                f"step_s = {step_s:g} is unstable for this tread and line mass; allowed is up to "
+                f"{longest:.2g} s; give a shorter step"
             )
         self.belt, self.profile, self.step_s = belt, profile, step_s
         splines, tire, points = belt.splines, belt.tire, belt.splines.elements * POINTS
@@ -129,9 +175,13 @@ class RollingTire:
         # standing in space, the belt's material passes through the shape
         spin = speed_m_s / belt.radius_m
         slope = belt.full(splines.gram(0, 1)) @ start.v
-        self.u: FloatArray = np.asarray(spin * np.linalg.solve(belt.full(splines.gram(0, 0)), slope), float)
+        self.u: FloatArray = np.asarray(
+            spin * np.linalg.solve(belt.full(splines.gram(0, 0)), slope), float
+        )
         self.now = 1
-        self._stencils = np.stack([belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping])
+        self._stencils = np.stack(
+            [belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping]
+        )
         place = (np.arange(POINTS) + 0.5) / POINTS
         self._basis = np.stack([splines.local(place), splines.local(place, 1)])
         angle = (np.arange(points) + 0.5) * (2.0 * np.pi / points)
@@ -175,14 +225,24 @@ class RollingTire:
     def damp_belt(self, damping_N_s_m2: float) -> None:
         """Damping of the sidewall, radial and tangential, beside the tire's own."""
         belt, gram = self.belt, self.belt.splines.gram
-        self._stencils[4] = belt.damping + belt.radius_m * damping_N_s_m2 * (gram(0, 0) + gram(1, 1))
+        self._stencils[4] = belt.damping + belt.radius_m * damping_N_s_m2 * (
+            gram(0, 0) + gram(1, 1)
+        )
         more = 2.0 * belt.radius_m * belt.splines.first_harmonic * damping_N_s_m2
         self.constants[kernel.DAMPER] = belt.held[1] + more
 
-    def run(self, drive: FloatArray, *, every: int = 1, riders: tuple[Rider, ...] = ()) -> FloatArray:
-        """One step a row of `drive` (n, 4): distance [m] at its end, forward acceleration, load, torque.  The kept rows, of the steps'
-        begins, shape (ceil(n/every), 9 + readings).  UsageError where the belt leaves what small displacements can say."""
-        rows = np.concatenate([rider.rows for rider in riders]) if riders else np.zeros((0, self.v.size))
+    def run(
+        self, drive: FloatArray, *, every: int = 1, riders: tuple[Rider, ...] = ()
+    ) -> FloatArray:
+        """One step a row of `drive` (n, 4): distance [m] at its end, forward acceleration, load,
+        torque. The kept rows, of the steps' begins, shape (ceil(n/every), 9 + readings). UsageError
+        where the belt leaves what small displacements can say.
+        """
+        rows = (
+            np.concatenate([rider.rows for rider in riders])
+            if riders
+            else np.zeros((0, self.v.size))
+        )
         weights, begin = _packed(rows)
         table = np.empty((-(-drive.shape[0] // every), kernel.COLUMNS + rows.shape[0]))
         told = kernel.run(
@@ -192,27 +252,44 @@ class RollingTire:
         )  # fmt: skip
         self.now += drive.shape[0]
         if told != kernel.FINE:
-            what = f"touches the road beyond +-{np.degrees(kernel.FAR):.0f} degrees" if told == kernel.TOO_WIDE else "leaves its sidewall"
+            what = (
+                f"touches the road beyond +-{np.degrees(kernel.FAR):.0f} degrees"
+                if told == kernel.TOO_WIDE
+                else "leaves its sidewall"
+            )
             raise UsageError(
-                f"the belt {what} near {self.state[kernel.HUB_X]:.1f} m of the drive; allowed are loads and obstacles of small "
+                f"the belt {what} near {self.state[kernel.HUB_X]:.1f} m of the drive; "
+                "allowed are loads and obstacles of small "
                 "displacements; lower them, or give a stiffer tire"
             )
         return table
 
     def energy_J(self) -> float:
-        """Kinetic and elastic energy of belt, hub and tread springs on a level road, in the frame that goes with the drive; the load's
-        potential is not in it.  Rates are those before this moment's kick."""
+        """Kinetic and elastic energy of belt, hub and tread springs on a level road, in the frame
+        that goes with the drive; the load's potential is not in it. Rates are those before this
+        moment's kick.
+        """
         belt, state = self.belt, self.state
-        M, G, S, K = (belt.full(a) for a in (belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness))
+        M, G, S, K = (
+            belt.full(a) for a in (belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness)
+        )
         v, u, spin, rate = self.v, self.u, state[kernel.SPIN], state[kernel.HUB_RATE]
-        wave, own = np.sin(belt.splines.middle_rad + state[kernel.ANGLE]), np.cos(belt.splines.middle_rad + state[kernel.ANGLE])
+        wave, own = (
+            np.sin(belt.splines.middle_rad + state[kernel.ANGLE]),
+            np.cos(belt.splines.middle_rad + state[kernel.ANGLE]),
+        )
         turning = 0.5 * self.constants[kernel.SPIN_INERTIA] * spin**2
         turning += spin * belt.radius_m * self.constants[kernel.MEAN_INERTIA] * float(u.sum())
         moving = 0.5 * u @ M @ u + spin * u @ G @ v + 0.5 * spin**2 * v @ S @ v
         moving += rate * belt.carried * (u @ wave + spin * v @ own)
         hub = 0.5 * (belt.tire.hub_mass_kg + belt.mass_kg) * rate**2
         pressed = np.maximum(-self._heights(), 0.0)
-        tread = 0.5 * belt.tire.tread_stiffness_N_m2 * self.constants[kernel.PITCH] * float(pressed @ pressed)
+        tread = (
+            0.5
+            * belt.tire.tread_stiffness_N_m2
+            * self.constants[kernel.PITCH]
+            * float(pressed @ pressed)
+        )
         return float(turning + moving + hub + 0.5 * v @ K @ v + tread)
 
     def _heights(self) -> FloatArray:
@@ -220,9 +297,16 @@ class RollingTire:
         points, size = self._circle.shape[0], self.v.size
         element = np.arange(points) // POINTS
         living = self.v[(element[:, None] + np.arange(kernel.LIVING) - HALF) % size]
-        along, slope = (np.einsum("ik,ik->i", np.tile(each, (size, 1)), living) for each in self._basis)
+        along, slope = (
+            np.einsum("ik,ik->i", np.tile(each, (size, 1)), living) for each in self._basis
+        )
         phi = (np.arange(points) + 0.5) * (2.0 * np.pi / points) + self.state[kernel.ANGLE]
-        return np.asarray(self.state[kernel.HUB_Z] - (self.belt.radius_m - slope) * np.cos(phi) + along * np.sin(phi), float)
+        return np.asarray(
+            self.state[kernel.HUB_Z]
+            - (self.belt.radius_m - slope) * np.cos(phi)
+            + along * np.sin(phi),
+            float,
+        )
 
 
 def _packed(rows: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:

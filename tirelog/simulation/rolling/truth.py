@@ -1,4 +1,5 @@
-"""The truth of a log whose tire moved: what holds at a sensor's passages, when obstacles were met, how the tire rings.
+"""The truth of a log whose tire moved: what holds at a sensor's passages, when obstacles were met,
+how the tire rings.
 
 Times are the log's own stamps; angles grow in the direction of rolling.
 """
@@ -22,11 +23,17 @@ from tirelog.vocabulary.arrays import FloatArray
 def truth_of_rolled(world: RolledWorld, pitch_rad: Mapping[str, FloatArray]) -> dict[str, Any]:
     """The whole truth of a log: that of other truths, and `coupled_ring`."""
     truth = truth_of(world, pitch_rad, partial(_passages, world))
-    return {**truth, "load_steps": [asdict(step) for step in world.scenario.load_steps], "coupled_ring": moving(world)}
+    return {
+        **truth,
+        "load_steps": [asdict(step) for step in world.scenario.load_steps],
+        "coupled_ring": moving(world),
+    }
 
 
 def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArray]:
-    """What is true when the sensor's place passes under the axle, each (n,); `time_s` in the channel's own stamps."""
+    """What is true when the sensor's place passes under the axle, each (n,); `time_s` in the
+    channel's own stamps.
+    """
     sensor, motion, ridden = world.scenario.channels[name], world.motion, world.ridden[name]
     row, share = _under_axle(ridden.s_m, ridden.z_m)
     time = motion.time_s[row] + share * (motion.time_s[row + 1] - motion.time_s[row])
@@ -59,13 +66,17 @@ def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArra
 
 
 def _under_axle(s_m: FloatArray, z_m: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-    """Rows before the place passes the axle from ahead to behind, and the share of the row's step to it."""
+    """Rows before the place passes the axle from ahead to behind, and the share of the row's step
+    to it.
+    """
     row = np.flatnonzero((s_m[:-1] < 0.0) & (s_m[1:] >= 0.0) & (z_m[:-1] < 0.0))
     return row, -s_m[row] / (s_m[row + 1] - s_m[row])
 
 
 def _dissipation(world: RolledWorld, name: str, time_s: FloatArray) -> FloatArray:
-    """int strain'^2 ds over the turn around each passage [1/m]; NaN at the log's ends, and for an accelerometer."""
+    """int strain'^2 ds over the turn around each passage [1/m]; NaN at the log's ends, and for an
+    accelerometer.
+    """
     motion = world.motion
     if world.scenario.channels[name].kind == "radial_acceleration":
         return np.full(time_s.size, np.nan)
@@ -74,12 +85,17 @@ def _dissipation(world: RolledWorld, name: str, time_s: FloatArray) -> FloatArra
     total = np.concatenate(([0.0], np.cumsum(rate[:-1] ** 2 / way[:-1] * np.diff(motion.time_s))))
     middle = np.interp(time_s, motion.time_s, motion.angle_rad)
     rising = np.maximum.accumulate(motion.angle_rad)
-    ends = [np.interp(middle + turn, rising, total, left=np.nan, right=np.nan) for turn in (-np.pi, np.pi)]
+    ends = [
+        np.interp(middle + turn, rising, total, left=np.nan, right=np.nan)
+        for turn in (-np.pi, np.pi)
+    ]
     return np.asarray(ends[1] - ends[0], float)
 
 
 def moving(world: RolledWorld) -> dict[str, Any]:
-    """The tire's vibrations and what the whole log did; forces are means over it, `contact_length_m` its median."""
+    """The tire's vibrations and what the whole log did; forces are means over it,
+    `contact_length_m` its median.
+    """
     motion, scenario = world.motion, world.scenario
     logged = (motion.time_s >= 0.0) & (motion.time_s <= scenario.duration_s)
     time = motion.time_s[logged]
@@ -91,7 +107,10 @@ def moving(world: RolledWorld) -> dict[str, Any]:
         "step_s": scenario.step_s,
         "elements": world.belt.splines.elements,
         "natural_frequencies_at_rest": world.belt.natural_frequencies(),
-        "travelling_waves_on_held_hub": {"speed_m_s": fastest, "waves": travelling_waves(world, fastest)},
+        "travelling_waves_on_held_hub": {
+            "speed_m_s": fastest,
+            "waves": travelling_waves(world, fastest),
+        },
         "load_applied_N": float(load.mean()),
         "load_carried_N": float(motion.force_z_N[logged].mean()),
         "longitudinal_force_N": float(motion.force_x_N[logged].mean()),
@@ -103,20 +122,33 @@ def moving(world: RolledWorld) -> dict[str, Any]:
 
 
 def travelling_waves(world: RolledWorld, speed_m_s: float) -> list[dict[str, float | str]]:
-    """The belt's waves of 1 to 6 lobes on a held hub at a speed: what the belt feels, and what an observer beside the tire hears [Hz]."""
+    """The belt's waves of 1 to 6 lobes on a held hub at a speed: what the belt feels, and what an
+    observer beside the tire hears [Hz].
+    """
     spin = speed_m_s / world.belt.radius_m
     values, shapes = world.belt.coarse.vibrations(spin)
     waves: list[dict[str, float | str]] = []
     for value, shape in zip(values, shapes.T, strict=True):
-        # shape times e^(i omega t), omega > 0: a harmonic e^(i n theta) of negative n runs towards growing theta
+        # shape times e^(i omega t), omega > 0: a harmonic e^(i n theta) of negative n runs towards
+        # growing theta
         power = np.abs(np.fft.fft(shape)) ** 2
         number = np.fft.fftfreq(shape.size, 1.0 / shape.size)
         lobes = int(number[np.argmax(power)])
         if value.imag <= 0.0 or not 1 <= abs(lobes) <= 6:
             continue
         heard = value.imag - lobes * spin
-        entry = {"lobes": abs(lobes), "felt_Hz": value.imag / (2 * np.pi), "heard_Hz": abs(heard) / (2 * np.pi), "decay_1_s": -value.real}
-        waves.append({**{k: float(f"{v:.8g}") for k, v in entry.items()}, "direction": "with" if lobes * heard < 0 else "against"})
+        entry = {
+            "lobes": abs(lobes),
+            "felt_Hz": value.imag / (2 * np.pi),
+            "heard_Hz": abs(heard) / (2 * np.pi),
+            "decay_1_s": -value.real,
+        }
+        waves.append(
+            {
+                **{k: float(f"{v:.8g}") for k, v in entry.items()},
+                "direction": "with" if lobes * heard < 0 else "against",
+            }
+        )
     return sorted(waves, key=lambda wave: (wave["lobes"], wave["felt_Hz"]))
 
 
@@ -129,7 +161,9 @@ def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
 
 
 def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
-    """One cleat or step: when it is first touched, when its begin is under the axle, when it is left; the largest force meanwhile."""
+    """One cleat or step: when it is first touched, when its begin is under the axle, when it is
+    left; the largest force meanwhile.
+    """
     motion, road = world.motion, world.scenario.road
     corner = world.profile.corner_m
     length = float((road.length_m or 0.0) if road.kind == "cleat" else corner[1] - corner[0])
@@ -141,7 +175,9 @@ def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
         "position_m": place_m,
         "touched_s": float(motion.time_s[rows[0]]) if rows.size else None,
         "under_axle_s": float(np.interp(place_m, way, motion.time_s)) if over else None,
-        "left_s": float(motion.time_s[rows[-1]]) if rows.size and rows[-1] < motion.time_s.size - 1 else None,
+        "left_s": float(motion.time_s[rows[-1]])
+        if rows.size and rows[-1] < motion.time_s.size - 1
+        else None,
         "largest_force_N": float(motion.force_z_N[rows].max()) if rows.size else None,
     }
     return {key: value if value is None else float(f"{value:.10g}") for key, value in out.items()}

@@ -1,10 +1,12 @@
-"""The world of a tire in motion: the drive as impulses on the hub, the belt stepped through the whole log, and what sensors read of it.
+"""The world of a tire in motion: the drive as impulses on the hub, the belt stepped through the
+whole log, and what sensors read of it.
 
-    Drive, [[load_steps]], roughness --> distance, acceleration, load, torque at every step --RollingTire--> Motion on its own clock
-    Motion --a sensor's place, second differences, lag, bandwidth--> its clean series --spline in time--> values at the moments of sampling
+    Drive, [[load_steps]], roughness --> distance, acceleration, load, torque at every step
+    --RollingTire--> Motion on its own clock Motion --a sensor's place, second differences, lag,
+    bandwidth--> its clean series --spline in time--> values at the moments of sampling
 
-The drive's speed is the hub's way forward; wheel angle and spin are what the tire makes of it.  The log begins on a tire that has rolled
-for SETTLING_S under a damper that is then taken away.
+The drive's speed is the hub's way forward; wheel angle and spin are what the tire makes of it. The
+log begins on a tire that has rolled for SETTLING_S under a damper that is then taken away.
 """
 
 from __future__ import annotations
@@ -28,9 +30,11 @@ from tirelog.simulation.sensors.wheel import longitudinal_force
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray
 
-#: the tire rolls on the level so long before anything is kept [s], its hub held by so much of the critical damping
+#: the tire rolls on the level so long before anything is kept [s], its hub held by so much of the
+#: critical damping
 SETTLING_S, HELD = 0.6, 0.7
-#: damping of the sidewall beside its own meanwhile, in equal parts of that time [N s/m^2]: without it an undamped belt rings from the start
+#: damping of the sidewall beside its own meanwhile, in equal parts of that time [N s/m^2]: without
+#: it an undamped belt rings from the start
 QUIETED_N_S_M2 = (500.0, 500.0, 300.0, 150.0, 60.0, 20.0, 0.0)
 #: steps that are taken at once
 _BLOCK = 8192
@@ -46,8 +50,10 @@ _GRIP = 0.95
 
 @dataclass(frozen=True)
 class Ridden:
-    """One sensor's belt over the motion's rows (k,): `s_m`, `z_m` its place beside the hub, backwards and upwards; `strain` (zero where it
-    has none), both as they are, not as the instrument passes them on."""
+    """One sensor's belt over the motion's rows (k,): `s_m`, `z_m` its place beside the hub,
+    backwards and upwards; `strain` (zero where it has none), both as they are, not as the
+    instrument passes them on.
+    """
 
     s_m: FloatArray
     z_m: FloatArray
@@ -55,11 +61,15 @@ class Ridden:
 
 
 class RolledWorld(World):
-    """One scenario with truth = "coupled_ring", rolled from begin to end.  UsageError where the physics refuses it."""
+    """One scenario with truth = "coupled_ring", rolled from begin to end.
+
+    UsageError where the physics refuses it.
+    """
 
     def __init__(self, scenario: Scenario, drive: Drive, roughness: Roughness) -> None:
         super().__init__(scenario, drive, roughness)
-        #: the drive as ordered, its angle the distance over the radius; `drive` has the wheel's own angle once it has rolled
+        #: the drive as ordered, its angle the distance over the radius; `drive` has the wheel's own
+        #: angle once it has rolled
         self._way = drive
         tire, radius = scenario.tire, scenario.tire.rolling_radius_m
         tension = scenario.conditions.inflation_pressure_Pa * tire.width_belt_m * radius
@@ -72,7 +82,8 @@ class RolledWorld(World):
         grid = np.arange(time[0], time[-1], _ANGLE_STEP_S)
         self.drive = replace(drive, angle=CubicSpline(grid, self._at(grid, self.motion.angle_rad)))
 
-    # ---- conditions -------------------------------------------------------------------------------------------------
+    # ---- conditions
+    # -------------------------------------------------------------------------------------------------
 
     def load(self, time_s: FloatArray) -> FloatArray:
         """Load without the road's roughness [N]: that of other truths, with the scenario's steps."""
@@ -93,15 +104,20 @@ class RolledWorld(World):
         return self.roughness.at(self.distance(time_s))
 
     def _orders(self, time_s: FloatArray) -> FloatArray:
-        """Acceleration, load and torque at the steps, with the distance at their ends, shape (n, 4)."""
+        """Acceleration, load and torque at the steps, with the distance at their ends, shape (n,
+        4).
+        """
         drive, tire = self._way, self.scenario.tire
-        acceleration = np.where((time_s >= 0.0) & (time_s <= drive.time_s[-1]), drive.acceleration_at(time_s), 0.0)
+        acceleration = np.where(
+            (time_s >= 0.0) & (time_s <= drive.time_s[-1]), drive.acceleration_at(time_s), 0.0
+        )
         load = self.load(time_s) * (1.0 + self.fluctuation(time_s))
         force = longitudinal_force(self, time_s)
         if np.any(np.abs(force) > _GRIP * tire.friction * load):
             worst = float(np.abs(force).max())
             raise UsageError(
-                f"the drive asks the wheel for {worst:.0f} N along the road; allowed is up to {_GRIP * tire.friction:.2f} of its load; "
+                f"the drive asks the wheel for {worst:.0f} N along the road; allowed is up to "
+                f"{_GRIP * tire.friction:.2f} of its load; "
                 "brake or drive more gently, or raise friction"
             )
         spun = tire.hub_inertia_kg_m2 + self.belt.mass_kg * self.belt.radius_m**2
@@ -109,19 +125,29 @@ class RolledWorld(World):
         end = self.distance(time_s + self.scenario.step_s)
         return np.stack([end, acceleration, load, torque], axis=1)
 
-    # ---- the roll ---------------------------------------------------------------------------------------------------
+    # ---- the roll
+    # ---------------------------------------------------------------------------------------------------
 
     def _rolled(self) -> tuple[Motion, dict[str, Ridden]]:
         """The motion from a little before the log to a little behind it, and every riding sensor's."""
         scenario, step = self.scenario, self.scenario.step_s
         riding = {name: s for name, s in scenario.channels.items() if s.kind in RIDING}
-        before = max((self.late(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
+        before = (
+            max((self.late(s) + 8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
+        )
         before = np.ceil(before / step) * step
         behind = max((8.0 * s.jitter_s for s in riding.values()), default=0.0) + _MARGIN_S
         start = float(-before - SETTLING_S)
         at_rest = self.standing
         speed = float(self._way.speed_at(np.array(start)))
-        tire = RollingTire(self.belt, self.profile, at_rest, speed_m_s=speed, distance_m=float(self.distance(np.array(start))), step_s=step)
+        tire = RollingTire(
+            self.belt,
+            self.profile,
+            at_rest,
+            speed_m_s=speed,
+            distance_m=float(self.distance(np.array(start))),
+            step_s=step,
+        )
         self._settle(tire, start)
         zero = tire.angle_rad + before * tire.spin_rad_s
         riders = tuple(self._rider(s, -zero - np.radians(s.angle_deg)) for s in riding.values())
@@ -133,16 +159,25 @@ class RolledWorld(World):
         for first in range(0, steps, block):
             last = min(first + block, steps)
             moment = -before + step * np.arange(float(first), last)
-            table[first // every : last // every] = tire.run(self._orders(moment), every=every, riders=riders)
+            table[first // every : last // every] = tire.run(
+                self._orders(moment), every=every, riders=riders
+            )
         table[:, OUT_ANGLE] -= zero
         motion = Motion.of(-before + step * every * np.arange(table.shape[0]), table)
-        return motion, {name: self._place(motion, 3 * k, np.radians(s.angle_deg)) for k, (name, s) in enumerate(riding.items())}
+        return motion, {
+            name: self._place(motion, 3 * k, np.radians(s.angle_deg))
+            for k, (name, s) in enumerate(riding.items())
+        }
 
     def _settle(self, tire: RollingTire, start_s: float) -> None:
-        """Rolls for SETTLING_S, belt and hub quieted: the hub by a share of critical damping (its mass on the standing tire's spring)."""
+        """Rolls for SETTLING_S, belt and hub quieted: the hub by a share of critical damping (its
+        mass on the standing tire's spring).
+        """
         scenario, step = self.scenario, self.scenario.step_s
         spring = scenario.conditions.load_N / max(self.belt.radius_m - self.standing.hub_z_m, 1e-4)
-        tire.damp_hub(float(HELD * 2.0 * np.sqrt(spring * (scenario.tire.hub_mass_kg + self.belt.mass_kg))))
+        tire.damp_hub(
+            float(HELD * 2.0 * np.sqrt(spring * (scenario.tire.hub_mass_kg + self.belt.mass_kg)))
+        )
         parts = np.array_split(np.arange(float(round(SETTLING_S / step))), len(QUIETED_N_S_M2))
         for damping, part in zip(QUIETED_N_S_M2, parts, strict=True):
             tire.damp_belt(damping)
@@ -150,37 +185,62 @@ class RolledWorld(World):
         tire.damp_hub(scenario.vehicle.suspension_damping_N_s_m)
 
     def _rider(self, sensor: Sensor, angle_rad: float) -> Rider:
-        """Reads v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle) at a place of the belt."""
+        """Reads v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle) at a place of the
+        belt.
+        """
         radius, splines = self.belt.radius_m, self.belt.splines
         gauge = self._sensor_effects(sensor)[0] or 0.0
         length = gauge if isinstance(gauge, float) else gauge["length_m"]
         bent = -self.lever(sensor) / radius**2 if sensor.kind != "radial_acceleration" else 0.0
         strain = splines.functional(angle_rad, {1: bent, 3: bent}, length / radius)
-        return Rider(np.stack([splines.functional(angle_rad, {0: 1.0}), splines.functional(angle_rad, {1: -1.0}), strain]))
+        return Rider(
+            np.stack(
+                [
+                    splines.functional(angle_rad, {0: 1.0}),
+                    splines.functional(angle_rad, {1: -1.0}),
+                    strain,
+                ]
+            )
+        )
 
     def _place(self, motion: Motion, first: int, angle_rad: float) -> Ridden:
         v, w, strain = motion.read[:, first : first + 3].T
         phi = motion.angle_rad - angle_rad
         arm = self.belt.radius_m + w
-        return Ridden(arm * np.sin(phi) + v * np.cos(phi), v * np.sin(phi) - arm * np.cos(phi), strain)
+        return Ridden(
+            arm * np.sin(phi) + v * np.cos(phi), v * np.sin(phi) - arm * np.cos(phi), strain
+        )
 
-    # ---- what sensors read ------------------------------------------------------------------------------------------
+    # ---- what sensors read
+    # ------------------------------------------------------------------------------------------
 
     def late(self, sensor: Sensor) -> float:
         """Delay of a channel's values behind their stamps [s]."""
         delay = self.scenario.planted("telemetry_delay")
-        return sensor.delay_s + (delay["delay_s"] if delay is not None and sensor.kind == "radial_acceleration" else 0.0)
+        return sensor.delay_s + (
+            delay["delay_s"] if delay is not None and sensor.kind == "radial_acceleration" else 0.0
+        )
 
     def values(self, moments: Mapping[str, Trace]) -> dict[str, FloatArray]:
-        """Clean values in SI of the channels that feel the belt: those that ride on it, and the hub's forces."""
+        """Clean values in SI of the channels that feel the belt: those that ride on it, and the
+        hub's forces.
+        """
         out = {}
         time = self.motion.time_s
         for name, trace in moments.items():
             sensor = trace.sensor
             if sensor.kind in RIDING:
-                series = self._outwards(name) if sensor.kind == "radial_acceleration" else self.ridden[name].strain
+                series = (
+                    self._outwards(name)
+                    if sensor.kind == "radial_acceleration"
+                    else self.ridden[name].strain
+                )
                 values = self._at(trace.moment_s, self._passed_on(series, sensor))
-                out[name] = values if sensor.kind == "radial_acceleration" else values + self.baseline(trace.moment_s, sensor)
+                out[name] = (
+                    values
+                    if sensor.kind == "radial_acceleration"
+                    else values + self.baseline(trace.moment_s, sensor)
+                )
             elif sensor.kind == "vertical_load":
                 out[name] = np.interp(trace.moment_s, time, self.motion.spindle_z_N)
             elif sensor.kind == "longitudinal_force":
@@ -191,14 +251,18 @@ class RolledWorld(World):
         """A series (k,) over the motion's rows at any times (n,), through the six rows around each."""
         begin, step = self.motion.time_s[0], self.motion.time_s[1] - self.motion.time_s[0]
         place = (np.asarray(time_s, float) - begin) / step
-        row = np.clip(np.floor(place).astype(np.intp), ROW_POINTS // 2 - 1, series.size - ROW_POINTS // 2 - 1)
+        row = np.clip(
+            np.floor(place).astype(np.intp), ROW_POINTS // 2 - 1, series.size - ROW_POINTS // 2 - 1
+        )
         total = np.zeros(place.size)
         for i, weight in enumerate(lagrange(place - row, ROW_POINTS)):
             total += weight * series[row + (i - ROW_POINTS // 2 + 1)]
         return total
 
     def _outwards(self, name: str) -> FloatArray:
-        """Acceleration minus gravity along the outward radius [m/s^2], by second differences of the place, (k,)."""
+        """Acceleration minus gravity along the outward radius [m/s^2], by second differences of the
+        place, (k,).
+        """
         motion, ridden = self.motion, self.ridden[name]
         step = motion.time_s[1] - motion.time_s[0]
 
@@ -212,7 +276,9 @@ class RolledWorld(World):
         return np.asarray((bent(ridden.s_m) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
 
     def _passed_on(self, series: FloatArray, sensor: Sensor) -> FloatArray:
-        """A series (k,) behind the instrument's first-order lag and within its bandwidth (second-order magnitude without delay)."""
+        """A series (k,) behind the instrument's first-order lag and within its bandwidth
+        (second-order magnitude without delay).
+        """
         _, lag = self._sensor_effects(sensor)
         if lag is None and sensor.bandwidth_Hz is None:
             return series
@@ -224,4 +290,9 @@ class RolledWorld(World):
         if sensor.bandwidth_Hz is not None:
             gain = gain / np.sqrt(1.0 + (frequency / sensor.bandwidth_Hz) ** 4)
         # mirrored, so that the begin does not feel the end
-        return np.asarray(np.fft.irfft(np.fft.rfft(np.concatenate((series, series[::-1]))) * gain, n=size)[: series.size], float)
+        return np.asarray(
+            np.fft.irfft(np.fft.rfft(np.concatenate((series, series[::-1]))) * gain, n=size)[
+                : series.size
+            ],
+            float,
+        )

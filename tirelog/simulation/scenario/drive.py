@@ -1,9 +1,11 @@
 """The drive: manoeuvres become speed, wheel angle and conditions at every instant.
 
-    manoeuvres --rounded corners--> Drive on a 2 ms grid --quintic in time--> angle(t), speed(t), acceleration(t) at any sample
-    road, scatter ----------------> load(t) slow, roughness(distance) fast
+    manoeuvres --rounded corners--> Drive on a 2 ms grid --quintic in time--> angle(t), speed(t),
+    acceleration(t) at any sample road, scatter ----------------> load(t) slow, roughness(distance)
+    fast
 
-The speed is that of the tread through the patch, c = Omega R_e.  The wheel angle is its integral over R_e, zero at the log's start.
+The speed is that of the tread through the patch, c = Omega R_e. The wheel angle is its integral
+over R_e, zero at the log's start.
 """
 
 from __future__ import annotations
@@ -21,15 +23,19 @@ from tirelog.vocabulary.arrays import FloatArray
 #: step of the drive's own grid [s]
 STEP_S = 0.002
 GRAVITY_M_S2 = 9.80665
-#: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second (downwards) it is braking
+#: below this acceleration a manoeuvre without a regime of its own is a cruise; above the second
+#: (downwards) it is braking
 CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
-#: time constant of the body's pitch in the other form of the load transfer [s], and of a load that steps between manoeuvres
+#: time constant of the body's pitch in the other form of the load transfer [s], and of a load that
+#: steps between manoeuvres
 PITCH_S, SETTLING_S = 0.35, 0.15
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """One manoeuvre as driven: start and end in the log, regime, speeds and load factor (scatter between manoeuvres)."""
+    """One manoeuvre as driven: start and end in the log, regime, speeds and load factor (scatter
+    between manoeuvres).
+    """
 
     start_s: float
     end_s: float
@@ -49,7 +55,9 @@ def stretches(scenario: Scenario, random: np.random.Generator) -> list[Stretch]:
         acceleration = (manoeuvre.speed_m_s - speed) / manoeuvre.duration_s
         factor = 1.0 + scenario.road.load_scatter * float(random.standard_normal())
         regime = manoeuvre.regime or _regime(acceleration, manoeuvre.speed_m_s)
-        out.append(Stretch(start, start + manoeuvre.duration_s, regime, speed, manoeuvre.speed_m_s, factor))
+        out.append(
+            Stretch(start, start + manoeuvre.duration_s, regime, speed, manoeuvre.speed_m_s, factor)
+        )
         start, speed = start + manoeuvre.duration_s, manoeuvre.speed_m_s
     return out
 
@@ -61,7 +69,9 @@ def _regime(acceleration: float, speed: float) -> str:
 
 
 def _rounded(values: FloatArray, width_s: float) -> FloatArray:
-    """`values` on the drive's grid, smoothed twice by a box: steps become smooth ramps, straight lines stay as they are."""
+    """`values` on the drive's grid, smoothed twice by a box: steps become smooth ramps, straight
+    lines stay as they are.
+    """
     half = max(1, round(width_s / STEP_S / 4))
     for _ in range(2):
         padded = np.concatenate((np.full(half, values[0]), values, np.full(half, values[-1])))
@@ -72,7 +82,9 @@ def _rounded(values: FloatArray, width_s: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Drive:
-    """Everything that moves, on the grid `time_s` (n,): speed [m/s], acceleration, relative load, regimes as stretches."""
+    """Everything that moves, on the grid `time_s` (n,): speed [m/s], acceleration, relative load,
+    regimes as stretches.
+    """
 
     time_s: FloatArray
     speed: CubicSpline
@@ -90,7 +102,9 @@ class Drive:
         return self.speed(np.clip(time_s, 0.0, self.time_s[-1]), 1)
 
     def angle_at(self, time_s: FloatArray) -> FloatArray:
-        """Wheel angle [rad], growing in the direction of rolling; before and after the log it goes on at the speed of the end."""
+        """Wheel angle [rad], growing in the direction of rolling; before and after the log it goes
+        on at the speed of the end.
+        """
         end = self.time_s[-1]
         inside = np.clip(time_s, 0.0, end)
         over = np.asarray(time_s) - inside
@@ -112,7 +126,11 @@ class Drive:
         time = np.interp(angle_rad, grid[rising], self.time_s[rising])
         for _ in range(4):
             speed = np.maximum(self.speed_at(time), 1e-3)
-            time = np.clip(time - (self.angle_at(time) - angle_rad) * self.radius_m / speed, 0.0, self.time_s[-1])
+            time = np.clip(
+                time - (self.angle_at(time) - angle_rad) * self.radius_m / speed,
+                0.0,
+                self.time_s[-1],
+            )
         return time
 
 
@@ -126,7 +144,9 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> Drive:
     speed = np.maximum(_rounded(np.interp(time, corners, speeds), scenario.rounding_s), 0.0)
     which = np.clip(np.searchsorted(corners, time, side="right") - 1, 0, len(parts) - 1)
     factor = _rounded(np.array([p.load_factor for p in parts])[which], 4 * SETTLING_S)
-    coasting = _rounded(np.array([float(p.regime == "coast") for p in parts])[which], scenario.rounding_s)
+    coasting = _rounded(
+        np.array([float(p.regime == "coast") for p in parts])[which], scenario.rounding_s
+    )
     spline = CubicSpline(time, speed)
     angle = spline.antiderivative()
     angle.c /= radius
@@ -135,18 +155,24 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> Drive:
 
 @dataclass(frozen=True)
 class Roughness:
-    """The load's fluctuation along the road: relative, zero mean, correlated over some metres; a smooth function of the distance."""
+    """The load's fluctuation along the road: relative, zero mean, correlated over some metres; a
+    smooth function of the distance.
+    """
 
     step_m: float
     values: FloatArray
 
     def at(self, distance_m: FloatArray) -> FloatArray:
-        """Relative fluctuation at distances [m] from the log's start (linear between knots an eighth of the correlation apart)."""
+        """Relative fluctuation at distances [m] from the log's start (linear between knots an
+        eighth of the correlation apart).
+        """
         return np.interp(distance_m, np.arange(self.values.size) * self.step_m, self.values)
 
 
 def roughness_of(scenario: Scenario, distance_m: float, random: np.random.Generator) -> Roughness:
-    """A Gaussian process of two cascaded first-order filters, so that its slope is finite; scaled to the scenario's standard deviation."""
+    """A Gaussian process of two cascaded first-order filters, so that its slope is finite; scaled
+    to the scenario's standard deviation.
+    """
     step = scenario.road.correlation_m / 8
     count = int(distance_m / step) + 64
     share = np.exp(-step / scenario.road.correlation_m * 2)

@@ -1,6 +1,7 @@
 """The scenario file: TOML becomes a validated Scenario, or an error that says what is allowed.
 
-    TOML text --tomllib--> tables --fields of the dataclasses in `scenario`, parameters in `planted`--> Scenario (frozen)
+    TOML text --tomllib--> tables --fields of the dataclasses in `scenario`, parameters in
+    `planted`--> Scenario (frozen)
 
 What is unknown is refused with what is allowed and the nearest spelling.
 """
@@ -42,54 +43,98 @@ def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
     wanted, at = str(spec.type), f"{spec.name} = {value!r} in [{table}]"
     if "tuple" in wanted:
         whole = "int" in wanted
-        if not isinstance(value, list) or not all(_number(v) and v >= 0 and (v == int(v) or not whole) for v in value):
-            raise UsageError(f"{at}; allowed is a list of {'whole ' if whole else ''}numbers from 0; mend it", file=file)
+        if not isinstance(value, list) or not all(
+            _number(v) and v >= 0 and (v == int(v) or not whole) for v in value
+        ):
+            raise UsageError(
+                f"{at}; allowed is a list of {'whole ' if whole else ''}numbers from 0; mend it",
+                file=file,
+            )
         return tuple(int(v) if whole else float(v) for v in value)
     if "float" in wanted or "int" in wanted:
         low, high = spec.metadata.get("range", (-(2**62), 2**62))
-        if not _number(value) or not low <= value <= high or ("int" in wanted and value != int(value)):
-            raise UsageError(f"{at}; allowed is a number from {low:g} to {high:g}; mend it", file=file)
+        if (
+            not _number(value)
+            or not low <= value <= high
+            or ("int" in wanted and value != int(value))
+        ):
+            raise UsageError(
+                f"{at}; allowed is a number from {low:g} to {high:g}; mend it", file=file
+            )
         return int(value) if "int" in wanted else float(value)
     if not isinstance(value, bool if "bool" in wanted else str):
-        raise UsageError(f"{at}; allowed is {'true or false' if 'bool' in wanted else 'text in quotes'}; mend it", file=file)
+        raise UsageError(
+            f"{at}; allowed is {'true or false' if 'bool' in wanted else 'text in quotes'}; "
+            "mend it",
+            file=file,
+        )
     allowed = spec.metadata.get("allowed")
     if allowed and value not in allowed:
-        raise UsageError(f"{at}{nearest(str(value), allowed)}; allowed are {', '.join(allowed)}; mend it", file=file)
+        raise UsageError(
+            f"{at}{nearest(str(value), allowed)}; allowed are {', '.join(allowed)}; mend it",
+            file=file,
+        )
     return value
 
 
 def _table(cls: type[T], data: Any, table: str, file: str | None) -> T:
     """A TOML table as the dataclass `cls`."""
     if not isinstance(data, Mapping):
-        raise UsageError(f"{table} is not a table; allowed is [{table}] with keys under it; mend it", file=file)
+        raise UsageError(
+            f"{table} is not a table; allowed is [{table}] with keys under it; mend it", file=file
+        )
     specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
     for key in data:
         if key not in specs:
             allowed = ", ".join(specs)
-            raise UsageError(f"unknown key {key!r} in [{table}]{nearest(key, specs)}; allowed are {allowed}; mend it", file=file)
+            raise UsageError(
+                f"unknown key {key!r} in [{table}]{nearest(key, specs)}; allowed are {allowed}; "
+                "mend it",
+                file=file,
+            )
     return cls(**{key: _value(specs[key], value, table, file) for key, value in data.items()})
 
 
 def _planted(data: Any, file: str | None) -> Planted:
     """One [[effects]] table."""
     if not isinstance(data, Mapping) or not isinstance(data.get("name"), str):
-        raise UsageError('an [[effects]] table without a name; allowed is name = "..."; add one', file=file)
+        raise UsageError(
+            'an [[effects]] table without a name; allowed is name = "..."; add one', file=file
+        )
     name, form = data["name"], data.get("form", "exact")
     if name == "ring_curvature":
-        raise UsageError('ring_curvature is the carcass itself; allowed is truth = "ring"; set it (contact = "parabola")', file=file)
+        raise UsageError(
+            'ring_curvature is the carcass itself; allowed is truth = "ring"; set it (contact = '
+            '"parabola")',
+            file=file,
+        )
     if name not in PLANTABLE:
-        raise UsageError(f"unknown effect {name!r}{nearest(name, PLANTABLE)}; allowed are {', '.join(PLANTABLE)}; mend it", file=file)
+        raise UsageError(
+            f"unknown effect {name!r}{nearest(name, PLANTABLE)}; "
+            f"allowed are {', '.join(PLANTABLE)}; mend it",
+            file=file,
+        )
     forms = PLANTABLE[name].forms
     if form not in forms:
-        raise UsageError(f"form = {form!r} of {name}{nearest(str(form), forms)}; allowed are {', '.join(forms)}; mend it", file=file)
+        raise UsageError(
+            f"form = {form!r} of {name}{nearest(str(form), forms)}; "
+            f"allowed are {', '.join(forms)}; mend it",
+            file=file,
+        )
     given = {key: value for key, value in data.items() if key not in ("name", "form")}
     allowed = PLANTABLE[name].parameters
     for key, value in given.items():
         if key not in allowed:
             known = ", ".join(allowed)
-            raise UsageError(f"unknown parameter {key!r} of {name}{nearest(key, allowed)}; allowed are {known}; mend it", file=file)
+            raise UsageError(
+                f"unknown parameter {key!r} of {name}{nearest(key, allowed)}; "
+                f"allowed are {known}; mend it",
+                file=file,
+            )
         if not _number(value):
-            raise UsageError(f"{key} = {value!r} of {name}; allowed is a finite number; mend it", file=file)
+            raise UsageError(
+                f"{key} = {value!r} of {name}; allowed is a finite number; mend it", file=file
+            )
     return Planted(name, form, {**allowed, **{k: float(v) for k, v in given.items()}})
 
 
@@ -109,13 +154,25 @@ def _plain(key: str, value: Any, file: str | None) -> Any:
     allowed = _PLAIN[key]
     if key == "truth":
         if value not in TRUTHS:
-            raise UsageError(f"truth = {value!r}{nearest(str(value), TRUTHS)}; allowed are {', '.join(TRUTHS)}; mend it", file=file)
+            raise UsageError(
+                f"truth = {value!r}{nearest(str(value), TRUTHS)}; "
+                f"allowed are {', '.join(TRUTHS)}; mend it",
+                file=file,
+            )
         return value
     low, high = allowed
     whole = key in ("seed", "grid_points")
-    if not _number(value) or not low <= value <= high or (whole and value != int(value)) or (key == "grid_points" and value % 2):  # type: ignore[operator]
+    if (
+        not _number(value)
+        or not low <= value <= high
+        or (whole and value != int(value))
+        or (key == "grid_points" and value % 2)
+    ):  # type: ignore[operator]
         even = ", even" if key == "grid_points" else ""
-        raise UsageError(f"{key} = {value!r}; allowed is a number from {low:g} to {high:g}{even}; mend it", file=file)
+        raise UsageError(
+            f"{key} = {value!r}; allowed is a number from {low:g} to {high:g}{even}; mend it",
+            file=file,
+        )
     return int(value) if whole else float(value)
 
 
@@ -124,30 +181,54 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     known = [*_PLAIN, *_TABLES, "manoeuvres", "channels", "effects", "ramp", "load_steps"]
     for key in data:
         if key not in known:
-            raise UsageError(f"unknown key {key!r}{nearest(key, known)}; allowed are {', '.join(known)}; mend it", file=file)
+            raise UsageError(
+                f"unknown key {key!r}{nearest(key, known)}; allowed are {', '.join(known)}; "
+                "mend it",
+                file=file,
+            )
     values: dict[str, Any] = {key: _plain(key, data[key], file) for key in _PLAIN if key in data}
     values.update({key: _table(cls, data.get(key, {}), key, file) for key, cls in _TABLES.items()})
     manoeuvres = data.get("manoeuvres", [])
     channels = data.get("channels", {})
     if not isinstance(manoeuvres, list) or not manoeuvres:
-        raise UsageError("no manoeuvres; a drive is a list of [[manoeuvres]] with duration_s and speed_m_s; add one", file=file)
+        raise UsageError(
+            "no manoeuvres; a drive is a list of [[manoeuvres]] with duration_s and speed_m_s; "
+            "add one",
+            file=file,
+        )
     if not isinstance(channels, Mapping) or not channels:
-        raise UsageError('no channels; a log has at least one [channels.NAME] with kind = "..."; add one', file=file)
+        raise UsageError(
+            'no channels; a log has at least one [channels.NAME] with kind = "..."; add one',
+            file=file,
+        )
     values["manoeuvres"] = tuple(_table(Manoeuvre, m, "manoeuvres", file) for m in manoeuvres)
-    values["channels"] = {name: _table(Sensor, c, f"channels.{name}", file) for name, c in channels.items()}
+    values["channels"] = {
+        name: _table(Sensor, c, f"channels.{name}", file) for name, c in channels.items()
+    }
     effects = data.get("effects", [])
     if not isinstance(effects, list):
-        raise UsageError("effects is not a list; allowed are [[effects]] with a name; mend it", file=file)
+        raise UsageError(
+            "effects is not a list; allowed are [[effects]] with a name; mend it", file=file
+        )
     values["effects"] = tuple(_planted(e, file) for e in effects)
     if "ramp" in data:
         values["ramp"] = _table(Ramp, data["ramp"], "ramp", file)
     steps = data.get("load_steps", [])
     if not isinstance(steps, list):
-        raise UsageError("load_steps is not a list; allowed are [[load_steps]] with time_s and load_N; mend it", file=file)
-    values["load_steps"] = tuple(sorted((_table(LoadStep, s, "load_steps", file) for s in steps), key=lambda step: step.time_s))
+        raise UsageError(
+            "load_steps is not a list; allowed are [[load_steps]] with time_s and load_N; mend it",
+            file=file,
+        )
+    values["load_steps"] = tuple(
+        sorted(
+            (_table(LoadStep, s, "load_steps", file) for s in steps), key=lambda step: step.time_s
+        )
+    )
     if values["road"].file:
         # a profile stands beside its scenario
-        values["road"] = replace(values["road"], file=str((Path(file or "").parent / values["road"].file).resolve()))
+        values["road"] = replace(
+            values["road"], file=str((Path(file or "").parent / values["road"].file).resolve())
+        )
     scenario = Scenario(**values)
     _check(scenario, file)
     return scenario
@@ -158,46 +239,80 @@ def _check(scenario: Scenario, file: str | None) -> None:
     names = [effect.name for effect in scenario.effects]
     for name in names:
         if names.count(name) > 1:
-            raise UsageError(f"effect {name!r} is planted twice; allowed is once; remove one", file=file)
+            raise UsageError(
+                f"effect {name!r} is planted twice; allowed is once; remove one", file=file
+            )
     ramp = scenario.ramp
     if ramp is not None:
         stops = sorted(ramp.stops_s)
         ends = [ramp.begin_s, *(s + ramp.stop_length_s for s in stops)]
         if any(a >= b for a, b in zip(ends, [*stops, ramp.end_s], strict=True)):
             raise UsageError(
-                "stops of the [ramp] overlap or lie outside; allowed are stops between begin_s and end_s; mend them", file=file
+                "stops of the [ramp] overlap or lie outside; allowed are stops between begin_s "
+                "and end_s; mend them",
+                file=file,
             )
     if scenario.truth == "coupled_ring":
         _check_coupled(scenario, file)
     elif scenario.load_steps or scenario.road.kind != "flat":
         what = "[[load_steps]]" if scenario.load_steps else f'[road] kind = "{scenario.road.kind}"'
-        raise UsageError(f'{what} needs a tire that moves; allowed is truth = "coupled_ring"; set it', file=file)
+        raise UsageError(
+            f'{what} needs a tire that moves; allowed is truth = "coupled_ring"; set it', file=file
+        )
     for name, sensor in scenario.channels.items():
         if sensor.kind not in SOURCE_UNITS:
             known = ", ".join(SOURCE_UNITS)
-            raise UsageError(f"kind {sensor.kind!r} of {name}{nearest(sensor.kind, SOURCE_UNITS)}; allowed are {known}; mend it", file=file)
+            raise UsageError(
+                f"kind {sensor.kind!r} of {name}{nearest(sensor.kind, SOURCE_UNITS)}; "
+                f"allowed are {known}; mend it",
+                file=file,
+            )
         twin = sensor.temperature_channel
-        if twin is not None and (twin not in scenario.channels or scenario.channels[twin].kind != "fbg_temperature"):
-            raise UsageError(f"temperature_channel {twin!r} of {name}; allowed is a channel of kind fbg_temperature; mend it", file=file)
+        if twin is not None and (
+            twin not in scenario.channels or scenario.channels[twin].kind != "fbg_temperature"
+        ):
+            raise UsageError(
+                f"temperature_channel {twin!r} of {name}; allowed is a channel of kind "
+                "fbg_temperature; mend it",
+                file=file,
+            )
 
 
 #: effects that a tire in motion knows: on the load, the sensors and the telemetry
-_MOVING = ("load_transfer", "aero_load", "gauge_length", "sensor_lag", "telemetry_delay", "tooth_pitch")
+_MOVING = (
+    "load_transfer",
+    "aero_load",
+    "gauge_length",
+    "sensor_lag",
+    "telemetry_delay",
+    "tooth_pitch",
+)
 
 
 def _check_coupled(scenario: Scenario, file: str | None) -> None:
     """What a tire in motion cannot do."""
     for effect in scenario.effects:
-        if effect.name not in _MOVING or (effect.other and effect.name in ("gauge_length", "sensor_lag")):
+        if effect.name not in _MOVING or (
+            effect.other and effect.name in ("gauge_length", "sensor_lag")
+        ):
             what = f"effect {effect.name!r} in its form {effect.form!r}"
             known = ", ".join(_MOVING)
-            raise UsageError(f'{what} with truth = "coupled_ring"; allowed are {known} as the catalogue has them; remove it', file=file)
+            raise UsageError(
+                f'{what} with truth = "coupled_ring"; allowed are {known} as the catalogue has '
+                "them; remove it",
+                file=file,
+            )
     if scenario.tire.contact == "parabola" or scenario.ramp is not None:
         what = "a [ramp]" if scenario.ramp is not None else 'contact = "parabola"'
-        raise UsageError(f'{what} with truth = "coupled_ring"; allowed is truth = "ring" or "beam"; remove it', file=file)
+        raise UsageError(
+            f'{what} with truth = "coupled_ring"; allowed is truth = "ring" or "beam"; remove it',
+            file=file,
+        )
     if scenario.grid_points % 8:
         raise UsageError(
-            f'grid_points = {scenario.grid_points} with truth = "coupled_ring"; allowed are multiples of 8; mend it', file=file
+            f'grid_points = {scenario.grid_points} with truth = "coupled_ring"; '
+            "allowed are multiples of 8; mend it",
+            file=file,
         )
 
 

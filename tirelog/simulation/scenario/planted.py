@@ -1,7 +1,8 @@
 """What can be planted in a log: the effects of the catalogue and some that no catalogue has.
 
-Each has a main parameter (its first, the strength) and shape parameters.  `form = "exact"` follows the catalogue's form;
-`form = "other"` is a second, equally honest one (another wedge, pulse, kernel) of about the same size and 20 to 40 % another shape.
+Each has a main parameter (its first, the strength) and shape parameters. `form = "exact"` follows
+the catalogue's form; `form = "other"` is a second, equally honest one (another wedge, pulse,
+kernel) of about the same size and 20 to 40 % another shape.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ FORMS = ("exact", "other")
 
 @dataclass(frozen=True)
 class Plantable:
-    """One effect: its parameters with their ordinary values, and for those outside the catalogue where they show (entry, patch,
-    exit, away) and the parity about the patch centre; `fixed` is the name of the parameter that is a frequency, or ''; `forms`."""
+    """One effect: its parameters with their ordinary values, and for those outside the catalogue
+    where they show (entry, patch, exit, away) and the parity about the patch centre; `fixed` is the
+    name of the parameter that is a frequency, or ''; `forms`.
+    """
 
     parameters: Mapping[str, float]
     in_catalogue: bool = True
@@ -41,7 +44,9 @@ class Planted:
         return self.form == "other"
 
 
-def _outside(where: str, parity: str, parameters: Mapping[str, float], fixed: str = "") -> Plantable:
+def _outside(
+    where: str, parity: str, parameters: Mapping[str, float], fixed: str = ""
+) -> Plantable:
     return Plantable(parameters, False, where, parity, fixed, ("exact",))
 
 
@@ -67,12 +72,29 @@ PLANTABLE: dict[str, Plantable] = {
     "tooth_pitch": Plantable({"error_deg": 0.3}, forms=("exact",)),
     "inflation": Plantable({"exponent": 0.3}),
     "ring_down": _outside(
-        "exit", "mixed", {"amplitude": 6.0e-5, "frequency_Hz": 90.0, "decay_s": 0.015, "speed_exponent": 1.0}, "frequency_Hz"
+        "exit",
+        "mixed",
+        {"amplitude": 6.0e-5, "frequency_Hz": 90.0, "decay_s": 0.015, "speed_exponent": 1.0},
+        "frequency_Hz",
     ),
-    "splice": _outside("away", "mixed", {"amplitude": 6.0e-5, "angle_deg": 100.0, "width_deg": 6.0, "speed_exponent": 0.0}),
-    "pressure_saddle": _outside("patch", "even", {"a": 0.3, "speed_exponent": 1.0, "load_exponent": 0.0}),
-    "torsion": _outside("patch", "odd", {"amplitude": 6.0e-5, "width_m": 0.12, "speed_exponent": 0.0}),
+    "splice": _outside(
+        "away",
+        "mixed",
+        {"amplitude": 6.0e-5, "angle_deg": 100.0, "width_deg": 6.0, "speed_exponent": 0.0},
+    ),
+    "pressure_saddle": _outside(
+        "patch", "even", {"a": 0.3, "speed_exponent": 1.0, "load_exponent": 0.0}
+    ),
+    "torsion": _outside(
+        "patch", "odd", {"amplitude": 6.0e-5, "width_m": 0.12, "speed_exponent": 0.0}
+    ),
     "exit_suction": _outside("exit", "mixed", {"a": 0.1, "s": 0.3, "speed_exponent": 1.0}),
-    "standing_wave": _outside("exit", "mixed", {"amplitude": 6.0e-5, "wavelength_m": 0.16, "decay_m": 0.2, "speed_exponent": 3.0}),
-    "even_bulge": _outside("away", "even", {"amplitude": 4.0e-5, "width_m": 0.25, "speed_exponent": 2.0}),
+    "standing_wave": _outside(
+        "exit",
+        "mixed",
+        {"amplitude": 6.0e-5, "wavelength_m": 0.16, "decay_m": 0.2, "speed_exponent": 3.0},
+    ),
+    "even_bulge": _outside(
+        "away", "even", {"amplitude": 4.0e-5, "width_m": 0.25, "speed_exponent": 2.0}
+    ),
 }

@@ -1,7 +1,9 @@
-"""What a scenario holds: what is driven, by which tire, seen by which sensors, with which effects planted.
+"""What a scenario holds: what is driven, by which tire, seen by which sensors, with which effects
+planted.
 
-These dataclasses are the scenario file's schema (`file` reads it): a key is allowed if it is a field of its table, and a
-number must lie in the field's range.  Strengths of effects are in the units of the catalogue's own parameters.
+These dataclasses are the scenario file's schema (`file` reads it): a key is allowed if it is a
+field of its table, and a number must lie in the field's range. Strengths of effects are in the
+units of the catalogue's own parameters.
 """
 
 from __future__ import annotations
@@ -43,12 +45,14 @@ def _one_of(default: str, *allowed: str) -> Any:
 
 @dataclass(frozen=True)
 class TrueTire:
-    """[tire].  What the setup says of the tire, and the stiffnesses that only the truth knows.
+    """[tire]. What the setup says of the tire, and the stiffnesses that only the truth knows.
 
-    Beam: EJ, k, mu, patch half length L = L_ref (F / reference load)^exponent.  Ring (centre line of the belt at the rolling radius): EI,
-    k_w, k_v, damping, inflation through `width_belt_m`, tread stiffness of the one-sided contact.  `torsional_stiffness_N_m2` is
-    the sidewall's resistance to wind-up (absent: none is simulated).  Coupled ring: the ring's, with damping by rate, on a hub
-    (`hub_mass_kg`, `hub_inertia_kg_m2`), rubbing by `bristle_stiffness_N_m2` and `friction`; k_v resists its wind-up.
+    Beam: EJ, k, mu, patch half length L = L_ref (F / reference load)^exponent. Ring (centre line of
+    the belt at the rolling radius): EI, k_w, k_v, damping, inflation through `width_belt_m`, tread
+    stiffness of the one-sided contact. `torsional_stiffness_N_m2` is the sidewall's resistance to
+    wind-up (absent: none is simulated). Coupled ring: the ring's, with damping by rate, on a hub
+    (`hub_mass_kg`, `hub_inertia_kg_m2`), rubbing by `bristle_stiffness_N_m2` and `friction`; k_v
+    resists its wind-up.
     """
 
     name: str = "215/45 R17"
@@ -83,7 +87,11 @@ class TrueTire:
 
 @dataclass(frozen=True)
 class TrueConditions:
-    """[conditions].  `warm_up_K` is the rise of the tire's temperature, first order with `warm_up_time_s`, from the log's start."""
+    """[conditions].
+
+    `warm_up_K` is the rise of the tire's temperature, first order with `warm_up_time_s`, from the
+    log's start.
+    """
 
     load_N: float = _within(3434.0, 1.0, 1e6)
     inflation_pressure_Pa: float = _within(2.2e5, 0.0, 1e8)
@@ -96,8 +104,12 @@ class TrueConditions:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """[vehicle].  Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in braking, none in
-    coasting.  `suspension_damping_N_s_m` holds the coupled ring's hub against a body that stands still."""
+    """[vehicle].
+
+    Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in
+    braking, none in coasting. `suspension_damping_N_s_m` holds the coupled ring's hub against a
+    body that stands still.
+    """
 
     mass_kg: float = _within(1500.0, 1.0, 1e5)
     brake_share: float = _within(0.25, 0.0, 1.0)
@@ -108,13 +120,18 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class Road:
-    """[road] and repeatability.  `roughness` relative standard deviation of the load along the road, correlated over `correlation_m`;
-    `load_scatter` relative standard deviation of the load from manoeuvre to manoeuvre.
+    """[road] and repeatability.
 
-    What is rolled over (coupled ring only), in the words of a setup's [road]: `kind` "flat"; "step" (`height_m` over `ramp_m`); "cleat"
-    (`height_m`, `length_m` at its foot, ramps of `ramp_m` within it); "sine" (`amplitude_m` (1 - cos(2 pi x/`wavelength_m`))); "profile"
-    (`file`: two columns, distance and height, beside the scenario).  It begins `position_m` after the log's start, and comes again every
-    `spacing_m` (a cleat or a profile)."""
+    `roughness` relative standard deviation of the load along the road, correlated over
+    `correlation_m`; `load_scatter` relative standard deviation of the load from manoeuvre to
+    manoeuvre.
+
+    What is rolled over (coupled ring only), in the words of a setup's [road]: `kind` "flat"; "step"
+    (`height_m` over `ramp_m`); "cleat" (`height_m`, `length_m` at its foot, ramps of `ramp_m`
+    within it); "sine" (`amplitude_m` (1 - cos(2 pi x/`wavelength_m`))); "profile" (`file`: two
+    columns, distance and height, beside the scenario). It begins `position_m` after the log's
+    start, and comes again every `spacing_m` (a cleat or a profile).
+    """
 
     roughness: float = _within(0.0, 0.0, 0.2)
     correlation_m: float = _within(2.0, 0.2, 100.0)
@@ -132,7 +149,10 @@ class Road:
 
 @dataclass(frozen=True)
 class LoadStep:
-    """[[load_steps]] (coupled ring only).  From `time_s` on the wheel carries `load_N`, reached within `rise_s`."""
+    """[[load_steps]] (coupled ring only).
+
+    From `time_s` on the wheel carries `load_N`, reached within `rise_s`.
+    """
 
     time_s: float = _within(0.0, 0.0, 1e5)
     load_N: float = _within(3434.0, 1.0, 1e6)
@@ -141,8 +161,12 @@ class LoadStep:
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """[[manoeuvres]].  `duration_s` seconds to `speed_m_s` at constant acceleration, corners rounded over `Scenario.rounding_s`.
-    Without `regime` the acceleration decides: |a| < 0.15 m/s^2 cruise, > 0 drive, > -1.5 coast, else brake."""
+    """[[manoeuvres]].
+
+    `duration_s` seconds to `speed_m_s` at constant acceleration, corners rounded over
+    `Scenario.rounding_s`. Without `regime` the acceleration decides: |a| < 0.15 m/s^2 cruise, > 0
+    drive, > -1.5 coast, else brake.
+    """
 
     duration_s: float = _within(5.0, 0.05, 1e5)
     speed_m_s: float = _within(10.0, 0.0, 120.0)
@@ -151,10 +175,15 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Sensor:
-    """[channels.NAME].  One instrument channel.  `noise` and `quantisation` are in the unit that the file holds (nm, microstrain, g, V,
-    m/s, ...).  `angle_deg` is the place on the wheel.  `lost_fraction` of the samples is blank, in runs of `lost_run` on average;
-    `jitter_s` moves the moment of sampling about its stamp; `delay_s` is the telemetry's; `range` and `bits` clip and digitise.
-    Encoder: `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`), `missing_teeth`, `extra_teeth`."""
+    """[channels.NAME].
+
+    One instrument channel. `noise` and `quantisation` are in the unit that the file holds (nm,
+    microstrain, g, V, m/s, ...). `angle_deg` is the place on the wheel. `lost_fraction` of the
+    samples is blank, in runs of `lost_run` on average; `jitter_s` moves the moment of sampling
+    about its stamp; `delay_s` is the telemetry's; `range` and `bits` clip and digitise. Encoder:
+    `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`),
+    `missing_teeth`, `extra_teeth`.
+    """
 
     kind: str = ""
     source: str = ""
@@ -190,8 +219,12 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Ramp:
-    """[ramp].  A static inflation test: from `start_Pa` at `begin_s` to `end_Pa` at `end_s`, with stops of `stop_length_s` at which
-    `leak_Pa` is lost; every grating's strain grows by `strain_per_Pa`, times 1 + bend x rise."""
+    """[ramp].
+
+    A static inflation test: from `start_Pa` at `begin_s` to `end_Pa` at `end_s`, with stops of
+    `stop_length_s` at which `leak_Pa` is lost; every grating's strain grows by `strain_per_Pa`,
+    times 1 + bend x rise.
+    """
 
     start_Pa: float = _within(1.7e5, 0.0, 1e8)
     end_Pa: float = _within(2.3e5, 0.0, 1e8)
@@ -206,9 +239,12 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A whole scenario.  `seed` decides every random number; `grid_points` the fineness of the truth; `knot_s` how often, in seconds of the
-    log, the waveform is solved anew (beam and ring); `step_s` the coupled ring's step in time, with an element of the belt for every eight
-    of the grid's points."""
+    """A whole scenario.
+
+    `seed` decides every random number; `grid_points` the fineness of the truth; `knot_s` how often,
+    in seconds of the log, the waveform is solved anew (beam and ring); `step_s` the coupled ring's
+    step in time, with an element of the belt for every eight of the grid's points.
+    """
 
     manoeuvres: tuple[Manoeuvre, ...]
     channels: Mapping[str, Sensor]

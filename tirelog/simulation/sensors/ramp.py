@@ -1,4 +1,5 @@
-"""A static test: the tire at rest is inflated, with stops at which the gauge is read and some air leaks (P2 4.1, Fig. 15).
+"""A static test: the tire at rest is inflated, with stops at which the gauge is read and some air
+leaks (P2 4.1, Fig. 15).
 
 Ramp --pressure(t)--> pressure [Pa]; strain of every grating grows with it
 """
@@ -12,7 +13,10 @@ from tirelog.vocabulary.arrays import FloatArray
 
 
 def pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
-    """Inflation pressure [Pa] at `time_s`: constant, a steady rise with stops in it, constant.  Each stop loses `leak_Pa`."""
+    """Inflation pressure [Pa] at `time_s`: constant, a steady rise with stops in it, constant.
+
+    Each stop loses `leak_Pa`.
+    """
     corners, values = [ramp.begin_s], [ramp.start_Pa]
     stops = sorted(ramp.stops_s)
     rising = ramp.end_s - ramp.begin_s - len(stops) * ramp.stop_length_s
@@ -25,6 +29,8 @@ def pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
 
 
 def strain(ramp: Ramp, time_s: FloatArray) -> FloatArray:
-    """Strain against the start of the ramp: slope times the pressure's rise, and its square by `bend_1_Pa`."""
+    """Strain against the start of the ramp: slope times the pressure's rise, and its square by
+    `bend_1_Pa`.
+    """
     rise = pressure(ramp, time_s) - ramp.start_Pa
     return ramp.strain_per_Pa * rise * (1.0 + ramp.bend_1_Pa * rise)

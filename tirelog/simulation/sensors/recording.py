@@ -1,4 +1,5 @@
-"""The setup that belongs to a simulated log, and the log as a Recording in memory (the readers' text is skipped).
+"""The setup that belongs to a simulated log, and the log as a Recording in memory (the readers'
+text is skipped).
 
 Simulated --setup_text--> TOML --parse_setup--> Setup;  channels in SI on their stamps --> Recording
 """
@@ -16,7 +17,13 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: keys of a channel's setup that are the simulator's own, by kind
 _CHANNEL_KEYS = {
-    "fbg_strain": ("reference_wavelength_nm", "strain_gain", "thermal_expansion_1_K", "temperature_channel", "surface"),
+    "fbg_strain": (
+        "reference_wavelength_nm",
+        "strain_gain",
+        "thermal_expansion_1_K",
+        "temperature_channel",
+        "surface",
+    ),
     "fbg_temperature": ("reference_wavelength_nm", "temperature_sensitivity_nm_K"),
     "strain": ("surface",),
     "wheel_encoder": ("steps",),
@@ -31,7 +38,16 @@ _TIRE_KEYS = (
     "viscosity_Pa_s",
     "static_footprint_length_m",
 )
-_ROAD_KEYS = ("kind", "height_m", "length_m", "ramp_m", "amplitude_m", "wavelength_m", "file", "spacing_m")
+_ROAD_KEYS = (
+    "kind",
+    "height_m",
+    "length_m",
+    "ramp_m",
+    "amplitude_m",
+    "wavelength_m",
+    "file",
+    "spacing_m",
+)
 _CONDITION_KEYS = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm", "driven")
 
 
@@ -42,15 +58,26 @@ def _toml(value: object) -> str:
 
 
 def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = None) -> str:
-    """The setup file of a scenario's log: what a test engineer knows of it.  `sources` name -> source in the file."""
+    """The setup file of a scenario's log: what a test engineer knows of it.
+
+    `sources` name -> source in the file.
+    """
     lines = ["[tire]"]
-    lines += [f"{key} = {_toml(value)}" for key in _TIRE_KEYS if (value := getattr(scenario.tire, key)) is not None]
+    lines += [
+        f"{key} = {_toml(value)}"
+        for key in _TIRE_KEYS
+        if (value := getattr(scenario.tire, key)) is not None
+    ]
     lines += ["", "[conditions]"]
     lines += [f"{key} = {_toml(getattr(scenario.conditions, key))}" for key in _CONDITION_KEYS]
     if scenario.road.kind != "flat":
         # where the obstacle stands is for the log to say
         road = {key: getattr(scenario.road, key) for key in _ROAD_KEYS}
-        lines += ["", "[road]", *(f"{key} = {_toml(value)}" for key, value in road.items() if value is not None)]
+        lines += [
+            "",
+            "[road]",
+            *(f"{key} = {_toml(value)}" for key, value in road.items() if value is not None),
+        ]
     for name, sensor in scenario.channels.items():
         lines += ["", f"[channels.{name}]", *_channel_lines(sensor, sources[name])]
     if time is not None:
@@ -60,7 +87,11 @@ def setup_text(scenario: Scenario, sources: dict[str, str], time: str | None = N
 
 
 def _channel_lines(sensor: Sensor, source: str) -> list[str]:
-    lines = [f'kind = "{sensor.kind}"', f'source = "{source}"', f'unit = "{SOURCE_UNITS[sensor.kind]}"']
+    lines = [
+        f'kind = "{sensor.kind}"',
+        f'source = "{source}"',
+        f'unit = "{SOURCE_UNITS[sensor.kind]}"',
+    ]
     for key in _CHANNEL_KEYS.get(sensor.kind, ()):
         value = getattr(sensor, key)
         if value is not None:
@@ -71,24 +102,40 @@ def _channel_lines(sensor: Sensor, source: str) -> list[str]:
 
 
 def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
-    """The log as readers would give it: channels in SI, NaN where lost, on uniform axes; nothing quantised by text."""
+    """The log as readers would give it: channels in SI, NaN where lost, on uniform axes; nothing
+    quantised by text.
+    """
     scenario = simulated.scenario
     setup = parse_setup(setup_text(scenario, {name: name for name in scenario.channels}), log)
     channels = {}
     for name, sensor in scenario.channels.items():
         values = _in_si(simulated, name)
         stamp = simulated.stamp_s[name]
-        axis = TimeAxis.uniform(values.size, sensor.sampling_rate_Hz, float(stamp[0]) if stamp.size else 0.0)
+        axis = TimeAxis.uniform(
+            values.size, sensor.sampling_rate_Hz, float(stamp[0]) if stamp.size else 0.0
+        )
         own = setup.channels[name]
-        settings = {key: getattr(own, key) for key in ("steps", "gauge_length_m") if getattr(own, key) is not None}
+        settings = {
+            key: getattr(own, key)
+            for key in ("steps", "gauge_length_m")
+            if getattr(own, key) is not None
+        }
         channels[name] = Channel.of_array(
-            name, sensor.kind, values, axis, unit=KINDS[sensor.kind][1], surface=sensor.surface, settings=settings
+            name,
+            sensor.kind,
+            values,
+            axis,
+            unit=KINDS[sensor.kind][1],
+            surface=sensor.surface,
+            settings=settings,
         )
     return Recording(log, channels, setup, {"simulated_seed": scenario.seed})
 
 
 def _in_si(simulated: Simulated, name: str) -> FloatArray:
-    """One channel's values in SI; gratings by P1 (1), with the twin's temperature where the channel names one."""
+    """One channel's values in SI; gratings by P1 (1), with the twin's temperature where the channel
+    names one.
+    """
     sensor, raw = simulated.scenario.channels[name], simulated.channels[name]
     if sensor.kind == "fbg_temperature":
         return (raw - sensor.reference_wavelength_nm) / sensor.temperature_sensitivity_nm_K

@@ -1,6 +1,7 @@
 """From waveforms and the drive to the numbers in the log.
 
-World --chunks of knots--> tables (b, points) --six points in angle, four in time--> clean values (n,) at the moments of sampling
+World --chunks of knots--> tables (b, points) --six points in angle, four in time--> clean values
+(n,) at the moments of sampling
       --noise, digits, lost samples--> values (n,) in the unit of the file, NaN where lost
 """
 
@@ -33,7 +34,9 @@ ANGLE_POINTS, TIME_POINTS = 6, 4
 
 
 def lagrange(place: FloatArray, points: int) -> FloatArray:
-    """Weights (points, n) of the interpolating polynomial at `place` in [0, 1) between the two middle ones of `points` equal steps."""
+    """Weights (points, n) of the interpolating polynomial at `place` in [0, 1) between the two
+    middle ones of `points` equal steps.
+    """
     nodes = np.arange(points) - (points // 2 - 1)
     weights = np.ones((points, place.size))
     for i, node in enumerate(nodes):
@@ -45,7 +48,9 @@ def lagrange(place: FloatArray, points: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Places:
-    """Where n samples lie in a table of b knots and `points` angles: first flat index (n,) and weights."""
+    """Where n samples lie in a table of b knots and `points` angles: first flat index (n,) and
+    weights.
+    """
 
     index: NDArray[np.intp]
     weights_time: FloatArray
@@ -54,13 +59,20 @@ class Places:
 
     @classmethod
     def of(cls, knots: int, points: int, time_place: FloatArray, angle_turns: FloatArray) -> Places:
-        """`time_place` in knots from the table's first; `angle_turns` the tread angle in turns, zero at the patch centre."""
+        """`time_place` in knots from the table's first; `angle_turns` the tread angle in turns,
+        zero at the patch centre.
+        """
         row = np.clip(np.floor(time_place).astype(np.intp), 1, knots - 3)
         column = ((angle_turns + 0.5) % 1.0) * points
         left = np.minimum(np.floor(column).astype(np.intp), points - 1)
         width = points + ANGLE_POINTS
         index = (row - 1) * width + left + 1
-        return cls(index, lagrange(time_place - row, TIME_POINTS), lagrange(column - left, ANGLE_POINTS), width)
+        return cls(
+            index,
+            lagrange(time_place - row, TIME_POINTS),
+            lagrange(column - left, ANGLE_POINTS),
+            width,
+        )
 
     def read(self, table: FloatArray) -> FloatArray:
         """Values (n,) of a table (b, points) at the places."""
@@ -76,7 +88,9 @@ class Places:
 
 @dataclass(frozen=True)
 class Trace:
-    """One sensor's moments of sampling: `stamp_s` what the log says, `moment_s` when the value was true (jitter, delay)."""
+    """One sensor's moments of sampling: `stamp_s` what the log says, `moment_s` when the value was
+    true (jitter, delay).
+    """
 
     sensor: Sensor
     stamp_s: FloatArray
@@ -88,8 +102,15 @@ def traces(scenario: Scenario, random: np.random.Generator) -> dict[str, Trace]:
     delay = scenario.planted("telemetry_delay")
     out = {}
     for name, sensor in scenario.channels.items():
-        stamp = np.arange(round(scenario.duration_s * sensor.sampling_rate_Hz)) / sensor.sampling_rate_Hz
-        moment = stamp + sensor.jitter_s * random.standard_normal(stamp.size) if sensor.jitter_s else stamp
+        stamp = (
+            np.arange(round(scenario.duration_s * sensor.sampling_rate_Hz))
+            / sensor.sampling_rate_Hz
+        )
+        moment = (
+            stamp + sensor.jitter_s * random.standard_normal(stamp.size)
+            if sensor.jitter_s
+            else stamp
+        )
         late = sensor.delay_s
         if delay is not None and sensor.kind == "radial_acceleration":
             late += delay["delay_s"]
@@ -98,13 +119,17 @@ def traces(scenario: Scenario, random: np.random.Generator) -> dict[str, Trace]:
 
 
 def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArray]:
-    """Clean values in SI of every channel that rides on the tread, gravity and the vehicle's acceleration in the accelerometers'."""
+    """Clean values in SI of every channel that rides on the tread, gravity and the vehicle's
+    acceleration in the accelerometers'.
+    """
     riding = {name: trace for name, trace in moments.items() if trace.sensor.kind in RIDING}
     if not riding:
         return {}
     start = min(float(trace.moment_s.min()) for trace in riding.values())
     values = {name: np.zeros(trace.moment_s.size) for name, trace in riding.items()}
-    turns = {name: tread_angle(world, t.sensor, t.moment_s) / (2 * np.pi) for name, t in riding.items()}
+    turns = {
+        name: tread_angle(world, t.sensor, t.moment_s) / (2 * np.pi) for name, t in riding.items()
+    }
     end = max(float(trace.moment_s.max()) for trace in riding.values())
     for chunk in chunks(world, start, end):
         span = chunk.span
@@ -115,7 +140,9 @@ def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArr
                 continue
             key = family(trace.sensor)
             if key not in tables:
-                tables[key] = _parabola([world.waveform(solution, trace.sensor) for solution in chunk.solutions])
+                tables[key] = _parabola(
+                    [world.waveform(solution, trace.sensor) for solution in chunk.solutions]
+                )
             moment = trace.moment_s[here]
             after = (moment - span.start_s) / span.step_s + 1.0
             places = Places.of(chunk.knots, world.ring.points, after, turns[name][here])
@@ -130,7 +157,11 @@ def _parabola(waves: list[FloatArray]) -> list[FloatArray]:
     if len(waves) == 1:
         return waves
     middle, more, less = waves
-    return [middle, (more - less) / (2 * LOAD_STEP), (more + less - 2 * middle) / (2 * LOAD_STEP**2)]
+    return [
+        middle,
+        (more - less) / (2 * LOAD_STEP),
+        (more + less - 2 * middle) / (2 * LOAD_STEP**2),
+    ]
 
 
 def _with_load(places: Places, tables: list[FloatArray], fluctuation: FloatArray) -> FloatArray:
@@ -141,15 +172,22 @@ def _with_load(places: Places, tables: list[FloatArray], fluctuation: FloatArray
 
 
 def _slow(world: World, trace: Trace, turns: FloatArray) -> FloatArray:
-    """What is added to the waveform: the strain's baseline, or gravity and the vehicle's acceleration along the outward radius."""
+    """What is added to the waveform: the strain's baseline, or gravity and the vehicle's
+    acceleration along the outward radius.
+    """
     if trace.sensor.kind != "radial_acceleration":
         return world.baseline(trace.moment_s, trace.sensor)
     angle = 2 * np.pi * turns
-    # an accelerometer feels acceleration minus gravity; outwards is down at the patch, and backwards towards the exit
-    return -GRAVITY_M_S2 * np.cos(angle) - world.drive.acceleration_at(trace.moment_s) * np.sin(angle)
+    # an accelerometer feels acceleration minus gravity; outwards is down at the patch, and
+    # backwards towards the exit
+    return -GRAVITY_M_S2 * np.cos(angle) - world.drive.acceleration_at(trace.moment_s) * np.sin(
+        angle
+    )
 
 
-def vehicle_values(world: World, name: str, trace: Trace, tables: dict[str, FloatArray]) -> FloatArray:
+def vehicle_values(
+    world: World, name: str, trace: Trace, tables: dict[str, FloatArray]
+) -> FloatArray:
     """Clean values in SI of a channel that does not ride on the tread."""
     time, kind, conditions = trace.moment_s, trace.sensor.kind, world.scenario.conditions
     if kind == "wheel_encoder":
@@ -164,12 +202,19 @@ def vehicle_values(world: World, name: str, trace: Trace, tables: dict[str, Floa
         return longitudinal_force(world, time)
     if kind == "inflation_pressure":
         course = world.scenario.ramp
-        return np.full(time.size, conditions.inflation_pressure_Pa) if course is None else ramp.pressure(course, time)
+        return (
+            np.full(time.size, conditions.inflation_pressure_Pa)
+            if course is None
+            else ramp.pressure(course, time)
+        )
     return world.temperature(time)
 
 
 def in_source_units(world: World, trace: Trace, clean: FloatArray) -> FloatArray:
-    """SI values as the file's unit, without noise.  FBG: the wavelength [nm] that P1 (1) turns back into the strain."""
+    """SI values as the file's unit, without noise.
+
+    FBG: the wavelength [nm] that P1 (1) turns back into the strain.
+    """
     sensor = trace.sensor
     if sensor.kind == "fbg_strain":
         warm = sensor.thermal_expansion_1_K * world.temperature(trace.moment_s)

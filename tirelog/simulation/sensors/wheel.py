@@ -1,7 +1,8 @@
 """The wheel as a body: longitudinal force, wind-up, passages of a sensor, and the encoder's teeth.
 
-Sign: the phase shift is the wheel angle at the patch's middle minus its value at rest; drive winds the hub ahead of the belt, so it
-is positive in drive and negative in braking.  A sensor at the place beta passes the patch centre when the wheel angle is beta + shift.
+Sign: the phase shift is the wheel angle at the patch's middle minus its value at rest; drive winds
+the hub ahead of the belt, so it is positive in drive and negative in braking. A sensor at the place
+beta passes the patch centre when the wheel angle is beta + shift.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ def longitudinal_force(world: World, time_s: FloatArray) -> FloatArray:
     vehicle, drive = world.scenario.vehicle, world.drive
     speed = drive.speed_at(time_s)
     moving = np.clip(speed / 0.5, 0.0, 1.0)
-    drag = vehicle.rolling_drag * vehicle.mass_kg * GRAVITY_M_S2 * moving + vehicle.air_drag_kg_m * speed**2
+    drag = (
+        vehicle.rolling_drag * vehicle.mass_kg * GRAVITY_M_S2 * moving
+        + vehicle.air_drag_kg_m * speed**2
+    )
     demand = vehicle.mass_kg * drive.acceleration_at(time_s) + drag
     demand = demand * (1.0 - np.interp(time_s, drive.time_s, drive.coasting))
     share = 0.5 if world.scenario.conditions.driven else 0.0
@@ -29,13 +33,16 @@ def longitudinal_force(world: World, time_s: FloatArray) -> FloatArray:
 
 
 def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
-    """Phase shift [rad]: wind-up of the sidewalls F_x/(2 pi R^2 k_v) (errata), and what is planted of trend and cross-talk.
-    Telemetry delay is not in it: it moves the acceleration in time."""
+    """Phase shift [rad]: wind-up of the sidewalls F_x/(2 pi R^2 k_v) (errata), and what is planted
+    of trend and cross-talk. Telemetry delay is not in it: it moves the acceleration in time.
+    """
     scenario = world.scenario
     shift = np.zeros_like(time_s)
     stiffness = scenario.tire.torsional_stiffness_N_m2
     if stiffness is not None:
-        shift = shift + longitudinal_force(world, time_s) / (2 * np.pi * world.drive.radius_m**2 * stiffness)
+        shift = shift + longitudinal_force(world, time_s) / (
+            2 * np.pi * world.drive.radius_m**2 * stiffness
+        )
     trend, crosstalk = scenario.planted("speed_trend"), scenario.planted("load_crosstalk")
     if trend is not None:
         speed = world.drive.speed_at(time_s) / REFERENCE_SPEED_M_S
@@ -49,7 +56,9 @@ def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
 
 
 def tread_angle(world: World, sensor: Sensor, time_s: FloatArray) -> FloatArray:
-    """Angle [rad] of the sensor's place in the road's frame, not wrapped: zero, and every whole turn, at the patch centre."""
+    """Angle [rad] of the sensor's place in the road's frame, not wrapped: zero, and every whole
+    turn, at the patch centre.
+    """
     return world.drive.angle_at(time_s) - np.radians(sensor.angle_deg) - phase_shift(world, time_s)
 
 
@@ -66,21 +75,29 @@ def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
 
 
 def pitch_table(world: World, sensor: Sensor) -> FloatArray:
-    """How far each tooth stands from its place [rad], shape (steps,): run-out and single teeth, zero mean, at most the given error.
-    The tone wheel's own seed draws it, so that several logs share one wheel."""
+    """How far each tooth stands from its place [rad], shape (steps,): run-out and single teeth,
+    zero mean, at most the given error. The tone wheel's own seed draws it, so that several logs
+    share one wheel.
+    """
     random = np.random.default_rng(sensor.pitch_seed)
     effect = world.scenario.planted("tooth_pitch")
     largest = np.radians(effect["error_deg"] if effect is not None else sensor.pitch_error_deg)
     place = 2 * np.pi * np.arange(sensor.steps) / sensor.steps
-    error = np.cos(place + random.uniform(0, 2 * np.pi)) + 0.4 * np.cos(2 * place + random.uniform(0, 2 * np.pi))
+    error = np.cos(place + random.uniform(0, 2 * np.pi)) + 0.4 * np.cos(
+        2 * place + random.uniform(0, 2 * np.pi)
+    )
     error = error + 0.35 * random.standard_normal(sensor.steps)
     error -= error.mean()
     return error * (largest / max(np.abs(error).max(), 1e-12))
 
 
-def encoder_signal(world: World, sensor: Sensor, time_s: FloatArray, table: FloatArray) -> FloatArray:
-    """The encoder's voltage (n,): a sinusoid a tooth, amplitude growing with speed and varying by 15 % over the turn; or square
-    pulses; or a count of steps.  A missing tooth leaves the offset; an extra one doubles the frequency over its pitch."""
+def encoder_signal(
+    world: World, sensor: Sensor, time_s: FloatArray, table: FloatArray
+) -> FloatArray:
+    """The encoder's voltage (n,): a sinusoid a tooth, amplitude growing with speed and varying by
+    15 % over the turn; or square pulses; or a count of steps. A missing tooth leaves the offset; an
+    extra one doubles the frequency over its pitch.
+    """
     angle = world.drive.angle_at(time_s)
     turn = angle % (2 * np.pi)
     place = 2 * np.pi * np.arange(sensor.steps) / sensor.steps
@@ -94,7 +111,9 @@ def encoder_signal(world: World, sensor: Sensor, time_s: FloatArray, table: Floa
     wave = np.where(np.isin(index, sensor.extra_teeth), np.sin(4 * np.pi * tooth), wave)
     wave = np.where(np.isin(index, sensor.missing_teeth), 0.0, wave)
     if sensor.signal == "counter":
-        return np.asarray(np.floor(tooth + sensor.steps * np.round((angle - turn) / (2 * np.pi))), float)
+        return np.asarray(
+            np.floor(tooth + sensor.steps * np.round((angle - turn) / (2 * np.pi))), float
+        )
     if sensor.signal == "square":
         return sensor.offset + sensor.amplitude * (wave > 0)  # type: ignore[return-value]
     speed = world.drive.speed_at(time_s)

@@ -1,7 +1,8 @@
 """A simulated log as files: the log itself by suffix, LOG.truth.json and the setup beside it.
 
-.csv .txt (also .gz): preamble, header, a row a sample, blank where a peak was lost.  .mcap: JSON, one sample a message, a topic a sampling
-rate.  .h5 .hdf5: a dataset a channel with its rate; counts with scale where the instrument has digits.  Files appear whole or not at all.
+.csv .txt (also .gz): preamble, header, a row a sample, blank where a peak was lost. .mcap: JSON,
+one sample a message, a topic a sampling rate. .h5 .hdf5: a dataset a channel with its rate; counts
+with scale where the instrument has digits. Files appear whole or not at all.
 """
 
 from __future__ import annotations
@@ -30,7 +31,11 @@ def suffix_of(path: Path) -> str:
     suffix = Path(path.stem).suffix if path.suffix == ".gz" else path.suffix
     if suffix not in SUFFIXES or (path.suffix == ".gz" and suffix not in (".csv", ".txt")):
         allowed = ", ".join(SUFFIXES)
-        raise UsageError(f"the suffix decides the format; allowed are {allowed} and .csv.gz; give -o another name", file=path)
+        raise UsageError(
+            f"the suffix decides the format; allowed are {allowed} and .csv.gz; give -o another "
+            "name",
+            file=path,
+        )
     return suffix
 
 
@@ -48,7 +53,9 @@ def write_log(simulated: Simulated, path: Path | str) -> list[Path]:
     """Write the log, its truth and its setup.  The files written, the log first."""
     path = Path(path)
     suffix = suffix_of(path)
-    write = {".mcap": _write_mcap, ".h5": _write_hdf5, ".hdf5": _write_hdf5}.get(suffix, _write_text)
+    write = {".mcap": _write_mcap, ".h5": _write_hdf5, ".hdf5": _write_hdf5}.get(
+        suffix, _write_text
+    )
     truth, beside = truth_of(path), setup_of(path)
     with all_or_none():
         with whole_file(path) as part:
@@ -62,12 +69,19 @@ def write_log(simulated: Simulated, path: Path | str) -> list[Path]:
 
 def _sources(simulated: Simulated, make: dict[str, str] | None = None) -> dict[str, str]:
     made = make or {}
-    return {name: sensor.source or made.get(name, name) for name, sensor in simulated.scenario.channels.items()}
+    return {
+        name: sensor.source or made.get(name, name)
+        for name, sensor in simulated.scenario.channels.items()
+    }
 
 
 def _digits(sensor: Sensor) -> int:
     if sensor.quantisation:
-        return max(0, int(np.ceil(-np.log10(sensor.quantisation) - 1e-9)) + (0 if np.log10(sensor.quantisation) % 1 == 0 else 1))
+        return max(
+            0,
+            int(np.ceil(-np.log10(sensor.quantisation) - 1e-9))
+            + (0 if np.log10(sensor.quantisation) % 1 == 0 else 1),
+        )
     return _DIGITS.get(sensor.kind, 6)
 
 
@@ -84,13 +98,18 @@ def _write_text(simulated: Simulated, path: Path, zipped: bool) -> str:
     scenario = simulated.scenario
     rates = {sensor.sampling_rate_Hz for sensor in scenario.channels.values()}
     if len(rates) > 1:
-        raise UsageError("text holds one sampling rate; allowed are .mcap and .h5 for several; give -o another suffix")
+        raise UsageError(
+            "text holds one sampling rate; allowed are .mcap and .h5 for several; "
+            "give -o another suffix"
+        )
     sources = _sources(simulated)
     stamp = next(iter(simulated.stamp_s.values()))
     columns = {"time_s": pd.Series(stamp).map(f"{{:.{_stamp_digits(next(iter(rates)))}f}}".format)}
     for name, sensor in scenario.channels.items():
         shape = f"{{:.{_digits(sensor)}f}}".format
-        columns[sources[name]] = pd.Series(simulated.channels[name]).map(shape, na_action="ignore").fillna("")
+        columns[sources[name]] = (
+            pd.Series(simulated.channels[name]).map(shape, na_action="ignore").fillna("")
+        )
     head = f"# tirelog simulate\n# sampling rate: {next(iter(rates)):g} Hz\n"
     text = head + pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
     data = text.encode("utf-8")
@@ -121,11 +140,15 @@ def _write_topic(simulated: Simulated, writer: object, topic: str, names: list[s
     """The messages of one topic; a lost sample is null."""
     fields = {name: {"type": ["number", "null"]} for name in names}
     schema = writer.register_schema(  # type: ignore[attr-defined]
-        name=topic.strip("/"), encoding="jsonschema", data=json.dumps({"type": "object", "properties": fields}).encode()
+        name=topic.strip("/"),
+        encoding="jsonschema",
+        data=json.dumps({"type": "object", "properties": fields}).encode(),
     )
     channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=schema)  # type: ignore[attr-defined]
     digits = [_digits(simulated.scenario.channels[name]) for name in names]
-    texts = [_json_numbers(simulated.channels[name], d) for name, d in zip(names, digits, strict=True)]
+    texts = [
+        _json_numbers(simulated.channels[name], d) for name, d in zip(names, digits, strict=True)
+    ]
     stamps = np.round(simulated.stamp_s[names[0]] * 1e9).astype(np.int64).tolist()
     for number, (stamp, *values) in enumerate(zip(stamps, *texts, strict=True)):
         body = ",".join(f'"{name}":{value}' for name, value in zip(names, values, strict=True))
@@ -137,7 +160,8 @@ def _json_numbers(values: FloatArray, digits: int) -> list[str]:
 
 
 def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:
-    """A dataset a channel, `sampling_rate_Hz`, `unit`; 16-bit counts with `scale` and `offset` for an instrument of up to 16 bits.
+    """A dataset a channel, `sampling_rate_Hz`, `unit`; 16-bit counts with `scale` and `offset` for
+    an instrument of up to 16 bits.
 
     The file is made in memory: HDF5 does not survive a disk that is full while it closes a file.
     """
@@ -148,10 +172,21 @@ def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:
         for name, sensor in simulated.scenario.channels.items():
             values = simulated.channels[name]
             scale = None
-            if sensor.bits is not None and sensor.bits <= 16 and sensor.range is not None and np.isfinite(values).all():
+            if (
+                sensor.bits is not None
+                and sensor.bits <= 16
+                and sensor.range is not None
+                and np.isfinite(values).all()
+            ):
                 scale = 2.0 * sensor.range / 2**sensor.bits
                 values = np.clip(np.round(values / scale), -32768, 32767).astype(np.int16)
-            data = file.create_dataset(sources[name], data=values, chunks=(min(_BLOCK, max(values.size, 1)),), compression=9, shuffle=True)
+            data = file.create_dataset(
+                sources[name],
+                data=values,
+                chunks=(min(_BLOCK, max(values.size, 1)),),
+                compression=9,
+                shuffle=True,
+            )
             data.attrs["sampling_rate_Hz"] = sensor.sampling_rate_Hz
             data.attrs["unit"] = SOURCE_UNITS[sensor.kind]
             if scale is not None:

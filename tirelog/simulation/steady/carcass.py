@@ -1,9 +1,11 @@
-"""The two true carcasses: a beam on a foundation and an inextensible ring, as circulant systems of difference operators.
+"""The two true carcasses: a beam on a foundation and an inextensible ring, as circulant systems of
+difference operators.
 
-    line load p(xi) [N/m, inwards], tangential load q(xi) [N/m, towards the exit] --> inward displacement w(xi) [m]
+    line load p(xi) [N/m, inwards], tangential load q(xi) [N/m, towards the exit] --> inward
+    displacement w(xi) [m]
 
-Everything is steady in the road's frame: material passes as xi = c t, so that a time derivative is c d/dxi (errata).
-Arrays of transforms are (b, points/2 + 1); b instants.
+Everything is steady in the road's frame: material passes as xi = c t, so that a time derivative is
+c d/dxi (errata). Arrays of transforms are (b, points/2 + 1); b instants.
 """
 
 from __future__ import annotations
@@ -21,14 +23,17 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: lengths over which the other forms of damping and tension act [m]
 DAMPED_LENGTH_M, SHEAR_LENGTH_M = 0.02, 0.02
-#: iterations for the hardening foundation, and the change at which they end, over the largest displacement
+#: iterations for the hardening foundation, and the change at which they end, over the largest
+#: displacement
 LARGEST_ITERATIONS, RELATIVE_CHANGE = 200, 1e-8
 
 
 @dataclass(frozen=True)
 class Carcass:
-    """Admittances of one carcass at b instants: `radial` and `tangential` (b, m) give the transform of w per transform of p and q;
-    `hardening` (b,) is the cubic coefficient [N/m^4] of the foundation, zero where it is linear; `foundation` k [N/m^2]."""
+    """Admittances of one carcass at b instants: `radial` and `tangential` (b, m) give the transform
+    of w per transform of p and q; `hardening` (b,) is the cubic coefficient [N/m^4] of the
+    foundation, zero where it is linear; `foundation` k [N/m^2].
+    """
 
     ring: Ring
     radial: ComplexArray
@@ -36,7 +41,9 @@ class Carcass:
     hardening: FloatArray
     hardens_linearly: bool
 
-    def displacement(self, p: FloatArray, q: FloatArray | None = None, start: FloatArray | None = None) -> FloatArray:
+    def displacement(
+        self, p: FloatArray, q: FloatArray | None = None, start: FloatArray | None = None
+    ) -> FloatArray:
         """w (b, points) under the loads (b, points)."""
         free = self.radial * self.ring.transform(p)
         if q is not None:
@@ -47,8 +54,10 @@ class Carcass:
         return self._hardened(free, w if start is None else start)
 
     def _hardened(self, free: ComplexArray, w: FloatArray) -> FloatArray:
-        """Fixed point w = A (p - (hardening(w) - mean) w)/(1 + mean A), a mean hardening being taken into the linear operator A; each
-        row mixes its last two iterates so that their residual is least (Anderson's method, depth one)."""
+        """Fixed point w = A (p - (hardening(w) - mean) w)/(1 + mean A), a mean hardening being
+        taken into the linear operator A; each row mixes its last two iterates so that their
+        residual is least (Anderson's method, depth one).
+        """
         peak = np.abs(w).max(axis=1)
         mean = self.hardening * (0.8 * peak if self.hardens_linearly else 1.1 * peak**2)
         softer = self.radial / (1.0 + mean[:, None] * self.radial)
@@ -56,17 +65,24 @@ class Carcass:
         before: tuple[FloatArray, FloatArray] | None = None
         for _ in range(LARGEST_ITERATIONS):
             stiffening = self.hardening[:, None] * (np.abs(w) if self.hardens_linearly else w * w)
-            image = self.ring.inverse(free + softer * self.ring.transform((mean[:, None] - stiffening) * w))
+            image = self.ring.inverse(
+                free + softer * self.ring.transform((mean[:, None] - stiffening) * w)
+            )
             residual = image - w
             if np.abs(residual).max() < RELATIVE_CHANGE * np.abs(image).max():
                 return image
             w = image
             if before is not None:
                 change = residual - before[1]
-                share = (residual * change).sum(axis=1) / np.maximum((change * change).sum(axis=1), 1e-300)
+                share = (residual * change).sum(axis=1) / np.maximum(
+                    (change * change).sum(axis=1), 1e-300
+                )
                 w = image - np.clip(share, -2.0, 2.0)[:, None] * (image - before[0])
             before = image, residual
-        raise UsageError("the stiffening foundation did not settle; allowed is a hardening of up to about its own stiffness; plant less")
+        raise UsageError(
+            "the stiffening foundation did not settle; allowed is a hardening of up to about its "
+            "own stiffness; plant less"
+        )
 
     def shape(self, w: FloatArray, derivative: int) -> ComplexArray:
         """Transform of a derivative of w."""
@@ -74,7 +90,9 @@ class Carcass:
 
 
 def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
-    """Strain per metre of lever arm, inner surface positive, from inward w: -w'' (beam), -(w'' + w/R^2) (ring), shape (m,)."""
+    """Strain per metre of lever arm, inner surface positive, from inward w: -w'' (beam), -(w'' +
+    w/R^2) (ring), shape (m,).
+    """
     second = -ring.derivatives[2]
     if scenario.truth == "ring":
         second = second - ring.derivatives[0] / scenario.tire.rolling_radius_m**2
@@ -82,7 +100,9 @@ def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
 
 
 def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: float) -> ComplexArray:
-    """Radial restoring operators that effects and damping add, (b, m): force inwards per inward displacement."""
+    """Radial restoring operators that effects and damping add, (b, m): force inwards per inward
+    displacement.
+    """
     mass = scenario.tire.line_mass_kg_m
     one, d1, *_ = ring.derivatives
     total = np.zeros((len(at), one.size), complex)
@@ -96,7 +116,9 @@ def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: float) -> Co
     return total
 
 
-def _structural(effect: Planted, ring: Ring, at: Instants, stiffness: float, rate: FloatArray) -> ComplexArray | float:
+def _structural(
+    effect: Planted, ring: Ring, at: Instants, stiffness: float, rate: FloatArray
+) -> ComplexArray | float:
     """One effect's operator, (b, m)."""
     one, d1, d2, d3, _ = ring.derivatives
     if effect.name == "viscous_damping":
@@ -123,7 +145,10 @@ def _hardening(scenario: Scenario, stiffness: float, size: int) -> tuple[FloatAr
 
 
 def carcass(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
-    """The scenario's carcass at these instants.  UsageError where a beam runs at or above its critical speed."""
+    """The scenario's carcass at these instants.
+
+    UsageError where a beam runs at or above its critical speed.
+    """
     return _ring(scenario, ring, at) if scenario.truth == "ring" else _beam(scenario, ring, at)
 
 
@@ -134,11 +159,14 @@ def _beam(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     stiffness = tire.foundation_stiffness_N_m2
     one, _, d2, _, d4 = ring.derivatives
     added = _added(scenario, ring, at, stiffness)
-    operator = bending * d4 + tire.line_mass_kg_m * at.speed[:, None] ** 2 * d2 + stiffness * one + added
+    operator = (
+        bending * d4 + tire.line_mass_kg_m * at.speed[:, None] ** 2 * d2 + stiffness * one + added
+    )
     if operator.real.min() <= 0.02 * stiffness:
         top = float(at.speed.max())
         raise UsageError(
-            f"the beam is near or above its critical speed at {top:.1f} m/s; allowed is a drive below about 0.95 of it; "
+            f"the beam is near or above its critical speed at {top:.1f} m/s; allowed is a drive "
+            "below about 0.95 of it; "
             "drive slower, or give a stiffer tire"
         )
     hardening, linearly = _hardening(scenario, stiffness, len(at))
@@ -146,17 +174,22 @@ def _beam(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
 
 
 def _ring(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
-    """Inextensible ring, tangential displacement v, inward w = R dv/dxi: by virtual work, in the angle phi = xi/R,
+    """Inextensible ring, tangential displacement v, inward w = R dv/dxi: by virtual work, in the
+    angle phi = xi/R,
 
-        EI/R^4 B'B v + (p0 b/R) (d4 + d2) v + k_v v - k_w d2 v + Omega (c_v d1 - c_w d3) v = q - dq_w/dphi,   B = d1 + d3.
+        EI/R^4 B'B v + (p0 b/R) (d4 + d2) v + k_v v - k_w d2 v + Omega (c_v d1 - c_w d3) v = q - dq_w/dphi,   B
+            = d1 + d3.
 
-    Inertia (Coriolis, centripetal) and the centrifugal hoop force of the steadily flowing belt cancel (errata) and are left out.
+    Inertia (Coriolis, centripetal) and the centrifugal hoop force of the steadily flowing belt
+    cancel (errata) and are left out.
     """
     tire = scenario.tire
     radius = tire.rolling_radius_m
     one, *others = ring.derivatives
     d1, d2, d3, d4 = (radius**m * d for m, d in enumerate(others, 1))
-    bending = (2.0 if tire.flexural_stiffness_N_m2 is None else tire.flexural_stiffness_N_m2) / radius**4
+    bending = (
+        2.0 if tire.flexural_stiffness_N_m2 is None else tire.flexural_stiffness_N_m2
+    ) / radius**4
     hoop = scenario.conditions.inflation_pressure_Pa * tire.width_belt_m / radius
     spin = at.speed[:, None] / radius
     bent = d1 + d3

@@ -1,6 +1,7 @@
 """One-sided contact of the ring with a flat road through the tread's springs, by an active set.
 
-    load F --> height of the road such that the springs that are pressed carry F, and none pulls --> pressure on the grid
+    load F --> height of the road such that the springs that are pressed carry F, and none pulls -->
+    pressure on the grid
 
 The road is flat: a point of the belt at angle phi, moved by w outwards and v along, is at the depth
 (R + w) cos phi - v sin phi below the axle.
@@ -21,7 +22,8 @@ from tirelog.simulation.steady.loads import Instants
 from tirelog.simulation.steady.operators import Ring
 from tirelog.vocabulary.arrays import FloatArray
 
-#: contact is looked for within these angles of the patch centre, the next where the one before is too narrow [rad]
+#: contact is looked for within these angles of the patch centre, the next where the one before is
+#: too narrow [rad]
 SECTORS_RAD = (0.3, 0.6)
 #: compliances kept: those of a chunk of knots, which is solved at three loads
 KEPT = 128
@@ -30,7 +32,9 @@ LARGEST_ITERATIONS = 60
 
 @dataclass(frozen=True)
 class Touch:
-    """Contact at b instants: `pressure` (b, points) [N/m], never negative; `entry_m`, `exit_m` (b,) its edges, below the grid's step."""
+    """Contact at b instants: `pressure` (b, points) [N/m], never negative; `entry_m`, `exit_m` (b,)
+    its edges, below the grid's step.
+    """
 
     pressure: FloatArray
     entry_m: FloatArray
@@ -42,7 +46,9 @@ class _TooNarrow(Exception):
 
 
 class FlatRoad:
-    """The contact problem of one scenario's ring; remembers compliances, and the last contact as the next one's start."""
+    """The contact problem of one scenario's ring; remembers compliances, and the last contact as
+    the next one's start.
+    """
 
     def __init__(self, scenario: Scenario, ring: Ring) -> None:
         self.scenario, self.ring = scenario, ring
@@ -64,14 +70,18 @@ class FlatRoad:
         self._active = self.ring.xi_m[self.sector] ** 2 < 0.05**2
 
     def touch(self, at: Instants) -> Touch:
-        """The contact at every instant, at its load.  UsageError where the load is more than the ring can carry."""
+        """The contact at every instant, at its load.
+
+        UsageError where the load is more than the ring can carry.
+        """
         for angle_rad in SECTORS_RAD:
             if angle_rad > self.angle_rad:
                 self._look_within(angle_rad)
             with suppress(_TooNarrow):
                 return self._touch(at)
         raise UsageError(
-            f"at {at.load.max():.0f} N the contact is wider than +-{np.degrees(self.angle_rad):.0f} degrees; "
+            f"at {at.load.max():.0f} N the contact is wider than "
+            f"+-{np.degrees(self.angle_rad):.0f} degrees; "
             "allowed is a load that the ring can carry; lower it, or give a stiffer ring"
         )
 
@@ -85,7 +95,9 @@ class FlatRoad:
         return Touch(pressure, entry, exit_)
 
     def _response(self, at: Instants) -> FloatArray:
-        """How far a point of the sector rises [m] per unit of line force [N/m] at another, shape (n, n), at one instant."""
+        """How far a point of the sector rises [m] per unit of line force [N/m] at another, shape
+        (n, n), at one instant.
+        """
         key = (float(at.speed[0]) if self._speed_matters else 0.0, float(at.warmed[0]))
         if key not in self._kept:
             if len(self._kept) >= KEPT:
@@ -95,13 +107,15 @@ class FlatRoad:
 
     def _assembled(self, body: Carcass) -> FloatArray:
         d1 = self.ring.derivatives[1] * self.radius
-        # inward w is R dv/dxi: from the transforms of w back to v; the mean of v comes from tangential loads alone
+        # inward w is R dv/dxi: from the transforms of w back to v; the mean of v comes from
+        # tangential loads alone
         along = np.zeros_like(d1)
         along[1:-1] = 1.0 / d1[1:-1]
         v_q = body.tangential[0] * along
         v_q[0] = 1.0 / self.scenario.tire.tangential_stiffness_N_m2
         w_p, w_q, v_p, v_q = (
-            self.ring.inverse(kernel)[self._lag] for kernel in (body.radial[0], body.tangential[0], body.radial[0] * along, v_q)
+            self.ring.inverse(kernel)[self._lag]
+            for kernel in (body.radial[0], body.tangential[0], body.radial[0] * along, v_q)
         )
         # a road force f pushes inwards with f cos phi and along with f sin phi
         rise = self.cos[:, None] * (w_p * self.cos + w_q * self.sin)
@@ -109,7 +123,9 @@ class FlatRoad:
         return rise
 
     def _solve(self, compliance: FloatArray, load: float) -> tuple[FloatArray, FloatArray]:
-        """Line force (n,) and pressed depth of the springs (n,), negative where the tread is clear of the road."""
+        """Line force (n,) and pressed depth of the springs (n,), negative where the tread is clear
+        of the road.
+        """
         step, stiffness = self.ring.step_m, self.scenario.tire.tread_stiffness_N_m2
         active = self._active
         for _ in range(LARGEST_ITERATIONS):
@@ -119,11 +135,16 @@ class FlatRoad:
             system[np.arange(size), np.arange(size)] += 1.0 / stiffness
             system[:size, size] = -1.0
             system[size, :size] = step
-            solution = lu_solve(lu_factor(system, check_finite=False), np.append(-self.above[active], load), check_finite=False)
+            solution = lu_solve(
+                lu_factor(system, check_finite=False),
+                np.append(-self.above[active], load),
+                check_finite=False,
+            )
             force = np.zeros(active.size)
             force[active] = solution[:size]
             depth = solution[size] - self.above - compliance @ force
-            # a pressed spring shows its own force, a free one the depth of the road inside the tread
+            # a pressed spring shows its own force, a free one the depth of the road inside the
+            # tread
             pressed = np.where(active, force / stiffness, depth)
             again = pressed > 0
             if again[0] or again[-1] or not again.any():
@@ -132,12 +153,19 @@ class FlatRoad:
                 self._active = active
                 return force, pressed
             active = again
-        raise UsageError(f"the contact at {load:.0f} N did not settle; allowed is a load that the ring can carry; lower it")
+        raise UsageError(
+            f"the contact at {load:.0f} N did not settle; allowed is a load that the ring can "
+            "carry; lower it"
+        )
 
     def _edges(self, pressed: FloatArray) -> tuple[float, float]:
         """Entry and exit [m], where the pressed depth crosses zero, linear between grid points."""
         xi = self.ring.xi_m[self.sector]
         inside = np.flatnonzero(pressed > 0)
         first, last = inside[0], inside[-1]
-        entry = xi[first] - self.ring.step_m * pressed[first] / (pressed[first] - pressed[first - 1])
-        return float(entry), float(xi[last] + self.ring.step_m * pressed[last] / (pressed[last] - pressed[last + 1]))
+        entry = xi[first] - self.ring.step_m * pressed[first] / (
+            pressed[first] - pressed[first - 1]
+        )
+        return float(entry), float(
+            xi[last] + self.ring.step_m * pressed[last] / (pressed[last] - pressed[last + 1])
+        )

@@ -1,8 +1,11 @@
-"""What the road does to the carcass: contact pressure and friction on the grid, with the planted effects, in two forms each.
+"""What the road does to the carcass: contact pressure and friction on the grid, with the planted
+effects, in two forms each.
 
-    base pressure p(xi) -> heavier side, pulses, wedges, wear -> smeared -> rescaled to carry the load -> friction of the bristles
+    base pressure p(xi) -> heavier side, pulses, wedges, wear -> smeared -> rescaled to carry the
+    load -> friction of the bristles
 
-Arrays are (b, points): b instants of the drive.  Pressure is a line load [N/m], positive where the road pushes the tread inwards.
+Arrays are (b, points): b instants of the drive. Pressure is a line load [N/m], positive where the
+road pushes the tread inwards.
 """
 
 from __future__ import annotations
@@ -23,8 +26,10 @@ STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
 
 @dataclass(frozen=True)
 class Instants:
-    """What holds at b instants, each field (b,): time [s], speed [m/s], acceleration [m/s^2], load [N], half length of the patch [m],
-    slip (braking > 0), the tire's warming as a share (0..1) and in K."""
+    """What holds at b instants, each field (b,): time [s], speed [m/s], acceleration [m/s^2], load
+    [N], half length of the patch [m], slip (braking > 0), the tire's warming as a share (0..1) and
+    in K.
+    """
 
     time_s: FloatArray
     speed: FloatArray
@@ -42,7 +47,11 @@ class Instants:
 
     def take(self, rows: slice) -> Instants:
         """Some of the instants."""
-        arrays: Any = {f.name: value[rows] for f in fields(self) if isinstance(value := getattr(self, f.name), np.ndarray)}
+        arrays: Any = {
+            f.name: value[rows]
+            for f in fields(self)
+            if isinstance(value := getattr(self, f.name), np.ndarray)
+        }
         return replace(self, **arrays)
 
 
@@ -76,7 +85,12 @@ def _impact(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> Floa
     """A pulse at the entry edge, ~ v; other: a sudden rise that dies away into the patch."""
     u = (x + effect["position"]) / effect["width"]
     shape = 1.05 * _pulse((u + 1.5) / 1.1) if effect.other else _gauss(u)
-    return p + effect["amplitude"] * (at.load / (2 * at.half_length) * at.speed / REFERENCE_SPEED_M_S)[:, None] * shape
+    return (
+        p
+        + effect["amplitude"]
+        * (at.load / (2 * at.half_length) * at.speed / REFERENCE_SPEED_M_S)[:, None]
+        * shape
+    )
 
 
 def _wedge(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:
@@ -85,13 +99,20 @@ def _wedge(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> Float
     triangle = np.clip(np.minimum(u / 0.7, (3.5 - u) / 2.8), 0.0, 1.0)
     shape = 1.3 * triangle if effect.other else _pulse(u)
     speeds = (at.speed / REFERENCE_SPEED_M_S) ** 2
-    return p + effect["amplitude"] * (at.load / (2 * at.half_length) * speeds * at.water_depth_mm)[:, None] * shape
+    return (
+        p
+        + effect["amplitude"]
+        * (at.load / (2 * at.half_length) * speeds * at.water_depth_mm)[:, None]
+        * shape
+    )
 
 
 def _worn(effect: Planted, x: FloatArray, p: FloatArray, at: Instants) -> FloatArray:
     """More carried near the exit, ~ age; other: a rise towards the exit that ends at the edge."""
     u = (x - effect["position"]) / effect["width"]
-    rise = np.where(np.abs(x) < 1.0, np.exp((np.minimum(x, 1.0) - 1.0) / (1.4 * effect["width"])), 0.0)
+    rise = np.where(
+        np.abs(x) < 1.0, np.exp((np.minimum(x, 1.0) - 1.0) / (1.4 * effect["width"])), 0.0
+    )
     shape = 1.25 * rise if effect.other else _gauss(u)
     age = at.distance_km / WORN_OUT_KM
     return p + effect["amplitude"] * age * (at.load / (2 * at.half_length))[:, None] * shape
@@ -127,7 +148,9 @@ _PRESSURE = {
 }
 
 
-def pressure(ring: Ring, effects: tuple[Planted, ...], base: FloatArray, at: Instants) -> FloatArray:
+def pressure(
+    ring: Ring, effects: tuple[Planted, ...], base: FloatArray, at: Instants
+) -> FloatArray:
     """The base pressure (b, points) with every planted effect on it, rescaled to carry `at.load`."""
     changed = [effect for effect in effects if effect.name in _PRESSURE]
     smeared = next((effect for effect in effects if effect.name == "rough_contact"), None)
@@ -146,7 +169,8 @@ def pressure(ring: Ring, effects: tuple[Planted, ...], base: FloatArray, at: Ins
 def _smear(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> FloatArray:
     """Convolution with exp(-|xi|/(s L)); other: a Gaussian of the same variance."""
     width = effect["length"] * at.half_length[:, None]
-    # the kernel's transform by its values on the grid, not by a formula: exact mean over cells near its cusp
+    # the kernel's transform by its values on the grid, not by a formula: exact mean over cells near
+    # its cusp
     border = np.abs(ring.borders_m) / width
     if effect.other:
         kernel = np.exp(-0.25 * (ring.xi_m / width) ** 2)
@@ -159,8 +183,10 @@ def _smear(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> FloatArr
 
 @dataclass(frozen=True)
 class Friction:
-    """Traction of the bristles: `tangential` (b, points) [N/m] towards the exit in braking; `radial` its load on the carcass [N/m];
-    `onset_m` (b,) where sliding begins, NaN where nothing slides."""
+    """Traction of the bristles: `tangential` (b, points) [N/m] towards the exit in braking;
+    `radial` its load on the carcass [N/m]; `onset_m` (b,) where sliding begins, NaN where nothing
+    slides.
+    """
 
     tangential: FloatArray
     radial: FloatArray
@@ -168,10 +194,12 @@ class Friction:
 
 
 def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Friction:
-    """Adhesion tau = sigma C_x (xi + L) up to f_s p, then sliding f_d p (P2 13, 17); other: no jump at the onset, and a tread that yields.
+    """Adhesion tau = sigma C_x (xi + L) up to f_s p, then sliding f_d p (P2 13, 17); other: no jump
+    at the onset, and a tread that yields.
 
-    C_x = 2 gamma L f_s with gamma = 3 F/(4 L^3) as P2 (17) gives it.  The load on the carcass is lever x d tau/d xi (P2 18),
-    the jump at the onset as a point load (errata)."""
+    C_x = 2 gamma L f_s with gamma = 3 F/(4 L^3) as P2 (17) gives it. The load on the carcass is
+    lever x d tau/d xi (P2 18), the jump at the onset as a point load (errata).
+    """
     # the patch, and what smearing and wedges add around it
     near = ring.window(min(3.0 * float(at.half_length.max()), 0.49 * ring.circumference_m))
     borders = ring.borders_m[near.start : near.stop + 1]
@@ -181,19 +209,26 @@ def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Fricti
     tangential, radial = np.zeros_like(p), np.zeros_like(p)
     tangential[:, near] = 0.5 * (tau[:, :-1] + tau[:, 1:])
     slides = borders >= np.nan_to_num(onset, nan=np.inf)[:, None]
-    radial[:, near] = effect["lever_m"] * np.diff(tau - slides * jump[:, None], axis=1) / ring.step_m
+    radial[:, near] = (
+        effect["lever_m"] * np.diff(tau - slides * jump[:, None], axis=1) / ring.step_m
+    )
     if jump.any():
         radial += ring.point_load(np.nan_to_num(onset), effect["lever_m"] * jump)
     return Friction(tangential, radial, onset)
 
 
-def _traction(effect: Planted, borders_m: FloatArray, p: FloatArray, at: Instants) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shear at the cell borders (b, k) under the pressure there, its jump at the onset of sliding (b,), and the onset [m] (b,)."""
+def _traction(
+    effect: Planted, borders_m: FloatArray, p: FloatArray, at: Instants
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Shear at the cell borders (b, k) under the pressure there, its jump at the onset of sliding
+    (b,), and the onset [m] (b,).
+    """
     length, slip = at.half_length[:, None], at.slip[:, None]
     stiffness = 1.5 * STATIC_FRICTION * at.load[:, None] / length**2
     position = np.maximum(borders_m + length, 0.0)
     if effect.other:
-        # the shear grows quickly behind the entry, then levels off, and passes smoothly into sliding
+        # the shear grows quickly behind the entry, then levels off, and passes smoothly into
+        # sliding
         held = np.abs(slip) * stiffness * 1.2 * length * -np.expm1(-position / (0.7 * length))
         limit = 0.5 * (STATIC_FRICTION + SLIDING_FRICTION) * np.maximum(p, 1e-9)
         tau = np.sign(slip) * held / np.cbrt(1.0 + (held / limit) ** 3)
@@ -201,12 +236,18 @@ def _traction(effect: Planted, borders_m: FloatArray, p: FloatArray, at: Instant
     held = np.abs(slip) * stiffness * position
     onset, pressed = _onset(borders_m, held, p, at)
     slides = borders_m >= np.nan_to_num(onset, nan=np.inf)[:, None]
-    tau = np.sign(slip) * np.where(slides, SLIDING_FRICTION * p, np.minimum(held, STATIC_FRICTION * p))
+    tau = np.sign(slip) * np.where(
+        slides, SLIDING_FRICTION * p, np.minimum(held, STATIC_FRICTION * p)
+    )
     return tau, -(STATIC_FRICTION - SLIDING_FRICTION) * pressed * np.sign(at.slip), onset
 
 
-def _onset(borders_m: FloatArray, held: FloatArray, p: FloatArray, at: Instants) -> tuple[FloatArray, FloatArray]:
-    """Where the held shear first exceeds f_s p inside the patch, linear between borders (b,), NaN without slip; and the pressure there."""
+def _onset(
+    borders_m: FloatArray, held: FloatArray, p: FloatArray, at: Instants
+) -> tuple[FloatArray, FloatArray]:
+    """Where the held shear first exceeds f_s p inside the patch, linear between borders (b,), NaN
+    without slip; and the pressure there.
+    """
     excess = held - STATIC_FRICTION * p
     step = borders_m[1] - borders_m[0]
     inside = (borders_m >= -at.half_length[:, None]) & (borders_m <= at.half_length[:, None] + step)
@@ -214,7 +255,11 @@ def _onset(borders_m: FloatArray, held: FloatArray, p: FloatArray, at: Instants)
     first = np.maximum(np.argmax(over, axis=1), 1)
     rows = np.arange(first.size)
     before, after = excess[rows, first - 1], excess[rows, first]
-    share = np.clip(np.divide(-before, after - before, out=np.zeros_like(after), where=after != before), 0.0, 1.0)
+    share = np.clip(
+        np.divide(-before, after - before, out=np.zeros_like(after), where=after != before),
+        0.0,
+        1.0,
+    )
     onset = np.maximum(borders_m[first - 1] + share * step, -at.half_length)
     pressed = (1.0 - share) * p[rows, first - 1] + share * p[rows, first]
     found = over.any(axis=1) & (np.abs(at.slip) > 1e-6)

@@ -1,8 +1,9 @@
 """Difference operators on a closed grid: the truth's derivatives.
 
-A grid has N points xi_j = (j - N/2) h around one loaded rolling circumference, the patch centre at index N/2.  A linear operator that is
-the same at every point is a circulant matrix; it is kept as the discrete Fourier transform of its stencil, shape (N/2 + 1,), so
-that sums of stencils are sums of arrays and the solution of a circulant system is a division.  The stencils are finite differences
+A grid has N points xi_j = (j - N/2) h around one loaded rolling circumference, the patch centre at
+index N/2. A linear operator that is the same at every point is a circulant matrix; it is kept as
+the discrete Fourier transform of its stencil, shape (N/2 + 1,), so that sums of stencils are sums
+of arrays and the solution of a circulant system is a division. The stencils are finite differences
 of order eight, not the derivatives' own symbols.
 """
 
@@ -25,8 +26,9 @@ HALF_WIDTH = 5
 
 
 def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray:
-    """Weights of the central difference of unit step, shape (2 half_width + 1,), from the moment conditions
-    sum_j w_j j^m = m! [m = derivative]."""
+    """Weights of the central difference of unit step, shape (2 half_width + 1,), from the moment
+    conditions sum_j w_j j^m = m! [m = derivative].
+    """
     offsets = np.arange(-half_width, half_width + 1)
     moments = np.vander(offsets.astype(float), increasing=True).T
     wanted = np.zeros(offsets.size)
@@ -38,7 +40,9 @@ def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray
 
 @dataclass(frozen=True)
 class Ring:
-    """The closed grid of `points` points (even) around `circumference_m`, and its operators as transforms of stencils."""
+    """The closed grid of `points` points (even) around `circumference_m`, and its operators as
+    transforms of stencils.
+    """
 
     points: int
     circumference_m: float
@@ -49,12 +53,16 @@ class Ring:
 
     @cached_property
     def xi_m(self) -> FloatArray:
-        """Positions [m], shape (points,): -circumference/2 .. +circumference/2, patch centre at index points/2."""
+        """Positions [m], shape (points,): -circumference/2 .. +circumference/2, patch centre at
+        index points/2.
+        """
         return np.asarray((np.arange(self.points) - self.points // 2) * self.step_m, float)
 
     @cached_property
     def derivatives(self) -> tuple[ComplexArray, ...]:
-        """Transforms of the stencils of the 0th to 4th derivative by xi, each shape (points/2 + 1,)."""
+        """Transforms of the stencils of the 0th to 4th derivative by xi, each shape (points/2 +
+        1,).
+        """
         return tuple(self.stencil(central_weights(m) / self.step_m**m) for m in range(5))
 
     def stencil(self, weights: FloatArray) -> ComplexArray:
@@ -74,7 +82,9 @@ class Ring:
 
     @cached_property
     def quarter_turn(self) -> ComplexArray:
-        """The discrete Hilbert operator: every wave e^(i kappa xi), kappa > 0, times i; the mean and the shortest wave vanish."""
+        """The discrete Hilbert operator: every wave e^(i kappa xi), kappa > 0, times i; the mean
+        and the shortest wave vanish.
+        """
         symbol = np.full(self.points // 2 + 1, 1j)
         symbol[[0, -1]] = 0.0
         return symbol
@@ -90,7 +100,9 @@ class Ring:
     @cached_property
     def borders_m(self) -> FloatArray:
         """Borders of the cells around the points [m], shape (points + 1,)."""
-        return np.asarray((np.arange(self.points + 1) - 0.5 - self.points // 2) * self.step_m, float)
+        return np.asarray(
+            (np.arange(self.points + 1) - 0.5 - self.points // 2) * self.step_m, float
+        )
 
     def window(self, reach_m: float) -> slice:
         """The points within `reach_m` of the patch centre, and one more on either side."""
@@ -98,11 +110,18 @@ class Ring:
         return slice(self.points // 2 - half, min(self.points // 2 + half + 1, self.points))
 
     def point_load(self, position_m: FloatArray, amount: FloatArray) -> FloatArray:
-        """Concentrated loads, shape (..., points): `amount` [N] at `position_m`, shared by two points so that force and moment are kept."""
+        """Concentrated loads, shape (..., points): `amount` [N] at `position_m`, shared by two
+        points so that force and moment are kept.
+        """
         place = np.asarray(position_m, float) / self.step_m + self.points // 2
         left = np.floor(place).astype(int)
         share = place - left
         load = np.zeros((*np.shape(place), self.points))
         for index, weight in ((left, 1.0 - share), (left + 1, share)):
-            np.put_along_axis(load, (index % self.points)[..., None], (weight * amount / self.step_m)[..., None], axis=-1)
+            np.put_along_axis(
+                load,
+                (index % self.points)[..., None],
+                (weight * amount / self.step_m)[..., None],
+                axis=-1,
+            )
         return load

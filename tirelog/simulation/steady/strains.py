@@ -1,4 +1,5 @@
-"""Strain that no load on the carcass makes (effects outside the catalogue), and what a sensor does to a waveform.
+"""Strain that no load on the carcass makes (effects outside the catalogue), and what a sensor does
+to a waveform.
 
 Waveforms and their transforms are (b, points) and (b, points/2 + 1); b instants of the drive.
 """
@@ -13,26 +14,37 @@ from tirelog.simulation.steady.loads import REFERENCE_SPEED_M_S, Instants
 from tirelog.simulation.steady.operators import ComplexArray, Ring
 from tirelog.vocabulary.arrays import FloatArray
 
-#: slower than this, time behind the patch counts as at this speed [m/s] (a ring-down at standstill has no meaning)
+#: slower than this, time behind the patch counts as at this speed [m/s] (a ring-down at standstill
+#: has no meaning)
 SLOWEST_M_S = 0.2
 
 
 def _ring_down(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
     """A resonance that the exit edge sets off: fixed frequency in time, decaying behind the patch."""
-    late = (ring.xi_m - exit_m[:, None]) % ring.circumference_m / np.maximum(at.speed, SLOWEST_M_S)[:, None]
+    late = (
+        (ring.xi_m - exit_m[:, None])
+        % ring.circumference_m
+        / np.maximum(at.speed, SLOWEST_M_S)[:, None]
+    )
     swing = np.exp(-late / effect["decay_s"]) * np.sin(2.0 * np.pi * effect["frequency_Hz"] * late)
     return swing * _faded(ring, exit_m)
 
 
 def _faded(ring: Ring, exit_m: FloatArray) -> FloatArray:
-    """One behind the exit, smoothly zero over the last third of the turn, where the angle starts anew."""
+    """One behind the exit, smoothly zero over the last third of the turn, where the angle starts
+    anew.
+    """
     share = (ring.xi_m - exit_m[:, None]) % ring.circumference_m / ring.circumference_m
     return 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 0.6) / 0.3, 0.0, 1.0))
 
 
 def _splice(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
     """The carcass's splice, once a turn at a fixed angle from the sensor."""
-    off = np.angle(np.exp(1j * (2.0 * np.pi * ring.xi_m / ring.circumference_m - np.radians(effect["angle_deg"]))))
+    off = np.angle(
+        np.exp(
+            1j * (2.0 * np.pi * ring.xi_m / ring.circumference_m - np.radians(effect["angle_deg"]))
+        )
+    )
     return np.exp(-0.5 * (off / np.radians(effect["width_deg"])) ** 2)[None, :]
 
 
@@ -45,7 +57,9 @@ def _torsion(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> F
 def _standing_wave(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
     """A wave behind the exit, fixed to the road, of a wavelength along the tread."""
     behind = (ring.xi_m - exit_m[:, None]) % ring.circumference_m
-    wave = np.exp(-behind / effect["decay_m"]) * np.sin(2.0 * np.pi * behind / effect["wavelength_m"])
+    wave = np.exp(-behind / effect["decay_m"]) * np.sin(
+        2.0 * np.pi * behind / effect["wavelength_m"]
+    )
     return wave * _faded(ring, exit_m)
 
 
@@ -64,12 +78,19 @@ _EXTRA = {
 }
 
 
-def extra_strain(ring: Ring, scenario: Scenario, at: Instants, exit_m: FloatArray) -> FloatArray | None:
-    """The sum of the planted strains (b, points), each amplitude (v/20)^n; None where none is planted."""
+def extra_strain(
+    ring: Ring, scenario: Scenario, at: Instants, exit_m: FloatArray
+) -> FloatArray | None:
+    """The sum of the planted strains (b, points), each amplitude (v/20)^n; None where none is
+    planted.
+    """
     total: FloatArray | None = None
     for effect in scenario.effects:
         if effect.name in _EXTRA:
-            size = effect["amplitude"] * (np.maximum(at.speed, 1e-6) / REFERENCE_SPEED_M_S) ** effect["speed_exponent"]
+            size = (
+                effect["amplitude"]
+                * (np.maximum(at.speed, 1e-6) / REFERENCE_SPEED_M_S) ** effect["speed_exponent"]
+            )
             shape = size[:, None] * _EXTRA[effect.name](effect, ring, at, exit_m)
             total = shape if total is None else total + shape
     return total
@@ -83,10 +104,13 @@ def seen_by(
     lag: Planted | float | None,
     bandwidth_Hz: float | None,
 ) -> ComplexArray:
-    """`spectrum` (b, m) as the sensor passes it on: averaged over the gauge, late by the lag, within its bandwidth.
+    """`spectrum` (b, m) as the sensor passes it on: averaged over the gauge, late by the lag,
+    within its bandwidth.
 
-    In the road's frame a lag of tau is a length c tau, so that (1 + c tau d/dxi) s = strain: exact at constant speed.  The bandwidth is a
-    second-order magnitude without delay (a delay is `delay_s`)."""
+    In the road's frame a lag of tau is a length c tau, so that (1 + c tau d/dxi) s = strain: exact
+    at constant speed. The bandwidth is a second-order magnitude without delay (a delay is
+    `delay_s`).
+    """
     if gauge is not None:
         spectrum = spectrum * _averaged(ring, gauge)
     first = ring.derivatives[1]
@@ -104,7 +128,9 @@ def seen_by(
 
 
 def _averaged(ring: Ring, gauge: Planted | float) -> ComplexArray:
-    """Transform of the mean over the gauge length; other: a sensitivity that falls towards the ends, of equal variance."""
+    """Transform of the mean over the gauge length; other: a sensitivity that falls towards the
+    ends, of equal variance.
+    """
     length = gauge["length_m"] if isinstance(gauge, Planted) else gauge
     if isinstance(gauge, Planted) and gauge.other:
         width = max(length / np.sqrt(12.0), 0.3 * ring.step_m)

@@ -1,6 +1,8 @@
-"""The truth of a simulated log, ready for JSON: what every estimator and diagnosis is measured against.
+"""The truth of a simulated log, ready for JSON: what every estimator and diagnosis is measured
+against.
 
-Times are the log's own stamps.  Arrays have one value a passage of the patch; angles grow in the direction of rolling.
+Times are the log's own stamps. Arrays have one value a passage of the patch; angles grow in the
+direction of rolling.
 """
 
 from __future__ import annotations
@@ -21,15 +23,20 @@ from tirelog.simulation.steady.knots import CHUNK
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray
 
-#: a channel's name and its delay [s] -> what is true at each of its passages, columns (n,) beginning with `time_s` in its own stamps
+#: a channel's name and its delay [s] -> what is true at each of its passages, columns (n,)
+#: beginning with `time_s` in its own stamps
 Passages = Callable[[str, float], dict[str, FloatArray]]
 
 #: step of the wheel's motion in the truth [s]
 MOTION_STEP_S = 0.05
 
 
-def truth_of(world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages | None = None) -> dict[str, Any]:
-    """The whole truth of a log; `passed` gives a channel's passages where they are not the steady world's."""
+def truth_of(
+    world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages | None = None
+) -> dict[str, Any]:
+    """The whole truth of a log; `passed` gives a channel's passages where they are not the steady
+    world's.
+    """
     scenario = world.scenario
     passed = passed or partial(_steady_passages, world)
     time = np.arange(0.0, scenario.duration_s, MOTION_STEP_S)
@@ -50,13 +57,19 @@ def truth_of(world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages
             "speed_m_s": _list(world.drive.speed_at(time)),
             "acceleration_m_s2": _list(world.drive.acceleration_at(time)),
         },
-        "channels": {name: _channel(scenario, name, passed) for name, s in scenario.channels.items() if s.kind in RIDING},
+        "channels": {
+            name: _channel(scenario, name, passed)
+            for name, s in scenario.channels.items()
+            if s.kind in RIDING
+        },
         "pitch_error_deg": {name: _list(np.degrees(table)) for name, table in pitch_rad.items()},
     }
 
 
 def planted_truth(scenario: Scenario) -> list[dict[str, Any]]:
-    """Every planted effect: name, form, strength, parameters; for one outside the catalogue where, parity, speed exponent, frequency."""
+    """Every planted effect: name, form, strength, parameters; for one outside the catalogue where,
+    parity, speed exponent, frequency.
+    """
     out = []
     for effect in scenario.effects:
         known = PLANTABLE[effect.name]
@@ -68,19 +81,36 @@ def planted_truth(scenario: Scenario) -> list[dict[str, Any]]:
             "parameters": dict(effect.parameters),
         }
         if not known.in_catalogue:
-            entry.update(where=known.where, parity=known.parity, speed_exponent=effect["speed_exponent"])
+            entry.update(
+                where=known.where, parity=known.parity, speed_exponent=effect["speed_exponent"]
+            )
             entry["frequency_Hz"] = effect[known.fixed] if known.fixed else None
         out.append(entry)
     if scenario.truth == "ring" and scenario.tire.contact == "parabola":
-        out.append({"name": "ring_curvature", "form": "exact", "in_catalogue": True, "strength": 1.0, "parameters": {}})
+        out.append(
+            {
+                "name": "ring_curvature",
+                "form": "exact",
+                "in_catalogue": True,
+                "strength": 1.0,
+                "parameters": {},
+            }
+        )
     return out
 
 
 def _channel(scenario: Scenario, name: str, passed: Passages) -> dict[str, Any]:
     """The passages of one sensor, in its own stamps (a delay makes them later)."""
     sensor, delay = scenario.channels[name], scenario.planted("telemetry_delay")
-    late = sensor.delay_s + (delay["delay_s"] if delay is not None and sensor.kind == "radial_acceleration" else 0.0)
-    out: dict[str, Any] = {"kind": sensor.kind, "angle_deg": sensor.angle_deg, "surface": sensor.surface, "delay_s": late}
+    late = sensor.delay_s + (
+        delay["delay_s"] if delay is not None and sensor.kind == "radial_acceleration" else 0.0
+    )
+    out: dict[str, Any] = {
+        "kind": sensor.kind,
+        "angle_deg": sensor.angle_deg,
+        "surface": sensor.surface,
+        "delay_s": late,
+    }
     out["passages"] = {key: _list(value) for key, value in passed(name, late).items()}
     return out
 
@@ -93,7 +123,10 @@ def _steady_passages(world: World, name: str, late_s: float) -> dict[str, FloatA
     for first in range(0, time.size, CHUNK):
         for key, value in _passages(world, sensor, time[first : first + CHUNK]).items():
             columns.setdefault(key, []).append(value)
-    return {"time_s": time + late_s, **{key: np.concatenate(values) for key, values in columns.items()}}
+    return {
+        "time_s": time + late_s,
+        **{key: np.concatenate(values) for key, values in columns.items()},
+    }
 
 
 def _passages(world: World, sensor: Sensor, time: FloatArray) -> dict[str, FloatArray]:

@@ -1,6 +1,8 @@
-"""The truth at given instants: conditions, the carcass's solution, and what a sensor reads round the wheel.
+"""The truth at given instants: conditions, the carcass's solution, and what a sensor reads round
+the wheel.
 
-Drive --instants--> Instants (b,) --loads, carcass--> w (b, points) --sensor--> strain or acceleration (b, points)
+Drive --instants--> Instants (b,) --loads, carcass--> w (b, points) --sensor--> strain or
+acceleration (b, points)
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ REFERENCE_PRESSURE_PA = 2.0e5
 
 @dataclass(frozen=True)
 class Solution:
-    """The carcass at b knots and one load: displacement `w` (b, points), contact edges (b,), slip onset (b,)."""
+    """The carcass at b knots and one load: displacement `w` (b, points), contact edges (b,), slip
+    onset (b,).
+    """
 
     w: FloatArray
     at: Instants
@@ -48,7 +52,8 @@ class World:
         flat = scenario.truth == "ring" and scenario.tire.contact == "flat_road"
         self.road = FlatRoad(scenario, self.ring) if flat else None
 
-    # ---- conditions -------------------------------------------------------------------------------------------------
+    # ---- conditions
+    # -------------------------------------------------------------------------------------------------
 
     def load(self, time_s: FloatArray) -> FloatArray:
         """Load without the road's roughness [N]: scatter of the manoeuvres, load transfer, air."""
@@ -72,22 +77,38 @@ class World:
         return self.roughness.at(self.drive.angle_at(time_s) * self.drive.radius_m)
 
     def slip(self, time_s: FloatArray) -> FloatArray:
-        """Longitudinal slip, braking positive: -a acceleration/g where traction is planted, else zero."""
+        """Longitudinal slip, braking positive: -a acceleration/g where traction is planted, else
+        zero.
+        """
         effect = self.scenario.planted("traction")
         if effect is None:
             return np.zeros_like(time_s)
-        return np.clip(-effect["slip_per_g"] * self.drive.acceleration_at(time_s) / CATALOGUE_GRAVITY_M_S2, -0.95, 0.95)
+        return np.clip(
+            -effect["slip_per_g"] * self.drive.acceleration_at(time_s) / CATALOGUE_GRAVITY_M_S2,
+            -0.95,
+            0.95,
+        )
 
     def warmed(self, time_s: FloatArray) -> FloatArray:
-        """The planted drift's course: share of the final warming (0 to 1), or the warming in K where the temperature varies."""
+        """The planted drift's course: share of the final warming (0 to 1), or the warming in K
+        where the temperature varies.
+        """
         effect = self.scenario.planted("thermal_drift")
         if effect is None:
             return np.zeros_like(time_s)
         if self.scenario.conditions.warm_up_K:
             rise = self.temperature(time_s)
-            return rise * (0.7 + 0.6 * rise / self.scenario.conditions.warm_up_K) if effect.other else rise
+            return (
+                rise * (0.7 + 0.6 * rise / self.scenario.conditions.warm_up_K)
+                if effect.other
+                else rise
+            )
         u = time_s / effect["time_constant_s"]
-        return 1.0 - 0.6 * np.exp(-2.2 * u) - 0.4 * np.exp(-0.45 * u) if effect.other else -np.expm1(-u)
+        return (
+            1.0 - 0.6 * np.exp(-2.2 * u) - 0.4 * np.exp(-0.45 * u)
+            if effect.other
+            else -np.expm1(-u)
+        )
 
     def temperature(self, time_s: FloatArray) -> FloatArray:
         """Rise of the tire's temperature since the log's start [K]."""
@@ -95,12 +116,21 @@ class World:
         return -conditions.warm_up_K * np.expm1(-time_s / conditions.warm_up_time_s)
 
     def half_length(self, load: FloatArray) -> FloatArray:
-        """Prescribed half length of the patch [m] at a load, and at the pressure where `inflation` is planted."""
+        """Prescribed half length of the patch [m] at a load, and at the pressure where `inflation`
+        is planted.
+        """
         tire, inflation = self.scenario.tire, self.scenario.planted("inflation")
-        length = tire.patch_half_length_m * (load / tire.reference_load_N) ** tire.patch_load_exponent
+        length = (
+            tire.patch_half_length_m * (load / tire.reference_load_N) ** tire.patch_load_exponent
+        )
         if inflation is not None:
-            ratio, power = self.scenario.conditions.inflation_pressure_Pa / REFERENCE_PRESSURE_PA, inflation["exponent"]
-            length = length * (1.0 - 1.3 * power * (ratio - 1.0) if inflation.other else ratio**-power)
+            ratio, power = (
+                self.scenario.conditions.inflation_pressure_Pa / REFERENCE_PRESSURE_PA,
+                inflation["exponent"],
+            )
+            length = length * (
+                1.0 - 1.3 * power * (ratio - 1.0) if inflation.other else ratio**-power
+            )
         return length
 
     def instants(self, time_s: FloatArray, load_factor: Any = 1.0) -> Instants:
@@ -120,7 +150,8 @@ class World:
             self.scenario.tire.reference_load_N,
         )
 
-    # ---- solutions --------------------------------------------------------------------------------------------------
+    # ---- solutions
+    # --------------------------------------------------------------------------------------------------
 
     def solve(self, at: Instants, start: FloatArray | None = None) -> Solution:
         """The carcass at these instants."""
@@ -140,8 +171,13 @@ class World:
         onset = np.full(len(at), np.nan) if rubbed is None else rubbed.onset_m
         return Solution(w, at, entry, exit_, onset)
 
-    def _components(self, p: FloatArray, rubbed: Friction | None) -> tuple[FloatArray, FloatArray | None]:
-        """Loads inwards and along the tread.  On the ring the road's force is vertical, not radial."""
+    def _components(
+        self, p: FloatArray, rubbed: Friction | None
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Loads inwards and along the tread.
+
+        On the ring the road's force is vertical, not radial.
+        """
         if self.scenario.truth == "beam":
             return (p, None) if rubbed is None else (p + rubbed.radial, None)
         angle = self.ring.xi_m / self.scenario.tire.rolling_radius_m
@@ -151,10 +187,13 @@ class World:
             along = along + rubbed.tangential * np.cos(angle)
         return radial, along
 
-    # ---- what sensors read ------------------------------------------------------------------------------------------
+    # ---- what sensors read
+    # ------------------------------------------------------------------------------------------
 
     def strain(self, solution: Solution, sensor: Sensor) -> ComplexArray:
-        """Transform of the tire's strain at the sensor's surface (b, m), before the sensor itself, without baseline."""
+        """Transform of the tire's strain at the sensor's surface (b, m), before the sensor itself,
+        without baseline.
+        """
         bent = self.curvature * self.ring.transform(solution.w)
         extra = extra_strain(self.ring, self.scenario, solution.at, solution.exit_m)
         lever = self.lever(sensor)
@@ -163,34 +202,53 @@ class World:
     def lever(self, sensor: Sensor) -> float:
         """Signed lever arm [m], positive on the inner surface; shorter with wear."""
         worn, conditions = self.scenario.planted("wear"), self.scenario.conditions
-        shorter = 1.0 - (worn["lever_loss"] * conditions.distance_km / 40000.0 if worn is not None else 0.0)
-        return self.scenario.tire.lever_arm_m * shorter * (1.0 if sensor.surface == "inner" else -1.0)
+        shorter = 1.0 - (
+            worn["lever_loss"] * conditions.distance_km / 40000.0 if worn is not None else 0.0
+        )
+        return (
+            self.scenario.tire.lever_arm_m * shorter * (1.0 if sensor.surface == "inner" else -1.0)
+        )
 
     def waveform(self, solution: Solution, sensor: Sensor) -> FloatArray:
-        """What the sensor reads round the wheel, (b, points): strain, or radial acceleration outwards [m/s^2] without gravity."""
+        """What the sensor reads round the wheel, (b, points): strain, or radial acceleration
+        outwards [m/s^2] without gravity.
+        """
         at, radius = solution.at, self.drive.radius_m
         gauge, lag = self._sensor_effects(sensor)
         if sensor.kind == "radial_acceleration":
             spectrum = self.ring.transform(solution.w)
             spin2 = (at.speed[:, None] / radius) ** 2
-            spectrum = -spin2 * (radius**2 * self.ring.derivatives[2] + self.ring.derivatives[0]) * spectrum
+            spectrum = (
+                -spin2
+                * (radius**2 * self.ring.derivatives[2] + self.ring.derivatives[0])
+                * spectrum
+            )
             seen = seen_by(self.ring, spectrum, at.speed, None, lag, sensor.bandwidth_Hz)
             return self.ring.inverse(seen) - spin2 * radius
         spectrum = self.strain(solution, sensor)
         seen = seen_by(self.ring, spectrum, at.speed, gauge, lag, sensor.bandwidth_Hz)
         return self.ring.inverse(seen)
 
-    def _sensor_effects(self, sensor: Sensor) -> tuple[Planted | float | None, Planted | float | None]:
-        """Gauge length and lag: the planted effect, else the sensor's own (known) number, else None."""
+    def _sensor_effects(
+        self, sensor: Sensor
+    ) -> tuple[Planted | float | None, Planted | float | None]:
+        """Gauge length and lag: the planted effect, else the sensor's own (known) number, else
+        None.
+        """
         gauge = self.scenario.planted("gauge_length") or sensor.gauge_length_m or None
         return gauge, self.scenario.planted("sensor_lag") or sensor.lag_s or None
 
     def baseline(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
-        """The strain's slow baseline: the sensor's own, inflation, tension's stretch, thermal drift."""
+        """The strain's slow baseline: the sensor's own, inflation, tension's stretch, thermal
+        drift.
+        """
         total = np.full_like(time_s, sensor.baseline)
         if self.scenario.ramp is not None:
             total = total + ramp.strain(self.scenario.ramp, time_s)
-        tension, drift = self.scenario.planted("belt_tension"), self.scenario.planted("thermal_drift")
+        tension, drift = (
+            self.scenario.planted("belt_tension"),
+            self.scenario.planted("thermal_drift"),
+        )
         if tension is not None:
             total = total + tension["stretch_s2_m2"] * self.drive.speed_at(time_s) ** 2
         if drift is not None:
@@ -200,4 +258,10 @@ class World:
 
 def family(sensor: Sensor) -> tuple[object, ...]:
     """Sensors of one family share their waveforms."""
-    return sensor.kind == "radial_acceleration", sensor.surface, sensor.gauge_length_m, sensor.lag_s, sensor.bandwidth_Hz
+    return (
+        sensor.kind == "radial_acceleration",
+        sensor.surface,
+        sensor.gauge_length_m,
+        sensor.lag_s,
+        sensor.bandwidth_Hz,
+    )

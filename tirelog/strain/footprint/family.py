@@ -1,15 +1,20 @@
-"""The physical shape of one patch passage in the strain: a carcass pressed one-sidedly onto a flat road through its tread.
+"""The physical shape of one patch passage in the strain: a carcass pressed one-sidedly onto a flat
+road through its tread.
 
-    EdgeShape (a handful of numbers) --spectrum over the tire's own wave numbers--> strain and its derivatives on a grid of xi
+    EdgeShape (a handful of numbers) --spectrum over the tire's own wave numbers--> strain and its
+    derivatives on a grid of xi
 
-One family holds both carcasses of the papers.  A bending line with tension on a foundation, EJ w'''' - T w'' + k w = p, is P1's and
-P2's beam where T = -mu c^2 (errata: alpha^2 = -tension / 2), and P3's ring where T is the hoop tension p0 b R.  The contact pressure
-is what tread springs give on a flat road, p = k_t (delta - xi^2 / (2 R) - w) and zero outside the patch: for soft tread it is the
-parabola of P2 (12) on a beam, for stiff tread it is the one-sided contact of P3.  So the contact length needs no choice of a carcass.
+One family holds both carcasses of the papers. A bending line with tension on a foundation, EJ w''''
+- T w'' + k w = p, is P1's and P2's beam where T = -mu c^2 (errata: alpha^2 = -tension / 2), and
+P3's ring where T is the hoop tension p0 b R. The contact pressure is what tread springs give on a
+flat road, p = k_t (delta - xi^2 / (2 R) - w) and zero outside the patch: for soft tread it is the
+parabola of P2 (12) on a beam, for stiff tread it is the one-sided contact of P3. So the contact
+length needs no choice of a carcass.
 
-The pressure is a series in (1 - x^2) P'_{n+1}(x), x = xi / L, which vanishes at the edges; tested with Legendre polynomials the
-contact condition is a small linear system for a *given* length (the approach delta falls out of the equation that is not used).
-Lengths in m.  xi grows in the direction in which tread passes: entry edge at -L, exit edge at +L, so xi grows with time.
+The pressure is a series in (1 - x^2) P'_{n+1}(x), x = xi / L, which vanishes at the edges; tested
+with Legendre polynomials the contact condition is a small linear system for a *given* length (the
+approach delta falls out of the equation that is not used). Lengths in m. xi grows in the direction
+in which tread passes: entry edge at -L, exit edge at +L, so xi grows with time.
 """
 
 from __future__ import annotations
@@ -32,9 +37,11 @@ class EdgeShape:
 
     half_length_m     L
     bending_length_m  (EJ / k)^(1/4)
-    tension           T / sqrt(EJ k), above -2 (the critical speed); negative for a beam at speed, positive for a ring under pressure
+    tension           T / sqrt(EJ k), above -2 (the critical speed); negative for a beam at speed,
+                      positive for a ring under pressure
     tread             log(1 + k_t / k): 0 is P2's parabola
-    damping           d of the term d (EJ / k)^(1/4) k w': odd about the patch centre, positive as in the errata's equation
+    damping           d of the term d (EJ / k)^(1/4) k w': odd about the patch centre, positive as
+                      in the errata's equation
     tilt              p (1 - tilt xi / L): positive is heavier towards the entry
     """
 
@@ -65,14 +72,18 @@ def _mass() -> FloatArray:
     order = 2.0 * np.arange(TERMS)
     # (1 - x^2) P'_{n+1} = (n+1)(n+2)/(2n+3) (P_n - P_{n+2}), and <P_n, P_n> = 2 / (2n + 1)
     factor = (order + 1.0) * (order + 2.0) / (2.0 * order + 3.0)
-    return np.asarray(np.diag((2.0 * factor / (2.0 * order + 1.0))[1:], 1) - np.diag(2.0 * factor / (2.0 * order + 5.0)))
+    return np.asarray(
+        np.diag((2.0 * factor / (2.0 * order + 1.0))[1:], 1)
+        - np.diag(2.0 * factor / (2.0 * order + 5.0))
+    )
 
 
 class EdgeFamily:
     """The family on one tire: wave numbers n / R up to `highest_1_m`, n = 1, 2, ...
 
-    `closed` takes the ring's own operator (n^2 - 1 in place of (kappa R)^2, and a tangential foundation as stiff as the radial one)
-    in place of the straight line's: the difference between the two is a share of the error of form.
+    `closed` takes the ring's own operator (n^2 - 1 in place of (kappa R)^2, and a tangential
+    foundation as stiff as the radial one) in place of the straight line's: the difference between
+    the two is a share of the error of form.
     """
 
     def __init__(self, radius_m: float, highest_1_m: float, *, closed: bool = False) -> None:
@@ -83,28 +94,47 @@ class EdgeFamily:
         self._tangential = 1.0 / order**2 if closed else np.zeros(order.size)
 
     def spectrum(self, shape: EdgeShape) -> ComplexArray:
-        """Complex amplitude of the strain of an outer grating at each wave number, shape (n,); the height is of the order of one."""
+        """Complex amplitude of the strain of an outer grating at each wave number, shape (n,); the
+        height is of the order of one.
+        """
         return self.jacobian(shape)[:, 0]
 
     def jacobian(self, shape: EdgeShape) -> ComplexArray:
-        """The spectrum, and its derivatives by the six parameters in the order of the fields, shape (n, 7)."""
-        return form_spectra(self.kappa_1_m, self._square, self._tangential, self.radius_m, shape.array(), _mass())
+        """The spectrum, and its derivatives by the six parameters in the order of the fields, shape
+        (n, 7).
+        """
+        return form_spectra(
+            self.kappa_1_m, self._square, self._tangential, self.radius_m, shape.array(), _mass()
+        )
 
     def receptance(self, shape: EdgeShape) -> ComplexArray:
-        """Strain per load at each wave number, shape (n,): a load's transform along xi times this is a spectrum."""
+        """Strain per load at each wave number, shape (n,): a load's transform along xi times this
+        is a spectrum.
+        """
         ell = shape.bending_length_m
-        stiffness = ell**4 * self._square**2 + shape.tension * ell**2 * self._square + 1.0 + self._tangential
+        stiffness = (
+            ell**4 * self._square**2
+            + shape.tension * ell**2 * self._square
+            + 1.0
+            + self._tangential
+        )
         height = -self._square * ell / (np.pi * self.radius_m)
         return np.asarray(height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell), complex)
 
     def basis(self, xi_m: FloatArray) -> ComplexArray:
-        """exp(1j kappa xi), shape (len(xi), n): the real part of basis @ spectrum is the strain there."""
+        """exp(1j kappa xi), shape (len(xi), n): the real part of basis @ spectrum is the strain
+        there.
+        """
         return np.asarray(np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m)))
 
-    def on_grid(self, spectra: ComplexArray, points: int, half_window_m: float) -> tuple[FloatArray, FloatArray]:
-        """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as +-`half_window_m`: abscissae (g,), (g, c).
+    def on_grid(
+        self, spectra: ComplexArray, points: int, half_window_m: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as
+        +-`half_window_m`: abscissae (g,), (g, c).
 
-        What straight lines between the points take off on average, sinc^2(kappa step / 2), is made up for.
+        What straight lines between the points take off on average, sinc^2(kappa step / 2), is made
+        up for.
         """
         padded = np.zeros((spectra.shape[1], points // 2 + 1), complex)
         kept = min(self.kappa_1_m.size, points // 2)

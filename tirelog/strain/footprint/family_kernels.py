@@ -1,9 +1,12 @@
-"""Compiled: the spectrum of a patch passage and its derivatives by the form's six parameters (the equations of `family`).
+"""Compiled: the spectrum of a patch passage and its derivatives by the form's six parameters (the
+equations of `family`).
 
-    wave numbers, EdgeShape --Legendre transforms = spherical Bessel functions j_n(kappa L)--> contact conditions (TERMS x TERMS)
+    wave numbers, EdgeShape --Legendre transforms = spherical Bessel functions j_n(kappa L)-->
+    contact conditions (TERMS x TERMS)
                             --solved--> pressure series --response--> spectrum and slopes, (n, 7)
 
-A Legendre polynomial's transform over the patch is 2 i^n j_n(z), z = kappa L, so nothing is integrated numerically.
+A Legendre polynomial's transform over the patch is 2 i^n j_n(z), z = kappa L, so nothing is
+integrated numerically.
 """
 
 from __future__ import annotations
@@ -24,7 +27,9 @@ _DEEP, _STABLE = 44, 16.0
 
 @compiled
 def spherical_bessel(z: float, out: FloatArray) -> None:
-    """j_0 .. j_(ORDERS - 1) of `z` > 0 into `out`, upwards where that is stable, else downwards (Miller)."""
+    """j_0 .. j_(ORDERS - 1) of `z` > 0 into `out`, upwards where that is stable, else downwards
+    (Miller).
+    """
     by_z = 1.0 / z
     first = np.sin(z) * by_z
     second = (first - np.cos(z)) * by_z
@@ -46,7 +51,9 @@ def spherical_bessel(z: float, out: FloatArray) -> None:
 
 @compiled
 def inverted(matrix: FloatArray) -> FloatArray:
-    """The inverse of a small square `matrix` (which is overwritten), by elimination with row pivots."""
+    """The inverse of a small square `matrix` (which is overwritten), by elimination with row
+    pivots.
+    """
     size = matrix.shape[0]
     inverse = np.zeros((size, size))
     for k in range(size):
@@ -73,8 +80,9 @@ def inverted(matrix: FloatArray) -> FloatArray:
 
 @compiled
 def _transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArray) -> None:
-    """Transforms at each wave number, and their slopes by L: tests P_2, P_4, ... | terms (1 - x^2) P'_(n+1) | x (1 - x^2), shape
-    (n, 2 TERMS + 1)."""
+    """Transforms at each wave number, and their slopes by L: tests P_2, P_4, ... | terms (1 - x^2)
+    P'_(n+1) | x (1 - x^2), shape (n, 2 TERMS + 1).
+    """
     j, by_z = np.empty(ORDERS), np.empty(ORDERS - 1)
     for k in range(kappa.size):
         spherical_bessel(kappa[k] * L, j)
@@ -87,18 +95,39 @@ def _transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArr
                 n = 2 * m
                 values[m] = -2.0 * sign * source[n + 2]
                 # (1 - x^2) P'_(n+1) = (n+1)(n+2)/(2n+3) (P_n - P_(n+2))
-                values[TERMS + m] = 2.0 * sign * (n + 1.0) * (n + 2.0) / (2.0 * n + 3.0) * (source[n] + source[n + 2])
+                values[TERMS + m] = (
+                    2.0
+                    * sign
+                    * (n + 1.0)
+                    * (n + 2.0)
+                    / (2.0 * n + 3.0)
+                    * (source[n] + source[n + 2])
+                )
                 sign = -sign
             values[2 * TERMS] = 0.8 * factor * (source[1] + source[3])
 
 
 @compiled
 def form_spectra(
-    kappa: FloatArray, square: FloatArray, tangential: FloatArray, radius: float, shape: FloatArray, mass: FloatArray
+    kappa: FloatArray,
+    square: FloatArray,
+    tangential: FloatArray,
+    radius: float,
+    shape: FloatArray,
+    mass: FloatArray,
 ) -> NDArray[np.complex128]:
-    """Spectrum of `shape` (the fields of EdgeShape) and its six derivatives, (n, 7), at the wave numbers `kappa` (n,) of the operator
-    with `square` (n,) and `tangential` (n,); `mass` (TERMS, TERMS): <test, term>."""
-    L, ell, tension, ratio, damping, tilt = shape[0], shape[1], shape[2], np.exp(shape[3]) - 1.0, shape[4], shape[5]
+    """Spectrum of `shape` (the fields of EdgeShape) and its six derivatives, (n, 7), at the wave
+    numbers `kappa` (n,) of the operator with `square` (n,) and `tangential` (n,); `mass` (TERMS,
+    TERMS): <test, term>.
+    """
+    L, ell, tension, ratio, damping, tilt = (
+        shape[0],
+        shape[1],
+        shape[2],
+        np.exp(shape[3]) - 1.0,
+        shape[4],
+        shape[5],
+    )
     count = kappa.size
     waves, slopes = np.empty((count, 2 * TERMS + 1)), np.empty((count, 2 * TERMS + 1))
     _transforms(kappa, L, waves, slopes)
@@ -126,7 +155,9 @@ def form_spectra(
         loaded = weight * even[k]
         for i in range(TERMS):
             test = waves[k, i]
-            load[i, 0] -= ratio * (test * (loaded / L + weight * even_slope[k]) + slopes[k, i] * loaded)
+            load[i, 0] -= ratio * (
+                test * (loaded / L + weight * even_slope[k]) + slopes[k, i] * loaded
+            )
             load[i, 1] += ratio * test * loaded * by_ell[k] / stiffness[k]
             load[i, 2] += ratio * test * loaded * by_tension[k] / stiffness[k]
             load[i, 3] -= (1.0 + ratio) * test * loaded
@@ -139,7 +170,8 @@ def form_spectra(
     for k in range(count):
         odd, odd_slope = waves[k, 2 * TERMS], slopes[k, 2 * TERMS]
         compliance = 1.0 / complex(stiffness[k], damping * kappa[k] * ell)
-        # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights stay comparable while a fit walks
+        # height: a curvature of the order of 1 / bending length^2 is divided out, so that heights
+        # stay comparable while a fit walks
         response = -square[k] * ell * reach * compliance
         # the tilt is carried by the parabola of the same load
         spectrum = response * complex(even[k], tilt * pressure[0] * odd)
@@ -149,7 +181,9 @@ def form_spectra(
             for n in range(TERMS):
                 by += waves[k, TERMS + n] * moved[n, c]
             out[k, 1 + c] = response * complex(by, tilt * odd * moved[0, c])
-        out[k, 1] += response * complex(even_slope[k], tilt * pressure[0] * odd_slope) + spectrum / L
+        out[k, 1] += (
+            response * complex(even_slope[k], tilt * pressure[0] * odd_slope) + spectrum / L
+        )
         out[k, 2] += spectrum * (1.0 / ell - complex(by_ell[k], damping * kappa[k]) * compliance)
         out[k, 3] -= spectrum * by_tension[k] * compliance
         out[k, 5] = spectrum * complex(0.0, -kappa[k] * ell) * compliance

@@ -1,11 +1,13 @@
-"""Every passage against the log's own form: height, offset, position, length and oddness by one linear least squares a row.
+"""Every passage against the log's own form: height, offset, position, length and oddness by one
+linear least squares a row.
 
     Reference --on a fine grid of xi--> FormTables: columns of the linear model at some speeds
     PatchWindows --`kernels.fit_rows`, columns at each sample's distance--> PassageFits
 
-A passage is height x form(xi - shift; length, damping, tilt) + offset.  Linear in everything about the reference; what is quadratic
-in length and shift is known from two more columns of the same products and taken off in turns, without touching the samples again.
-At the noise of the log the errors are those of Cramer and Rao.
+A passage is height x form(xi - shift; length, damping, tilt) + offset. Linear in everything about
+the reference; what is quadratic in length and shift is known from two more columns of the same
+products and taken off in turns, without touching the samples again. At the noise of the log the
+errors are those of Cramer and Rao.
 """
 
 from __future__ import annotations
@@ -29,29 +31,54 @@ from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: points of the form's table over a revolution: every half a millimetre, straight lines between them
+#: points of the form's table over a revolution: every half a millimetre, straight lines between
+#: them
 TABLE_POINTS = 4096
-#: weak knowledge of a passage's own oddness beside the log's: standard deviation of damping and tilt
+#: weak knowledge of a passage's own oddness beside the log's: standard deviation of damping and
+#: tilt
 ODD_SD = 0.3
 
 
-def grid_of(reference: Reference, number: int, half_window_m: float, spectra: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Waves (g, c) of `spectra` (n, c) at speed `number` of `reference`, and the grid as the kernels take it: first, step, squared
-    speed, shift, half window, shape (5,)."""
+def grid_of(
+    reference: Reference, number: int, half_window_m: float, spectra: ComplexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Waves (g, c) of `spectra` (n, c) at speed `number` of `reference`, and the grid as the
+    kernels take it: first, step, squared speed, shift, half window, shape (5,).
+    """
     xi, columns = reference.family.on_grid(spectra, TABLE_POINTS, 1.02 * half_window_m)
-    return columns, np.array([xi[0], xi[1] - xi[0], reference.speed_m_s[number] ** 2, reference.shifts_m[number], half_window_m])
+    return columns, np.array(
+        [
+            xi[0],
+            xi[1] - xi[0],
+            reference.speed_m_s[number] ** 2,
+            reference.shifts_m[number],
+            half_window_m,
+        ]
+    )
 
 
-def shape_table(reference: Reference, number: int, half_window_m: float) -> tuple[FloatArray, FloatArray]:
-    """Height, -shift, length, damping, tilt | bending length, tension, tread at speed `number`, and their grid: what learning needs."""
+def shape_table(
+    reference: Reference, number: int, half_window_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """Height, -shift, length, damping, tilt | bending length, tension, tread at speed `number`, and
+    their grid: what learning needs.
+    """
     spectra = reference.family.jacobian(reference.shapes[number])
     slope = -1j * reference.family.kappa_1_m * spectra[:, 0]
-    return grid_of(reference, number, half_window_m, np.column_stack([spectra[:, 0], slope, spectra[:, [1, 5, 6, 2, 3, 4]]]))
+    return grid_of(
+        reference,
+        number,
+        half_window_m,
+        np.column_stack([spectra[:, 0], slope, spectra[:, [1, 5, 6, 2, 3, 4]]]),
+    )
 
 
-def _form_table(reference: Reference, number: int, half_window_m: float) -> tuple[FloatArray, FloatArray]:
-    """Height, -shift, length, damping, tilt | second by length, second by shift, by the squared speed, at speed `number`; the height's
-    wave holds what the form left of the learnt passages."""
+def _form_table(
+    reference: Reference, number: int, half_window_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """Height, -shift, length, damping, tilt | second by length, second by shift, by the squared
+    speed, at speed `number`; the height's wave holds what the form left of the learnt passages.
+    """
     family, shape = reference.family, reference.shapes[number]
     spectra = family.jacobian(shape)
     nudge = 1e-3 * shape.half_length_m
@@ -62,17 +89,29 @@ def _form_table(reference: Reference, number: int, half_window_m: float) -> tupl
         reference,
         number,
         half_window_m,
-        np.column_stack([base, -wave_number * base, spectra[:, [1, 5, 6]], *second, -reference.inertia * spectra[:, 3]]),
+        np.column_stack(
+            [
+                base,
+                -wave_number * base,
+                spectra[:, [1, 5, 6]],
+                *second,
+                -reference.inertia * spectra[:, 3],
+            ]
+        ),
     )
     if reference.residuals is not None and reference.residual_xi_m is not None:
         xi = grid[0] + grid[1] * np.arange(columns.shape[0])
-        columns[:, 0] += np.interp(xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0)
+        columns[:, 0] += np.interp(
+            xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0
+        )
     return columns, grid
 
 
 @dataclass(frozen=True)
 class FormTables:
-    """The form at k speeds: `columns` (k, g, 8) on `grids` (k, 5), `half_length_m` and `shift_m` behind the passages' centres (k,)."""
+    """The form at k speeds: `columns` (k, g, 8) on `grids` (k, 5), `half_length_m` and `shift_m`
+    behind the passages' centres (k,).
+    """
 
     columns: FloatArray
     grids: FloatArray
@@ -84,14 +123,21 @@ class FormTables:
         """The tables at the speeds of `reference`."""
         made = [_form_table(reference, k, half_window_m) for k in range(len(reference.shapes))]
         columns, grids = (np.stack(part) for part in zip(*made, strict=True))
-        return cls(columns, grids, np.array([shape.half_length_m for shape in reference.shapes]), reference.shifts_m)
+        return cls(
+            columns,
+            grids,
+            np.array([shape.half_length_m for shape in reference.shapes]),
+            reference.shifts_m,
+        )
 
 
 @dataclass(frozen=True)
 class PassageFits:
-    """One row a passage, shape (n,): `height` and `offset` (patch downward), `shift_m` of the patch's middle behind the passage's centre,
-    `length_m` the full contact length, `damping`, `tilt` beside the reference's; standard errors at `noise` one; `chi2` per degree of
-    freedom, `used` samples."""
+    """One row a passage, shape (n,): `height` and `offset` (patch downward), `shift_m` of the
+    patch's middle behind the passage's centre, `length_m` the full contact length, `damping`,
+    `tilt` beside the reference's; standard errors at `noise` one; `chi2` per degree of freedom,
+    `used` samples.
+    """
 
     height: FloatArray
     offset: FloatArray
@@ -114,9 +160,12 @@ class PassageFits:
             getattr(self, f.name)[rows] = getattr(other, f.name)
 
 
-def fit(windows: PatchWindows, motion: FloatArray, tables: FormTables, number: IntArray, noise: float) -> PassageFits:
-    """The rows of `windows`, which move as `motion` says (`PatchWindows.motion`), each against the form `number` (n,) of `tables`;
-    `noise`: standard deviation of a sample of the log."""
+def fit(
+    windows: PatchWindows, motion: FloatArray, tables: FormTables, number: IntArray, noise: float
+) -> PassageFits:
+    """The rows of `windows`, which move as `motion` says (`PatchWindows.motion`), each against the
+    form `number` (n,) of `tables`; `noise`: standard deviation of a sample of the log.
+    """
     sigma = noise / np.sqrt(windows.averaged)
     found = fit_rows(windows.values, motion, number, tables.columns, tables.grids, sigma, ODD_SD).T
     height, used = found[HEIGHT], found[OWN + 3]

@@ -1,10 +1,13 @@
 """Contact length, edges and slip onset of every passage of a strain grating (P2, errata).
 
-    Channel --find_passages--> centres, speeds --some passages--> averages by speed --physical form--> Reference
-            --windows around every passage, block by block--> plain edges (P2 3.2) and fits of the form --> Footprint, a row a passage
+    Channel --find_passages--> centres, speeds --some passages--> averages by speed --physical
+    form--> Reference
+            --windows around every passage, block by block--> plain edges (P2 3.2) and fits of the
+            form --> Footprint, a row a passage
 
-`length_m` comes from the fits, `length_d2_m` and `length_d1_m` are the papers' own measures after the low-pass.  Everything runs along
-the tread, xi = v t + a t^2 / 2, entry edge at -L, exit edge at +L.  A row depends on its passage and on the log's Reference only.
+`length_m` comes from the fits, `length_d2_m` and `length_d1_m` are the papers' own measures after
+the low-pass. Everything runs along the tread, xi = v t + a t^2 / 2, entry edge at -L, exit edge at
++L. A row depends on its passage and on the log's Reference only.
 """
 
 from __future__ import annotations
@@ -24,11 +27,14 @@ from tirelog.strain.footprint.slip_onset import SlipOnset
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray
 
-#: error of a length whose traction leaves a share of the misfit: this many times the share's root of what the traction has moved it
+#: error of a length whose traction leaves a share of the misfit: this many times the share's root
+#: of what the traction has moved it
 UNEXPLAINED = 2.0
-#: passages with a traction are too few to bend the learnt form, or too many to be left out, by this share; twice as much is still neither
+#: passages with a traction are too few to bend the learnt form, or too many to be left out, by this
+#: share; twice as much is still neither
 DRIVEN_SHARE = 0.03
-#: times that a form is learnt anew without passages that turn out driven: the second time sees what the first one's form has hidden
+#: times that a form is learnt anew without passages that turn out driven: the second time sees what
+#: the first one's form has hidden
 MOST_LEARNT = 3
 #: fewer samples between the edges than this cannot tell a length
 LEAST_SAMPLES = 4
@@ -36,12 +42,15 @@ LEAST_SAMPLES = 4
 
 @dataclass(frozen=True)
 class Footprint:
-    """One row a passage, shape (n,): the columns of the table `footprint`, and what pictures show.  Lengths in m, NaN where unknown.
+    """One row a passage, shape (n,): the columns of the table `footprint`, and what pictures show.
 
-    `length_m` takes a traction into account where there is a slip onset.  `form_se_m`: the share of its error that comes from not knowing
-    the carcass, with the same sign in all rows.  `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's
-    extrema: positive where the exit edge is the sharper one; `d2_entry_m`, `d2_exit_m`: their abscissae from the patch centre.
-    `learnt`: the log's form; `cutoff_Hz`: what the low-pass used.
+    Lengths in m, NaN where unknown.
+
+    `length_m` takes a traction into account where there is a slip onset. `form_se_m`: the share of
+    its error that comes from not knowing the carcass, with the same sign in all rows.
+    `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's
+    extrema: positive where the exit edge is the sharper one; `d2_entry_m`, `d2_exit_m`: their
+    abscissae from the patch centre. `learnt`: the log's form; `cutoff_Hz`: what the low-pass used.
     """
 
     length_m: FloatArray
@@ -70,8 +79,9 @@ def footprint(
     block_samples: int = BLOCK_SAMPLES,
     learnt: Learnt | None = None,
 ) -> Footprint:
-    """The footprint at each of `passages` of the strain `channel`; `cutoff` of the low-pass (auto); `learnt`: the form of its passages,
-    which is learnt here where it is not given."""
+    """The footprint at each of `passages` of the strain `channel`; `cutoff` of the low-pass (auto);
+    `learnt`: the form of its passages, which is learnt here where it is not given.
+    """
     cutoff = cutoff or Cutoff()
     n = len(passages)
     speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
@@ -103,17 +113,31 @@ def footprint(
 
 
 def _mixed(learnt: Learnt, work: Measured) -> bool:
-    """Whether the form was learnt from passages with and without traction alike, and missed both: to be learnt without them."""
-    some = DRIVEN_SHARE * work.driven.size < work.driven.sum() < (1.0 - DRIVEN_SHARE) * work.driven.size
-    return some and work.usual is not None and learnt.reference.misfit > REMARKABLE * work.usual.scatter**2
+    """Whether the form was learnt from passages with and without traction alike, and missed both:
+    to be learnt without them.
+    """
+    some = (
+        DRIVEN_SHARE * work.driven.size
+        < work.driven.sum()
+        < (1.0 - DRIVEN_SHARE) * work.driven.size
+    )
+    return (
+        some
+        and work.usual is not None
+        and learnt.reference.misfit > REMARKABLE * work.usual.scatter**2
+    )
 
 
 def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArray:
-    """Error of a length with traction from what the traction leaves unexplained: so much of what it has moved the length by."""
+    """Error of a length with traction from what the traction leaves unexplained: so much of what it
+    has moved the length by.
+    """
     free = np.maximum(fits.used - FITTED, 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = (slip.left - free) / np.maximum(fits.chi2 * free / scatter**2 - free, 1.0)
-        return UNEXPLAINED * np.sqrt(np.clip(share, 0.0, 1.0)) * np.abs(slip.length_m - fits.length_m)
+        return (
+            UNEXPLAINED * np.sqrt(np.clip(share, 0.0, 1.0)) * np.abs(slip.length_m - fits.length_m)
+        )
 
 
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
@@ -142,8 +166,16 @@ def _assembled(
     slip = work.slip
     slipping = np.isfinite(slip.length_m)
     length = np.where(slipping, slip.length_m, fits.length_m)
-    own_se = np.where(slipping, np.hypot(slip.length_se_m, _unexplained(fits, slip, scatter)), fits.length_se_m * scatter)
-    noise_se = np.sqrt(own_se**2 + reference_se**2 + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2)
+    own_se = np.where(
+        slipping,
+        np.hypot(slip.length_se_m, _unexplained(fits, slip, scatter)),
+        fits.length_se_m * scatter,
+    )
+    noise_se = np.sqrt(
+        own_se**2
+        + reference_se**2
+        + (fits.length_m * np.nan_to_num(passages.speed_se_m_s / speed)) ** 2
+    )
     length, noise_se = _told(length, noise_se)
     edges = dict(edges)
     for name in ("length_d2", "length_d1"):
@@ -152,7 +184,9 @@ def _assembled(
     with np.errstate(invalid="ignore"):
         entry = passages.time_s + _time_at(fits.shift_m - half, speed, acceleration)
         leave = passages.time_s + _time_at(fits.shift_m + half, speed, acceleration)
-        asymmetry = (edges["exit_height"] - edges["entry_height"]) / (edges["exit_height"] + edges["entry_height"])
+        asymmetry = (edges["exit_height"] - edges["entry_height"]) / (
+            edges["exit_height"] + edges["entry_height"]
+        )
     known = np.where(np.isfinite(length), 1.0, np.nan)
     return Footprint(
         length,
@@ -176,7 +210,9 @@ def _assembled(
 
 
 def _told(lengths_m: FloatArray, errors_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lengths and their errors (n,), both NaN where a length is not above its own error: nothing is known of it there."""
+    """Lengths and their errors (n,), both NaN where a length is not above its own error: nothing is
+    known of it there.
+    """
     with np.errstate(invalid="ignore"):
         told = errors_m < lengths_m
     return np.where(told, lengths_m, np.nan), np.where(told, errors_m, np.nan)
@@ -197,9 +233,19 @@ def _words(
         short = work.inside < LEAST_SAMPLES
     unknown = ~np.isfinite(length_m)
     unclear = ~np.isfinite(length_d2_m) & ~cut & ~unknown
-    formless = np.zeros(len(passages), bool) if learnt is None else learnt.unclear(passages.speed_m_s) & ~unknown
+    formless = (
+        np.zeros(len(passages), bool)
+        if learnt is None
+        else learnt.unclear(passages.speed_m_s) & ~unknown
+    )
     words = list(passages.quality)
-    marks = (("cutoff", cut), ("patch_short", short), ("no_length", unknown), ("edge_unclear", unclear), ("form_unclear", formless))
+    marks = (
+        ("cutoff", cut),
+        ("patch_short", short),
+        ("no_length", unknown),
+        ("edge_unclear", unclear),
+        ("form_unclear", formless),
+    )
     for name, marked in marks:
         for row in np.flatnonzero(marked):
             words[row] |= {name}

@@ -1,11 +1,14 @@
 """Compiled: least squares of a form against each passage's own samples, row by row.
 
-    a row of a window --distance of each sample--> the form's columns at the samples that are used, their values last
-        --all products--> gram (w + 1, w + 1), w columns --scaled Cholesky--> inverse of the passage's own block --> solution
+    a row of a window --distance of each sample--> the form's columns at the samples that are used,
+    their values last
+        --all products--> gram (w + 1, w + 1), w columns --scaled Cholesky--> inverse of the
+        passage's own block --> solution
 
-Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the quadratic ones by length and shift, of
-learning then the shared ones.  A table (g, c) has the same columns without the offset, on an even grid from `first_m` by `step_m`; one of
-them, `follows`, times `by_speed2` x (the row's squared speed - the table's) is added to the height's.
+Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the
+quadratic ones by length and shift, of learning then the shared ones. A table (g, c) has the same
+columns without the offset, on an even grid from `first_m` by `step_m`; one of them, `follows`,
+times `by_speed2` x (the row's squared speed - the table's) is added to the height's.
 """
 
 from __future__ import annotations
@@ -31,9 +34,11 @@ def look_up(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float, follows: int, wide: int,
     columns: FloatArray, place: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
-    """Fill `columns` and `place` (on the grid) of the samples of a row that are used; how many, and their mean, which is taken off.
+    """Fill `columns` and `place` (on the grid) of the samples of a row that are used; how many, and
+    their mean, which is taken off.
 
-    `window`: centre (column), rate, speed, acceleration; `grid`: first and step, squared speed, shift, half window.
+    `window`: centre (column), rate, speed, acceleration; `grid`: first and step, squared speed,
+    shift, half window.
     """
     centre, rate, speed, acceleration = window[0], window[1], window[2], window[3]
     first, step, square, shift, half_window = grid[0], grid[1], grid[2], grid[3], grid[4]
@@ -62,7 +67,8 @@ def look_up(
 
 @compiled
 def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
-    """Products of all pairs of columns and values, summed over the samples; `columns` has room for SPARE more than are used.
+    """Products of all pairs of columns and values, summed over the samples; `columns` has room for
+    SPARE more than are used.
 
     SPARE + 1 samples at a time: what is summed is loaded and stored once for all of them.
     """
@@ -76,17 +82,26 @@ def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> Non
         for i in range(wide + 1):
             a, b, c, d = columns[k, i], columns[k + 1, i], columns[k + 2, i], columns[k + 3, i]
             for j in range(i + 1):
-                gram[i, j] += a * columns[k, j] + b * columns[k + 1, j] + c * columns[k + 2, j] + d * columns[k + 3, j]
+                gram[i, j] += (
+                    a * columns[k, j]
+                    + b * columns[k + 1, j]
+                    + c * columns[k + 2, j]
+                    + d * columns[k + 3, j]
+                )
     for i in range(wide + 1):
         for j in range(i):
             gram[j, i] = gram[i, j]
 
 
 @compiled
-def own_inverse(gram: FloatArray, wide: int, sigma: float, odd_sd: float, lower: FloatArray, inverse: FloatArray) -> float:
-    """Inverse of a passage's own block, with what is known of damping and tilt (`odd_sd`, in heights) added; its rough height.
+def own_inverse(
+    gram: FloatArray, wide: int, sigma: float, odd_sd: float, lower: FloatArray, inverse: FloatArray
+) -> float:
+    """Inverse of a passage's own block, with what is known of damping and tilt (`odd_sd`, in
+    heights) added; its rough height.
 
-    Scaled to a diagonal of one, which is lifted a little so that columns that cannot be told apart share what there is.
+    Scaled to a diagonal of one, which is lifted a little so that columns that cannot be told apart
+    share what there is.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
     rough = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
@@ -149,35 +164,57 @@ def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
 
 
 @compiled
-def fitted(gram: FloatArray, inverse: FloatArray, rough: float, bends: FloatArray, whole: FloatArray) -> None:
-    """The solution (FITTED,) of a fit: linear about the form, what is quadratic in length and shift taken off in turns.
+def fitted(
+    gram: FloatArray, inverse: FloatArray, rough: float, bends: FloatArray, whole: FloatArray
+) -> None:
+    """The solution (FITTED,) of a fit: linear about the form, what is quadratic in length and shift
+    taken off in turns.
 
-    `bends` (3, OWN): the inverse times the right side, and times the two quadratic columns."""
+    `bends` (3, OWN): the inverse times the right side, and times the two quadratic columns.
+    """
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         apply(inverse, gram[column], bends[k])
     for turn in range(ROUNDS + 1):
         for i in range(OWN):
-            whole[i] = bends[0, i] - (bends[1, i] * whole[OWN] + bends[2, i] * whole[OWN + 1] if turn else 0.0)
-        whole[OWN], whole[OWN + 1] = bend(whole[LENGTH], whole[HEIGHT], rough), bend(whole[SHIFT], whole[HEIGHT], rough)
+            whole[i] = bends[0, i] - (
+                bends[1, i] * whole[OWN] + bends[2, i] * whole[OWN + 1] if turn else 0.0
+            )
+        whole[OWN], whole[OWN + 1] = (
+            bend(whole[LENGTH], whole[HEIGHT], rough),
+            bend(whole[SHIFT], whole[HEIGHT], rough),
+        )
 
 
 @compiled
 def fit_rows(
-    values: FloatArray, window: FloatArray, number: IntArray, tables: FloatArray, grids: FloatArray, sigma: float, odd_sd: float
+    values: FloatArray,
+    window: FloatArray,
+    number: IntArray,
+    tables: FloatArray,
+    grids: FloatArray,
+    sigma: float,
+    odd_sd: float,
 ) -> FloatArray:
-    """Each row of `values` (n, m) against the form `number` (n,) of the `tables` (k, g, FITTED) on `grids` (k, 5); `window` (n, 4).
+    """Each row of `values` (n, m) against the form `number` (n,) of the `tables` (k, g, FITTED) on
+    `grids` (k, 5); `window` (n, 4).
 
-    (n, 10): the solution's OWN, the linear height's errors of length and shift, squared residual over sigma^2, samples used; NaN where
-    there are too few samples.  The offset is the values' own.
+    (n, 10): the solution's OWN, the linear height's errors of length and shift, squared residual
+    over sigma^2, samples used; NaN where there are too few samples. The offset is the values' own.
     """
     wide = tables.shape[2]
     out = np.full((values.shape[0], OWN + 4), np.nan)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
+    gram, lower, inverse = (
+        np.empty((FITTED + 1, FITTED + 1)),
+        np.zeros((OWN, OWN)),
+        np.empty((OWN, OWN)),
+    )
     bends, whole = np.empty((3, OWN)), np.empty(FITTED)
     for row in range(values.shape[0]):
         k = number[row]
-        used, middle = look_up(values[row], window[row], tables[k], grids[k], 1.0, wide - 1, wide, columns, place)
+        used, middle = look_up(
+            values[row], window[row], tables[k], grids[k], 1.0, wide - 1, wide, columns, place
+        )
         out[row, OWN + 3] = used
         if used < FITTED:
             continue
@@ -198,21 +235,33 @@ def class_sums(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float, follows: int, sigma: float,
     odd_sd: float, cells: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """What the rows of one class of speed say of the columns behind their own, which all passages share; each row's own are eliminated.
+    """What the rows of one class of speed say of the columns behind their own, which all passages
+    share; each row's own are eliminated.
 
-    `table` (g, OWN - 1 + s).  (s, s + 2): normal matrix, right side, how far the length's column goes with them, all but the last over
-    sigma^2; (n, OWN + 2): own solutions, squared residual over sigma^2, samples used; (2, cells): sums of residuals over heights by place
-    in the window, and how many.
+    `table` (g, OWN - 1 + s). (s, s + 2): normal matrix, right side, how far the length's column
+    goes with them, all but the last over sigma^2; (n, OWN + 2): own solutions, squared residual
+    over sigma^2, samples used; (2, cells): sums of residuals over heights by place in the window,
+    and how many.
     """
     wide = table.shape[1] + 1
     shared = wide - OWN
-    sums, rows, left = np.zeros((shared, shared + 2)), np.zeros((values.shape[0], OWN + 2)), np.zeros((2, cells))
+    sums, rows, left = (
+        np.zeros((shared, shared + 2)),
+        np.zeros((values.shape[0], OWN + 2)),
+        np.zeros((2, cells)),
+    )
     columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
-    gram, lower, inverse = np.empty((wide + 1, wide + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
+    gram, lower, inverse = (
+        np.empty((wide + 1, wide + 1)),
+        np.zeros((OWN, OWN)),
+        np.empty((OWN, OWN)),
+    )
     cross, own = np.empty((shared, OWN)), np.empty(OWN)
     per_cell = cells / (2.0 * grid[4])
     for row in range(values.shape[0]):
-        used, _ = look_up(values[row], window[row], table, grid, by_speed2, follows, wide, columns, place)
+        used, _ = look_up(
+            values[row], window[row], table, grid, by_speed2, follows, wide, columns, place
+        )
         rows[row, OWN + 1] = used
         if used < OWN:
             continue

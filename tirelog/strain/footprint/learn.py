@@ -1,6 +1,8 @@
-"""The log's own form: which passages it is learnt from, their averages by speed, and what is known of its error.
+"""The log's own form: which passages it is learnt from, their averages by speed, and what is known
+of its error.
 
-Passages --clean ones, preferably at steady speed, by classes of speed, in clusters--> a few hundred windows
+Passages --clean ones, preferably at steady speed, by classes of speed, in clusters--> a few hundred
+windows
          --scaled by each passage's height, cells along xi--> averages --form--> a start
          --the samples themselves--> Learnt
 """
@@ -23,13 +25,15 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: window of averages and fits in half lengths
 WINDOW = 2.7
-#: classes of speed: at most, as many as there are steps of this ratio; passages of all and at least of each, in clusters of neighbours
+#: classes of speed: at most, as many as there are steps of this ratio; passages of all and at least
+#: of each, in clusters of neighbours
 CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 6, 1.12, 480, 48, 6
 #: samples are averaged while they lie closer than this share of the half length
 STEP = 1.0 / 36.0
 #: free rolling, as far as the acceleration tells [m/s^2]
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
-#: the closed ring is believed where it lowers chi-square (per degree of freedom at the misfit) by this much
+#: the closed ring is believed where it lowers chi-square (per degree of freedom at the misfit) by
+#: this much
 LEAST_LEAD = 10.0
 #: a start from another grating that ends in this many times its misfit is given up
 LIKE_MISFIT = 1.5
@@ -37,9 +41,11 @@ LIKE_MISFIT = 1.5
 SURE_SPEED = 0.001
 #: the noise of a sample may be overestimated by this much (variance)
 LEAST_SCATTER = 0.6
-#: what the form may leave of a passage at any place, as a share of its height.  Finite differences of beam and ring leave 0.001, a
-#: planted water film 0.036 and a true length within 0.3 %; a ring-down of 0.2 goes with lengths 5 % too long, lopsided pulses of 0.05
-#: to 0.07 with lengths half as long again.  Half of it would doubt the water film, twice as much would let all lopsided pulses pass
+#: what the form may leave of a passage at any place, as a share of its height.  Finite differences
+#: of beam and ring leave 0.001, a planted water film 0.036 and a true length within 0.3 %; a
+#: ring-down of 0.2 goes with lengths 5 % too long, lopsided pulses of 0.05 to 0.07 with lengths
+#: half as long again.  Half of it would doubt the water film, twice as much would let all lopsided
+#: pulses pass
 MOST_LEFT = 0.045
 #: their places among a form's parameters
 TREAD, TILT = 3, 5
@@ -51,10 +57,12 @@ FORM_FACTOR = 3.0
 
 @dataclass(frozen=True)
 class Learnt:
-    """`reference`: the member of the family (straight line, closed ring) that fits better; `other`: the one that fits worse.
+    """`reference`: the member of the family (straight line, closed ring) that fits better; `other`:
+    the one that fits worse.
 
-    `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum sinks into the noise, the `auto` cut-off;
-    `free_rolling`: whether it was learnt from passages at steady speed.
+    `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum
+    sinks into the noise, the `auto` cut-off; `free_rolling`: whether it was learnt from passages at
+    steady speed.
     """
 
     reference: Reference
@@ -64,10 +72,11 @@ class Learnt:
     free_rolling: bool
 
     def length_errors(self, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Standard errors [m] of the full length at each speed that all rows share: from learning the form, and for the form itself.
+        """Standard errors [m] of the full length at each speed that all rows share: from learning
+        the form, and for the form itself.
 
-        The form's: the difference that the choice of the member makes, times how little the misfits tell the members apart from what even
-        the better one misses (or might miss unseen).
+        The form's: the difference that the choice of the member makes, times how little the misfits
+        tell the members apart from what even the better one misses (or might miss unseen).
         """
         best = 2.0 * np.array([s.half_length_m for s in self.reference.shapes])
         worse = 2.0 * np.array([s.half_length_m for s in self.other.shapes])
@@ -79,10 +88,14 @@ class Learnt:
         return np.interp(speed_m_s, at, self.reference.length_se_m), np.interp(speed_m_s, at, share)
 
     def unclear(self, speed_m_s: FloatArray) -> NDArray[np.bool_]:
-        """Where the form is none of a tire, (n,): it leaves too much, or stands at a bound; lengths may be wrong by half."""
+        """Where the form is none of a tire, (n,): it leaves too much, or stands at a bound; lengths
+        may be wrong by half.
+        """
         values = np.array([shape.array() for shape in self.reference.shapes])
         # a tread without stiffness, the lower bound, is the parabola of an honest beam
-        at_bound = (values >= HIGHEST).any(axis=1) | (np.delete(values, TREAD, 1) <= np.delete(LOWEST, TREAD)).any(axis=1)
+        at_bound = (values >= HIGHEST).any(axis=1) | (
+            np.delete(values, TREAD, 1) <= np.delete(LOWEST, TREAD)
+        ).any(axis=1)
         left = self.reference.residuals
         missed = np.zeros(len(values)) if left is None else np.abs(left).max(axis=1)
         doubted = at_bound | (np.abs(values[:, TILT]) > MOST_TILT) | (missed > MOST_LEFT)
@@ -91,14 +104,20 @@ class Learnt:
         return np.asarray(doubted[nearest], dtype=bool)
 
     def scatter(self, chi2: FloatArray) -> float:
-        """How much larger the passages' residuals are than the noise of a sample tells; one number for the log."""
+        """How much larger the passages' residuals are than the noise of a sample tells; one number
+        for the log.
+        """
         known = chi2[np.isfinite(chi2)]
         return float(np.sqrt(max(LEAST_SCATTER, np.median(known)))) if known.size else 1.0
 
 
 def _usable(passages: Passages, without: NDArray[np.bool_] | None) -> IntArray:
-    """Ordinals of passages without a quality word and with a neighbour at a turn on either side, and not among `without` (n,)."""
-    wanted = np.isfinite(passages.time_s) if without is None else np.isfinite(passages.time_s) & ~without
+    """Ordinals of passages without a quality word and with a neighbour at a turn on either side,
+    and not among `without` (n,).
+    """
+    wanted = (
+        np.isfinite(passages.time_s) if without is None else np.isfinite(passages.time_s) & ~without
+    )
     clean = np.array([not words for words in passages.quality], dtype=bool) & wanted
     both = passages.turn_before & passages.turn_after & wanted
     with np.errstate(invalid="ignore"):
@@ -125,10 +144,14 @@ def _classes(speed_m_s: FloatArray) -> IntArray:
 
 
 def _steady_first(passages: Passages, rows: IntArray) -> tuple[IntArray, IntArray, bool]:
-    """Rows to learn from, their classes of speed, and whether most roll freely: in each class the steady ones where there are enough."""
+    """Rows to learn from, their classes of speed, and whether most roll freely: in each class the
+    steady ones where there are enough.
+    """
     classes = _classes(passages.speed_m_s[rows])
     steady = np.abs(np.nan_to_num(passages.acceleration_m_s2[rows])) < FREE_ROLLING_M_S2
-    enough = np.bincount(classes, steady)[classes] >= np.minimum(ENOUGH_STEADY, np.bincount(classes)[classes])
+    enough = np.bincount(classes, steady)[classes] >= np.minimum(
+        ENOUGH_STEADY, np.bincount(classes)[classes]
+    )
     kept = steady | ~enough
     return rows[kept], classes[kept], bool(steady[kept].mean() > 0.5)
 
@@ -143,7 +166,12 @@ def _chosen(rows: IntArray, most: int) -> IntArray:
 
 
 def _samples(
-    channel: Channel, passages: Passages, rows: IntArray, classes: IntArray, half_window_m: float, block_samples: int
+    channel: Channel,
+    passages: Passages,
+    rows: IntArray,
+    classes: IntArray,
+    half_window_m: float,
+    block_samples: int,
 ) -> list[Sample]:
     """Windows of each class of speed out of the passages `rows`, by ascending speed."""
     speed, acceleration = passages.speed_m_s, np.nan_to_num(passages.acceleration_m_s2)
@@ -152,9 +180,25 @@ def _samples(
     for number in names:
         chosen = _chosen(rows[classes == number], max(LEARNT_FROM // names.size, LEAST_OF_CLASS))
         reach = 1.02 * half_window_m / float(speed[chosen].min()) * channel.axis.rate_Hz + 1.0
-        fewer = 2 ** int(np.log2(max(STEP * half_window_m / WINDOW * channel.axis.rate_Hz / float(speed[chosen].max()), 1.0)))
+        fewer = 2 ** int(
+            np.log2(
+                max(
+                    STEP
+                    * half_window_m
+                    / WINDOW
+                    * channel.axis.rate_Hz
+                    / float(speed[chosen].max()),
+                    1.0,
+                )
+            )
+        )
         same = np.full(len(passages), reach)
-        parts = [w.reduced(fewer) for w in gather_windows(channel, passages.sign, passages.index, same, chosen, block_samples)]
+        parts = [
+            w.reduced(fewer)
+            for w in gather_windows(
+                channel, passages.sign, passages.index, same, chosen, block_samples
+            )
+        ]
         windows = joined(parts)
         out.append(Sample(windows, windows.motion(speed, acceleration)))
     return sorted(out, key=lambda sample: sample.speed_m_s)
@@ -165,13 +209,17 @@ def _average(sample: Sample, passages: Passages, half_window_m: float) -> Averag
     row = sample.windows.row
     height = np.maximum(np.abs(passages.height[row]), 1e-300)[:, None]
     values = (sample.windows.values + passages.offset[row][:, None]) / height
-    noise = np.broadcast_to(passages.noise / np.sqrt(sample.windows.averaged) / height, values.shape)
+    noise = np.broadcast_to(
+        passages.noise / np.sqrt(sample.windows.averaged) / height, values.shape
+    )
     xi = sample.windows.distance_m(sample.motion)
     return average(xi, values, noise, sample.speed_m_s, half_window_m)
 
 
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
-    """The highest wave number [1/m] at which a passage's spectrum stands above the `noise` of a sample, at the middle speed."""
+    """The highest wave number [1/m] at which a passage's spectrum stands above the `noise` of a
+    sample, at the middle speed.
+    """
     number = len(reference.shapes) // 2
     speed = float(reference.speed_m_s[number])
     family = reference.family
@@ -184,22 +232,38 @@ def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noi
 
 def _at(reference: Reference, samples: list[Sample]) -> Reference:
     """`reference`, as another grating has taught it, at the speeds of `samples`."""
-    return replace(reference.at_speeds(np.array([s.speed_m_s for s in samples])), residuals=None, residual_xi_m=None)
+    return replace(
+        reference.at_speeds(np.array([s.speed_m_s for s in samples])),
+        residuals=None,
+        residual_xi_m=None,
+    )
 
 
-def _from_averages(samples: list[Sample], passages: Passages, half_window_m: float, rough_m: float) -> tuple[Reference, Reference]:
-    """Both members of the family without anything known of them: the closed ring starts from the straight line's result."""
-    start = fit_averages([_average(sample, passages, half_window_m) for sample in samples], passages.radius_m, rough_m)
+def _from_averages(
+    samples: list[Sample], passages: Passages, half_window_m: float, rough_m: float
+) -> tuple[Reference, Reference]:
+    """Both members of the family without anything known of them: the closed ring starts from the
+    straight line's result.
+    """
+    start = fit_averages(
+        [_average(sample, passages, half_window_m) for sample in samples],
+        passages.radius_m,
+        rough_m,
+    )
     straight = refine(start, samples, passages.noise, half_window_m)
     ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
     return straight, refine(replace(straight, family=ring), samples, passages.noise, half_window_m)
 
 
 def _better_first(both: tuple[Reference, ...]) -> tuple[Reference, Reference]:
-    """The member that fits better, and the other; the straight line where noise could make the difference."""
+    """The member that fits better, and the other; the straight line where noise could make the
+    difference.
+    """
     straight, closed = sorted(both, key=lambda one: one.family.closed)
     lead = (straight.misfit - closed.misfit) * straight.freedom
-    return (closed, straight) if lead > LEAST_LEAD * max(straight.misfit, 1.0) else (straight, closed)
+    return (
+        (closed, straight) if lead > LEAST_LEAD * max(straight.misfit, 1.0) else (straight, closed)
+    )
 
 
 def learn_reference(
@@ -211,8 +275,8 @@ def learn_reference(
 ) -> Learnt | None:
     """The form of the passages of `channel`; None where the log has none to learn from.
 
-    `like`: what another grating of the same wheel has taught: a start that spares the search for one; `without` (n,): passages that are
-    left out.
+    `like`: what another grating of the same wheel has taught: a start that spares the search for
+    one; `without` (n,): passages that are left out.
     """
     if passages.template is None or not len(passages):
         return None
@@ -224,11 +288,22 @@ def learn_reference(
     window = min(WINDOW * rough, 2.9 * passages.radius_m)
     samples = _samples(channel, passages, rows, classes, window, block_samples)
     both = (
-        None if like is None else tuple(refine(_at(one, samples), samples, passages.noise, window) for one in (like.reference, like.other))
+        None
+        if like is None
+        else tuple(
+            refine(_at(one, samples), samples, passages.noise, window)
+            for one in (like.reference, like.other)
+        )
     )
-    if both is None or like is None or min(one.misfit for one in both) > LIKE_MISFIT * max(like.reference.misfit, 1.0):
+    if (
+        both is None
+        or like is None
+        or min(one.misfit for one in both) > LIKE_MISFIT * max(like.reference.misfit, 1.0)
+    ):
         both = _from_averages(samples, passages, window, rough)
     best, other = _better_first(both)
     if not best.misfit > 0.0:  # no passage with more samples than unknowns
         return None
-    return Learnt(best, other, window, _wave_number(best, channel.axis.rate_Hz, window, passages.noise), free)
+    return Learnt(
+        best, other, window, _wave_number(best, channel.axis.rate_Hz, window, passages.noise), free
+    )

@@ -1,6 +1,7 @@
 """Forms and plain edges of all passages, window by window: the inside of `footprint`.
 
-Channel + Passages + Learnt --windows, block by block; rows of one speed, averaging and form together--> Measured, a row a passage
+Channel + Passages + Learnt --windows, block by block; rows of one speed, averaging and form
+together--> Measured, a row a passage
 """
 
 from __future__ import annotations
@@ -45,8 +46,10 @@ Motions = tuple[FloatArray, FloatArray]
 
 @dataclass
 class Measured:
-    """What is filled row by row, a row a passage; `inside`: samples between the edges, (n,); `driven`: whether a traction is seen, (n,);
-    `usual`: what free passages leave, None where there is none to ask."""
+    """What is filled row by row, a row a passage; `inside`: samples between the edges, (n,);
+    `driven`: whether a traction is seen, (n,); `usual`: what free passages leave, None where there
+    is none to ask.
+    """
 
     inside: FloatArray
     edges: dict[str, FloatArray]
@@ -59,34 +62,52 @@ class Measured:
     def empty(cls, n: int) -> Measured:
         """`n` rows, nothing known."""
         edges = {f.name: np.full(n, np.nan) for f in fields(Edges)}
-        return cls(np.full(n, np.nan), edges, PassageFits.empty(n), SlipOnset.none(n), np.zeros(n, bool))
+        return cls(
+            np.full(n, np.nan), edges, PassageFits.empty(n), SlipOnset.none(n), np.zeros(n, bool)
+        )
 
 
 class Forms:
-    """The log's form at the knots of speed: tables of the fit, and of the traction (made when first asked for)."""
+    """The log's form at the knots of speed: tables of the fit, and of the traction (made when first
+    asked for).
+    """
 
     def __init__(self, learnt: Learnt, speed_m_s: FloatArray) -> None:
         reference = learnt.reference
-        self.reference = reference.at_speeds(reference.knots(float(speed_m_s.min()), float(speed_m_s.max())))
+        self.reference = reference.at_speeds(
+            reference.knots(float(speed_m_s.min()), float(speed_m_s.max()))
+        )
         self.tables = FormTables.of(self.reference, learnt.half_window_m)
         self._half_window_m = learnt.half_window_m
         self._tractions: dict[int, Tractions] = {}
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
         """Number of the form for each speed."""
-        return np.argmin(np.abs(np.nan_to_num(speed_m_s[:, None]) ** 2 - self.reference.speed_m_s**2), axis=1)
+        return np.argmin(
+            np.abs(np.nan_to_num(speed_m_s[:, None]) ** 2 - self.reference.speed_m_s**2), axis=1
+        )
 
     def traction(self, number: int) -> Tractions:
         """What slip onsets are looked for with at knot `number`."""
         if number not in self._tractions:
             waves, tables = traction_table(self.reference, number, self._half_window_m), self.tables
             half_length_m = float(tables.half_length_m[number])
-            self._tractions[number] = Tractions(tables.columns[number], tables.grids[number], waves, half_length_m)
+            self._tractions[number] = Tractions(
+                tables.columns[number], tables.grids[number], waves, half_length_m
+            )
         return self._tractions[number]
 
 
-def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: FloatArray, work: Measured, block_samples: int) -> Look | None:
-    """Fill `work`, but for slip onsets, for all rows whose speed is known; what `find_onsets` takes, None without such rows.
+def measure(
+    channel: Channel,
+    passages: Passages,
+    learnt: Learnt,
+    cutoff_Hz: FloatArray,
+    work: Measured,
+    block_samples: int,
+) -> Look | None:
+    """Fill `work`, but for slip onsets, for all rows whose speed is known; what `find_onsets`
+    takes, None without such rows.
 
     `cutoff_Hz` (n,) of the plain edges' low-pass.
     """
@@ -100,18 +121,35 @@ def measure(channel: Channel, passages: Passages, learnt: Learnt, cutoff_Hz: Flo
     number = forms.nearest(speed)
     half_length = forms.tables.half_length_m[number]
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.maximum(1.02 * learnt.half_window_m, SEARCH * half_length + 2.5 * speed / cutoff_Hz) / speed * rate + 2.0
+        reach = (
+            np.maximum(1.02 * learnt.half_window_m, SEARCH * half_length + 2.5 * speed / cutoff_Hz)
+            / speed
+            * rate
+            + 2.0
+        )
         for_fit = _power_of_two(FIT_STEP * half_length * rate / speed)
         for_plain = _power_of_two(rate / (PLAIN_OVERSAMPLING * cutoff_Hz))
         upsample = np.where(rate / for_plain < DENSE * cutoff_Hz, 2, 1)
     work.inside[rows] = (2.0 * half_length * rate / speed)[rows]
-    for windows in gather_windows(channel, passages.sign, passages.index, reach, rows, block_samples):
+    for windows in gather_windows(
+        channel, passages.sign, passages.index, reach, rows, block_samples
+    ):
         for averaged, part in _alike(windows, for_fit):
-            _fit_alike(part.reduced(averaged), passages.noise, motion, vague, forms, number[part.row], work)
+            _fit_alike(
+                part.reduced(averaged), passages.noise, motion, vague, forms, number[part.row], work
+            )
         for key, part in _alike(windows, 8 * for_plain + upsample):
             plain = part.reduced(key // 8)
             for low in range(0, len(plain.row), ROWS):
-                _edges_alike(plain.take(slice(low, low + ROWS)), passages.noise, motion, cutoff_Hz, half_length, key % 8, work)
+                _edges_alike(
+                    plain.take(slice(low, low + ROWS)),
+                    passages.noise,
+                    motion,
+                    cutoff_Hz,
+                    half_length,
+                    key % 8,
+                    work,
+                )
     look = Look(channel, passages, forms, motion, number, reach, for_fit, block_samples)
     _seek_driven(look, rows[~vague[rows] & np.isfinite(work.fits.length_m[rows])], work)
     return look
@@ -132,24 +170,45 @@ class Look:
 
     def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, FloatArray, float, int]]:
         """Windows, motion, noise of a value and number of the form of `rows`, those alike together."""
-        gathered = gather_windows(self.channel, self.passages.sign, self.passages.index, self.reach, rows, self.block_samples)
+        gathered = gather_windows(
+            self.channel,
+            self.passages.sign,
+            self.passages.index,
+            self.reach,
+            rows,
+            self.block_samples,
+        )
         for windows in gathered:
-            for key, part in _alike(windows, self.averaged * len(self.forms.reference.shapes) + self.number):
+            for key, part in _alike(
+                windows, self.averaged * len(self.forms.reference.shapes) + self.number
+            ):
                 averaged, knot = divmod(key, len(self.forms.reference.shapes))
                 kept = part.reduced(averaged)
-                yield kept, kept.motion(*self.motions), self.passages.noise / np.sqrt(kept.averaged), knot
+                yield (
+                    kept,
+                    kept.motion(*self.motions),
+                    self.passages.noise / np.sqrt(kept.averaged),
+                    knot,
+                )
 
 
 def _seek_driven(look: Look, rows: IntArray, work: Measured) -> None:
-    """Which of `rows` (m,) show a traction beyond what the form misses of free ones: `driven` and `usual` of `work`."""
+    """Which of `rows` (m,) show a traction beyond what the form misses of free ones: `driven` and
+    `usual` of `work`.
+    """
     free = _free(look, rows)
     if not free.size:
         return
     asked = free[np.linspace(0, free.size - 1, min(ASKED, free.size)).astype(np.int64)]
-    gains = [look.forms.traction(knot).gains(windows, motion, sigma) for windows, motion, sigma, knot in look.alike(asked)]
+    gains = [
+        look.forms.traction(knot).gains(windows, motion, sigma)
+        for windows, motion, sigma, knot in look.alike(asked)
+    ]
     usual = Usual.of(work.fits.chi2[free], np.concatenate(gains))
     for windows, motion, sigma, knot in look.alike(rows[usual.worth_a_look(work.fits)[rows]]):
-        work.driven[windows.row] = look.forms.traction(knot).gains(windows, motion, sigma) > usual.gain
+        work.driven[windows.row] = (
+            look.forms.traction(knot).gains(windows, motion, sigma) > usual.gain
+        )
     work.usual = usual
 
 
@@ -159,12 +218,19 @@ def find_onsets(look: Look, work: Measured) -> None:
         return
     for windows, motion, sigma, knot in look.alike(np.flatnonzero(work.driven)):
         shift = np.nan_to_num(work.fits.shift_m[windows.row] - look.forms.tables.shift_m[knot])
-        work.slip.put(windows.row, look.forms.traction(knot).onsets(windows, motion, shift, sigma, work.usual.scatter))
+        work.slip.put(
+            windows.row,
+            look.forms.traction(knot).onsets(windows, motion, shift, sigma, work.usual.scatter),
+        )
 
 
 def _free(look: Look, rows: IntArray) -> IntArray:
-    """Those of `rows` without a quality word and at steady speed; all clean ones, or all of them, if those are too few."""
-    clean = rows[np.fromiter((not look.passages.quality[row] for row in rows.tolist()), bool, rows.size)]
+    """Those of `rows` without a quality word and at steady speed; all clean ones, or all of them,
+    if those are too few.
+    """
+    clean = rows[
+        np.fromiter((not look.passages.quality[row] for row in rows.tolist()), bool, rows.size)
+    ]
     steady = clean[np.abs(look.motions[1][clean]) < FREE_ROLLING_M_S2]
     return next((some for some in (steady, clean) if some.size >= ENOUGH_STEADY), rows)
 
@@ -179,13 +245,23 @@ def _alike(windows: PatchWindows, keys: IntArray) -> Iterator[tuple[int, PatchWi
 
 def _power_of_two(values: FloatArray) -> IntArray:
     """The largest power of two not above each value, at least 1 and at most 1024."""
-    return (2.0 ** np.floor(np.log2(np.clip(np.nan_to_num(values, nan=1.0), 1.0, 1024.0)))).astype(np.int64)
+    return (2.0 ** np.floor(np.log2(np.clip(np.nan_to_num(values, nan=1.0), 1.0, 1024.0)))).astype(
+        np.int64
+    )
 
 
 def _fit_alike(
-    windows: PatchWindows, noise: float, motions: Motions, vague: NDArray[np.bool_], forms: Forms, number: IntArray, work: Measured
+    windows: PatchWindows,
+    noise: float,
+    motions: Motions,
+    vague: NDArray[np.bool_],
+    forms: Forms,
+    number: IntArray,
+    work: Measured,
 ) -> None:
-    """Fits of rows that share averaging; `number` (rows,) of their forms, `vague` (n,) where the speed is."""
+    """Fits of rows that share averaging; `number` (rows,) of their forms, `vague` (n,) where the
+    speed is.
+    """
     row = windows.row
     fits = fit(windows, windows.motion(*motions), forms.tables, number, noise)
     work.fits.put(row, fits)
@@ -194,13 +270,29 @@ def _fit_alike(
 
 
 def _edges_alike(
-    windows: PatchWindows, noise: float, motions: Motions, cutoff_Hz: FloatArray, half_length_m: FloatArray, upsample: int, work: Measured
+    windows: PatchWindows,
+    noise: float,
+    motions: Motions,
+    cutoff_Hz: FloatArray,
+    half_length_m: FloatArray,
+    upsample: int,
+    work: Measured,
 ) -> None:
     """Plain edges of rows that share averaging."""
     row = windows.row
     speed, acceleration = motions[0][row], motions[1][row]
     middle = windows.centre + np.nan_to_num(work.fits.shift_m[row]) / speed * windows.rate_Hz
     sigma = noise / np.sqrt(windows.averaged)
-    found = find_edges(windows.values, windows.rate_Hz, middle, speed, acceleration, cutoff_Hz[row], half_length_m[row], sigma, upsample)
+    found = find_edges(
+        windows.values,
+        windows.rate_Hz,
+        middle,
+        speed,
+        acceleration,
+        cutoff_Hz[row],
+        half_length_m[row],
+        sigma,
+        upsample,
+    )
     for name, column in work.edges.items():
         column[row] = getattr(found, name)

@@ -1,6 +1,7 @@
 """Compiled: a traction beside a passage's form, for each of many onsets (`slip_onset`).
 
-    columns and products of a row (`kernels`) + a traction's wave for each onset --> the joint solution of least misfit
+    columns and products of a row (`kernels`) + a traction's wave for each onset --> the joint
+    solution of least misfit
 
 `waves` (g, c): tractions on the grid of the form's table, a column an onset.
 """
@@ -27,9 +28,11 @@ from tirelog.strain.footprint.kernels import (
 )
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: a traction of which the passage's other columns leave less than this share cannot be told from them; turns of its quadratic terms
+#: a traction of which the passage's other columns leave less than this share cannot be told from
+#: them; turns of its quadratic terms
 LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
-#: a joint solution is trusted this share of the starts' spacing about where the form was put; beyond, its cost grows with this power
+#: a joint solution is trusted this share of the starts' spacing about where the form was put;
+#: beyond, its cost grows with this power
 TRUST, FAR = 0.5, 4
 #: starts that are followed to their end at most
 ATTEMPTS = 8
@@ -46,10 +49,17 @@ def _wave(waves: FloatArray, onset: int, place: FloatArray, used: int, wave: Flo
 
 @compiled
 def _beside(
-    columns: FloatArray, wave: FloatArray, used: int, inverse: FloatArray, along: FloatArray, moved: FloatArray
+    columns: FloatArray,
+    wave: FloatArray,
+    used: int,
+    inverse: FloatArray,
+    along: FloatArray,
+    moved: FloatArray,
 ) -> tuple[float, float, float]:
-    """What a wave is beside a form's columns: its square, its product with the values, and what a passage's own columns leave of its
-    square; its products with the columns into `along` (FITTED,), the inverse times them into `moved` (OWN,)."""
+    """What a wave is beside a form's columns: its square, its product with the values, and what a
+    passage's own columns leave of its square; its products with the columns into `along` (FITTED,),
+    the inverse times them into `moved` (OWN,).
+    """
     own, right = 0.0, 0.0
     for i in range(FITTED):
         along[i] = 0.0
@@ -69,16 +79,32 @@ def _beside(
 def traction_gains(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, every: int, sigma: float, odd_sd: float,
 ) -> FloatArray:  # fmt: skip
-    """Squared `sigma` of misfit that a small traction removes from the fit of each row, the best of the onsets.
+    """Squared `sigma` of misfit that a small traction removes from the fit of each row, the best of
+    the onsets.
 
     `waves` (g, c): tractions on the table's grid, of which `every`-th is tried; shape (n,).
     """
     out, wide = np.zeros(values.shape[0]), table.shape[1]
-    columns, place, wave = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1]), np.empty(values.shape[1])
-    gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
-    bends, whole, along, moved = np.empty((3, OWN)), np.empty(FITTED), np.empty(FITTED), np.empty(OWN)
+    columns, place, wave = (
+        np.empty((values.shape[1] + SPARE, FITTED + 1)),
+        np.empty(values.shape[1]),
+        np.empty(values.shape[1]),
+    )
+    gram, lower, inverse = (
+        np.empty((FITTED + 1, FITTED + 1)),
+        np.zeros((OWN, OWN)),
+        np.empty((OWN, OWN)),
+    )
+    bends, whole, along, moved = (
+        np.empty((3, OWN)),
+        np.empty(FITTED),
+        np.empty(FITTED),
+        np.empty(OWN),
+    )
     for row in range(values.shape[0]):
-        used, _ = look_up(values[row], window[row], table, grid, 1.0, wide - 1, wide, columns, place)
+        used, _ = look_up(
+            values[row], window[row], table, grid, 1.0, wide - 1, wide, columns, place
+        )
         if used < FITTED:
             continue
         products(columns, used, wide, gram)
@@ -100,12 +126,24 @@ def _joint(
     columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray, sigma: float, odd_sd: float, trust_m: float,
     told: FloatArray, best: FloatArray,
 ) -> int:  # fmt: skip
-    """Form and traction together by least squares for each onset in `tried`: squared residual over sigma^2, length over height and its
-    standard error into `told` (t, 3), coefficients of the best (the form's FITTED, the traction's) into `best`; its place in `tried`.
+    """Form and traction together by least squares for each onset in `tried`: squared residual over
+    sigma^2, length over height and its standard error into `told` (t, 3), coefficients of the best
+    (the form's FITTED, the traction's) into `best`; its place in `tried`.
 
-    What the columns say further than `trust_m` from where the form was put is not to be believed: such a solution costs more."""
-    gram, lower, inverse = np.empty((FITTED + 1, FITTED + 1)), np.zeros((OWN, OWN)), np.empty((OWN, OWN))
-    bends, whole, along, moved = np.empty((3, OWN)), np.empty(FITTED), np.empty(FITTED), np.empty(OWN)
+    What the columns say further than `trust_m` from where the form was put is not to be believed:
+    such a solution costs more.
+    """
+    gram, lower, inverse = (
+        np.empty((FITTED + 1, FITTED + 1)),
+        np.zeros((OWN, OWN)),
+        np.empty((OWN, OWN)),
+    )
+    bends, whole, along, moved = (
+        np.empty((3, OWN)),
+        np.empty(FITTED),
+        np.empty(FITTED),
+        np.empty(OWN),
+    )
     wave, wide = np.empty(used), gram.shape[0] - 1
     products(columns, used, wide, gram)
     own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
@@ -125,13 +163,20 @@ def _joint(
             size /= free
             for i in range(OWN):
                 whole[i] -= moved[i] * size
-            whole[OWN], whole[OWN + 1] = bend(whole[LENGTH], whole[HEIGHT], rough), bend(whole[SHIFT], whole[HEIGHT], rough)
+            whole[OWN], whole[OWN + 1] = (
+                bend(whole[LENGTH], whole[HEIGHT], rough),
+                bend(whole[SHIFT], whole[HEIGHT], rough),
+            )
         left = quadratic_form(gram, wide, whole) - 2.0 * size * right + size**2 * own
         for i in range(FITTED):
             left += 2.0 * size * along[i] * whole[i]
         told[t, 0] = left / sigma**2
         told[t, 1] = whole[LENGTH] / whole[HEIGHT]
-        told[t, 2] = sigma / abs(whole[HEIGHT]) * np.sqrt(inverse[LENGTH, LENGTH] + moved[LENGTH] ** 2 / free)
+        told[t, 2] = (
+            sigma
+            / abs(whole[HEIGHT])
+            * np.sqrt(inverse[LENGTH, LENGTH] + moved[LENGTH] ** 2 / free)
+        )
         cost = told[t, 0] * max(abs(whole[SHIFT] / whole[HEIGHT]) / trust_m, 1.0) ** FAR
         if t == 0 or cost < lowest:
             top, lowest = t, cost
@@ -153,20 +198,32 @@ def onset_rows(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, fine: int, shift_m: FloatArray,
     starts_m: FloatArray, turns: int, sigma: float, odd_sd: float, enough: float, apart: int,
 ) -> FloatArray:  # fmt: skip
-    """Form and traction of each row, the form put first where `shift_m` (n,) says, with the evenly spaced `starts_m` about it tried and
-    every `fine`-th of the onsets of `waves` (g, c); from the best of these, and from the next best ones while more than `enough` squared
-    sigmas a sample are left, the form is put `turns` times where the joint solution moves it, with onsets about the best.
+    """Form and traction of each row, the form put first where `shift_m` (n,) says, with the evenly
+    spaced `starts_m` about it tried and every `fine`-th of the onsets of `waves` (g, c); from the
+    best of these, and from the next best ones while more than `enough` squared sigmas a sample are
+    left, the form is put `turns` times where the joint solution moves it, with onsets about the
+    best.
 
-    (n, 13): number of the best onset, and of the onset in the middle of three; squared residual over sigma^2 at those; length over height
-    at those; the best's squared residual, length over height, and its error; samples used; the least squared residual with an onset more
-    than `apart` from the best one (costs of what is not to be trusted included).  NaN: too few, or the form is not upright.
+    (n, 13): number of the best onset, and of the onset in the middle of three; squared residual
+    over sigma^2 at those; length over height at those; the best's squared residual, length over
+    height, and its error; samples used; the least squared residual with an onset more than `apart`
+    from the best one (costs of what is not to be trusted included). NaN: too few, or the form is
+    not upright.
     """
     out = np.full((values.shape[0], 13), np.nan)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
-    wide, coarse, near = table.shape[1], np.arange(0, waves.shape[1], fine), np.arange(-fine, fine + 1)
+    wide, coarse, near = (
+        table.shape[1],
+        np.arange(0, waves.shape[1], fine),
+        np.arange(-fine, fine + 1),
+    )
     tried = near.copy()
     told, best, at = np.empty((max(coarse.size, near.size), 3)), np.empty(FITTED + 1), grid.copy()
-    cost, onset, moved = np.empty(starts_m.size), np.zeros(starts_m.size, np.int64), np.empty(starts_m.size)
+    cost, onset, moved = (
+        np.empty(starts_m.size),
+        np.zeros(starts_m.size, np.int64),
+        np.empty(starts_m.size),
+    )
     trust_m = TRUST * (starts_m[1] - starts_m[0])
     costs = np.empty((starts_m.size, coarse.size))
     for row in range(values.shape[0]):
@@ -179,7 +236,9 @@ def onset_rows(
             chosen, used, top = int(onset[k]), 0, 0
             for turn in range(1 if rough else turns):
                 at[3] = grid[3] + shift
-                used, _ = look_up(values[row], window[row], table, at, 1.0, wide - 1, wide, columns, place)
+                used, _ = look_up(
+                    values[row], window[row], table, at, 1.0, wide - 1, wide, columns, place
+                )
                 for t in range(near.size):
                     tried[t] = min(max(chosen + near[t], 0), waves.shape[1] - 1)
                 now = coarse if rough else tried
@@ -199,7 +258,11 @@ def onset_rows(
                 middle = min(max(top, 1), near.size - 2)
                 out[row, 0], out[row, 1], out[row, 11] = chosen, tried[middle], used
                 for c in range(3):
-                    out[row, 2 + c], out[row, 5 + c], out[row, 8 + c] = told[middle - 1 + c, 0], told[middle - 1 + c, 1], told[top, c]
+                    out[row, 2 + c], out[row, 5 + c], out[row, 8 + c] = (
+                        told[middle - 1 + c, 0],
+                        told[middle - 1 + c, 1],
+                        told[top, c],
+                    )
             if not rough and out[row, 8] < enough * used:
                 break
         if np.isnan(out[row, 0]):

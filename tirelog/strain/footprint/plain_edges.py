@@ -1,9 +1,13 @@
-"""The papers' own footprint: the edges by the extrema of the strain's first and second derivative along the tread (P2 3.2, 4.3).
+"""The papers' own footprint: the edges by the extrema of the strain's first and second derivative
+along the tread (P2 3.2, 4.3).
 
-    windows (n, m) of strain, patch downward --low-pass, derivatives, upsampled--> d/d xi and d2/d xi2 through the passage's kinematics
-    --extrema on either side of the centre, sub-sample--> Edges: times from the centre, lengths, standard errors
+    windows (n, m) of strain, patch downward --low-pass, derivatives, upsampled--> d/d xi and d2/d
+    xi2 through the passage's kinematics
+    --extrema on either side of the centre, sub-sample--> Edges: times from the centre, lengths,
+    standard errors
 
-Distance runs by the passage's own speed and acceleration, xi = v t + a t^2 / 2, so an extremum of d eps / d xi is one along the tread.
+Distance runs by the passage's own speed and acceleration, xi = v t + a t^2 / 2, so an extremum of d
+eps / d xi is one along the tread.
 """
 
 from __future__ import annotations
@@ -18,7 +22,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: edges are looked for out to this multiple of the expected half length
 SEARCH = 2.1
-#: steps towards an extremum, which lies no farther than this many columns from the column that is least
+#: steps towards an extremum, which lies no farther than this many columns from the column that is
+#: least
 STEPS, FARTHEST = 4, 0.75
 #: samples a period of the low-pass' cut-off that need none between them to find an extremum
 DENSE = 8.0
@@ -26,9 +31,12 @@ DENSE = 8.0
 
 @dataclass(frozen=True)
 class Edges:
-    """One row a passage, shape (n,); NaN where an extremum was not found.  Lengths and abscissae in m, heights in 1/m^2 of strain.
+    """One row a passage, shape (n,); NaN where an extremum was not found.
 
-    `entry_m`, `exit_m` are the abscissae of the second derivative's extrema, `entry_height`, `exit_height` the size of them there.
+    Lengths and abscissae in m, heights in 1/m^2 of strain.
+
+    `entry_m`, `exit_m` are the abscissae of the second derivative's extrema, `entry_height`,
+    `exit_height` the size of them there.
     """
 
     length_d2_m: FloatArray
@@ -41,14 +49,20 @@ class Edges:
     exit_height: FloatArray
 
 
-def travelled(time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
+def travelled(
+    time_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
+) -> FloatArray:
     """Distance [m] along the tread after `time_s` from the patch centre; broadcasts."""
     return time_s * (speed_m_s + 0.5 * acceleration_m_s2 * time_s)
 
 
 @compiled
-def _along(first_s: float, second_s: float, time: float, speed: float, acceleration: float) -> tuple[float, float]:
-    """First and second derivative along the tread out of those in time, `time` from the patch centre."""
+def _along(
+    first_s: float, second_s: float, time: float, speed: float, acceleration: float
+) -> tuple[float, float]:
+    """First and second derivative along the tread out of those in time, `time` from the patch
+    centre.
+    """
     now = max(speed + acceleration * time, 0.05 * abs(speed) + 1e-9)
     first = first_s / now
     return first, (second_s - acceleration * first) / now**2
@@ -62,13 +76,17 @@ def _along_rows(derivatives: FloatArray, motion: FloatArray, upsample: int) -> F
         centre, rate, speed, acceleration = motion[row]
         for k in range(derivatives.shape[2]):
             time = (k / upsample - centre) / rate
-            out[0, row, k], out[1, row, k] = _along(derivatives[0, row, k], derivatives[1, row, k], time, speed, acceleration)
+            out[0, row, k], out[1, row, k] = _along(
+                derivatives[0, row, k], derivatives[1, row, k], time, speed, acceleration
+            )
     return out
 
 
 @dataclass(frozen=True)
 class AlongTread:
-    """Low-passed windows, (n, m x upsample): `xi_m` from the patch centre, `first` and `second` derivative by xi [1/m, 1/m^2]."""
+    """Low-passed windows, (n, m x upsample): `xi_m` from the patch centre, `first` and `second`
+    derivative by xi [1/m, 1/m^2].
+    """
 
     xi_m: FloatArray
     first: FloatArray
@@ -86,18 +104,28 @@ def along_tread(
 ) -> AlongTread:
     """The derivatives along the tread after the low-pass; arguments as of `find_edges`."""
     count, spectra = windows.shape[1], window_spectra(windows)
-    derivatives = np.stack([derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2)])
-    first, second = _along_rows(derivatives, _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2), upsample)
+    derivatives = np.stack(
+        [derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2)]
+    )
+    first, second = _along_rows(
+        derivatives, _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2), upsample
+    )
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
-    return AlongTread(travelled(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second)
+    return AlongTread(
+        travelled(time, speed_m_s[:, None], acceleration_m_s2[:, None]), first, second
+    )
 
 
-def lowpassed(windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsample: int = 2) -> FloatArray:
+def lowpassed(
+    windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsample: int = 2
+) -> FloatArray:
     """The windows (n, m) after the low-pass, less the line through their ends, (n, m x upsample)."""
     return derivative(window_spectra(windows), rate_Hz, cutoff_Hz, 0, windows.shape[1], upsample)
 
 
-def _motion(rate_Hz: float, centre: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
+def _motion(
+    rate_Hz: float, centre: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
+) -> FloatArray:
     """Centre, rate, speed, acceleration of each row, (n, 4)."""
     return np.column_stack([centre, np.full(centre.size, rate_Hz), speed_m_s, acceleration_m_s2])
 
@@ -115,11 +143,14 @@ def find_edges(
 ) -> Edges:
     """Edges of the passages in `windows` (n, m), patch downward, NaN where lost.
 
-    `centre` (n,): column of the patch centre; `half_length_m` (n,): what half of the patch is expected to be, to look for extrema;
-    `noise`: standard deviation of a sample; `upsample`: points a sample, 2 unless samples are DENSE.
+    `centre` (n,): column of the patch centre; `half_length_m` (n,): what half of the patch is
+    expected to be, to look for extrema; `noise`: standard deviation of a sample; `upsample`: points
+    a sample, 2 unless samples are DENSE.
     """
     count, spectra = windows.shape[1], window_spectra(windows)
-    first, second = (derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2))
+    first, second = (
+        derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2)
+    )
     # an extremum moves by the noise of the next derivative
     wiggle = noise * noise_gains(count, rate_Hz, cutoff_Hz)
     motion = _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2)
@@ -128,10 +159,12 @@ def find_edges(
 
 @compiled
 def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float]:
-    """The least value of `row` between the columns `low` and `high`, of the quartic through five columns: place in columns (NaN where it
-    lies at the border of its range), height, curvature per column^2 (NaN where it is no minimum).
+    """The least value of `row` between the columns `low` and `high`, of the quartic through five
+    columns: place in columns (NaN where it lies at the border of its range), height, curvature per
+    column^2 (NaN where it is no minimum).
 
-    At six columns a period of the low-pass' cut-off a place in a passage is true to 0.02 columns (rms); a parabola through three: 0.1.
+    At six columns a period of the low-pass' cut-off a place in a passage is true to 0.02 columns
+    (rms); a parabola through three: 0.1.
     """
     count = row.size
     first, last = max(int(np.ceil(low)), 0), min(int(np.floor(high)), count - 1)
@@ -152,17 +185,26 @@ def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float
         shift -= (slope + shift * (bend + shift * (0.5 * third + shift * fourth / 6.0))) / curvature
         shift = min(max(shift, index - safe - FARTHEST), index - safe + FARTHEST)
     curvature = bend + shift * (third + 0.5 * shift * fourth)
-    height = c + shift * (slope + shift * (0.5 * bend + shift * (third / 6.0 + shift * fourth / 24.0)))
+    height = c + shift * (
+        slope + shift * (0.5 * bend + shift * (third / 6.0 + shift * fourth / 24.0))
+    )
     inner = np.ceil(low) < index < np.floor(high) and 0 < index < count - 1
     return safe + shift if inner else np.nan, height, curvature if curvature > 0.0 else np.nan
 
 
 @compiled
 def edge_rows(
-    first_s: FloatArray, second_s: FloatArray, motion: FloatArray, reach_m: FloatArray, wiggle: FloatArray, upsample: int
+    first_s: FloatArray,
+    second_s: FloatArray,
+    motion: FloatArray,
+    reach_m: FloatArray,
+    wiggle: FloatArray,
+    upsample: int,
 ) -> FloatArray:
-    """The fields of `Edges` of each row, (n, 8), out of derivatives in time (n, m x upsample) that are looked at within `reach_m` (n,) of
-    the centre; `wiggle` (n, 2): standard deviations of the second and third derivative's noise."""
+    """The fields of `Edges` of each row, (n, 8), out of derivatives in time (n, m x upsample) that
+    are looked at within `reach_m` (n,) of the centre; `wiggle` (n, 2): standard deviations of the
+    second and third derivative's noise.
+    """
     n, count = first_s.shape
     out = np.empty((n, 8))
     fall, rise, bend = np.empty(count), np.empty(count), np.empty(count)
@@ -172,7 +214,9 @@ def edge_rows(
         middle = motion[row, 0] * upsample
         reach = reach_m[row] / speed * rate
         for k in range(max(int(middle - reach) - 2, 0), min(int(middle + reach) + 3, count)):
-            fall[k], bend[k] = _along(first_s[row, k], second_s[row, k], (k - middle) / rate, speed, acceleration)
+            fall[k], bend[k] = _along(
+                first_s[row, k], second_s[row, k], (k - middle) / rate, speed, acceleration
+            )
             rise[k] = -fall[k]
         low, high = middle - reach, middle + reach
         for e in range(4):  # steepest fall and rise, then the sharpest bends outside of them

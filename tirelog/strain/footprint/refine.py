@@ -1,11 +1,14 @@
-"""The log's form from the samples themselves: what all passages share, with each one's own numbers taken out exactly.
+"""The log's form from the samples themselves: what all passages share, with each one's own numbers
+taken out exactly.
 
     Reference (a start) + windows of some passages of each speed
-        --normal equations a passage, its height, offset, shift, length, damping, tilt eliminated (Schur)--> steps of the shared parameters
+        --normal equations a passage, its height, offset, shift, length, damping, tilt eliminated
+        (Schur)--> steps of the shared parameters
         --until they stop--> Reference with errors; what is left, averaged along xi
 
-Averages lump passages whose shifts and heights are known only so well; here nothing is lumped, and the misfit is a true chi-square.
-Shared: bending length, tension, inertia (fall of the tension with the squared speed), tread.
+Averages lump passages whose shifts and heights are known only so well; here nothing is lumped, and
+the misfit is a true chi-square. Shared: bending length, tension, inertia (fall of the tension with
+the squared speed), tread.
 """
 
 from __future__ import annotations
@@ -23,11 +26,14 @@ from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray
 
 ROUNDS = 6
-#: stop where the next step promises less than this of the whole chi-square, or the last changed it by less than this share
+#: stop where the next step promises less than this of the whole chi-square, or the last changed it
+#: by less than this share
 GOOD_ENOUGH, SMALL = 1.0, 1e-3
-#: shared columns of a class (bending length, tension, tread), and the place of tension among the columns of its table
+#: shared columns of a class (bending length, tension, tread), and the place of tension among the
+#: columns of its table
 SHARED, TENSION = 3, 6
-#: weak knowledge of the shared parameters about their start: bending length (relative), tension, inertia x squared top speed, tread
+#: weak knowledge of the shared parameters about their start: bending length (relative), tension,
+#: inertia x squared top speed, tread
 PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0])
 #: weak knowledge of a passage's own damping and tilt
 ODD_SD = 0.5
@@ -58,8 +64,10 @@ class Sample:
 
 @dataclass(frozen=True)
 class _Step:
-    """What one class of speed says: normal matrix and right side of the shared columns (3, 3), (3,), the mean fall of a passage's length
-    with them (3,), the passages' own solutions (n, 6), chi2 and degrees of freedom of each (n,), and what is left, by cell."""
+    """What one class of speed says: normal matrix and right side of the shared columns (3, 3),
+    (3,), the mean fall of a passage's length with them (3,), the passages' own solutions (n, 6),
+    chi2 and degrees of freedom of each (n,), and what is left, by cell.
+    """
 
     normal: FloatArray
     right: FloatArray
@@ -70,13 +78,25 @@ class _Step:
     left: FloatArray
 
 
-def _class_step(reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float) -> _Step:
+def _class_step(
+    reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float
+) -> _Step:
     """The normal equations of one class at the current form, its passages' own numbers eliminated."""
     windows = sample.windows
     table, grid = shape_table(reference, number, half_window_m)
     sigma = noise / np.sqrt(windows.averaged)
     # the class' form holds at its own speed: the tension of each passage follows its squared speed
-    sums, rows, left = class_sums(windows.values, sample.motion, table, grid, -reference.inertia, TENSION, sigma, ODD_SD, CELLS)
+    sums, rows, left = class_sums(
+        windows.values,
+        sample.motion,
+        table,
+        grid,
+        -reference.inertia,
+        TENSION,
+        sigma,
+        ODD_SD,
+        CELLS,
+    )
     return _Step(
         sums[:, :SHARED],
         sums[:, SHARED],
@@ -89,15 +109,22 @@ def _class_step(reference: Reference, number: int, sample: Sample, noise: float,
 
 
 def _tire_columns(reference: Reference, number: int) -> FloatArray:
-    """How bending length, tension and tread of a class follow (relative bending length, tension, inertia x top speed^2, tread), (3, 4)."""
+    """How bending length, tension and tread of a class follow (relative bending length, tension,
+    inertia x top speed^2, tread), (3, 4).
+    """
     relative = (reference.speed_m_s[number] / reference.speed_m_s[-1]) ** 2
     ell = reference.shapes[number].bending_length_m
     return np.array([[ell, 0.0, 0.0, 0.0], [0.0, 1.0, -relative, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
 def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Reference:
-    """The reference after a step of the shared parameters, each class' length, damping and tilt at the median of its passages."""
-    values, shifts = np.array([shape.array() for shape in reference.shapes]), reference.shifts_m.copy()
+    """The reference after a step of the shared parameters, each class' length, damping and tilt at
+    the median of its passages.
+    """
+    values, shifts = (
+        np.array([shape.array() for shape in reference.shapes]),
+        reference.shifts_m.copy(),
+    )
     for number, one in enumerate(steps):
         values[number, [1, 2, 3]] += _tire_columns(reference, number) @ step
         own = one.own[one.own[:, HEIGHT] != 0.0]
@@ -105,13 +132,28 @@ def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Refere
             shift, length, damping, tilt = np.median(own[:, SHIFT:] / own[:, [HEIGHT]], axis=0)
             most = 0.2 * values[number, 0]
             shifts[number] += min(max(shift, -MOST_SHIFT), MOST_SHIFT)
-            values[number, [0, 4, 5]] += np.clip((length, damping, tilt), (-most, -0.2, -0.2), (most, 0.2, 0.2))
+            values[number, [0, 4, 5]] += np.clip(
+                (length, damping, tilt), (-most, -0.2, -0.2), (most, 0.2, 0.2)
+            )
     shapes = tuple(EdgeShape.of(row) for row in np.clip(values, LOWEST, HIGHEST))
-    return replace(reference, shapes=shapes, shifts_m=shifts, inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2)
+    return replace(
+        reference,
+        shapes=shapes,
+        shifts_m=shifts,
+        inertia=reference.inertia + step[2] / reference.speed_m_s[-1] ** 2,
+    )
 
 
-def refine(reference: Reference, samples: list[Sample], noise: float, half_window_m: float, rounds: int = ROUNDS) -> Reference:
-    """`reference` (one shape a sample, ascending speed) fitted to the samples; `noise`: standard deviation of one sample of the log."""
+def refine(
+    reference: Reference,
+    samples: list[Sample],
+    noise: float,
+    half_window_m: float,
+    rounds: int = ROUNDS,
+) -> Reference:
+    """`reference` (one shape a sample, ascending speed) fitted to the samples; `noise`: standard
+    deviation of one sample of the log.
+    """
     factor = 1.0
     best: tuple[float, Reference, list[_Step], FloatArray] | None = None
     trial, samples = reference, list(samples)
@@ -145,7 +187,11 @@ def refine(reference: Reference, samples: list[Sample], noise: float, half_windo
 
 
 def _without_foreign(
-    samples: list[Sample], steps: list[_Step], reference: Reference, noise: float, half_window_m: float
+    samples: list[Sample],
+    steps: list[_Step],
+    reference: Reference,
+    noise: float,
+    half_window_m: float,
 ) -> tuple[list[Sample], list[_Step]]:
     """Samples without the passages that fit the start much worse than their neighbours do."""
     kept, again = [], []
@@ -161,14 +207,22 @@ def _without_foreign(
     return kept, again
 
 
-def _finished(reference: Reference, steps: list[_Step], normal: FloatArray, misfit: float, half_window_m: float) -> Reference:
+def _finished(
+    reference: Reference,
+    steps: list[_Step],
+    normal: FloatArray,
+    misfit: float,
+    half_window_m: float,
+) -> Reference:
     """The reference with its errors, its misfit and what it leaves."""
     covariance = np.linalg.inv(normal) * max(misfit, 1.0)
     errors = []
     for number, step in enumerate(steps):
         by = step.length_by @ _tire_columns(reference, number)
         errors.append(2.0 * float(np.sqrt(max(float(by @ covariance @ by), 0.0))))
-    centres: FloatArray = (np.arange(float(CELLS)) + 0.5) * (2.0 * half_window_m / CELLS) - half_window_m
+    centres: FloatArray = (np.arange(float(CELLS)) + 0.5) * (
+        2.0 * half_window_m / CELLS
+    ) - half_window_m
     left = np.array([np.convolve(step.left, (0.25, 0.5, 0.25), "same") for step in steps])
     return replace(
         reference,

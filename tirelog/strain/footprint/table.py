@@ -1,4 +1,6 @@
-"""The table `footprint` of a recording: passages and footprint of each strain channel, as columns, with remarks on the whole log."""
+"""The table `footprint` of a recording: passages and footprint of each strain channel, as columns,
+with remarks on the whole log.
+"""
 
 from __future__ import annotations
 
@@ -31,12 +33,16 @@ class FootprintOfChannel:
     remarks: tuple[str, ...]
 
 
-def footprint_of(recording: Recording, cutoff: Cutoff, block_samples: int = BLOCK_SAMPLES) -> Iterator[FootprintOfChannel]:
+def footprint_of(
+    recording: Recording, cutoff: Cutoff, block_samples: int = BLOCK_SAMPLES
+) -> Iterator[FootprintOfChannel]:
     """The footprint of each strain channel of `recording`."""
     like = None
     for channel, passages in rotating(recording):
         learnt = None if passages.doubt else learn_reference(channel, passages, block_samples, like)
-        like = like or learnt  # the first that could be learnt: no channel depends on the order of the others
+        like = (
+            like or learnt
+        )  # the first that could be learnt: no channel depends on the order of the others
         found = footprint_of_channel(recording, channel, passages, cutoff, learnt, block_samples)
         del channel  # before the next one takes its place in memory
         yield found
@@ -50,15 +56,22 @@ def footprint_of_channel(
     learnt: Learnt | None,
     block_samples: int = BLOCK_SAMPLES,
 ) -> FootprintOfChannel:
-    """The footprint of one strain channel of `recording`; `learnt`: the form of its passages, None where there is none."""
+    """The footprint of one strain channel of `recording`; `learnt`: the form of its passages, None
+    where there is none.
+    """
     if cutoff.unit == "Hz" and cutoff.value >= 0.5 * channel.axis.rate_Hz:
         raise UsageError(
-            f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} Hz and holds nothing above "
-            f"{0.5 * channel.axis.rate_Hz:g} Hz; allowed is less than that; give a lower one, or auto",
+            f"--cutoff {cutoff}: channel {channel.name} is sampled at {channel.axis.rate_Hz:g} "
+            "Hz and holds nothing above "
+            f"{0.5 * channel.axis.rate_Hz:g} Hz; allowed is less than that; give a lower one, or "
+            "auto",
             file=recording.log,
         )
     found = footprint(channel, passages, cutoff, block_samples, learnt)
-    words = [own if own is more else own | more for own, more in zip(found.quality, speed_words(passages), strict=True)]
+    words = [
+        own if own is more else own | more
+        for own, more in zip(found.quality, speed_words(passages), strict=True)
+    ]
     columns = begin(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
@@ -80,15 +93,22 @@ def footprint_of_channel(
     return FootprintOfChannel(channel, passages, found, columns, remarks)
 
 
-def _remarks(recording: Recording, channel: Channel, found: Footprint, cutoff: Cutoff) -> tuple[str, ...]:
-    """What the summary says of a channel: lengths, form, cut-off, the static footprint beside the dynamic one."""
+def _remarks(
+    recording: Recording, channel: Channel, found: Footprint, cutoff: Cutoff
+) -> tuple[str, ...]:
+    """What the summary says of a channel: lengths, form, cut-off, the static footprint beside the
+    dynamic one.
+    """
     if found.learnt is None or not np.isfinite(found.length_m).any():
         return (f"{channel.name}: too few passages to learn the form of; no lengths",)
     length, form = float(np.nanmedian(found.length_m)), float(np.nanmedian(found.form_se_m))
     known = np.isfinite(found.cutoff_Hz)
     low, high = float(found.cutoff_Hz[known].min()), float(found.cutoff_Hz[known].max())
     range_ = f"{low:.0f} Hz" if high - low < 1.0 else f"{low:.0f} to {high:.0f} Hz"
-    text = f"{channel.name}: contact length {1e3 * length:.2f} mm (median; form known to {1e3 * form:.2f} mm), low-pass {cutoff} = {range_}"
+    text = (
+        f"{channel.name}: contact length {1e3 * length:.2f} mm (median; "
+        f"form known to {1e3 * form:.2f} mm), low-pass {cutoff} = {range_}"
+    )
     static = recording.setup.tire.static_footprint_length_m
     if static is not None:
         text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
@@ -96,9 +116,13 @@ def _remarks(recording: Recording, channel: Channel, found: Footprint, cutoff: C
     doubted = sum("form_unclear" in words for words in found.quality)
     if doubted:
         remarks.append(
-            f"{channel.name}: form_unclear: {doubted} passages are unlike any that a tire's carcass makes on a flat road; "
+            f"{channel.name}: form_unclear: {doubted} passages are unlike any that a tire's "
+            "carcass makes on a flat road; "
             f"their lengths may be wrong by half"
         )
     if not found.learnt.free_rolling:
-        remarks.append(f"{channel.name}: no stretch of steady speed; the form was learnt from driven or braked passages")
+        remarks.append(
+            f"{channel.name}: no stretch of steady speed; the form was learnt from driven or "
+            "braked passages"
+        )
     return tuple(remarks)

@@ -1,10 +1,14 @@
-"""Rectangular windows of a channel around its passages, with the distance of every sample along the tread.
+"""Rectangular windows of a channel around its passages, with the distance of every sample along the
+tread.
 
-    Channel + Passages --passages of like window length, read a stretch of the log at a time--> PatchWindows (rows x columns)
-                       --neighbouring samples averaged where they lie closer than needed--> PatchWindows, fewer columns
+    Channel + Passages --passages of like window length, read a stretch of the log at a time-->
+    PatchWindows (rows x columns)
+                       --neighbouring samples averaged where they lie closer than needed-->
+                       PatchWindows, fewer columns
 
-A row's window depends on its own passage only (its length is the next power of two above what its speed needs), so rows do not change
-with the blocks that are read.  Values are turned so that the patch is a minimum, whatever the surface.
+A row's window depends on its own passage only (its length is the next power of two above what its
+speed needs), so rows do not change with the blocks that are read. Values are turned so that the
+patch is a minimum, whatever the surface.
 """
 
 from __future__ import annotations
@@ -20,14 +24,17 @@ from tirelog.runtime import compiled
 from tirelog.strain.footprint.plain_edges import travelled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: numbers in the windows that are given at a time: what works on them does so without leaving the processor's cache
+#: numbers in the windows that are given at a time: what works on them does so without leaving the
+#: processor's cache
 _AT_ONCE = 1 << 17
 
 
 @dataclass(frozen=True)
 class PatchWindows:
-    """`row` (n,): ordinals of the passages; `values` (n, m): strain, patch downward, NaN where lost or beyond a gap;
-    `centre` (n,): column of the patch centre; `rate_Hz`: columns a second; `averaged`: samples a column."""
+    """`row` (n,): ordinals of the passages; `values` (n, m): strain, patch downward, NaN where lost
+    or beyond a gap; `centre` (n,): column of the patch centre; `rate_Hz`: columns a second;
+    `averaged`: samples a column.
+    """
 
     row: IntArray
     values: FloatArray
@@ -37,12 +44,18 @@ class PatchWindows:
 
     def take(self, which: Any) -> PatchWindows:
         """The rows `which` (mask, slice or indices)."""
-        return PatchWindows(self.row[which], self.values[which], self.centre[which], self.rate_Hz, self.averaged)
+        return PatchWindows(
+            self.row[which], self.values[which], self.centre[which], self.rate_Hz, self.averaged
+        )
 
     def motion(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
-        """Centre, rate, speed and acceleration of each row of a log's `speed_m_s`, `acceleration_m_s2`, shape (n, 4), for the kernels."""
+        """Centre, rate, speed and acceleration of each row of a log's `speed_m_s`,
+        `acceleration_m_s2`, shape (n, 4), for the kernels.
+        """
         rate = np.full(len(self.row), self.rate_Hz)
-        return np.column_stack([self.centre, rate, speed_m_s[self.row], acceleration_m_s2[self.row]])
+        return np.column_stack(
+            [self.centre, rate, speed_m_s[self.row], acceleration_m_s2[self.row]]
+        )
 
     def distance_m(self, motion: FloatArray) -> FloatArray:
         """Distance of each sample from the patch centre along the tread, shape (n, m)."""
@@ -58,18 +71,26 @@ class PatchWindows:
         lost = np.isnan(parts)
         if lost.any():
             kept = (~lost).sum(axis=2)
-            mean = np.where(kept == averaged, np.where(lost, 0.0, parts).sum(axis=2) / averaged, np.nan)
+            mean = np.where(
+                kept == averaged, np.where(lost, 0.0, parts).sum(axis=2) / averaged, np.nan
+            )
         else:
             mean = parts.mean(axis=2)
         return PatchWindows(
-            self.row, mean, (self.centre - 0.5 * (averaged - 1)) / averaged, self.rate_Hz / averaged, self.averaged * averaged
+            self.row,
+            mean,
+            (self.centre - 0.5 * (averaged - 1)) / averaged,
+            self.rate_Hz / averaged,
+            self.averaged * averaged,
         )
 
 
 def window_class(reach_samples: FloatArray) -> IntArray:
-    """Half window [samples] of each passage: `reach_samples` rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT).
+    """Half window [samples] of each passage: `reach_samples` rounded up to 2^k or 3 x 2^k, at least
+    8 (quick lengths of an FFT).
 
-    A passage whose speed is unknown has no reach; it gets the least window, and nothing is cut out for it.
+    A passage whose speed is unknown has no reach; it gets the least window, and nothing is cut out
+    for it.
     """
     reach = np.fmax(reach_samples, 8.0)
     two = 2.0 ** np.ceil(np.log2(reach))
@@ -77,12 +98,18 @@ def window_class(reach_samples: FloatArray) -> IntArray:
 
 
 def gather_windows(
-    channel: Channel, sign: float, index: FloatArray, reach_samples: FloatArray, rows: IntArray, block_samples: int = BLOCK_SAMPLES
+    channel: Channel,
+    sign: float,
+    index: FloatArray,
+    reach_samples: FloatArray,
+    rows: IntArray,
+    block_samples: int = BLOCK_SAMPLES,
 ) -> Iterator[PatchWindows]:
-    """Windows around `index` (fractional samples, NaN is left out) of the passages `rows`, many of one length at a time.
+    """Windows around `index` (fractional samples, NaN is left out) of the passages `rows`, many of
+    one length at a time.
 
-    `sign`: +1 where the patch is a maximum of the recorded signal; `reach_samples` (n,): half of the window that each passage needs.
-    The channel is read in blocks of about `block_samples`.
+    `sign`: +1 where the patch is a maximum of the recorded signal; `reach_samples` (n,): half of
+    the window that each passage needs. The channel is read in blocks of about `block_samples`.
     """
     rows = rows[np.isfinite(index[rows])]
     half = window_class(np.minimum(reach_samples, channel.size))
@@ -97,7 +124,18 @@ def gather_windows(
         for size in np.unique(half[inside]).tolist():
             some = half[inside] == size
             held = waiting.setdefault(size, [])
-            held.append(_cut(channel, -sign, samples, low, index[inside[some]], nearest[some], size, inside[some]))
+            held.append(
+                _cut(
+                    channel,
+                    -sign,
+                    samples,
+                    low,
+                    index[inside[some]],
+                    nearest[some],
+                    size,
+                    inside[some],
+                )
+            )
             if sum(part.values.size for part in held) >= _AT_ONCE:
                 yield joined(waiting.pop(size))
     for held in waiting.values():
@@ -108,27 +146,51 @@ def joined(parts: list[PatchWindows]) -> PatchWindows:
     """Windows of one length and rate after one another."""
     if len(parts) == 1:
         return parts[0]
-    row, values, centre = (np.concatenate([getattr(part, name) for part in parts]) for name in ("row", "values", "centre"))
+    row, values, centre = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("row", "values", "centre")
+    )
     return replace(parts[0], row=row, values=values, centre=centre)
 
 
 def _cut(
-    channel: Channel, turned: float, samples: FloatArray, low: int, index: FloatArray, nearest: IntArray, size: int, rows: IntArray
+    channel: Channel,
+    turned: float,
+    samples: FloatArray,
+    low: int,
+    index: FloatArray,
+    nearest: IntArray,
+    size: int,
+    rows: IntArray,
 ) -> PatchWindows:
-    """Windows of half length `size` out of `samples`, which start at sample `low` of the channel and are `turned` patch downward."""
+    """Windows of half length `size` out of `samples`, which start at sample `low` of the channel
+    and are `turned` patch downward.
+    """
     begins, ends = np.zeros(nearest.size, np.int64), np.full(nearest.size, channel.size)
     first = channel.axis.first
     if channel.axis.explicit is None and first.size > 1:
         part = np.searchsorted(first, nearest, side="right")
-        begins, ends = first[part - 1].astype(np.int64), np.append(first, channel.size)[part].astype(np.int64)
+        begins, ends = (
+            first[part - 1].astype(np.int64),
+            np.append(first, channel.size)[part].astype(np.int64),
+        )
     values = _cut_out(samples, low, nearest - size, 2 * size, begins, ends, turned)
     return PatchWindows(rows, values, index - nearest + size, channel.axis.rate_Hz)
 
 
 @compiled
-def _cut_out(samples: FloatArray, low: int, starts: IntArray, count: int, begins: IntArray, ends: IntArray, turned: float) -> FloatArray:
-    """`count` samples from each of `starts` (n,) on, times `turned`; NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which
-    are numbered from `low` on."""
+def _cut_out(
+    samples: FloatArray,
+    low: int,
+    starts: IntArray,
+    count: int,
+    begins: IntArray,
+    ends: IntArray,
+    turned: float,
+) -> FloatArray:
+    """`count` samples from each of `starts` (n,) on, times `turned`; NaN outside of `begins` (n,)
+    to `ends` (n,) and of `samples`, which are numbered from `low` on.
+    """
     out = np.empty((starts.size, count))
     for row in range(starts.size):
         begin, end = max(begins[row], low), min(ends[row], low + samples.size)

@@ -1,8 +1,10 @@
 """A channel thinned for the search of passages: medians of short buckets.
 
-    channel --block by block, buckets at fixed samples--> Decimated (float32, 1 byte a sample of the log), noise and extremes beside
+    channel --block by block, buckets at fixed samples--> Decimated (float32, 1 byte a sample of the
+    log), noise and extremes beside
 
-The median of a bucket ignores a single wild sample; a bucket that is lost is bridged by a straight line, which has no extreme.
+The median of a bucket ignores a single wild sample; a bucket that is lost is bridged by a straight
+line, which has no extreme.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ BUCKET_S = 1.6e-3
 
 @dataclass(frozen=True)
 class Decimated:
-    """`values` shape (m,): the medians of buckets of `bucket` samples, patch upward; none where the whole channel is lost.
+    """`values` shape (m,): the medians of buckets of `bucket` samples, patch upward; none where the
+    whole channel is lost.
 
-    `parts`: number of the bucket with which each gapless segment begins; `extremes`: least and largest sample of the channel, as
-    recorded; `noise`: sigma of one sample (NaN: not known).
+    `parts`: number of the bucket with which each gapless segment begins; `extremes`: least and
+    largest sample of the channel, as recorded; `noise`: sigma of one sample (NaN: not known).
     """
 
     values: NDArray[np.float32]
@@ -49,10 +52,12 @@ def bucket_samples(rate_Hz: float) -> int:
 
 
 def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Decimated:
-    """The channel by buckets, times `sign`.  The buckets lie at fixed samples, whatever `block_samples`.
+    """The channel by buckets, times `sign`.
 
-    A bucket is the median of its four quarters' means, of those that are not lost; a bucket of one sample is the median with its
-    neighbours.
+    The buckets lie at fixed samples, whatever `block_samples`.
+
+    A bucket is the median of its four quarters' means, of those that are not lost; a bucket of one
+    sample is the median with its neighbours.
     """
     bucket = bucket_samples(channel.axis.rate_Hz)
     step = -(-block_samples // PIECE_SAMPLES) * PIECE_SAMPLES
@@ -62,7 +67,9 @@ def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Dec
     low, high = np.inf, -np.inf
     for start in range(0, channel.size, step):
         first, stop = max(start - margin, 0), min(start + step, channel.size)
-        values = np.ascontiguousarray(channel.read(first, min(stop + margin, channel.size)), dtype=np.float64)
+        values = np.ascontiguousarray(
+            channel.read(first, min(stop + margin, channel.size)), dtype=np.float64
+        )
         noise.take(start, values[start - first : stop - first])
         low, high = np.fmin.reduce(values, initial=low), np.fmax.reduce(values, initial=high)
         own = medians[start // bucket : -(-stop // bucket)]
@@ -71,11 +78,19 @@ def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Dec
         else:
             bucket_medians(values, bucket, sign, own)
     parts = np.ceil((channel.axis.first[1:] - 0.5 * (bucket - 1)) / bucket).astype(np.int64)
-    return Decimated(_bridged(medians), bucket, np.concatenate([[0], parts]), (float(low), float(high)), noise.sigma())
+    return Decimated(
+        _bridged(medians),
+        bucket,
+        np.concatenate([[0], parts]),
+        (float(low), float(high)),
+        noise.sigma(),
+    )
 
 
 def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Lost buckets filled by straight lines, at the ends by the nearest; nothing at all where all are lost."""
+    """Lost buckets filled by straight lines, at the ends by the nearest; nothing at all where all
+    are lost.
+    """
     lost = np.flatnonzero(~np.isfinite(medians))
     if lost.size == medians.size:
         return medians[:0]

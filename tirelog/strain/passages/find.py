@@ -1,12 +1,14 @@
-"""Passages of a grating (or accelerometer) through the contact patch: the clock of every other estimator.
+"""Passages of a grating (or accelerometer) through the contact patch: the clock of every other
+estimator.
 
     Channel --passage_search--> rough middles and widths
             --passage_match: a template learnt from some, all fitted by it--> times
             --passage_kinematics--> speeds --passage_marks--> words --> Passages, a row a passage
 
-One row is one passage, in the order of the log: its ordinal is the `revolution` of every table.  The *patch centre* is the zero of the
-matched template, the middle between its half-level crossings (`template`); all commands use it.  Only windows around the passages
-are fitted, a block at a time at places fixed by the passages, so the rows do not depend on the size of the blocks that were read.
+One row is one passage, in the order of the log: its ordinal is the `revolution` of every table. The
+*patch centre* is the zero of the matched template, the middle between its half-level crossings
+(`template`); all commands use it. Only windows around the passages are fitted, a block at a time at
+places fixed by the passages, so the rows do not depend on the size of the blocks that were read.
 """
 
 from __future__ import annotations
@@ -32,8 +34,9 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: fewer samples in a window are too few for a waveform
 FEWEST = 6
-#: which way radial acceleration's patch points is told from so many pieces of this length [s]: a turn or more above 2 m/s, and the level
-#: outside changes little within.  This share of each side is taken for wild: a fifth of the patch's own share of a turn
+#: which way radial acceleration's patch points is told from so many pieces of this length [s]: a
+#: turn or more above 2 m/s, and the level outside changes little within.  This share of each side
+#: is taken for wild: a fifth of the patch's own share of a turn
 SIGN_PIECES, SIGN_S, SIGN_CUT = 64, 1.0, 0.01
 
 
@@ -44,20 +47,28 @@ class Passages:
     index            fractional sample index of the patch centre
     time_s           its time; of a passage that lies in lost samples: by the speeds around it
     time_se_s        standard error of the time from the noise
-    turn_before, turn_after   bool: the neighbouring passage is exactly one turn away, and was measured as this one was
-    break_after      '' or why the next passage is not known to be one turn away: gap, standstill, reversing
-    omega_rad_s      wheel speed at the passage, positive; where no neighbour is a turn away from the pulse's stretch (NaN: not known)
+    turn_before, turn_after   bool: the neighbouring passage is exactly one turn away, and was
+                              measured as this one was
+    break_after      '' or why the next passage is not known to be one turn away: gap, standstill,
+                     reversing
+    omega_rad_s      wheel speed at the passage, positive; where no neighbour is a turn away from
+                     the pulse's stretch (NaN: not known)
     omega_se_rad_s   its standard error, the differencing in it
     alpha_rad_s2     wheel acceleration at the passage, NaN where not known
-    sides            neighbours on how many sides gave the speed: 2 centred, 1 extrapolated, 0 from the stretch or between neighbours
-    height, offset   of the template in this passage, patch upward (sign x recorded signal), channel's unit; NaN where lost
+    sides            neighbours on how many sides gave the speed: 2 centred, 1 extrapolated, 0 from
+                     the stretch or between neighbours
+    height, offset   of the template in this passage, patch upward (sign x recorded signal),
+                     channel's unit; NaN where lost
     misfit           rms residual of the fit, channel's unit
     measured         bool: False where the passage lies in lost samples
-    quality          words inside the passage's window (empty: ok); not_a_passage in all rows where there is a doubt
-    doubt            '' or the sentence why these are no passages of a tire (`gate`); no row then has a speed or a turn
+    quality          words inside the passage's window (empty: ok); not_a_passage in all rows where
+                     there is a doubt
+    doubt            '' or the sentence why these are no passages of a tire (`gate`); no row then
+                     has a speed or a turn
 
-    `noise`: sigma of one sample; `sign`: +1 where the patch is a maximum of the recorded signal, -1 where a minimum; `template`: None where
-    the log has too few passages; `window_rad`: half window of the fit and of the quality words.
+    `noise`: sigma of one sample; `sign`: +1 where the patch is a maximum of the recorded signal, -1
+    where a minimum; `template`: None where the log has too few passages; `window_rad`: half window
+    of the fit and of the quality words.
     """
 
     channel: str
@@ -115,9 +126,10 @@ class Passages:
 def patch_sign(channel: Channel) -> float:
     """+1 where the patch is a maximum of the recorded signal, -1 where it is a minimum.
 
-    Strain: minimum on the outer surface, maximum on the inner.  Radial acceleration: the side on which a short stretch's third moment
-    lies, since the patch takes some hundredths of a turn and stands far out of the rest, whichever way the sensor counts and whether
-    or not it tells the level outside (a piezo element does not).
+    Strain: minimum on the outer surface, maximum on the inner. Radial acceleration: the side on
+    which a short stretch's third moment lies, since the patch takes some hundredths of a turn and
+    stands far out of the rest, whichever way the sensor counts and whether or not it tells the
+    level outside (a piezo element does not).
     """
     if channel.kind == "radial_acceleration":
         return 1.0 if _third_moment(channel) >= 0 else -1.0
@@ -125,10 +137,14 @@ def patch_sign(channel: Channel) -> float:
 
 
 def _third_moment(channel: Channel) -> float:
-    """Sum of the third moments of pieces of SIGN_S from all over the channel, each about its own median, wild samples cut to size."""
+    """Sum of the third moments of pieces of SIGN_S from all over the channel, each about its own
+    median, wild samples cut to size.
+    """
     size = min(max(int(SIGN_S * channel.axis.rate_Hz), 1), BLOCK_SAMPLES)
     total = 0.0
-    for start in np.unique(np.linspace(0, max(channel.size - size, 0), SIGN_PIECES).astype(np.int64)).tolist():
+    for start in np.unique(
+        np.linspace(0, max(channel.size - size, 0), SIGN_PIECES).astype(np.int64)
+    ).tolist():
         some = channel.read(start, start + size)
         some = some[np.isfinite(some)]
         if some.size:
@@ -150,19 +166,38 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     if not len(pulses):
         return _none(channel, radius_m, sign, noise)
     matched = match(Signal(channel, sign, noise, extremes), pulses)
-    template, found, omega, time_s = matched.template, matched.fit, matched.start.omega, matched.time_s
+    template, found, omega, time_s = (
+        matched.template,
+        matched.fit,
+        matched.start.omega,
+        matched.time_s,
+    )
     turns = turns_between(time_s, omega)
     turned = matched.backwards[1:] != matched.backwards[:-1]
     linked = np.append(one_turn(turns) & ~turned, False)
-    window_rad = template.window_rad if template else float(np.median(matched.pulses.width * omega) / channel.axis.rate_Hz)
-    lost = marks.lost_between(channel, time_s, omega, turns, window_rad) if template else np.zeros(turns.size, np.int64)
+    window_rad = (
+        template.window_rad
+        if template
+        else float(np.median(matched.pulses.width * omega) / channel.axis.rate_Hz)
+    )
+    lost = (
+        marks.lost_between(channel, time_s, omega, turns, window_rad)
+        if template
+        else np.zeros(turns.size, np.int64)
+    )
     turns_after = np.where(np.append(lost, 0) > 0, np.append(lost, 0) + 1, linked)
     motion = kinematics(time_s, matched.time_se_s, turns_after.astype(float))
     alone = motion.sides == 0
     blind = matched.standing | (time_s.size < 3)
     index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
-    others = {"standstill": matched.standing, "reversing": matched.backwards, "few_samples": (found.used < FEWEST) & (template is not None)}
-    words = marks.window_words(channel, found, others, index, window_rad / omega * channel.axis.rate_Hz)
+    others = {
+        "standstill": matched.standing,
+        "reversing": matched.backwards,
+        "few_samples": (found.used < FEWEST) & (template is not None),
+    }
+    words = marks.window_words(
+        channel, found, others, index, window_rad / omega * channel.axis.rate_Hz
+    )
     measured = Passages(
         channel=channel.name,
         radius_m=radius_m,
@@ -193,7 +228,9 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
 
 
 def _doubted(found: Passages, said: str) -> Passages:
-    """`found`, which is no tire's: the rows, without a speed and without a turn from one to the next."""
+    """`found`, which is no tire's: the rows, without a speed and without a turn from one to the
+    next.
+    """
     nan, no = np.full(len(found), np.nan), np.zeros(len(found), bool)
     return replace(
         found,
@@ -209,7 +246,9 @@ def _doubted(found: Passages, said: str) -> Passages:
 
 
 def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) -> Passages:
-    """`measured` with a row for each passage that lies in lost samples, its time and speed from the passages around."""
+    """`measured` with a row for each passage that lies in lost samples, its time and speed from the
+    passages around.
+    """
     times, speeds, ses, words = [], [], [], []
     for k in np.flatnonzero(lost):
         count, around = int(lost[k]), slice(k, k + 2)
@@ -222,7 +261,9 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
     place = np.repeat(np.arange(1, lost.size + 1), lost)
     time_s, omega = np.concatenate(times), np.concatenate(speeds)
     # the speed at a lost passage is only as good as the change over the turns around it
-    omega_se = np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
+    omega_se = (
+        np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
+    )
     extra: dict[str, Any] = {
         "index": channel.axis.index(time_s), "time_s": time_s, "time_se_s": np.concatenate(ses), "turn_before": False, "turn_after": False,
         "break_after": "", "omega_rad_s": omega, "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
@@ -242,6 +283,12 @@ def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passa
     """No passage at all."""
     empty, no = np.zeros(0), np.zeros(0, bool)
     columns: dict[str, Any] = {f.name: empty for f in fields(Passages)[6:]}
-    columns |= {"turn_before": no, "turn_after": no, "measured": no, "break_after": np.zeros(0, "U10"), "sides": np.zeros(0, np.int64)}
+    columns |= {
+        "turn_before": no,
+        "turn_after": no,
+        "measured": no,
+        "break_after": np.zeros(0, "U10"),
+        "sides": np.zeros(0, np.int64),
+    }
     columns |= {"quality": (), "doubt": ""}
     return Passages(channel.name, radius_m, sign, noise, 0.0, None, **columns)

@@ -1,10 +1,13 @@
-"""The centre of each passage by a matched filter: offset, height, shift and stretch of the template, least squares, row by row.
+"""The centre of each passage by a matched filter: offset, height, shift and stretch of the
+template, least squares, row by row.
 
-    samples around rough centres --Gauss-Newton on the template (`fit_kernels`)--> centre, its standard error, height
+    samples around rough centres --Gauss-Newton on the template (`fit_kernels`)--> centre, its
+    standard error, height
 
-With phi the angle that the wheel has turned since the rough centre, the model of a row is y = a + b T(phi (1 + e) - s).  Where
-the speed is known from the neighbouring passages the stretch e is held near 0; else it tells the speed.  The standard error is the
-Cramer-Rao bound of the template at the noise of the log.
+With phi the angle that the wheel has turned since the rough centre, the model of a row is y = a + b
+T(phi (1 + e) - s). Where the speed is known from the neighbouring passages the stretch e is held
+near 0; else it tells the speed. The standard error is the Cramer-Rao bound of the template at the
+noise of the log.
 """
 
 from __future__ import annotations
@@ -27,8 +30,9 @@ Source = tuple[FloatArray, FloatArray, FloatArray, float, float, float]
 
 @dataclass(frozen=True)
 class Signal:
-    """A channel as the fits see it: `sign` turns the patch upward, `noise` is one sample's sigma, `extremes` are the channel's least and
-    largest sample."""
+    """A channel as the fits see it: `sign` turns the patch upward, `noise` is one sample's sigma,
+    `extremes` are the channel's least and largest sample.
+    """
 
     channel: Channel
     sign: float
@@ -38,8 +42,9 @@ class Signal:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a row's fit starts, shape (n,): `time_s`, `index` [samples], `omega` [rad/s], `alpha` [rad/s^2], `stretch`: how far the
-    speed may be off (standard deviation, relative)."""
+    """Where a row's fit starts, shape (n,): `time_s`, `index` [samples], `omega` [rad/s], `alpha`
+    [rad/s^2], `stretch`: how far the speed may be off (standard deviation, relative).
+    """
 
     time_s: FloatArray
     index: FloatArray
@@ -53,8 +58,10 @@ class Start:
 
 @dataclass(frozen=True)
 class Fit:
-    """A row's result, shape (n,): `time_s`, `time_se_s`, `omega` [rad/s] with the stretch in it, `omega_se`, `height`, `offset`,
-    `misfit` (rms residual), `used` samples, `lost`, `spike`, `clipped`, `outside`: whether the window holds such samples."""
+    """A row's result, shape (n,): `time_s`, `time_se_s`, `omega` [rad/s] with the stretch in it,
+    `omega_se`, `height`, `offset`, `misfit` (rms residual), `used` samples, `lost`, `spike`,
+    `clipped`, `outside`: whether the window holds such samples.
+    """
 
     time_s: FloatArray
     time_se_s: FloatArray
@@ -72,14 +79,21 @@ class Fit:
     @classmethod
     def choose(cls, which: NDArray[np.bool_], there: Fit, elsewhere: Fit) -> Fit:
         """Rows of `there` where `which`, of `elsewhere` otherwise."""
-        return cls(**{f.name: np.where(which, getattr(there, f.name), getattr(elsewhere, f.name)) for f in fields(cls)})
+        return cls(
+            **{
+                f.name: np.where(which, getattr(there, f.name), getattr(elsewhere, f.name))
+                for f in fields(cls)
+            }
+        )
 
 
 @dataclass(frozen=True)
 class Windows:
-    """The windows of some rows in pieces of a channel: `samples` (N,) as recorded, and their `times`, empty where the axis tells them;
-    `spans` (n, 3): first and last + 1 sample of each row's window, and what to add to their numbers to find them in `samples`;
-    `outside` (n,): part of the window lies outside the log."""
+    """The windows of some rows in pieces of a channel: `samples` (N,) as recorded, and their
+    `times`, empty where the axis tells them; `spans` (n, 3): first and last + 1 sample of each
+    row's window, and what to add to their numbers to find them in `samples`; `outside` (n,): part
+    of the window lies outside the log.
+    """
 
     signal: Signal
     samples: FloatArray
@@ -90,9 +104,19 @@ class Windows:
     @classmethod
     def concatenate(cls, parts: list[Windows]) -> Windows:
         begins = np.cumsum([0] + [part.samples.size for part in parts])
-        spans = [part.spans + np.array([0, 0, begin]) for part, begin in zip(parts, begins, strict=False)]
-        samples, times = (np.concatenate([getattr(part, name) for part in parts]) for name in ("samples", "times"))
-        return cls(parts[0].signal, samples, times, np.concatenate(spans), np.concatenate([part.outside for part in parts]))
+        spans = [
+            part.spans + np.array([0, 0, begin]) for part, begin in zip(parts, begins, strict=False)
+        ]
+        samples, times = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("samples", "times")
+        )
+        return cls(
+            parts[0].signal,
+            samples,
+            times,
+            np.concatenate(spans),
+            np.concatenate([part.outside for part in parts]),
+        )
 
     def take(self, which: NDArray[np.bool_]) -> Windows:
         return replace(self, spans=self.spans[which], outside=self.outside[which])
@@ -110,7 +134,9 @@ def _source(signal: Signal, samples: FloatArray, times: FloatArray) -> Source:
 
 
 def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, NDArray[np.bool_]]:
-    """First and last + 1 sample of each row's window and 0, (n, 3), and whether the window leaves the log, (n,)."""
+    """First and last + 1 sample of each row's window and 0, (n, 3), and whether the window leaves
+    the log, (n,).
+    """
     axis = signal.channel.axis
     reach = window_rad / start.omega * axis.rate_Hz
     with np.errstate(over="ignore", invalid="ignore"):
@@ -122,7 +148,9 @@ def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, N
 
 
 def _read(signal: Signal, spans: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Samples and times from the first to the last window; the third column of `spans` becomes what leads there."""
+    """Samples and times from the first to the last window; the third column of `spans` becomes what
+    leads there.
+    """
     channel = signal.channel
     if not spans.size:  # no row has a first guess
         return np.zeros(0), np.zeros(0)
@@ -130,7 +158,9 @@ def _read(signal: Signal, spans: IntArray) -> tuple[FloatArray, FloatArray]:
     spans[:, 2] = -begin
     samples = np.ascontiguousarray(channel.read(begin, end), dtype=np.float64)
     explicit = channel.axis.explicit
-    return samples, np.asarray(explicit(begin, end), np.float64) if explicit is not None else np.zeros(0)
+    return samples, np.asarray(
+        explicit(begin, end), np.float64
+    ) if explicit is not None else np.zeros(0)
 
 
 def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
@@ -140,10 +170,14 @@ def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
     return Windows(signal, samples, times, spans, outside)
 
 
-def residuals(windows: Windows, template: Template, found: Fit, alpha: FloatArray, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Angles [rad] of the rows' samples, and what the template leaves of them over its height, (N,) each.
+def residuals(
+    windows: Windows, template: Template, found: Fit, alpha: FloatArray, rows: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Angles [rad] of the rows' samples, and what the template leaves of them over its height, (N,)
+    each.
 
-    Lost samples and those outside of the template are left out; offset, height and shift are of those inside.
+    Lost samples and those outside of the template are left out; offset, height and shift are of
+    those inside.
     """
     axis, sign = windows.signal.channel.axis, windows.signal.sign
     angles, left = [], []
@@ -151,13 +185,19 @@ def residuals(windows: Windows, template: Template, found: Fit, alpha: FloatArra
         first, stop, shift = windows.spans[k].tolist()
         stride = -(-(stop - first) // kernels.MOST_SAMPLES)
         place = slice(first + shift, stop + shift, stride)
-        times = windows.times[place] if windows.times.size else axis.at(np.arange(first, stop, stride, dtype=np.float64))
+        times = (
+            windows.times[place]
+            if windows.times.size
+            else axis.at(np.arange(first, stop, stride, dtype=np.float64))
+        )
         tau = times - found.time_s[k]
         phi = (found.omega[k] + 0.5 * alpha[k] * tau) * tau
         values = sign * windows.samples[place]
         inside = (np.abs(phi) <= template.window_rad) & np.isfinite(values)
         phi, values = phi[inside], values[inside]
-        shape, slope = (np.interp(phi, template.phi_rad, curve) for curve in (template.values, template.slope))
+        shape, slope = (
+            np.interp(phi, template.phi_rad, curve) for curve in (template.values, template.slope)
+        )
         design = np.column_stack([np.ones(phi.size), shape, slope])
         solved = np.linalg.lstsq(design, values, rcond=None)[0]
         angles.append(phi)
@@ -181,14 +221,18 @@ def fit(windows: Windows, template: Template, start: Start, height: FloatArray) 
     return fits.found(windows.outside)
 
 
-def fit_blocks(signal: Signal, template: Template, start: Start, height: FloatArray, block_samples: int) -> Fit:
+def fit_blocks(
+    signal: Signal, template: Template, start: Start, height: FloatArray, block_samples: int
+) -> Fit:
     """`fit` of rows from all over the log, in order, a block of it at a time."""
     fits = _Fits(signal.noise, template, start, height)
     spans, outside = _spans(signal, start, template.window_rad)
     empty = np.zeros(0)
     source = _source(signal, empty, empty)
     block = np.floor(start.index / block_samples)
-    for low, high in pairwise(np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]]).tolist()):
+    for low, high in pairwise(
+        np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]]).tolist()
+    ):
         part = slice(low, high)
         fits.fit(part, (*_read(signal, spans[part]), *source[2:]), spans[part])
     return fits.found(outside)
@@ -199,7 +243,11 @@ class _Fits:
 
     def __init__(self, noise: float, template: Template, start: Start, height: FloatArray) -> None:
         n = height.size
-        self._found, self._used, self._marks = np.empty((n, 7)), np.zeros(n, np.int64), np.zeros((n, 3), bool)
+        self._found, self._used, self._marks = (
+            np.empty((n, 7)),
+            np.zeros(n, np.int64),
+            np.zeros((n, 3), bool),
+        )
         self._known = noise, template.table, template.window_rad
         self._rows, self._scratch = _rows(start, height), _scratch()
 
@@ -211,12 +259,38 @@ class _Fits:
     def found(self, outside: NDArray[np.bool_]) -> Fit:
         time_s, time_se_s, omega, omega_se, height, offset, misfit = self._found.T.copy()
         lost, spike, clipped = self._marks.T.copy()
-        return Fit(time_s, time_se_s, omega, omega_se, height, offset, misfit, self._used, lost, spike, clipped, outside)
+        return Fit(
+            time_s,
+            time_se_s,
+            omega,
+            omega_se,
+            height,
+            offset,
+            misfit,
+            self._used,
+            lost,
+            spike,
+            clipped,
+            outside,
+        )
 
 
-def curve_sums(windows: Windows, start: Start, offset: FloatArray, height: FloatArray, window_rad: float) -> CurveSums:
-    """The rows' samples, scaled to height 1, as what a template's curve over +-`window_rad` is learnt from."""
+def curve_sums(
+    windows: Windows, start: Start, offset: FloatArray, height: FloatArray, window_rad: float
+) -> CurveSums:
+    """The rows' samples, scaled to height 1, as what a template's curve over +-`window_rad` is
+    learnt from.
+    """
     sums = CurveSums()
     rows = _rows(start, height)
-    sums.count = spline_sums(*windows.source, rows, offset, windows.spans, window_rad, sums.normal, sums.right, _scratch())
+    sums.count = spline_sums(
+        *windows.source,
+        rows,
+        offset,
+        windows.spans,
+        window_rad,
+        sums.normal,
+        sums.right,
+        _scratch(),
+    )
     return sums

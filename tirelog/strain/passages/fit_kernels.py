@@ -1,10 +1,12 @@
 """Compiled loops over the windows of passages: the matched fit.
 
-    samples around rows, template --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,), `marks` (n, 3)
+    samples around rows, template --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,),
+    `marks` (n, 3)
 
-A window is the row's `spans` (n, 3): samples [first, stop) of the channel, thinned to MOST_SAMPLES, and what to add to their numbers to
-find them in `samples`.  Their times are `times` where these are given, else those of `segments` (k, 3): first sample, its time, step.
-Columns of `rows` (n, 5): time [s], omega, alpha, standard deviation of the stretch, height.
+A window is the row's `spans` (n, 3): samples [first, stop) of the channel, thinned to MOST_SAMPLES,
+and what to add to their numbers to find them in `samples`. Their times are `times` where these are
+given, else those of `segments` (k, 3): first sample, its time, step. Columns of `rows` (n, 5): time
+[s], omega, alpha, standard deviation of the stretch, height.
 """
 
 from __future__ import annotations
@@ -18,10 +20,12 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: samples a row at most; a creeping wheel's windows are thinned to this
 MOST_SAMPLES = 400
 ITERATIONS = 2
-#: a sample is wild where it leaves its two neighbours' mean by this many sigmas and by this share of the height
+#: a sample is wild where it leaves its two neighbours' mean by this many sigmas and by this share
+#: of the height
 WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
-#: and by this many times the scatter between turns at its angle: the ringing of an edge is no spike.  Half as much would take a third of
-#: the passages of a real accelerometer for spiked; twice as much hides spikes at its edges
+#: and by this many times the scatter between turns at its angle: the ringing of an edge is no
+#: spike.  Half as much would take a third of the passages of a real accelerometer for spiked; twice
+#: as much hides spikes at its edges
 WILD_SCATTERS = 5.0
 #: what is further off than this share of the height is not the tire
 FOREIGN_SHARE = 0.35
@@ -53,10 +57,12 @@ def fit_rows(
     marks: NDArray[np.bool_],
     scratch: FloatArray,
 ) -> None:
-    """Each row's fit by the template `table` (g, 3) of values, slopes and scatter over +-`window_rad`: y = a + b T(phi (1 + e) - s).
+    """Each row's fit by the template `table` (g, 3) of values, slopes and scatter over
+    +-`window_rad`: y = a + b T(phi (1 + e) - s).
 
-    `found`: time, its standard error, omega, its standard error, height, offset, misfit; `marks`: lost, spike, clipped; `low`, `high`: the
-    channel's extremes.  `scratch` (SCRATCH_ROWS, MOST_SAMPLES) is the caller's.
+    `found`: time, its standard error, omega, its standard error, height, offset, misfit; `marks`:
+    lost, spike, clipped; `low`, `high`: the channel's extremes. `scratch` (SCRATCH_ROWS,
+    MOST_SAMPLES) is the caller's.
     """
     for k in range(rows.shape[0]):
         count, lost = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
@@ -103,9 +109,11 @@ def read_window(
     span: IntArray,
     scratch: FloatArray,
 ) -> tuple[int, int]:
-    """The samples of a `span` and their times into `scratch`, thinned; how many, and how many of them are lost.
+    """The samples of a `span` and their times into `scratch`, thinned; how many, and how many of
+    them are lost.
 
-    Lost and stuck ones have no weight.  Stuck are three or more in a row on the channel's least or largest value.
+    Lost and stuck ones have no weight. Stuck are three or more in a row on the channel's least or
+    largest value.
     """
     first, stop, shift = span[0], span[1], span[2]
     stride = -(-(stop - first) // MOST_SAMPLES)
@@ -149,8 +157,18 @@ def _without_stuck(count: int, low: float, high: float, scratch: FloatArray) -> 
 
 
 @compiled
-def _shapes(count: int, time_s: float, omega: float, alpha: float, table: FloatArray, window_rad: float, scratch: FloatArray) -> None:
-    """Angle, template, its slope and scatter at each sample: linear between the table's points, constant outside."""
+def _shapes(
+    count: int,
+    time_s: float,
+    omega: float,
+    alpha: float,
+    table: FloatArray,
+    window_rad: float,
+    scratch: FloatArray,
+) -> None:
+    """Angle, template, its slope and scatter at each sample: linear between the table's points,
+    constant outside.
+    """
     times, phis, shapes, slopes = scratch[TIME], scratch[PHI], scratch[SHAPE], scratch[SLOPE]
     scale, most = (table.shape[0] - 1) / (2.0 * window_rad), table.shape[0] - 1.001
     for i in range(count):
@@ -168,11 +186,14 @@ def _shapes(count: int, time_s: float, omega: float, alpha: float, table: FloatA
 
 
 @compiled
-def _step(count: int, hold: float, scratch: FloatArray) -> tuple[float, float, float, float, float, float]:
-    """One Gauss-Newton step: a, b, -b s, b e, and the variances of the last two per noise variance; residuals of all samples that are there
-    (0 where lost) go to `scratch`.
+def _step(
+    count: int, hold: float, scratch: FloatArray
+) -> tuple[float, float, float, float, float, float]:
+    """One Gauss-Newton step: a, b, -b s, b e, and the variances of the last two per noise variance;
+    residuals of all samples that are there (0 where lost) go to `scratch`.
 
-    The stretch is held by `hold`; the other three have a prior too weak to matter, for rows without samples.
+    The stretch is held by `hold`; the other three have a prior too weak to matter, for rows without
+    samples.
     """
     values, weights, phis, shapes, slopes, residuals = (
         scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE], scratch[RESIDUAL],
@@ -198,7 +219,11 @@ def _step(count: int, hold: float, scratch: FloatArray) -> tuple[float, float, f
             r3 += value * bent
     n33 += hold
     weak = 1e-9 * (n00 + n11 + n22 + n33 + 1e-30)
-    solved = _solve((n00 + weak, n11 + weak, n22 + weak, n33 + weak), (n10, n20, n30, n21, n31, n32), (r0, r1, r2, r3))
+    solved = _solve(
+        (n00 + weak, n11 + weak, n22 + weak, n33 + weak),
+        (n10, n20, n30, n21, n31, n32),
+        (r0, r1, r2, r3),
+    )
     a, b, c, d = solved[0], solved[1], solved[2], solved[3]
     for i in range(count):
         residual = values[i] - (a + b * shapes[i] + (c + d * phis[i]) * slopes[i])
@@ -212,9 +237,11 @@ def _solve(
     below: tuple[float, float, float, float, float, float],
     right: tuple[float, float, float, float],
 ) -> tuple[float, float, float, float, float, float]:
-    """The solution of four normal equations, and the last two diagonal elements of the inverse, by L D L'.
+    """The solution of four normal equations, and the last two diagonal elements of the inverse, by
+    L D L'.
 
-    `below` the diagonal: 10, 20, 30, 21, 31, 32.  Nothing here is a loop or a root: a fit waits for this.
+    `below` the diagonal: 10, 20, 30, 21, 31, 32. Nothing here is a loop or a root: a fit waits for
+    this.
     """
     n10, n20, n30, n21, n31, n32 = below
     r0, r1, r2, r3 = right
@@ -239,17 +266,28 @@ def _solve(
 
 @compiled
 def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
-    """Takes the weight off samples whose residual leaves the mean of its neighbours', by more than theirs do, or which are not the tire at
-    all; whether there are any."""
-    limit, foreign = max(WILD_SIGMAS * noise, WILD_SHARE * height), max(WILD_SIGMAS * noise, FOREIGN_SHARE * height)
-    values, weights, residuals, bends = scratch[VALUE], scratch[WEIGHT], scratch[RESIDUAL], scratch[BEND]
+    """Takes the weight off samples whose residual leaves the mean of its neighbours', by more than
+    theirs do, or which are not the tire at all; whether there are any.
+    """
+    limit, foreign = (
+        max(WILD_SIGMAS * noise, WILD_SHARE * height),
+        max(WILD_SIGMAS * noise, FOREIGN_SHARE * height),
+    )
+    values, weights, residuals, bends = (
+        scratch[VALUE],
+        scratch[WEIGHT],
+        scratch[RESIDUAL],
+        scratch[BEND],
+    )
     most = 0.0
     for i in range(count):
         if scratch[STUCK, i] > 0:
             residuals[i] = 0.0
         size = abs(residuals[i])
         most = size if size > most else most
-    if most <= 0.5 * limit:  # no residual leaves its neighbours' mean by more than twice the largest
+    if (
+        most <= 0.5 * limit
+    ):  # no residual leaves its neighbours' mean by more than twice the largest
         return False
     bends[0] = bends[count - 1] = 0.0
     for i in range(1, count - 1):
@@ -259,7 +297,9 @@ def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
     for i in range(count):
         largest = max(bends[max(i - 1, 0)], bends[min(i + 1, count - 1)])
         usual = WILD_SCATTERS * height * scratch[SCATTER, i]
-        if (bends[i] > max(limit, usual) and bends[i] >= largest) or abs(residuals[i]) > max(foreign, usual):
+        if (bends[i] > max(limit, usual) and bends[i] >= largest) or abs(residuals[i]) > max(
+            foreign, usual
+        ):
             weights[i] = 0.0
             found = True
     return found

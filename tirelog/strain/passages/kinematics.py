@@ -1,10 +1,13 @@
-"""How fast the wheel turns at each passage, from the times of the passages alone, with an error that holds the differencing.
+"""How fast the wheel turns at each passage, from the times of the passages alone, with an error
+that holds the differencing.
 
-    times and their errors (n,), turns to the next passage (n,) --parabolas through three passages--> omega, alpha, standard error (n,)
+    times and their errors (n,), turns to the next passage (n,) --parabolas through three
+    passages--> omega, alpha, standard error (n,)
 
-The second-order centred difference over two turns (P1 4, P2 4.2, errata) in its form for unequal steps is exact for a constant
-acceleration.  What a change of acceleration leaves, one twelfth of the period times the change over two turns, is taken off as far
-as it stands out of the noise; what a smooth curve through the accelerations around does not foretell goes into the standard error.
+The second-order centred difference over two turns (P1 4, P2 4.2, errata) in its form for unequal
+steps is exact for a constant acceleration. What a change of acceleration leaves, one twelfth of the
+period times the change over two turns, is taken off as far as it stands out of the noise; what a
+smooth curve through the accelerations around does not foretell goes into the standard error.
 """
 
 from __future__ import annotations
@@ -19,13 +22,16 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 TURN_RAD = 2 * np.pi
 #: a change of acceleration counts beyond this many times its noise variance
 SIGNIFICANT = 4.0
-#: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink at random places between passages
+#: scatter of the accelerations beyond the noise, times period, to the error of the speed: a kink at
+#: random places between passages
 KINK = 0.8
 #: passages on either side whose accelerations tell how it changes, and the degree of their curve
 REACH, DEGREE = 3, 3
-#: standard deviation of the jerk where nothing tells it: the acceleration itself, gained or lost over this many turns
+#: standard deviation of the jerk where nothing tells it: the acceleration itself, gained or lost
+#: over this many turns
 BLIND_TURNS = 2.0
-#: a wheel may have stopped where it would have needed up to so many times the time between: the brake came late in the turns before
+#: a wheel may have stopped where it would have needed up to so many times the time between: the
+#: brake came late in the turns before
 STOPS_WITHIN = 3.0
 #: share of the acceleration that may have changed beyond the last passage without a trace
 UNSEEN = 0.05
@@ -33,8 +39,9 @@ UNSEEN = 0.05
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Each shape (n,): `omega` [rad/s], `omega_se`, `alpha` [rad/s^2]; `sides`: neighbours on how many sides were used (2 centred, 1
-    extrapolated from the next, 0 none: NaN)."""
+    """Each shape (n,): `omega` [rad/s], `omega_se`, `alpha` [rad/s^2]; `sides`: neighbours on how
+    many sides were used (2 centred, 1 extrapolated from the next, 0 none: NaN).
+    """
 
     omega: FloatArray
     omega_se: FloatArray
@@ -48,16 +55,21 @@ def turns_between(time_s: FloatArray, omega: FloatArray) -> FloatArray:
 
 
 def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
-    """Whether the wheel may have come to rest between each passage and the next, one turn or less away, shape (n - 1,).
+    """Whether the wheel may have come to rest between each passage and the next, one turn or less
+    away, shape (n - 1,).
 
-    The deceleration of the two turns before and the acceleration of the two turns after, carried on, meet at rest in the time between.
+    The deceleration of the two turns before and the acceleration of the two turns after, carried
+    on, meet at rest in the time between.
     """
     period = np.diff(time_s)
     stop = np.zeros(period.size, bool)
     if period.size < 5:
         return stop
-    # at the passage two turns on: change of the speed over a turn, and how long it has to fall to nothing at that rate
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # stamps that repeat have no period
+    # at the passage two turns on: change of the speed over a turn, and how long it has to fall to
+    # nothing at that rate
+    with np.errstate(
+        divide="ignore", invalid="ignore", over="ignore"
+    ):  # stamps that repeat have no period
         speed = TURN_RAD / period
         rate = (speed[:-1] - speed[1:]) / (0.5 * (period[:-1] + period[1:]))
         down = (speed[1:] - 0.5 * rate * period[1:]) / rate
@@ -68,7 +80,8 @@ def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
 
 
 def _residual() -> tuple[FloatArray, float]:
-    """Projection of the accelerations around on what their curve leaves, and the residual variance that white passage times make of it.
+    """Projection of the accelerations around on what their curve leaves, and the residual variance
+    that white passage times make of it.
 
     Accelerations are second differences of the times: 1, -2, 1.
     """
@@ -85,7 +98,11 @@ RESIDUAL, RESIDUAL_NOISE = _residual()
 
 
 def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArray) -> Kinematics:
-    """Speeds at the passages.  `turns_after` (n,): whole turns to the next passage, 0 where that is not known (and for the last)."""
+    """Speeds at the passages.
+
+    `turns_after` (n,): whole turns to the next passage, 0 where that is not known (and for the
+    last).
+    """
     n = time_s.size
     nan = np.full(n, np.nan)
     if n < 3:
@@ -110,7 +127,9 @@ def _near(values: FloatArray, offset: int) -> FloatArray:
     """`values` of the passage `offset` later, NaN beyond the ends."""
     result = np.full(values.size, np.nan)
     if abs(offset) < values.size:
-        result[max(-offset, 0) : values.size - max(offset, 0)] = values[max(offset, 0) : values.size + min(offset, 0)]
+        result[max(-offset, 0) : values.size - max(offset, 0)] = values[
+            max(offset, 0) : values.size + min(offset, 0)
+        ]
     return result
 
 
@@ -121,13 +140,17 @@ def _local_mean(values: FloatArray, reach: int) -> FloatArray:
     return np.where(finite, some, 0.0).sum(0) / np.maximum(finite.sum(0), 1)
 
 
-def _corrected(omega: FloatArray, alpha: FloatArray, period: FloatArray, time_se_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _corrected(
+    omega: FloatArray, alpha: FloatArray, period: FloatArray, time_se_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Speeds freed of the differencing error where that is known, and their standard errors."""
     acceleration_noise = omega * time_se_s / period**2
     change = _near(alpha, 1) - _near(alpha, -1)
     # white times: (1, -2, 0, 2, -1)
     level = _local_mean(change**2, 1) / (10.0 * acceleration_noise**2)
-    share = np.where(np.isfinite(change), np.clip(1.0 - SIGNIFICANT / np.maximum(level, 1e-9), 0.0, 1.0), 0.0)
+    share = np.where(
+        np.isfinite(change), np.clip(1.0 - SIGNIFICANT / np.maximum(level, 1e-9), 0.0, 1.0), 0.0
+    )
     corrected = omega - share * np.nan_to_num(change) * period / 12.0
     inner, outer = 0.5 + share / 6.0, share / 12.0
     noise = inner**2 * (_near(time_se_s, 1) ** 2 + _near(time_se_s, -1) ** 2)
@@ -137,18 +160,25 @@ def _corrected(omega: FloatArray, alpha: FloatArray, period: FloatArray, time_se
 
 
 def _scatter(alpha: FloatArray, noise: FloatArray) -> FloatArray:
-    """Standard deviation of the accelerations about a smooth curve through those around, beyond the noise [rad/s^2].
+    """Standard deviation of the accelerations about a smooth curve through those around, beyond the
+    noise [rad/s^2].
 
     Where the stretch is too short for a curve: half of the change to the next.
     """
     around = np.array([_near(alpha, k) for k in range(-REACH, REACH + 1)])
     square = ((RESIDUAL @ around) ** 2).sum(0) / (2 * REACH - DEGREE)
     beyond = square - SIGNIFICANT * RESIDUAL_NOISE * noise**2
-    scatter = np.where(beyond > 0, np.sqrt(np.maximum(square - RESIDUAL_NOISE * noise**2, 0.0)), 0.0)
+    scatter = np.where(
+        beyond > 0, np.sqrt(np.maximum(square - RESIDUAL_NOISE * noise**2, 0.0)), 0.0
+    )
     steps = np.array([np.abs(_near(alpha, k) - alpha) for k in (-1, 1)])
     step = np.where(np.isfinite(steps), steps, 0.0).max(0)
     alone = ~np.isfinite(steps).any(0)
-    step = np.where(alone, np.abs(alpha) / BLIND_TURNS, np.where(step > 3.0 * np.sqrt(20.0) * noise, 0.5 * step, 0.0))
+    step = np.where(
+        alone,
+        np.abs(alpha) / BLIND_TURNS,
+        np.where(step > 3.0 * np.sqrt(20.0) * noise, 0.5 * step, 0.0),
+    )
     return np.where(np.isfinite(square), scatter, step)
 
 
@@ -162,7 +192,9 @@ def _one_sided(
     alpha: FloatArray,
     sides: IntArray,
 ) -> None:
-    """Fill the passages at the ends of a stretch from the parabola of their neighbour `step` later, in place."""
+    """Fill the passages at the ends of a stretch from the parabola of their neighbour `step` later,
+    in place.
+    """
     n = time_s.size
     rows = np.flatnonzero(sides == 0)
     rows = rows[(rows + step >= 0) & (rows + step < n)]

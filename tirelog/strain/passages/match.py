@@ -1,6 +1,8 @@
-"""Pulses to fitted passages: what each fit starts from, the template, and which pulses are no passage after all.
+"""Pulses to fitted passages: what each fit starts from, the template, and which pulses are no
+passage after all.
 
-Pulses --screen, rough speeds--> Start --passage_learn--> Template --passage_fit--> Fit, a row a passage
+Pulses --screen, rough speeds--> Start --passage_learn--> Template --passage_fit--> Fit, a row a
+passage
 """
 
 from __future__ import annotations
@@ -23,22 +25,28 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: relative uncertainty of the speed from neighbouring passages, and from a pulse's width
 STRETCH_NEIGHBOURS, STRETCH_WIDTH = 0.002, 0.1
-#: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in it), or not the tire at all
+#: misfit [height] beyond which a pulse of unknown speed is no steady passage (the wheel stood in
+#: it), or not the tire at all
 STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
-#: and beyond so many times the log's own: edges that ring are no standstill.  Twice as much would miss short stops
+#: and beyond so many times the log's own: edges that ring are no standstill.  Twice as much would
+#: miss short stops
 USUAL_MISFITS = 2.0
 #: a row is doubtful where its misfit is this many times the median's
 DOUBTFUL = 3.0
-#: heights, against the median around, outside of which a pulse of unknown speed is no passage of this wheel
+#: heights, against the median around, outside of which a pulse of unknown speed is no passage of
+#: this wheel
 FOREIGN_HEIGHTS = (0.3, 2.5)
-#: passages of a stretch that are tried the other way round, and the log likelihood ratio from which they ran backwards
+#: passages of a stretch that are tried the other way round, and the log likelihood ratio from which
+#: they ran backwards
 TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
 
 
 @dataclass(frozen=True)
 class Matched:
-    """The fitted passages: the `pulses` that are left, the `start` of their fits, the `fit`, standard errors of its times (n,);
-    `standing`: the wheel stood in the passage (n,), `backwards`: it rolled backwards (n,)."""
+    """The fitted passages: the `pulses` that are left, the `start` of their fits, the `fit`,
+    standard errors of its times (n,); `standing`: the wheel stood in the passage (n,), `backwards`:
+    it rolled backwards (n,).
+    """
 
     template: Template | None
     pulses: Pulses
@@ -50,7 +58,9 @@ class Matched:
 
     @property
     def time_s(self) -> FloatArray:
-        """Times of the patch centres; of a passage in which the wheel stood the middle of its pulse."""
+        """Times of the patch centres; of a passage in which the wheel stood the middle of its
+        pulse.
+        """
         return np.where(self.standing, self.start.time_s, self.fit.time_s)
 
 
@@ -77,13 +87,24 @@ def match(signal: Signal, pulses: Pulses) -> Matched:
     return _matched(signal, template, pulses, start, found, back)
 
 
-def _learn(signal: Signal, start: Start, pulses: Pulses, usable: NDArray[np.bool_]) -> Template | None:
-    """The template from the passages of known speed among the `usable`, or from all of these where there are none."""
+def _learn(
+    signal: Signal, start: Start, pulses: Pulses, usable: NDArray[np.bool_]
+) -> Template | None:
+    """The template from the passages of known speed among the `usable`, or from all of these where
+    there are none.
+    """
     known = np.flatnonzero(usable & (start.stretch == STRETCH_NEIGHBOURS))
     return learn_template(signal, start, known if known.size else np.flatnonzero(usable), pulses)
 
 
-def _matched(signal: Signal, template: Template | None, pulses: Pulses, start: Start, found: Fit, back: NDArray[np.bool_]) -> Matched:
+def _matched(
+    signal: Signal,
+    template: Template | None,
+    pulses: Pulses,
+    start: Start,
+    found: Fit,
+    back: NDArray[np.bool_],
+) -> Matched:
     """The fits with what they say about themselves."""
     height = np.abs(found.height)
     usual = USUAL_MISFITS * float(np.median(found.misfit / height)) if len(pulses) else 0.0
@@ -91,24 +112,41 @@ def _matched(signal: Signal, template: Template | None, pulses: Pulses, start: S
     standing = bad & (start.stretch == STRETCH_WIDTH) & ~found.spike
     quarter_s = 0.25 * pulses.width / signal.channel.axis.rate_Hz
     return Matched(
-        template, pulses, start, found, np.where(standing, quarter_s, found.time_se_s * _doubt(found, signal.noise)), standing, back
+        template,
+        pulses,
+        start,
+        found,
+        np.where(standing, quarter_s, found.time_se_s * _doubt(found, signal.noise)),
+        standing,
+        back,
     )
 
 
 def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
-    """Pulses that are no passage by their fit: of another height than those around, or a bad fit between two that are one turn apart."""
+    """Pulses that are no passage by their fit: of another height than those around, or a bad fit
+    between two that are one turn apart.
+    """
     around = usual(np.abs(found.height))
-    foreign = (found.height < FOREIGN_HEIGHTS[0] * around) | (found.height > FOREIGN_HEIGHTS[1] * around)
+    foreign = (found.height < FOREIGN_HEIGHTS[0] * around) | (
+        found.height > FOREIGN_HEIGHTS[1] * around
+    )
     foreign &= start.stretch == STRETCH_WIDTH
     bad = found.misfit > np.maximum(FOREIGN_MISFIT * np.abs(found.height), 3 * noise)
     if bad.size > 2:
-        skip = (found.time_s[2:] - found.time_s[:-2]) * 0.5 * (start.omega[2:] + start.omega[:-2]) / TURN_RAD
+        skip = (
+            (found.time_s[2:] - found.time_s[:-2])
+            * 0.5
+            * (start.omega[2:] + start.omega[:-2])
+            / TURN_RAD
+        )
         foreign[1:-1] |= bad[1:-1] & ~bad[:-2] & ~bad[2:] & one_turn(skip)
     return foreign
 
 
 def _doubt(found: Fit, noise: float) -> FloatArray:
-    """Factor on the standard error where a row fits far worse than most: its residual then is no white noise, (n,)."""
+    """Factor on the standard error where a row fits far worse than most: its residual then is no
+    white noise, (n,).
+    """
     if not found.misfit.size or not np.isfinite(found.misfit).any() or not noise > 0:
         return np.ones(found.misfit.size)
     share = found.misfit / np.abs(found.height)
@@ -117,7 +155,8 @@ def _doubt(found: Fit, noise: float) -> FloatArray:
 
 
 def _start(channel: Channel, pulses: Pulses, turned: NDArray[np.bool_] | None = None) -> Start:
-    """Rough centres, speeds and accelerations: from the neighbours where these are one turn away, else from the pulse's width.
+    """Rough centres, speeds and accelerations: from the neighbours where these are one turn away,
+    else from the pulse's width.
 
     `turned` (n - 1,): where the wheel is known to have rolled back before the next passage.
     """
@@ -146,22 +185,44 @@ def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Templat
 
 
 def _rough(signal: Signal, start: Start, pulses: Pulses) -> Fit:
-    """Rows without a template: the middle of the half-level crossings, with an error of a tenth of the width."""
+    """Rows without a template: the middle of the half-level crossings, with an error of a tenth of
+    the width.
+    """
     n = len(pulses)
     no, nan = np.zeros(n, bool), np.full(n, np.nan)
     width_s = pulses.width / signal.channel.axis.rate_Hz
-    return Fit(start.time_s, 0.1 * width_s, nan, nan, pulses.height, pulses.base, nan, np.zeros(n, np.int64), no, no, no, no)
+    return Fit(
+        start.time_s,
+        0.1 * width_s,
+        nan,
+        nan,
+        pulses.height,
+        pulses.base,
+        nan,
+        np.zeros(n, np.int64),
+        no,
+        no,
+        no,
+        no,
+    )
 
 
 def _backwards(signal: Signal, template: Template, start: Start, found: Fit) -> NDArray[np.bool_]:
-    """Passages of a wheel that rolled backwards, shape (n,): stretches whose waveform fits better the other way round.
+    """Passages of a wheel that rolled backwards, shape (n,): stretches whose waveform fits better
+    the other way round.
 
-    Stretches end where the next passage is not one turn away, and where the wheel may have stopped between two.  Most of a log's
-    passages are taken as forwards, and a waveform that is the same both ways tells nothing.
+    Stretches end where the next passage is not one turn away, and where the wheel may have stopped
+    between two. Most of a log's passages are taken as forwards, and a waveform that is the same
+    both ways tells nothing.
     """
     n = found.time_s.size
     back = np.zeros(n, bool)
-    ends = np.flatnonzero(~one_turn(turns_between(found.time_s, start.omega)) | may_have_stopped(found.time_s)) + 1
+    ends = (
+        np.flatnonzero(
+            ~one_turn(turns_between(found.time_s, start.omega)) | may_have_stopped(found.time_s)
+        )
+        + 1
+    )
     if not ends.size:
         return back
     for first, stop in pairwise(np.concatenate([[0], ends, [n]])):
@@ -169,7 +230,9 @@ def _backwards(signal: Signal, template: Template, start: Start, found: Fit) -> 
         some = replace(start, time_s=found.time_s, omega=found.omega).take(rows)
         windows = gather(signal, some, template.window_rad)
         height = np.abs(found.height[rows])
-        forth, other = (fit(windows, shape, some, height) for shape in (template, template.mirrored()))
+        forth, other = (
+            fit(windows, shape, some, height) for shape in (template, template.mirrored())
+        )
         floor = signal.noise**2
         ratio = (forth.misfit**2 + floor) / (other.misfit**2 + floor)
         back[first:stop] = 0.5 * float(np.sum(forth.used * np.log(ratio))) > BACKWARDS_EVIDENCE

@@ -1,10 +1,12 @@
-"""Pulses that are no passages, told by when they come and how long they last: the instrument jumped, or a jump split a passage in two.
+"""Pulses that are no passages, told by when they come and how long they last: the instrument
+jumped, or a jump split a passage in two.
 
     Pulses --join halves, drop strangers--> Pulses
 
-A passage lasts a fixed share of a turn, and the next comes a turn later.  Two pulses much closer than that are the halves of one passage,
-or one of them is a jump; a pulse between two others that are just one turn apart is a jump.  Speeds come from the median width of
-the pulses around, so a few strangers do not matter.  Rows are only dropped, never added.
+A passage lasts a fixed share of a turn, and the next comes a turn later. Two pulses much closer
+than that are the halves of one passage, or one of them is a jump; a pulse between two others that
+are just one turn apart is a jump. Speeds come from the median width of the pulses around, so a few
+strangers do not matter. Rows are only dropped, never added.
 """
 
 from __future__ import annotations
@@ -76,12 +78,16 @@ def _screened(pulses: Pulses) -> Pulses:
 
 
 def _joined(pulses: Pulses) -> Pulses:
-    """Pairs that are too close become one: their hull where that has the usual width, else the one whose width is more usual."""
+    """Pairs that are too close become one: their hull where that has the usual width, else the one
+    whose width is more usual.
+    """
     if len(pulses) < 3:
         return pulses
     width_around = usual(pulses.width)
     period = width_around / width_turns(pulses.middle, pulses.width)
-    close = np.flatnonzero(np.diff(pulses.middle) < TOO_CLOSE_TURNS * np.minimum(period[1:], period[:-1]))
+    close = np.flatnonzero(
+        np.diff(pulses.middle) < TOO_CLOSE_TURNS * np.minimum(period[1:], period[:-1])
+    )
     middle, width, kept = pulses.middle.copy(), pulses.width.copy(), np.ones(len(pulses), bool)
     for first in close:
         second = first + 1
@@ -106,7 +112,8 @@ def _strangers(pulses: Pulses) -> NDArray[np.bool_]:
     step = np.diff(pulses.middle) * 0.5 * (rate[1:] + rate[:-1])
     over = (pulses.middle[2:] - pulses.middle[:-2]) * 0.5 * (rate[2:] + rate[:-2])
     strange[1:-1] = one_turn(over) & (np.maximum(step[1:], step[:-1]) < 0.9 * over)
-    # of neighbours only the one goes without which the others are nearest to one turn apart; the rest is judged again
+    # of neighbours only the one goes without which the others are nearest to one turn apart; the
+    # rest is judged again
     off = np.full(len(pulses), np.inf)
     off[1:-1] = np.where(strange[1:-1], np.abs(np.log(over)), np.inf)
     padded = np.pad(off, 1, constant_values=np.inf)

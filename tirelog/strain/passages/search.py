@@ -1,12 +1,14 @@
-"""Where the grating passed the patch, coarsely: pulses that stand out of their surroundings by half of the usual height.
+"""Where the grating passed the patch, coarsely: pulses that stand out of their surroundings by half
+of the usual height.
 
     channel --passage_decimate--> medians of short buckets, patch upward
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys
             --half-level crossings--> Pulses: middle and width [samples], a row a passage
 
-A pulse counts if the signal climbs to it and falls from it by the same least height, found from the log's own heights.  Neither a
-baseline nor a period is assumed, so drift, standing still (in the patch or out of it), creeping and hard braking need no special case, and
-the shoulders beside the patch are too low.
+A pulse counts if the signal climbs to it and falls from it by the same least height, found from the
+log's own heights. Neither a baseline nor a period is assumed, so drift, standing still (in the
+patch or out of it), creeping and hard braking need no special case, and the shoulders beside the
+patch are too low.
 """
 
 from __future__ import annotations
@@ -26,16 +28,20 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 LEAST_HEIGHT = 0.45
 #: and by this many times the noise of a sample
 LEAST_SIGMAS = 8.0
-#: a pulse whose top lies this share of its height below both neighbours' is the stretch between two patches, seen from its deep shoulders
+#: a pulse whose top lies this share of its height below both neighbours' is the stretch between two
+#: patches, seen from its deep shoulders
 PLATEAU_SHARE = 0.4
-#: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a car's wheel) nothing is looked for
+#: radial acceleration outside the patch [m/s^2], over this time [s]; below the least (3 m/s on a
+#: car's wheel) nothing is looked for
 LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
 
 
 @dataclass(frozen=True)
 class Pulses:
-    """A row a pulse, shape (n,): `middle` of the half-level crossings and `width` between them [samples], `height` [channel's unit],
-    `base` the level of the higher valley beside it, patch upward."""
+    """A row a pulse, shape (n,): `middle` of the half-level crossings and `width` between them
+    [samples], `height` [channel's unit], `base` the level of the higher valley beside it, patch
+    upward.
+    """
 
     middle: FloatArray
     width: FloatArray
@@ -59,7 +65,9 @@ def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
 
 
 def usual_height(heights: FloatArray) -> float:
-    """The height of a patch among all rises and falls: the median weighted by their squares, so that ripples do not count."""
+    """The height of a patch among all rises and falls: the median weighted by their squares, so
+    that ripples do not count.
+    """
     ordered = np.sort(heights)
     weight = np.cumsum(ordered**2)
     return float(ordered[np.searchsorted(weight, 0.5 * weight[-1])])
@@ -69,8 +77,13 @@ def find_pulses(data: Decimated) -> Pulses:
     """The pulses of `data`."""
     noise = data.noise
     bounds = np.append(np.minimum(data.parts, data.values.size), data.values.size)
-    rough = [start + _turning_points(data.values[start:stop], LEAST_SIGMAS * noise) for start, stop in pairwise(bounds)]
-    heights = np.concatenate([np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough])
+    rough = [
+        start + _turning_points(data.values[start:stop], LEAST_SIGMAS * noise)
+        for start, stop in pairwise(bounds)
+    ]
+    heights = np.concatenate(
+        [np.abs(np.diff(data.values[points])).astype(np.float64) for points in rough]
+    )
     if not heights.size:
         return NO_PULSES
     least = max(LEAST_HEIGHT * usual_height(heights), LEAST_SIGMAS * noise)
@@ -79,11 +92,20 @@ def find_pulses(data: Decimated) -> Pulses:
         points = points[_turning_points(data.values[points], least)]
         top = 1 + np.flatnonzero(data.values[points[1:-1]] > data.values[points[:-2]])
         found.append([points[top], points[top - 1], points[top + 1]])
-    return _half_level(data, *_without_plateaus(data.values, *(np.concatenate(places) for places in zip(*found, strict=True))))
+    return _half_level(
+        data,
+        *_without_plateaus(
+            data.values, *(np.concatenate(places) for places in zip(*found, strict=True))
+        ),
+    )
 
 
-def _without_plateaus(values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-    """The peaks that are not lower than both neighbours (at the ends: the only neighbour) by much of their own height."""
+def _without_plateaus(
+    values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """The peaks that are not lower than both neighbours (at the ends: the only neighbour) by much
+    of their own height.
+    """
     if peak.size < 2:
         return peak, left, right
     top = values[peak]
@@ -95,18 +117,29 @@ def _without_plateaus(values: NDArray[np.float32], peak: IntArray, left: IntArra
 
 
 def search(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> tuple[Pulses, Decimated]:
-    """The pulses of `channel`, and what they were found in.  `sign` turns the patch upward.
+    """The pulses of `channel`, and what they were found in. `sign` turns the patch upward.
 
-    Radial acceleration, whose pulses grow with the square of the speed, is searched in units of its level outside the patch.
+    Radial acceleration, whose pulses grow with the square of the speed, is searched in units of its
+    level outside the patch.
     """
     data = decimate(channel, sign, block_samples)
     if not data.values.size or not np.isfinite(data.noise):
         return NO_PULSES, data
     if channel.kind != "radial_acceleration":
         return find_pulses(data), data
-    level = np.maximum(_level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise))
-    pulses = find_pulses(replace(data, values=(data.values / level).astype(np.float32), noise=data.noise / float(np.median(level))))
-    scale = level[np.round((pulses.middle - data.index(np.zeros(1))) / data.bucket).astype(np.int64)].astype(np.float64)
+    level = np.maximum(
+        _level(data, channel.axis.rate_Hz), max(LEAST_LEVEL, LEAST_LEVEL_SIGMAS * data.noise)
+    )
+    pulses = find_pulses(
+        replace(
+            data,
+            values=(data.values / level).astype(np.float32),
+            noise=data.noise / float(np.median(level)),
+        )
+    )
+    scale = level[
+        np.round((pulses.middle - data.index(np.zeros(1))) / data.bucket).astype(np.int64)
+    ].astype(np.float64)
     return replace(pulses, height=pulses.height * scale, base=pulses.base * scale), data
 
 
@@ -119,7 +152,9 @@ def _level(data: Decimated, rate_Hz: float) -> NDArray[np.float32]:
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Pulses:
-    """The pulses at `peak` between the valleys `left` and `right`, by linear interpolation between buckets."""
+    """The pulses at `peak` between the valleys `left` and `right`, by linear interpolation between
+    buckets.
+    """
     pulses = np.empty((peak.size, 4))
     half_level(data.values, peak, left, right, pulses)
     middle, width, height, base = pulses.T.copy()

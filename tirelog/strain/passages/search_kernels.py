@@ -1,6 +1,8 @@
-"""Compiled loops of the search for passages: samples to medians of buckets, turning points, half-level crossings.
+"""Compiled loops of the search for passages: samples to medians of buckets, turning points,
+half-level crossings.
 
-    values (n,) --bucket_medians--> medians (n / bucket,) --turning_points--> places --half_level--> middle, width, height, base
+    values (n,) --bucket_medians--> medians (n / bucket,) --turning_points--> places --half_level-->
+    middle, width, height, base
 
 Each goes over its input once and writes into arrays that the caller gives.
 """
@@ -15,9 +17,13 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 
 @compiled
-def bucket_medians(values: FloatArray, bucket: int, sign: float, medians: NDArray[np.float32]) -> None:
-    """Median of the four quarters' means in each bucket of `values` (n,), times `sign`, into `medians` (ceil(n / bucket),); of those
-    quarters that are whole; NaN where none is.  `bucket`: a multiple of 4."""
+def bucket_medians(
+    values: FloatArray, bucket: int, sign: float, medians: NDArray[np.float32]
+) -> None:
+    """Median of the four quarters' means in each bucket of `values` (n,), times `sign`, into
+    `medians` (ceil(n / bucket),); of those quarters that are whole; NaN where none is. `bucket`: a
+    multiple of 4.
+    """
     quarter = bucket // 4
     whole = values.size // bucket
     if quarter == 1:
@@ -35,7 +41,9 @@ def bucket_medians(values: FloatArray, bucket: int, sign: float, medians: NDArra
 
 @compiled
 def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float32]) -> int:
-    """Sum of the inner two of each row of `fours` (m, 4), times `factor`, NaN where one of the four is lost; how many are."""
+    """Sum of the inner two of each row of `fours` (m, 4), times `factor`, NaN where one of the four
+    is lost; how many are.
+    """
     lost = 0
     for k in range(fours.shape[0]):
         t0, t1, t2, t3 = fours[k, 0], fours[k, 1], fours[k, 2], fours[k, 3]
@@ -82,9 +90,12 @@ def _median_of_some(values: FloatArray, first: int, quarter: int) -> float:
 
 
 @compiled
-def running_medians(values: FloatArray, first: int, sign: float, medians: NDArray[np.float32]) -> None:
-    """Running median of three of `values` from place `first` on, times `sign`, into `medians`; the ends of `values` and the neighbours of
-    lost samples stay as they are."""
+def running_medians(
+    values: FloatArray, first: int, sign: float, medians: NDArray[np.float32]
+) -> None:
+    """Running median of three of `values` from place `first` on, times `sign`, into `medians`; the
+    ends of `values` and the neighbours of lost samples stay as they are.
+    """
     for k in range(medians.size):
         i = first + k
         value = values[i]
@@ -97,9 +108,11 @@ def running_medians(values: FloatArray, first: int, sign: float, medians: NDArra
 
 @compiled
 def turning_points(values: NDArray[np.float32], least: float, points: NDArray[np.int32]) -> int:
-    """Places of the alternating extremes of `values` whose rises and falls are at least `least`, into `points`; how many.
+    """Places of the alternating extremes of `values` whose rises and falls are at least `least`,
+    into `points`; how many.
 
-    The first and the last are the extremes before the first and after the last such rise or fall.  Of equal extremes the first counts.
+    The first and the last are the extremes before the first and after the last such rise or fall.
+    Of equal extremes the first counts.
     """
     enough = np.float32(least)
     if enough < least or enough == 0.0:  # the least float32 above 0 that is not below `least`
@@ -128,9 +141,12 @@ def turning_points(values: NDArray[np.float32], least: float, points: NDArray[np
 
 
 @compiled
-def half_level(values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray, pulses: FloatArray) -> None:
-    """Pulses between the valleys `left` and `right` of each `peak` (n,), into `pulses` (n, 4): middle of the half-level crossings and
-    width between them [places of `values`], height above the higher valley, that valley's level.
+def half_level(
+    values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray, pulses: FloatArray
+) -> None:
+    """Pulses between the valleys `left` and `right` of each `peak` (n,), into `pulses` (n, 4):
+    middle of the half-level crossings and width between them [places of `values`], height above the
+    higher valley, that valley's level.
 
     The higher of the two valleys: a downward jump of the instrument may stand for the other.
     """
@@ -159,8 +175,9 @@ def _share(below: float, above: float, level: float) -> float:
 
 @compiled
 def medians_around(values: FloatArray, reach: int, least: FloatArray, medians: FloatArray) -> None:
-    """Median of the values that are there within `reach` places on either side, into `medians` (n,), NaN where none is; `least`
-    (2 reach + 1,) is scratch."""
+    """Median of the values that are there within `reach` places on either side, into `medians`
+    (n,), NaN where none is; `least` (2 reach + 1,) is scratch.
+    """
     for i in range(values.size):
         there = 0
         for j in range(max(i - reach, 0), min(i + reach + 1, values.size)):

@@ -29,9 +29,11 @@ def spline_sums(
     right: FloatArray,
     scratch: FloatArray,
 ) -> int:
-    """Adds the rows' samples, less `offset` and over the height, to the normal equations of a cubic spline over +-`window_rad`; how many.
+    """Adds the rows' samples, less `offset` and over the height, to the normal equations of a cubic
+    spline over +-`window_rad`; how many.
 
-    `normal` (s, s), of which the upper triangle is filled, `right` (s,), s three more than the knot intervals.
+    `normal` (s, s), of which the upper triangle is filled, `right` (s,), s three more than the knot
+    intervals.
     """
     intervals = right.size - 3
     used = 0
@@ -42,7 +44,10 @@ def spline_sums(
             phi = (rows[k, 1] + 0.5 * rows[k, 2] * tau) * tau
             value = (scratch[VALUE, i] - offset[k]) / rows[k, 4]
             if scratch[WEIGHT, i] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
-                place = min(max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0), intervals - 1e-9)
+                place = min(
+                    max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0),
+                    intervals - 1e-9,
+                )
                 cell = int(place)
                 for a in range(4):
                     weight = basis(place - cell, a)
@@ -54,7 +59,9 @@ def spline_sums(
 
 
 @compiled
-def spline_curve(coefficients: FloatArray, window_rad: float, phi: FloatArray, curve: FloatArray) -> None:
+def spline_curve(
+    coefficients: FloatArray, window_rad: float, phi: FloatArray, curve: FloatArray
+) -> None:
     """Value and slope [1/rad] of the spline at `phi` (n,), into `curve` (n, 2)."""
     intervals = coefficients.size - 3
     scale = intervals / (2.0 * window_rad)
@@ -62,9 +69,16 @@ def spline_curve(coefficients: FloatArray, window_rad: float, phi: FloatArray, c
         place = min(max((phi[i] + window_rad) * scale, 0.0), intervals - 1e-9)
         cell = int(place)
         u = place - cell
-        c0, c1, c2, c3 = coefficients[cell], coefficients[cell + 1], coefficients[cell + 2], coefficients[cell + 3]
+        c0, c1, c2, c3 = (
+            coefficients[cell],
+            coefficients[cell + 1],
+            coefficients[cell + 2],
+            coefficients[cell + 3],
+        )
         curve[i, 0] = basis(u, 0) * c0 + basis(u, 1) * c1 + basis(u, 2) * c2 + basis(u, 3) * c3
-        slope = (3 * u**2 - 4 * u) * c1 - (1 - u) ** 2 * c0 + (-3 * u**2 + 2 * u + 1) * c2 + u**2 * c3
+        slope = (
+            (3 * u**2 - 4 * u) * c1 - (1 - u) ** 2 * c0 + (-3 * u**2 + 2 * u + 1) * c2 + u**2 * c3
+        )
         curve[i, 1] = 0.5 * scale * slope
 
 

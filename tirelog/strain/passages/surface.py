@@ -1,4 +1,6 @@
-"""The passages of a channel of a recording, refused where they show that its setup names the wrong surface."""
+"""The passages of a channel of a recording, refused where they show that its setup names the wrong
+surface.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,8 @@ from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages, find_passages
 
-#: whole turns that must be found on the other surface before the setup's is called wrong; with one, a kink of a static test would do
+#: whole turns that must be found on the other surface before the setup's is called wrong; with one,
+#: a kink of a static test would do
 FEWEST_TURNS = 3
 
 
@@ -29,9 +32,14 @@ def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float
     turned = find_passages(replace(channel, surface=other), radius)
     if turned.doubt or turned.turn_after.sum() < FEWEST_TURNS:
         return
-    extremum = "a minimum, as the outer surface (groove)" if other == "outer" else "a maximum, as the inner surface (liner)"
+    extremum = (
+        "a minimum, as the outer surface (groove)"
+        if other == "outer"
+        else "a maximum, as the inner surface (liner)"
+    )
     raise UsageError(
-        f"channel {channel.name} shows {extremum} does in the patch, and its setup says {channel.surface}; the two must agree; "
+        f"channel {channel.name} shows {extremum} does in the patch, and its setup says "
+        f"{channel.surface}; the two must agree; "
         f'write surface = "{other}"',
         file=recording.log,
     )

@@ -1,9 +1,11 @@
 """The waveform of a passage, learnt from the log: one smooth curve over the wheel angle.
 
-    samples of a few hundred passages (angle from the centre, value scaled to height 1) --cubic splines--> Template
+    samples of a few hundred passages (angle from the centre, value scaled to height 1) --cubic
+    splines--> Template
 
-The angle, not the time, is the abscissa, so one template serves every speed.  Its zero is the middle between the two places where it
-crosses half of its height: the *patch centre* of every command.  An odd part of the waveform moves that middle less than the extremum.
+The angle, not the time, is the abscissa, so one template serves every speed. Its zero is the middle
+between the two places where it crosses half of its height: the *patch centre* of every command. An
+odd part of the waveform moves that middle less than the extremum.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: knots over the template's window, and points of its table
 INTERVALS, TABLE = 40, 4096
-#: smoothing: weight of the squared third differences against the mean number of samples in a knot interval
+#: smoothing: weight of the squared third differences against the mean number of samples in a knot
+#: interval
 SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8
@@ -28,10 +31,12 @@ LENGTH_TO_WIDTH = 1.25
 
 @dataclass(frozen=True)
 class Template:
-    """`values` and `slope` [1/rad], shape (g,), at `phi_rad` (g,), evenly spaced over +-`window_rad`; height 1, patch upward.
+    """`values` and `slope` [1/rad], shape (g,), at `phi_rad` (g,), evenly spaced over
+    +-`window_rad`; height 1, patch upward.
 
-    `half_width_rad`: half of the distance between the half-level crossings, which lie at -half_width_rad and +half_width_rad.
-    `scatter` (g,): standard deviation between turns beyond the noise, over the height; None: not known, as if there were none.
+    `half_width_rad`: half of the distance between the half-level crossings, which lie at
+    -half_width_rad and +half_width_rad. `scatter` (g,): standard deviation between turns beyond the
+    noise, over the height; None: not known, as if there were none.
     """
 
     phi_rad: FloatArray
@@ -50,11 +55,15 @@ class Template:
     def mirrored(self) -> Template:
         """The waveform of a wheel that rolls backwards."""
         scatter = None if self.scatter is None else self.scatter[::-1].copy()
-        return replace(self, values=self.values[::-1].copy(), slope=-self.slope[::-1], scatter=scatter)
+        return replace(
+            self, values=self.values[::-1].copy(), slope=-self.slope[::-1], scatter=scatter
+        )
 
 
 class CurveSums:
-    """Normal equations of the least-squares spline through the samples: `normal` (s, s) upper triangle, `right` (s,), so many samples."""
+    """Normal equations of the least-squares spline through the samples: `normal` (s, s) upper
+    triangle, `right` (s,), so many samples.
+    """
 
     def __init__(self) -> None:
         self.normal = np.zeros((INTERVALS + 3, INTERVALS + 3))
@@ -78,7 +87,9 @@ def _curve(coefficients: FloatArray, phi: FloatArray, window: float) -> FloatArr
 
 
 def half_level(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:
-    """(middle, half width) of the crossings of half of the height above the ends' mean, or None where it has none."""
+    """(middle, half width) of the crossings of half of the height above the ends' mean, or None
+    where it has none.
+    """
     base = 0.5 * (values[0] + values[-1])
     top = int(np.argmax(values))
     below = values < 0.5 * (values[top] + base)
@@ -93,9 +104,11 @@ def half_level(phi: FloatArray, values: FloatArray) -> tuple[float, float] | Non
 
 
 def learn(sums: CurveSums, window: float) -> Template | None:
-    """The template of the samples in `sums`, within +-`window` [rad]; None where the curve has no two half-level crossings.
+    """The template of the samples in `sums`, within +-`window` [rad]; None where the curve has no
+    two half-level crossings.
 
-    Its table covers a window of WINDOW_HALF_WIDTHS half widths around the middle of the crossings, as far as `window` allows.
+    Its table covers a window of WINDOW_HALF_WIDTHS half widths around the middle of the crossings,
+    as far as `window` allows.
     """
     coefficients = sums.coefficients()
     grid = np.linspace(-window, window, TABLE)
@@ -103,7 +116,10 @@ def learn(sums: CurveSums, window: float) -> Template | None:
     if found is None:
         return None
     middle, half_width = found
-    reach = min(float(np.clip(WINDOW_HALF_WIDTHS * half_width, NARROWEST_RAD, WIDEST_RAD)), window - abs(middle))
+    reach = min(
+        float(np.clip(WINDOW_HALF_WIDTHS * half_width, NARROWEST_RAD, WIDEST_RAD)),
+        window - abs(middle),
+    )
     table = np.linspace(-reach, reach, TABLE)
     curve, slope = _curve(coefficients, table + middle, window)
     base = 0.5 * (curve[0] + curve[-1])

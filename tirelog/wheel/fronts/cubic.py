@@ -1,6 +1,7 @@
 """Where the flanks of the patch signal cross half of the level outside, each by a cubic of its own.
 
-    Flanks, half widths of the windows --normalised samples--> weighted cubic least squares --root--> place, standard error, slope
+    Flanks, half widths of the windows --normalised samples--> weighted cubic least squares
+    --root--> place, standard error, slope
 
 The cubic follows the flank's own shape, so nothing is assumed about it.
 """
@@ -24,16 +25,23 @@ LEAST_SAMPLES = 7
 
 
 def at_least(channel: Channel, flanks: Flanks, window: FloatArray) -> FloatArray:
-    """Half width [rad] of each front's window: `window` (2,) for entries and exits, or wider where it would hold too few samples."""
+    """Half width [rad] of each front's window: `window` (2,) for entries and exits, or wider where
+    it would hold too few samples.
+    """
     least = 0.5 * (LEAST_SAMPLES + 0.5) * flanks.rate / channel.axis.rate_Hz
     return np.maximum(np.repeat(window, flanks.angle.size // 2), least)
 
 
 def crossings(
-    channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatArray, limits: tuple[float, float]
+    channel: Channel,
+    wheel: WheelAngle,
+    flanks: Flanks,
+    windows: FloatArray,
+    limits: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray, dict[int, set[str]]]:
-    """(angle of the half-level crossing, its standard error, the slope there [levels/rad], words) of all fronts; words only where there
-    are some."""
+    """(angle of the half-level crossing, its standard error, the slope there [levels/rad], words)
+    of all fronts; words only where there are some.
+    """
     first, last = ranges(channel, wheel, flanks, windows + MARGIN * DEGREE)
     result = np.full((3, first.size), np.nan)
     words: dict[int, set[str]] = defaultdict(set)
@@ -41,8 +49,13 @@ def crossings(
         part = flanks.take(group)
         entries = group < flanks.passages
         for _ in range(2):  # the second time around the place that the first has found
-            low, high = (np.clip(edge, first[group], last[group]) for edge in ranges(channel, wheel, part, windows[group]))
-            result[:, group], lost = _solve(values, start, channel, wheel, part, windows[group], low, high, entries)
+            low, high = (
+                np.clip(edge, first[group], last[group])
+                for edge in ranges(channel, wheel, part, windows[group])
+            )
+            result[:, group], lost = _solve(
+                values, start, channel, wheel, part, windows[group], low, high, entries
+            )
             part = part.moved(result[0, group])
         for k in group[lost].tolist():
             words[k].add("gap")
@@ -59,19 +72,25 @@ def _solve(
     values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatArray, first: IntArray,
     last: IntArray, entries: np.ndarray,
 ) -> tuple[FloatArray, np.ndarray]:  # fmt: skip
-    """((3, n) place, standard error and slope, n samples lost) by cubic least squares over n fronts, whose samples [first, last) lie in
-    `values` from index `start`; `entries` (n,) where the signal leaves its level."""
+    """((3, n) place, standard error and slope, n samples lost) by cubic least squares over n
+    fronts, whose samples [first, last) lie in `values` from index `start`; `entries` (n,) where the
+    signal leaves its level.
+    """
     n = first.size
     owner, u, y = normalised(values, start, channel, wheel, flanks, first, last)
     u, y = u / windows[owner], y - 0.5
     good = np.isfinite(y) & np.isfinite(u)
     lost = np.bincount(owner[~good], minlength=n) > 0
     owner, u, y = owner[good], u[good], y[good]
-    weight = np.maximum(1.0 - u * u, 0.0)  # a window without edges: which samples fall into it must not matter
+    weight = np.maximum(
+        1.0 - u * u, 0.0
+    )  # a window without edges: which samples fall into it must not matter
     powers = np.stack([np.bincount(owner, weight * u**k, n) for k in range(7)])
     squares = np.stack([np.bincount(owner, weight**2 * u**k, n) for k in range(7)])
     right = np.stack([np.bincount(owner, weight * y * u**k, n) for k in range(4)], axis=-1)
-    left, between = (np.stack([p[k : k + 4] for k in range(4)]).transpose(2, 0, 1) for p in (powers, squares))
+    left, between = (
+        np.stack([p[k : k + 4] for k in range(4)]).transpose(2, 0, 1) for p in (powers, squares)
+    )
     enough = (np.bincount(owner, minlength=n) >= 5) & (powers[0] > 1.0)
     left[~enough] = np.eye(4)
     inverse = np.linalg.inv(left + 1e-9 * powers[0][:, None, None] * np.eye(4))

@@ -1,11 +1,15 @@
-"""Where an in-tire accelerometer passes the patch, coarsely, and the centripetal level beside each passage.
+"""Where an in-tire accelerometer passes the patch, coarsely, and the centripetal level beside each
+passage.
 
-    channel, WheelAngle --means over one degree of wheel angle--> bins (m,) --below half of the level--> dips
-        --degrees beside each dip--> Dips: coarse fronts, level and its slope, what gravity does to them, noise of a sample
+    channel, WheelAngle --means over one degree of wheel angle--> bins (m,) --below half of the
+    level--> dips
+        --degrees beside each dip--> Dips: coarse fronts, level and its slope, what gravity does to
+        them, noise of a sample
 
-The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around, and nothing in the patch where the
-tread is straight.  Divided by Omega^2 of its own bin the level is the same at every speed, so half of it marks the patch without a
-threshold in m/s^2.  A recorded signal may have either sign; the level tells.
+The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around,
+and nothing in the patch where the tread is straight. Divided by Omega^2 of its own bin the level is
+the same at every speed, so half of it marks the patch without a threshold in m/s^2. A recorded
+signal may have either sign; the level tells.
 """
 
 from __future__ import annotations
@@ -35,9 +39,11 @@ SLOWEST_rad_s = 6.0
 
 @dataclass(frozen=True)
 class Dips:
-    """A row a dip, shape (n,): coarse fronts `entry_rad`, `exit_rad`; `level` the mean of a / Omega^2 beside it [m] (its sign is the
-    sensor's), `tilt` its slope [m/rad]; `gravity_level`, `gravity_tilt` what a unit of cos(phi) adds to them; `level_se`;
-    `noise_m_s2` of one sample (its variance with correlation counted in); `normal` (n, 3, 4) sums for the gravity in the level."""
+    """A row a dip, shape (n,): coarse fronts `entry_rad`, `exit_rad`; `level` the mean of a /
+    Omega^2 beside it [m] (its sign is the sensor's), `tilt` its slope [m/rad]; `gravity_level`,
+    `gravity_tilt` what a unit of cos(phi) adds to them; `level_se`; `noise_m_s2` of one sample (its
+    variance with correlation counted in); `normal` (n, 3, 4) sums for the gravity in the level.
+    """
 
     entry_rad: FloatArray
     exit_rad: FloatArray
@@ -54,13 +60,17 @@ class Dips:
 
     @classmethod
     def concatenate(cls, parts: list[Dips]) -> Dips:
-        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
+        return cls(
+            **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
+        )
 
 
 @dataclass(frozen=True)
 class Bins:
-    """Bins of one degree, shape (m,): `first` the first bin's angle [deg]; `mean` [m/s^2] NaN where empty; `count`;
-    `squares` sum of squared deviations; `time_s` mean time; `begins` True for the log's first piece."""
+    """Bins of one degree, shape (m,): `first` the first bin's angle [deg]; `mean` [m/s^2] NaN where
+    empty; `count`; `squares` sum of squared deviations; `time_s` mean time; `begins` True for the
+    log's first piece.
+    """
 
     first: int
     mean: FloatArray
@@ -71,7 +81,9 @@ class Bins:
 
 
 def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
-    """The channel in degrees of wheel angle, in pieces of CORE bins that overlap their neighbours by OVERLAP on both sides."""
+    """The channel in degrees of wheel angle, in pieces of CORE bins that overlap their neighbours
+    by OVERLAP on both sides.
+    """
     first, highest = 0, -np.inf
     held: FloatArray = np.zeros((4, 0))
     offset, begins = 0.0, True
@@ -93,7 +105,9 @@ def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
         late = k >= 0
         k, values, time = k[late], values[late], time[late]
         x = values - offset  # small numbers keep the digits of the squares
-        sums = np.stack([np.bincount(k, w, size) for w in (None, x, x * x, time)]).astype(np.float64)
+        sums = np.stack([np.bincount(k, w, size) for w in (None, x, x * x, time)]).astype(
+            np.float64
+        )
         sums[:, : held.shape[1]] += held
         held = sums
         while held.shape[1] > CORE + 2 * OVERLAP:
@@ -107,11 +121,15 @@ def _bins(first: int, sums: FloatArray, offset: float, begins: bool) -> Bins:
     count, total, squares, time = sums
     n = np.where(count > 0, count, np.nan)
     mean = total / n
-    return Bins(first, mean + offset, count, np.maximum(squares - total * mean, 0.0), time / n, begins)
+    return Bins(
+        first, mean + offset, count, np.maximum(squares - total * mean, 0.0), time / n, begins
+    )
 
 
 def find_dips(pieces: Iterator[Bins]) -> tuple[Dips | None, float]:
-    """(all dips of a log in order, None where there is none; share of the degrees that had no samples)."""
+    """(all dips of a log in order, None where there is none; share of the degrees that had no
+    samples).
+    """
     found: list[Dips] = []
     empty, bins, last = 0, 0, -np.inf
     for piece in pieces:
@@ -150,11 +168,20 @@ def _dips(bins: Bins) -> Dips | None:
     if starts.size == 0:
         return None
     entry = starts - (0.5 - q[starts]) / np.maximum(q[np.maximum(starts - 1, 0)] - q[starts], 1e-3)
-    leave = stops - 1 + (0.5 - q[stops - 1]) / np.maximum(q[np.minimum(stops, m - 1)] - q[stops - 1], 1e-3)
+    leave = (
+        stops
+        - 1
+        + (0.5 - q[stops - 1]) / np.maximum(q[np.minimum(stops, m - 1)] - q[stops - 1], 1e-3)
+    )
     entry, leave = np.maximum(entry, starts - 1), np.minimum(leave, stops)
     width = leave - entry
     deep = np.array(
-        [q[a : b + 1].mean() < 0.4 for a, b in zip((entry + 0.25 * width).astype(int), (leave - 0.25 * width).astype(int), strict=True)]
+        [
+            q[a : b + 1].mean() < 0.4
+            for a, b in zip(
+                (entry + 0.25 * width).astype(int), (leave - 0.25 * width).astype(int), strict=True
+            )
+        ]
     )
     good = (width > NARROWEST) & (width < WIDEST) & deep & (starts > 1) & (stops < m - 1)
     # the last overlap is the next piece's first
@@ -170,15 +197,33 @@ def _runs(mask: np.ndarray, bridge: int = 2) -> tuple[IntArray, IntArray]:
     starts, stops = edges[::2], edges[1::2]
     if starts.size > 1:
         apart = starts[1:] - stops[:-1] > bridge
-        starts, stops = starts[np.concatenate([[True], apart])], stops[np.concatenate([apart, [True]])]
+        starts, stops = (
+            starts[np.concatenate([[True], apart])],
+            stops[np.concatenate([apart, [True]])],
+        )
     return starts, stops
 
 
-def _levels(bins: Bins, mean: FloatArray, rate: FloatArray, lost: np.ndarray, entry: FloatArray, leave: FloatArray) -> Dips:
-    """Level beside each dip: a straight line through a / Omega^2 on both sides, and the same for cos(phi) / Omega^2."""
+def _levels(
+    bins: Bins,
+    mean: FloatArray,
+    rate: FloatArray,
+    lost: np.ndarray,
+    entry: FloatArray,
+    leave: FloatArray,
+) -> Dips:
+    """Level beside each dip: a straight line through a / Omega^2 on both sides, and the same for
+    cos(phi) / Omega^2.
+    """
     beside = np.arange(*BESIDE)
     middle = 0.5 * (entry + leave)
-    at = np.concatenate([np.rint(entry).astype(int)[:, None] - beside, np.rint(leave).astype(int)[:, None] + beside], axis=1)
+    at = np.concatenate(
+        [
+            np.rint(entry).astype(int)[:, None] - beside,
+            np.rint(leave).astype(int)[:, None] + beside,
+        ],
+        axis=1,
+    )
     inside = (at >= 0) & (at < mean.size)
     at = np.clip(at, 0, mean.size - 1)
     weight = np.where(inside & ~lost[at], bins.count[at], 0.0)
@@ -194,7 +239,9 @@ def _levels(bins: Bins, mean: FloatArray, rate: FloatArray, lost: np.ndarray, en
 
     level, tilt = line(specific)
     gravity_level, gravity_tilt = line(gravity)
-    within = np.sum(np.where(weight > 1, bins.squares[at], 0.0), axis=1) / np.maximum(np.sum(np.maximum(weight - 1, 0), axis=1), 1.0)
+    within = np.sum(np.where(weight > 1, bins.squares[at], 0.0), axis=1) / np.maximum(
+        np.sum(np.maximum(weight - 1, 0), axis=1), 1.0
+    )
     bend = mean[at] - 0.5 * (mean[np.maximum(at - 1, 0)] + mean[np.minimum(at + 1, mean.size - 1)])
     between = np.sum(weight * bend**2, axis=1) / np.maximum(np.sum(weight > 0, axis=1), 1) / 1.5
     design = np.stack([square, square * np.cos(phi), np.cos(phi)], axis=-1)

@@ -1,14 +1,18 @@
-"""The two fronts of every passage of an in-tire accelerometer, to a few hundredths of a degree (P4 section IV B).
+"""The two fronts of every passage of an in-tire accelerometer, to a few hundredths of a degree (P4
+section IV B).
 
-    Dips (coarse) --samples within a few degrees of each front--> cubic through the flank --half of the level--> crossing
+    Dips (coarse) --samples within a few degrees of each front--> cubic through the flank --half of
+    the level--> crossing
                   --the flank's own mean form, matched-----------------------------------> Fronts
 
-A front is where the signal, divided by Omega^2 and with gravity's part subtracted, crosses half of the level outside, extrapolated
-from beside it.  Inside the patch the tread moves straight and the true acceleration is nothing, so half of the level is a fixed
-share of the step at every speed; a fixed threshold in m/s^2 would let the width shrink with speed (errata).  The cubic
-(`cubic`) assumes nothing about the flank; the matched form (`match`) has less noise, and the cubics' mean.
+A front is where the signal, divided by Omega^2 and with gravity's part subtracted, crosses half of
+the level outside, extrapolated from beside it. Inside the patch the tread moves straight and the
+true acceleration is nothing, so half of the level is a fixed share of the step at every speed; a
+fixed threshold in m/s^2 would let the width shrink with speed (errata). The cubic (`cubic`) assumes
+nothing about the flank; the matched form (`match`) has less noise, and the cubics' mean.
 
-Angles [rad] are those of `WheelAngle`.  Everything is worked out for all fronts of a piece of the log at once.
+Angles [rad] are those of `WheelAngle`. Everything is worked out for all fronts of a piece of the
+log at once.
 """
 
 from __future__ import annotations
@@ -27,7 +31,8 @@ from tirelog.wheel.fronts.dips import DEGREE, Dips, binned, find_dips
 from tirelog.wheel.fronts.match import matched
 from tirelog.wheel.fronts.samples import flanks_of
 
-#: half width of the flank's window: this share of the level over the flank's median slope, within bounds [deg], from a first guess
+#: half width of the flank's window: this share of the level over the flank's median slope, within
+#: bounds [deg], from a first guess
 FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
 #: passages before and after the middle of the log that the slope is learnt from
 LEARN_FROM = 150
@@ -42,10 +47,11 @@ NOTHING: frozenset[str] = frozenset()
 class Fronts:
     """A row a passage, shape (n,), passages that were expected and not found included (NaN).
 
-    `entry_rad`, `exit_rad` wheel angles of the fronts, `entry_se_rad`, `exit_se_rad` their standard errors from noise (accelerometer and
-    wheel angle), `expected_rad` where the passage's middle was looked for, `words` what is wrong with it.
-    `sign` of the level outside as recorded, `level_m` its median over Omega^2, `gravity` True where the signal holds gravity,
-    `turn_rad` is the wheel angle from passage to passage, 2 pi if the encoder's steps are right.
+    `entry_rad`, `exit_rad` wheel angles of the fronts, `entry_se_rad`, `exit_se_rad` their standard
+    errors from noise (accelerometer and wheel angle), `expected_rad` where the passage's middle was
+    looked for, `words` what is wrong with it. `sign` of the level outside as recorded, `level_m`
+    its median over Omega^2, `gravity` True where the signal holds gravity, `turn_rad` is the wheel
+    angle from passage to passage, 2 pi if the encoder's steps are right.
     """
 
     expected_rad: FloatArray
@@ -66,39 +72,62 @@ class Fronts:
 def gravity_in(dips: Dips, sign: int) -> bool:
     """Whether the level holds gravity's one per turn.
 
-    Least squares of level, its own once-per-turn part and gravity over all degrees beside the patch; where the speed hardly changes the
-    second and third cannot be told apart and the second is left out.  Gravity is left in the model unless the data speak against it.
+    Least squares of level, its own once-per-turn part and gravity over all degrees beside the
+    patch; where the speed hardly changes the second and third cannot be told apart and the second
+    is left out. Gravity is left in the model unless the data speak against it.
     """
     normal = dips.normal.sum(axis=0)
     left, right = normal[:, :3], normal[:, 3]
     scale = np.sqrt(np.maximum(np.diag(left), 1e-300))
     unit = left / np.outer(scale, scale)
     columns = [0, 1, 2] if np.linalg.cond(unit) < 3e3 else [0, 2]
-    solved = np.linalg.lstsq(unit[np.ix_(columns, columns)], (right / scale)[columns], rcond=1e-12)[0] / scale[columns]
+    solved = (
+        np.linalg.lstsq(unit[np.ix_(columns, columns)], (right / scale)[columns], rcond=1e-12)[0]
+        / scale[columns]
+    )
     return bool(sign * solved[-1] > 0.3 * STANDARD_GRAVITY_M_S2)
 
 
-def find_fronts(channel: Channel, wheel: WheelAngle, radius_m: float, limits: tuple[float, float] = (-np.inf, np.inf)) -> Fronts | None:
-    """All passages of an accelerometer channel; None where it has none.  `radius_m` the rolling radius, `limits` where it clips."""
+def find_fronts(
+    channel: Channel,
+    wheel: WheelAngle,
+    radius_m: float,
+    limits: tuple[float, float] = (-np.inf, np.inf),
+) -> Fronts | None:
+    """All passages of an accelerometer channel; None where it has none.
+
+    `radius_m` the rolling radius, `limits` where it clips.
+    """
     dips, _ = find_dips(binned(channel, wheel.angle))
     if dips is None or dips.entry_rad.size < 3:
         return None
     sign = int(np.sign(np.median(dips.level)))
     width, turn = np.median(dips.exit_rad - dips.entry_rad), _turn(dips)
-    dips = dips.take((dips.exit_rad - dips.entry_rad < 1.7 * width) & (dips.exit_rad - dips.entry_rad > 0.55 * width))
+    dips = dips.take(
+        (dips.exit_rad - dips.entry_rad < 1.7 * width)
+        & (dips.exit_rad - dips.entry_rad > 0.55 * width)
+    )
     if not _recurs(dips, turn):
         return None
     dips, expected, row = _expected(dips.take(np.sign(dips.level) == sign), wheel, turn)
     gravity = gravity_in(dips, sign)
-    flanks = flanks_of(dips, wheel, channel, radius_m, sign * STANDARD_GRAVITY_M_S2 if gravity else 0.0)
+    flanks = flanks_of(
+        dips, wheel, channel, radius_m, sign * STANDARD_GRAVITY_M_S2 if gravity else 0.0
+    )
     n = row.size
     window = np.full(2, FIRST_GUESS * DEGREE)
     some = slice(max(n // 2 - LEARN_FROM, 0), n // 2 + LEARN_FROM)
     for _ in range(2):
         part = flanks.take(np.concatenate([np.arange(n)[some], n + np.arange(n)[some]]))
         slope = crossings(channel, wheel, part, at_least(channel, part, window), limits)[2]
-        window = np.clip([FLANK_SHARE / _median(np.abs(s)) for s in np.split(slope, 2)], NARROW * DEGREE, WIDE * DEGREE)
-    place, se, slope, words = crossings(channel, wheel, flanks, at_least(channel, flanks, window), limits)
+        window = np.clip(
+            [FLANK_SHARE / _median(np.abs(s)) for s in np.split(slope, 2)],
+            NARROW * DEGREE,
+            WIDE * DEGREE,
+        )
+    place, se, slope, words = crossings(
+        channel, wheel, flanks, at_least(channel, flanks, window), limits
+    )
     place, se = matched(channel, wheel, flanks, (place, se, slope), sorted(words))
     form = _form(place[n:] - place[:n], np.hypot(se[:n], se[n:]))
     full = np.full((4, expected.size), np.nan)
@@ -114,7 +143,9 @@ def find_fronts(channel: Channel, wheel: WheelAngle, radius_m: float, limits: tu
 
 
 def _turn(dips: Dips) -> float:
-    """Wheel angle from passage to passage [rad]: 2 pi, if the encoder has as many steps as the setup says."""
+    """Wheel angle from passage to passage [rad]: 2 pi, if the encoder has as many steps as the
+    setup says.
+    """
     middle = 0.5 * (dips.entry_rad + dips.exit_rad)
     return float(np.median(np.diff(middle)))
 
@@ -122,11 +153,17 @@ def _turn(dips: Dips) -> float:
 def _recurs(dips: Dips, turn: float) -> bool:
     """Whether most dips come after a whole number of like turns; noise does not."""
     steps = np.diff(0.5 * (dips.entry_rad + dips.exit_rad)) / turn
-    return dips.entry_rad.size >= 3 and turn > 0.3 * np.pi and float(np.mean(np.abs(steps - np.rint(steps)) < 0.03)) > 0.6
+    return (
+        dips.entry_rad.size >= 3
+        and turn > 0.3 * np.pi
+        and float(np.mean(np.abs(steps - np.rint(steps)) < 0.03)) > 0.6
+    )
 
 
 def _expected(dips: Dips, wheel: WheelAngle, turn: float) -> tuple[Dips, FloatArray, IntArray]:
-    """(dips that recur once a turn, expected middles of all passages [rad], the dips' rows among them)."""
+    """(dips that recur once a turn, expected middles of all passages [rad], the dips' rows among
+    them).
+    """
     middle = 0.5 * (dips.entry_rad + dips.exit_rad)
     stretch = wheel.angle.stretch_at(wheel.angle.time_at(middle))
     kept = np.ones(middle.size, bool)
@@ -148,11 +185,15 @@ def _median(x: FloatArray) -> float:
 
 
 def _form(width: FloatArray, se: FloatArray) -> FloatArray:
-    """How much more the width scatters from passage to passage than its noise says, shape (n,), at least 1, over 101 passages.
+    """How much more the width scatters from passage to passage than its noise says, shape (n,), at
+    least 1, over 101 passages.
 
-    The cubic is not the flank's exact form, and samples fall on it differently from passage to passage.
+    The cubic is not the flank's exact form, and samples fall on it differently from passage to
+    passage.
     """
-    scatter = np.abs(width[1:-1] - 0.5 * (width[:-2] + width[2:])) / (0.6745 * np.sqrt(1.5) * se[1:-1])
+    scatter = np.abs(width[1:-1] - 0.5 * (width[:-2] + width[2:])) / (
+        0.6745 * np.sqrt(1.5) * se[1:-1]
+    )
     if scatter.size < 9:
         return np.ones(width.size)
     scatter = np.nan_to_num(scatter, nan=1.0)

@@ -1,12 +1,16 @@
-"""Fronts by the flank's mean form, learnt from the log itself: the same crossing, nearer to the bound.
+"""Fronts by the flank's mean form, learnt from the log itself: the same crossing, nearer to the
+bound.
 
-    crossings by cubics --samples aligned by them, least squares of a spline--> mean form of the entry and of the exit
-    form, samples of one passage --least squares of one shift--> matched place
-    cubics minus matched places --regression on speed, acceleration and width--> what the form's change moves the crossing
+    crossings by cubics --samples aligned by them, least squares of a spline--> mean form of the
+    entry and of the exit form, samples of one passage --least squares of one shift--> matched place
+    cubics minus matched places --regression on speed, acceleration and width--> what the form's
+    change moves the crossing
 
-A known form uses the whole flank, from the spike beside the patch to the patch's middle, and reaches the Cramer-Rao bound of a shift; the
-cubic uses what lies about the crossing, and the crossing is what a front is.  Where the form changes with speed or load the matched place
-and the crossing part, and the regression gives the difference back: on the average the matched front is the cubics'.
+A known form uses the whole flank, from the spike beside the patch to the patch's middle, and
+reaches the Cramer-Rao bound of a shift; the cubic uses what lies about the crossing, and the
+crossing is what a front is. Where the form changes with speed or load the matched place and the
+crossing part, and the regression gives the difference back: on the average the matched front is the
+cubics'.
 """
 
 from __future__ import annotations
@@ -35,8 +39,9 @@ STEPS, LONGEST = 3, 1.0
 
 @dataclass(frozen=True)
 class Form:
-    """The mean flank in levels outside over the angle from the front [rad], from `low` to `high`: a cubic spline with even knots, by the
-    `weights` (k + 3,) of the bumps around the k + 1 knots."""
+    """The mean flank in levels outside over the angle from the front [rad], from `low` to `high`: a
+    cubic spline with even knots, by the `weights` (k + 3,) of the bumps around the k + 1 knots.
+    """
 
     weights: FloatArray
     low: float
@@ -51,16 +56,24 @@ class Form:
         return np.asarray(value), np.asarray(slope) / step
 
     def weight(self, u: FloatArray) -> FloatArray:
-        """1 inside, falling to 0 over the tenth at each end: which samples fall into it must not matter."""
+        """1 inside, falling to 0 over the tenth at each end: which samples fall into it must not
+        matter.
+        """
         edge = 0.1 * (self.high - self.low)
         return np.clip(np.minimum(u - self.low, self.high - u) / edge, 0.0, 1.0)
 
 
 def matched(
-    channel: Channel, wheel: WheelAngle, flanks: Flanks, cubic: tuple[FloatArray, FloatArray, FloatArray], worded: list[int]
+    channel: Channel,
+    wheel: WheelAngle,
+    flanks: Flanks,
+    cubic: tuple[FloatArray, FloatArray, FloatArray],
+    worded: list[int],
 ) -> tuple[FloatArray, FloatArray]:
-    """(places [rad], standard errors) of all fronts, shape (2 n,) as `flanks`; those of `cubic` (places, errors, slopes in levels/rad)
-    where the log is too short for a form or a passage does not fit it.  `worded`: fronts with something wrong."""
+    """(places [rad], standard errors) of all fronts, shape (2 n,) as `flanks`; those of `cubic`
+    (places, errors, slopes in levels/rad) where the log is too short for a form or a passage does
+    not fit it. `worded`: fronts with something wrong.
+    """
     place, se, slope = cubic
     n = flanks.passages
     good = np.isfinite(place)
@@ -75,7 +88,9 @@ def matched(
         side = np.arange(n) + (0 if entries else n)
         steepness = float(np.median(np.abs(slope[side][good[side]])))
         low, high = (-OUTER * half, INNER * half) if entries else (-INNER * half, OUTER * half)
-        form = _learn(channel, wheel, flanks.take(_some(side[good[side]])), (low, high), KNOTS / steepness)
+        form = _learn(
+            channel, wheel, flanks.take(_some(side[good[side]])), (low, high), KNOTS / steepness
+        )
         result[side], error[side] = _shifts(channel, wheel, flanks.take(side), form)
     result += _difference(place - result, result[n:] - result[:n], flanks, good)
     known = np.isfinite(result) & (np.abs(result - place) < FAR * se)
@@ -83,7 +98,9 @@ def matched(
 
 
 def _place(u: FloatArray, low: float, high: float, size: int) -> tuple[IntArray, FloatArray, float]:
-    """(the first of the four bumps that are not zero at `u`, the place within its interval in [0, 1], width of an interval)."""
+    """(the first of the four bumps that are not zero at `u`, the place within its interval in [0,
+    1], width of an interval).
+    """
     step = (high - low) / (size - 3)
     x = np.clip((u - low) / step, 0.0, size - 3)
     first = np.minimum(x.astype(np.int64), size - 4)
@@ -92,7 +109,12 @@ def _place(u: FloatArray, low: float, high: float, size: int) -> tuple[IntArray,
 
 def _bumps(s: FloatArray) -> tuple[FloatArray, ...]:
     """Values of the four cubic bumps (uniform B-splines) at the place s of an interval."""
-    return (1 - s) ** 3 / 6, (4 - 6 * s**2 + 3 * s**3) / 6, (1 + 3 * s + 3 * s**2 - 3 * s**3) / 6, s**3 / 6
+    return (
+        (1 - s) ** 3 / 6,
+        (4 - 6 * s**2 + 3 * s**3) / 6,
+        (1 + 3 * s + 3 * s**2 - 3 * s**3) / 6,
+        s**3 / 6,
+    )
 
 
 def _bump_slopes(s: FloatArray) -> tuple[FloatArray, ...]:
@@ -103,32 +125,51 @@ def _some(rows: IntArray) -> IntArray:
     return rows[np.linspace(0, rows.size - 1, min(rows.size, MOST)).astype(np.int64)]
 
 
-def _learn(channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float], step: float) -> Form:
+def _learn(
+    channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float], step: float
+) -> Form:
     """The least-squares cubic spline through the samples of all `flanks`, aligned by their places."""
     low, high = reach
     size = max(round((high - low) / step), 4) + 3
     left, right = 1e-9 * np.eye(size), np.zeros(size)
     first, last = _samples(channel, wheel, flanks, reach)
     for group, start, values in groups(channel, first, last):
-        _, u, y = normalised(values, start, channel, wheel, flanks.take(group), first[group], last[group])
+        _, u, y = normalised(
+            values, start, channel, wheel, flanks.take(group), first[group], last[group]
+        )
         inside = np.isfinite(y) & (u >= low) & (u <= high)
         at, share, _ = _place(u[inside], low, high, size)
         bumps = _bumps(share)
         for j, one in enumerate(bumps):
             right += np.bincount(at + j, one * y[inside], size)
             for k, other in enumerate(bumps):
-                left += np.bincount((at + j) * size + at + k, one * other, size * size).reshape(size, size)
+                left += np.bincount((at + j) * size + at + k, one * other, size * size).reshape(
+                    size, size
+                )
     return Form(np.asarray(np.linalg.solve(left, right), dtype=np.float64), low, high)
 
 
-def _samples(channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float]) -> tuple[IntArray, IntArray]:
-    """First and last-but-one sample of each flank, from `reach` before to after its place, and a little more."""
-    first, last = ranges(channel, wheel, flanks, np.full(flanks.angle.size, max(abs(r) for r in reach) + LONGEST * DEGREE))
+def _samples(
+    channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float]
+) -> tuple[IntArray, IntArray]:
+    """First and last-but-one sample of each flank, from `reach` before to after its place, and a
+    little more.
+    """
+    first, last = ranges(
+        channel,
+        wheel,
+        flanks,
+        np.full(flanks.angle.size, max(abs(r) for r in reach) + LONGEST * DEGREE),
+    )
     return first, last
 
 
-def _shifts(channel: Channel, wheel: WheelAngle, flanks: Flanks, form: Form) -> tuple[FloatArray, FloatArray]:
-    """(places [rad] at which the form fits best, standard errors), shape (n,); NaN where samples are missing."""
+def _shifts(
+    channel: Channel, wheel: WheelAngle, flanks: Flanks, form: Form
+) -> tuple[FloatArray, FloatArray]:
+    """(places [rad] at which the form fits best, standard errors), shape (n,); NaN where samples
+    are missing.
+    """
     place, se = np.full(flanks.angle.size, np.nan), np.full(flanks.angle.size, np.nan)
     first, last = _samples(channel, wheel, flanks, (form.low, form.high))
     for group, start, values in groups(channel, first, last):
@@ -147,14 +188,22 @@ def _shifts(channel: Channel, wheel: WheelAngle, flanks: Flanks, form: Form) -> 
         # a level that is wrong by a share moves the fit by what its form times its slope says
         lever = np.bincount(owner, weight * slope * level, group.size) / known
         own = np.sqrt(np.bincount(owner, (weight * slope) ** 2, group.size)) / known
-        noise = np.hypot(own, lever * part.level_share) * part.noise / (np.abs(part.level) * part.rate**2)
+        noise = (
+            np.hypot(own, lever * part.level_share)
+            * part.noise
+            / (np.abs(part.level) * part.rate**2)
+        )
         place[group] = np.where(lost, np.nan, part.angle + moved)
         se[group] = np.hypot(noise, wheel.angle.noise_rad)
     return place, se
 
 
-def _difference(difference: FloatArray, width: FloatArray, flanks: Flanks, good: np.ndarray) -> FloatArray:
-    """What crossings lie beyond matched places, shape (2 n,): least squares on speed, its square, acceleration and width, for each side."""
+def _difference(
+    difference: FloatArray, width: FloatArray, flanks: Flanks, good: np.ndarray
+) -> FloatArray:
+    """What crossings lie beyond matched places, shape (2 n,): least squares on speed, its square,
+    acceleration and width, for each side.
+    """
     n = flanks.passages
     speed, ahead = flanks.rate[:n], flanks.ahead[:n]
     columns = [np.ones(n), speed, speed**2, ahead, width]
@@ -165,7 +214,13 @@ def _difference(difference: FloatArray, width: FloatArray, flanks: Flanks, good:
             continue
         middles = [float(np.mean(c[rows])) for c in columns]
         sizes = [max(float(np.std(c[rows])), 1e-12) for c in columns]
-        design = np.stack([np.ones(n), *((c - m) / s for c, m, s in zip(columns[1:], middles[1:], sizes[1:], strict=True))], axis=1)
+        design = np.stack(
+            [
+                np.ones(n),
+                *((c - m) / s for c, m, s in zip(columns[1:], middles[1:], sizes[1:], strict=True)),
+            ],
+            axis=1,
+        )
         for _ in range(3):
             solved = np.linalg.lstsq(design[rows], y[rows], rcond=1e-6)[0]
             left = y - np.nan_to_num(design) @ solved

@@ -1,8 +1,10 @@
-"""The samples around the fronts of a log, cleared of what is not the patch: read in pieces, divided by the level, gravity taken off.
+"""The samples around the fronts of a log, cleared of what is not the patch: read in pieces, divided
+by the level, gravity taken off.
 
 Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> Flanks (entries, then exits)
 Flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
-                    --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad], level left (s,)
+                    --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad],
+                    level left (s,)
 """
 
 from __future__ import annotations
@@ -24,9 +26,13 @@ PIECE = 1 << 17
 
 @dataclass(frozen=True)
 class Flanks:
-    """Both fronts of n passages, shape (2 n,), entries first.  `angle` where the front is thought to be, `middle` the patch's middle,
-    `level`, `tilt` of a / Omega^2 outside with gravity's part taken off, `gravity` [m/s^2] in the signal, `ahead` the vehicle's
-    acceleration, `noise` [m/s^2] of a sample, `level_share` standard error of the level for a noise of one."""
+    """Both fronts of n passages, shape (2 n,), entries first.
+
+    `angle` where the front is thought to be, `middle` the patch's middle, `level`, `tilt` of a /
+    Omega^2 outside with gravity's part taken off, `gravity` [m/s^2] in the signal, `ahead` the
+    vehicle's acceleration, `noise` [m/s^2] of a sample, `level_share` standard error of the level
+    for a noise of one.
+    """
 
     angle: FloatArray
     middle: FloatArray
@@ -39,7 +45,9 @@ class Flanks:
     rate: FloatArray
 
     def take(self, which: IntArray) -> Flanks:
-        fewer: dict[str, Any] = {k: v[which] for k, v in self.__dict__.items() if isinstance(v, np.ndarray)}
+        fewer: dict[str, Any] = {
+            k: v[which] for k, v in self.__dict__.items() if isinstance(v, np.ndarray)
+        }
         return replace(self, **fewer)
 
     @property
@@ -51,20 +59,47 @@ class Flanks:
         return replace(self, angle=np.where(good, angle, self.angle))
 
 
-def flanks_of(dips: Dips, wheel: WheelAngle, channel: Channel, radius_m: float, gravity: float) -> Flanks:
+def flanks_of(
+    dips: Dips, wheel: WheelAngle, channel: Channel, radius_m: float, gravity: float
+) -> Flanks:
     middle = 0.5 * (dips.entry_rad + dips.exit_rad)
     level = dips.level - gravity * dips.gravity_level
     tilt = dips.tilt - gravity * dips.gravity_tilt
     time = wheel.angle.time_at(middle)
     span = 0.1
-    ahead = radius_m * (wheel.speed_rad_s(time + span / 2) - wheel.speed_rad_s(time - span / 2)) / span
+    ahead = (
+        radius_m * (wheel.speed_rad_s(time + span / 2) - wheel.speed_rad_s(time - span / 2)) / span
+    )
     noise = np.full(middle.size, float(np.median(dips.noise_m_s2)))
-    twice = [np.tile(x, 2) for x in (middle, level, tilt, noise, dips.level_share, np.nan_to_num(ahead), wheel.speed_rad_s(time))]
+    twice = [
+        np.tile(x, 2)
+        for x in (
+            middle,
+            level,
+            tilt,
+            noise,
+            dips.level_share,
+            np.nan_to_num(ahead),
+            wheel.speed_rad_s(time),
+        )
+    ]
     middle2, level2, tilt2, noise2, share2, ahead2, rate2 = twice
-    return Flanks(np.concatenate([dips.entry_rad, dips.exit_rad]), middle2, level2, tilt2, noise2, share2, gravity, ahead2, rate2)
+    return Flanks(
+        np.concatenate([dips.entry_rad, dips.exit_rad]),
+        middle2,
+        level2,
+        tilt2,
+        noise2,
+        share2,
+        gravity,
+        ahead2,
+        rate2,
+    )
 
 
-def ranges(channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatArray) -> tuple[IntArray, IntArray]:
+def ranges(
+    channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatArray
+) -> tuple[IntArray, IntArray]:
     """First and last-but-one sample index of each front's window."""
     order = np.argsort(flanks.angle)
     first, last = np.zeros(order.size, np.int64), np.zeros(order.size, np.int64)
@@ -75,9 +110,13 @@ def ranges(channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatAr
     return first, np.clip(last, first, channel.size)
 
 
-def groups(channel: Channel, first: IntArray, last: IntArray) -> Iterator[tuple[IntArray, int, FloatArray]]:
-    """(rows, index of the first value, values): the channel around the sample ranges [first, last), shape (k,), piece by piece; rows whose
-    samples are strewn over more than a few pieces are left out."""
+def groups(
+    channel: Channel, first: IntArray, last: IntArray
+) -> Iterator[tuple[IntArray, int, FloatArray]]:
+    """(rows, index of the first value, values): the channel around the sample ranges [first, last),
+    shape (k,), piece by piece; rows whose samples are strewn over more than a few pieces are left
+    out.
+    """
     order = np.argsort(first, kind="stable")
     at = 0
     while at < order.size:
@@ -94,13 +133,24 @@ def groups(channel: Channel, first: IntArray, last: IntArray) -> Iterator[tuple[
 
 
 def normalised(
-    values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Flanks, first: IntArray, last: IntArray
+    values: FloatArray,
+    start: int,
+    channel: Channel,
+    wheel: WheelAngle,
+    flanks: Flanks,
+    first: IntArray,
+    last: IntArray,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """(owner (s,), angle from the owner's front [rad] (s,), signal in levels outside (s,)) of the samples [first, last) of n fronts, which
-    lie in `values` from index `start`."""
+    """(owner (s,), angle from the owner's front [rad] (s,), signal in levels outside (s,)) of the
+    samples [first, last) of n fronts, which lie in `values` from index `start`.
+    """
     sizes = last - first
     owner = np.repeat(np.arange(first.size), sizes)
-    index = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes, sizes) + np.repeat(first, sizes)
+    index = (
+        np.arange(sizes.sum())
+        - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        + np.repeat(first, sizes)
+    )
     theta = wheel.angle.at(channel.axis.at(index.astype(np.float64)))
     phi = theta - flanks.middle[owner]
     a = values[index - start] - flanks.gravity * np.cos(phi)
