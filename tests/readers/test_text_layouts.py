@@ -1,5 +1,7 @@
 """Closed form: layouts that instruments write, each read back to the numbers that stand in it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ TWO = setup_of({"a": {"source": "A"}, "b": {"source": "B"}})
 A = np.array([1550.1234, 1550.25, np.nan, 1549.5])
 B = np.array([1542.0, np.nan, 1542.5, 1542.25])
 T = np.array([0.0, 0.5, 1.0, 1.5])
+SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
 def check(text: str | bytes, setup=TWO, start: str | None = None, losses: int = 0):
@@ -263,3 +266,70 @@ def test_a_header_that_names_too_few_or_too_many_columns(names: int) -> None:
     np.testing.assert_allclose(block.values["a"], 1540 + np.arange(40) / 1000)
     np.testing.assert_allclose(block.values["b"], 1560 + np.arange(40) / 1000)
     np.testing.assert_array_equal(block.stamps_s, np.arange(40) // 4)
+
+
+#: what no program can know from the bytes, each with the [log] that says it
+TOLD = {
+    "bars": (
+        "time_s|A|B\n0|1550.1234|1542\n0.5|1550.25|\n1||1542.5\n1.5|1549.5|1542.25\n",
+        'separator = "|"',
+    ),
+    "a row of numbers that is no sample": (
+        "17;1;2\ntime_s;A;B\n0;1550,1234;1542\n0,5;1550,25;\n1;;1542,5\n1,5;1549,5;1542,25\n",
+        'header_rows = 2\ndecimal = ","',
+    ),
+    "numbers above rows without names": (
+        "3;4711;4712\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
+        'header_rows = 1\ncolumns = ["time_s", "A", "B"]',
+    ),
+    "other names": (
+        "t;x;A\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
+        'columns = ["time_s", "A", "B"]',
+    ),
+}
+
+
+@pytest.mark.parametrize("what", TOLD)
+def test_what_the_setup_says_of_the_layout_is_not_guessed(what: str) -> None:
+    text, log = TOLD[what]
+    check(text, setup_of({"a": {"source": "A"}, "b": {"source": "B"}}, log))
+
+
+def test_an_encoding_that_is_given_spells_the_columns() -> None:
+    text = "time_s;\u00c3\u00a9\n0;1.5\n1;2.5\n".encode("cp1252")  # as UTF-8 it would spell \u00e9
+    channels = {"a": {"kind": "strain", "unit": "ue", "source": "\u00c3\u00a9"}}
+    _, block = read(text, setup_of(channels, 'encoding = "cp1252"'))
+    np.testing.assert_array_equal(block.values["a"], [1.5, 2.5])
+    with pytest.raises(ReadError):
+        read(text, setup_of(channels))
+
+
+def test_more_names_than_cells_are_refused() -> None:
+    with pytest.raises(SetupError, match="names 4, the rows have 3 cells"):
+        read(PLAIN["comma"], setup_of({"a": {"source": "A"}}, 'columns = ["t", "A", "B", "C"]'))
+
+
+WRONG = {
+    'separator = "#"': "allowed are ',', ';'",
+    'separator = ","\ndecimal = ","': "separator and decimal are both",
+    'encoding = "utf-16"': "allowed are 'utf-8', 'cp1252'",
+    "header_rows = -1": "a number from 0 to 10000, whole",
+    'columns = ["a", "a"]': "the name 'a' twice",
+    "columns = []": "a list of names",
+}
+
+
+@pytest.mark.parametrize("log", WRONG)
+def test_words_of_the_layout_that_cannot_be_are_refused(log: str) -> None:
+    with pytest.raises(SetupError, match=WRONG[log]):
+        setup_of({"a": {"source": "A"}}, log)
+
+
+def test_a_log_that_is_no_text_refuses_what_only_text_has(tmp_path) -> None:
+    from tirelog.runs.ingest import open_recording
+
+    setup = (SAMPLES / "encoder.toml").read_text("utf-8") + '\n[log]\nseparator = ";"\n'
+    (tmp_path / "s.toml").write_text(setup, "utf-8")
+    with pytest.raises(SetupError, match=r"\[log\] separator: the log is HDF5"):
+        with open_recording(str(SAMPLES / "encoder.h5"), tmp_path / "s.toml"):
+            pass

@@ -77,7 +77,7 @@ class TextReader:
                 f"{source.problem}; nothing before that could be unpacked; copy the log again",
                 file=name,
             )
-        self.layout = placed(sniff(head, name))
+        self.layout = placed(sniff(head, name, setup.log))
         self.columns = assign(self.layout, setup, name)
         setup, said = with_stated_units(setup, stated_units(self.layout, self.columns))
         self.setup = setup
