@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
+from tirelog.runs.ingest import open_recording
 
 from .text_logs import read, setup_of
 
@@ -325,11 +327,8 @@ def test_words_of_the_layout_that_cannot_be_are_refused(log: str) -> None:
         setup_of({"a": {"source": "A"}}, log)
 
 
-def test_a_log_that_is_no_text_refuses_what_only_text_has(tmp_path) -> None:
-    from tirelog.runs.ingest import open_recording
-
+def test_a_log_that_is_no_text_refuses_what_only_text_has() -> None:
     setup = (SAMPLES / "encoder.toml").read_text("utf-8") + '\n[log]\nseparator = ";"\n'
-    (tmp_path / "s.toml").write_text(setup, "utf-8")
-    with pytest.raises(SetupError, match=r"\[log\] separator: the log is HDF5"):
-        with open_recording(str(SAMPLES / "encoder.h5"), tmp_path / "s.toml"):
-            pass
+    opened = open_recording(str(SAMPLES / "encoder.h5"), parse_setup(setup))
+    with pytest.raises(SetupError, match=r"\[log\] separator: the log is HDF5"), opened:
+        pass
