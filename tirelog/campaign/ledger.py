@@ -111,7 +111,7 @@ class Ledger:
 
 
 def _entry(data: bytes) -> Entry | None:
-    """The entry in a file, or None if it is not what was written: then its log is worked on again."""
+    """The entry in a file; None if it is not what was written, and its log is then read again."""
     try:
         entry = Entry(**json_of(data))
     except TypeError:

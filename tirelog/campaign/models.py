@@ -44,7 +44,7 @@ _FORM = "steady revolutions, shared room"
 def run_models(
     campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]
 ) -> list[str]:
-    """Make every model's results that are not made yet; sentences on those that could not be made."""
+    """Make the missing results of every model; sentences on those that could not be made."""
     failed = []
     for model in campaign.models:
         try:

@@ -74,8 +74,7 @@ class RemoteFolder:
     def names(self) -> set[str]:
         return set(list_remote(self.root))
 
-    # ---- the lock
-    # -------------------------------------------------------------------------------------------------------------------
+    # ---- the lock --------------------------------------------------------------------------------
 
     def check_held(self) -> None:
         if self._lost.is_set():

@@ -129,7 +129,7 @@ def check_pressure(pressure_Pa: float | None) -> None:
 
 
 def _measured(setup: Setup | None) -> str:
-    """The waveform that a setup's channels measure: radial acceleration where no channel is strain."""
+    """The waveform that a setup's channels measure: radial acceleration if no channel is strain."""
     kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
     return (
         "radial_acceleration"

@@ -60,7 +60,7 @@ class Assessed:
 
 
 def nuisance(base: Base, more: FloatArray | None = None) -> Nuisance:
-    """The whitened base Jacobian, the logs' offsets and `more` (C, m, k), in the observable's unit."""
+    """The whitened base Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit."""
     parts = [base.fit.moving] if more is None else [base.fit.moving, more]
     return Nuisance.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
 

@@ -202,7 +202,7 @@ def _moved(base: Base, model: Model) -> float:
 
 
 def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
-    """The leading candidates refitted, by rising held-out loss; a failed refit goes to `reasons`."""
+    """The leading candidates refitted, by rising held-out loss; failed ones go to `reasons`."""
     if not assessed:
         return []
     leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][

@@ -76,7 +76,7 @@ class Base:
 
     @property
     def rmse_held(self) -> float | None:
-        """Error on manoeuvres left out; None if there is but one, since none can be left out then."""
+        """Error on manoeuvres left out; None if there is only one, since none can be left out."""
         return float(np.sqrt(max(self.square_held, 0.0))) if self.cells.manoeuvres > 1 else None
 
     @property

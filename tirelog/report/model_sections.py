@@ -268,15 +268,29 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     tables = [
         Table(
             "Ranking of the candidates",
-            ["effect", "excess removed alone [%]", "standard error [%]", "p, adjusted", "selected", "strength"],
             [
-                [c.effect, f"{100 * c.excess_removed:.1f}", number(100 * errors[c.effect]) if c.effect in errors else "",
-                 probability(c.p_adjusted, result.manoeuvres), "yes" if c.selected else "",
-                 "–" if any(s["se"] is None for s in c.strengths.values()) else _strengths(c.strengths)]
+                "effect",
+                "excess removed alone [%]",
+                "standard error [%]",
+                "p, adjusted",
+                "selected",
+                "strength",
+            ],
+            [
+                [
+                    c.effect,
+                    f"{100 * c.excess_removed:.1f}",
+                    number(100 * errors[c.effect]) if c.effect in errors else "",
+                    probability(c.p_adjusted, result.manoeuvres),
+                    "yes" if c.selected else "",
+                    "–"
+                    if any(s["se"] is None for s in c.strengths.values())
+                    else _strengths(c.strengths),
+                ]
                 for c in ranked
             ],
         )
-    ]  # fmt: skip
+    ]
     if result.not_tested:
         tables.append(
             Table(
@@ -386,10 +400,16 @@ _ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
 
 def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> Table:
     rows = [
-        [str(s["step"]), s["effect"], *("-" if s[k] is None else number(s[k] * factor) for k in _ERRORS), number(s["p_adjusted"]),
-         s["decision"], _strengths(s["parameters"])]
+        [
+            str(s["step"]),
+            s["effect"],
+            *("-" if s[k] is None else number(s[k] * factor) for k in _ERRORS),
+            number(s["p_adjusted"]),
+            s["decision"],
+            _strengths(s["parameters"]),
+        ]
         for s in climbed["steps"]
-    ]  # fmt: skip
+    ]
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
     return Table(
         "Steps of the ladder",

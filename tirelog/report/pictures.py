@@ -104,9 +104,15 @@ def _trace(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:
         marker = trace["marker"]
         style = _SYMBOLS.get(marker.get("symbol", "circle"), "o")
         axes.plot(
-            trace["x"], trace["y"], style, ms=marker["size"] * 0.6, color=marker["color"], alpha=marker.get("opacity", 1.0), mew=0.0
-            if style != "_" else 2.0, label=name,
-        )  # fmt: skip
+            trace["x"],
+            trace["y"],
+            style,
+            ms=marker["size"] * 0.6,
+            color=marker["color"],
+            alpha=marker.get("opacity", 1.0),
+            mew=0.0 if style != "_" else 2.0,
+            label=name,
+        )
     else:
         drawn = trace["line"]
         axes.plot(

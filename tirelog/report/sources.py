@@ -27,8 +27,9 @@ KINDS = ("speed", "footprint", "dissipation", "phase-shift", "dissipation-fit")
 _WORDS = ("log", "channel", "quality", "slip_onset_reason")
 #: columns that no figure draws
 _UNUSED = {
-    "period_s", "speed_se_m_s", "length_se_m", "length_form_se_m", "length_d2_se_m", "length_d1_se_m", "edge_asymmetry", "slip_onset_se_m",
-    "slip_onset_reason", "dissipation_factor_se_1_m", "entry_angle_deg", "exit_angle_deg",
+    "period_s", "speed_se_m_s", "length_se_m", "length_form_se_m", "length_d2_se_m",
+    "length_d1_se_m", "edge_asymmetry", "slip_onset_se_m", "slip_onset_reason",
+    "dissipation_factor_se_1_m", "entry_angle_deg", "exit_angle_deg",
 }  # fmt: skip
 
 

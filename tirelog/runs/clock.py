@@ -131,8 +131,7 @@ class ClockFit:
             self._axis = self._solve()
         return self._axis
 
-    # ---- deciding
-    # ------------------------------------------------------------------------------------------------------------
+    # ---- deciding --------------------------------------------------------------------------------
 
     def _solve(self) -> TimeAxis:
         stamps, declared = self._stamps, self.setup_rate_Hz or self.file_rate_Hz
@@ -237,8 +236,7 @@ class ClockFit:
             )
         self._count("clock_drift_ppm", round(abs(rate / declared - 1.0) * 1e6))
 
-    # ---- building
-    # ------------------------------------------------------------------------------------------------------------
+    # ---- building --------------------------------------------------------------------------------
 
     def _continued(self, pieces: list[Piece], period: float) -> list[Piece]:
         """Pieces whose lines never run backwards: a repeated row stands alone between two, a clock

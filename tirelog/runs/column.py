@@ -155,7 +155,8 @@ class Column:
         for name, text in words.items():  # of a fixed length: HDF5's heap has no checksum
             self.dataset.attrs[name] = np.bytes_(text.encode("utf-8", "backslashreplace") or b"\0")
         self.dataset.attrs.update(
-            scale_factor=factor / power, add_offset=offset, decimals=(self.decimals or 0) if counts else -1,
+            scale_factor=factor / power, add_offset=offset,
+            decimals=(self.decimals or 0) if counts else -1,
         )  # fmt: skip
         if counts:
             self.dataset.attrs["_FillValue"] = np.int32(LOST_COUNT)

@@ -296,8 +296,7 @@ def check_open(dataset: h5py.Dataset) -> None:
         raise recording_closed()
 
 
-# ---- digests
-# --------------------------------------------------------------------------------------
+# ---- digests -------------------------------------------------------------------------------------
 
 
 def contents_digest(file: h5py.File) -> str:

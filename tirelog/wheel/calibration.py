@@ -215,8 +215,8 @@ def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMa
     at = len(columns) - 2
     solved, covariance, residual = _least_squares(design, y, se)
     return SpeedMap(
-        float(solved[at]), float(solved[at + 1]), covariance[at : at + 2, at : at + 2], float(v.min()), float(v.max()),
-        float(np.std(residual)), int(y.size),
+        float(solved[at]), float(solved[at + 1]), covariance[at : at + 2, at : at + 2],
+        float(v.min()), float(v.max()), float(np.std(residual)), int(y.size),
     )  # fmt: skip
 
 

@@ -82,7 +82,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class HitResult:
-    """A hit and its numbers, all in the observable's unit but the times, the phase and the shares."""
+    """A hit and its numbers, in the observable's unit but for times, phase and shares."""
 
     log: TransientLog
     ordinal: int
@@ -108,11 +108,14 @@ class HitResult:
         rmse = float(np.sqrt(np.mean(left**2) * self._charged))
         covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
         return {
-            "log": self.log.log, "channel": self.log.channel, "hit": self.ordinal, "time_s": hit.time_s, "time_se_s": hit.time_se_s,
-            "speed_m_s": hit.speed_m_s, "phase_deg": float(np.degrees(hit.phase_rad)),
-            "alignment_deg": float(np.degrees(hit.alignment_rad)), "level": hit.level, "samples": int(left.size),
-            "rmse": rmse, "rmse_steady": float(np.sqrt(np.mean(self.steady))), "noise_floor": floor, "excess": excess_of(rmse, floor),
-            "added": float(added), "missed": float(missed), "covered": float(covered), "quality": "ok" if covered > _COVERED else "unlike",
+            "log": self.log.log, "channel": self.log.channel, "hit": self.ordinal,
+            "time_s": hit.time_s, "time_se_s": hit.time_se_s, "speed_m_s": hit.speed_m_s,
+            "phase_deg": float(np.degrees(hit.phase_rad)),
+            "alignment_deg": float(np.degrees(hit.alignment_rad)), "level": hit.level,
+            "samples": int(left.size), "rmse": rmse,
+            "rmse_steady": float(np.sqrt(np.mean(self.steady))), "noise_floor": floor,
+            "excess": excess_of(rmse, floor), "added": float(added), "missed": float(missed),
+            "covered": float(covered), "quality": "ok" if covered > _COVERED else "unlike",
         }  # fmt: skip
 
     def time_rows(self) -> list[dict[str, Any]]:
@@ -171,7 +174,8 @@ def _errors(squares: Sequence[float]) -> dict[str, float]:
     """
     rmse, steady, floor, added, missed = (float(np.sqrt(max(x, 0.0))) for x in squares)
     return {
-        "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor), "added": added, "missed": missed,
+        "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor),
+        "added": added, "missed": missed,
     }  # fmt: skip
 
 

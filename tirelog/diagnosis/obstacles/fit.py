@@ -241,6 +241,7 @@ class View:
         off = self.log.off()[window.rows]
         missed = measured - steady - added
         return Hit(
-            time_s, error_s, self.aligned_rad, phase_rad, level, float(self.transient.conditions.speed_m_s[0]), since[window.rows],
-            measured, model + level, off - off.mean(), missed - missed.mean(), self.transient.remarks,
+            time_s, error_s, self.aligned_rad, phase_rad, level,
+            float(self.transient.conditions.speed_m_s[0]), since[window.rows], measured,
+            model + level, off - off.mean(), missed - missed.mean(), self.transient.remarks,
         )  # fmt: skip

@@ -105,7 +105,7 @@ def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], F
 
 
 def _left(views: Sequence[View], nuisances: FloatArray, stage: tuple[float, float]) -> FloatArray:
-    """What the model misses at all hits within (window, smoothing) of a stage, one after the other."""
+    """What the model misses at all hits, in a stage's (window, smoothing), one after the other."""
     window_s, smoothed_s = stage
     parts = []
     for view, (time, phase) in zip(views, nuisances):
@@ -166,8 +166,8 @@ def _descend(
 
 
 def _jacobian(
-    events: Sequence[_Event], model: Model, names: tuple[str, ...], values: FloatArray, nuisances: FloatArray, views: list[View],
-    stage: tuple[float, float], left: FloatArray,
+    events: Sequence[_Event], model: Model, names: tuple[str, ...], values: FloatArray,
+    nuisances: FloatArray, views: list[View], stage: tuple[float, float], left: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """Derivatives of `_left` by the parameters and by each hit's time and phase, (N, p + 2 h)."""
     columns = []
@@ -186,7 +186,7 @@ def _jacobian(
 
 
 def _errors(left: FloatArray, jacobian: FloatArray, count: int) -> FloatArray:
-    """Standard errors of the first `count`: what is missed is taken for noise, correlated as it is."""
+    """Standard errors of the first `count`; what is missed counts as noise, correlated as it is."""
     spectrum = np.abs(np.fft.rfft(left, 2 * left.size)) ** 2
     covariance = np.fft.irfft(spectrum)[: left.size]
     fades = int(np.argmax(covariance <= 0.0)) or left.size

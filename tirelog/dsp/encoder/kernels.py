@@ -31,7 +31,7 @@ AROUND = 2
 
 @compiled
 def extremes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Largest and least sample of every chunk, the last one cut short, shape (ceil(size / CHUNK),)."""
+    """Largest and least sample per chunk, the last cut short; shape (ceil(size / CHUNK),)."""
     chunks = (x.size + CHUNK - 1) // CHUNK
     high, low = np.empty(chunks), np.empty(chunks)
     for c in range(chunks):

@@ -175,7 +175,7 @@ class PitchLearner:
                 self._learn(time_s[low:high], count[low:high])
 
     def _learn(self, time_s: FloatArray, count: Integers) -> None:
-        """Adds passages of the last stretch to its sums; those near the end wait for the next ones."""
+        """Add passages of the last stretch to its sums; those near its end wait for the next."""
         turn = 2 * self.steps
         time, at = (
             np.concatenate([a, b]) for a, b in zip(self._held, (time_s, count), strict=True)
@@ -247,7 +247,7 @@ class PitchLearner:
 
 
 def _table(sums: FloatArray) -> PitchTable:
-    """The table from number, sum and sum of squares of the deviations of every passage of a turn."""
+    """The table from number, sum and sum of squares of the deviations of each passage of a turn."""
     number, total, squares = sums[0], sums[1], float(sums[2].sum())
     turns, size = float(np.median(number)), number.size
     if turns < LEAST_TURNS:

@@ -397,8 +397,8 @@ def _one_number(values: FloatArray) -> _Part:
     scatter = np.nanstd(values, axis=0, ddof=1) if good.sum() > 2 else np.full(1, np.nan)
     zero = np.zeros(1)
     return _Part(
-        mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((len(values), 3)), zero, zero, scatter,
-        zero, zero,
+        mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero,
+        np.zeros((len(values), 3)), zero, zero, scatter, zero, zero,
     )  # fmt: skip
 
 

@@ -87,7 +87,7 @@ class Fit:
 
 
 def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
-    """What the fit moves: the free parameters, without those that nothing in these cells can show."""
+    """What the fit moves: the free parameters, less those that nothing in these cells can show."""
     held = set()
     for effect in model.effects:
         if effect.effect.missing(cells.conditions):
@@ -220,7 +220,7 @@ def descend(
 def _at(
     problem: Problem, model: Model, names: Sequence[str], values: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Jacobian in the observable's unit and whitened residual at a point, the cells centred there."""
+    """Jacobian (observable's unit) and whitened residual at a point, with cells centred there."""
     problem.centre(model, values)
     prediction, jacobian = problem.linearised(model, names, values)
     return jacobian, problem.measured_less(prediction)
@@ -338,8 +338,8 @@ def _promising(
 def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     """Some of the cells."""
     names = (
-        "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions", "log", "manoeuvre", "regime", "within",
-        "speed_mean", "moved", "speed_square",
+        "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions",
+        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square",
     )  # fmt: skip
     return replace(
         cells,

@@ -105,7 +105,7 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
 
 
 def _contact(on: np.ndarray, p: FloatArray, depth: FloatArray, drop: float, R: float) -> Contact:
-    """The edges lie where the depth crosses zero between the last node that presses and the next."""
+    """Edges where the depth crosses zero, between the last node that presses and the next one."""
     first, last = on[0], on[-1]
     entry = _PHI[first] - STEP * depth[first] / (depth[first] - depth[first - 1])
     leave = _PHI[last] + STEP * depth[last] / (depth[last] - depth[last + 1])

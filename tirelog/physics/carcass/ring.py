@@ -70,7 +70,7 @@ def road_loads(
 
 
 def equivalent_load(pressure: ComplexArray, traction: ComplexArray | None = None) -> ComplexArray:
-    """E_n = i (Q_v + i n Q_w) / n, the inward load on a belt without tangential freedom; E_0 = 0."""
+    """Inward load on a belt without tangential freedom: E_n = i (Q_v + i n Q_w) / n, E_0 = 0."""
     q_v, q_w = road_loads(pressure, traction)
     n = np.arange(MODES)
     load = np.zeros_like(q_v)

@@ -19,10 +19,10 @@ from tirelog.errors import ModelError, nearest
 
 LONGEST, DEEPEST = 1000, 40
 _ELEMENTARY: tuple[Callable[..., Any], ...] = (
-    np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2, np.sinh, np.cosh, np.tanh, np.arcsinh,
-    np.arccosh, np.arctanh, np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10, np.log1p, np.sqrt, np.cbrt,
-    np.square, np.abs, np.sign, np.floor, np.ceil, np.minimum, np.maximum, np.where, np.clip, np.hypot,
-    np.heaviside, np.sinc,
+    np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2, np.sinh, np.cosh, np.tanh,
+    np.arcsinh, np.arccosh, np.arctanh, np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10,
+    np.log1p, np.sqrt, np.cbrt, np.square, np.abs, np.sign, np.floor, np.ceil, np.minimum,
+    np.maximum, np.where, np.clip, np.hypot, np.heaviside, np.sinc,
 )  # fmt: skip
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function for function in _ELEMENTARY

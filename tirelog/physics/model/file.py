@@ -289,8 +289,7 @@ def _unknown(key: str, value: Any) -> Parameter:
     return Parameter(key, "", "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
 
 
-# ---- writing
-# ----------------------------------------------------------------------------------------------------------------------
+# ---- writing -------------------------------------------------------------------------------------
 
 
 def save_model(model: Model, path: str | Path) -> None:

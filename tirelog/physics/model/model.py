@@ -49,8 +49,7 @@ class Model(Predicting):
     document: str | None = None
     path: Path | None = None
 
-    # ---- making and changing
-    # ----------------------------------------------------------------------------------------------
+    # ---- making and changing ---------------------------------------------------------------------
 
     @classmethod
     def new(
@@ -163,8 +162,7 @@ class Model(Predicting):
         """
         return replace(self, effects=tuple(e.resolved(conditions) for e in self.effects))
 
-    # ---- reading
-    # ------------------------------------------------------------------------------------------------------------
+    # ---- reading ---------------------------------------------------------------------------------
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:

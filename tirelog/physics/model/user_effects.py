@@ -155,7 +155,7 @@ def _names(
 
 
 def _strength(formula: Expression, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
-    """The parameter that switches the formula off by being zero; all of them where none does alone."""
+    """The parameter that switches the formula off at zero; all of them if none does so alone."""
     rng = np.random.default_rng(0)
     size = 64
     trial: dict[str, Any] = {name: rng.uniform(0.5, 1.5, size) for name in (*CONDITIONS, *PLACES)}

@@ -70,7 +70,7 @@ class State:
     def rolling(
         cls, tire: CoupledRing, load_N: float, speed_m_s: float, *, height_m: float = 0.0
     ) -> State:
-        """On a flat road of that height at x = 0, rolling freely and steadily (`steady_rolling`)."""
+        """Free, steady rolling on a flat road of that height, at x = 0 (`steady_rolling`)."""
         tire.check_speed(speed_m_s)
         steady = steady_rolling(tire, load_N, speed_m_s)
         centre, a, omega = 1j * (steady.centre_m + height_m), steady.displacement, steady.omega
@@ -176,8 +176,7 @@ class Stepper:
         self._momentum = tire.J_r * state.omega + tire.gyroscopic_momentum(state.V, state.V_rate)
         self.road_forces: RoadForces = self._touch()
 
-    # ---- one step
-    # -----------------------------------------------------------------------------------------------------------------
+    # ---- one step --------------------------------------------------------------------------------
 
     def step(self) -> None:
         """One step."""
@@ -281,11 +280,10 @@ class Stepper:
         s.omega += change
         s.V_rate = s.V_rate - (1j * change) * self._swing * s.V
 
-    # ---- what there is to see
-    # ---------------------------------------------------------------------------------------------------
+    # ---- what there is to see --------------------------------------------------------------------
 
     def energy(self) -> float:
-        """Kinetic and elastic energy [J] of tire, hub and tread; the load's potential is not in it."""
+        """Kinetic and elastic energy [J] of tire, hub and tread, without the load's potential."""
         s, tire = self.state, self.tire
         rigid = (
             tire.m_r * abs(s.centre_rate) ** 2

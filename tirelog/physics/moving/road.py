@@ -206,9 +206,11 @@ def load_road(path: str | Path) -> MeasuredRoad:
                     distance, height = (float(word) for word in words)
                 except ValueError:
                     raise ModelError(
-                        f"{line.strip()!r} is no point of a road profile; distance and height in " "m are allowed; correct it",
-                        file=path, line=number,
-                    ) from None  # fmt: skip
+                        f"{line.strip()!r} is no point of a road profile; distance and height in "
+                        "m are allowed; correct it",
+                        file=path,
+                        line=number,
+                    ) from None
                 rows.append((distance, height))
     except (OSError, UnicodeDecodeError) as problem:
         raise ModelError(

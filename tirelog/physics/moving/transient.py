@@ -172,7 +172,7 @@ class Transient:
 
     @cached_property
     def _curvature(self) -> CubicSpline:
-        """Modes of (w + w'') / R^2 of V - V_0 over time, as the sensor hands them on, (k, N - 1)."""
+        """Modes of (w + w'') / R^2 of V - V_0 over time, as the sensor hands them on (k, N - 1)."""
         n = self.motion.tire.n
         return self._handed_on(
             -1j * n * (1.0 - n**2) / self.motion.tire.R**2 * (self.motion.V - self.steady)

@@ -307,7 +307,7 @@ class Hdf5Log:
         return stored, missing
 
     def _stamps(self, clock: _Clock, start: int, stop: int, slabs: Slabs) -> tuple[FloatArray, int]:
-        """Seconds from the first stamp of the log, NaN where the stamp is lost, and how many are."""
+        """Seconds from the first stamp of the log, NaN for lost stamps, and how many are lost."""
         assert clock.time is not None
         stored, missing = self._read(clock.time.column, start, stop, slabs)
         if stored.dtype.kind in "iu":

@@ -255,7 +255,7 @@ def spread(starts: IntArray, lengths: IntArray) -> IntArray:
 
 
 def _column(values: list[float | FloatArray | None]) -> FieldColumn:
-    """A column from what the messages gave: a number, a batch, or nothing (NaN, or an empty batch)."""
+    """A column from what messages gave: a number, a batch, or nothing (NaN, or an empty batch)."""
     if not any(isinstance(value, np.ndarray) for value in values):
         return FieldColumn(
             np.array([np.nan if value is None else value for value in values], np.float64)

@@ -137,7 +137,7 @@ class McapLog:
     def _messages(
         self, chunk: Chunk, *, count: bool = True
     ) -> Iterator[tuple[Topic, ChannelDecoder, Table]]:
-        """The messages of the topics wanted; topics that have not been met are started with them."""
+        """The messages of the topics wanted; a topic that was not met before starts with them."""
         tables, definitions, rest = split(chunk.data)
         for opcode, body in definitions:
             try:

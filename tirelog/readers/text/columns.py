@@ -24,11 +24,13 @@ from tirelog.readers.text.times import MISSING, fraction_digits, has_clock, one_
 from tirelog.vocabulary import units
 
 _TIME_NAMES = re.compile(
-    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time|t|sec|seconds|zeit|tempo)",
+    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time"
+    r"|t|sec|seconds|zeit|tempo)",
     re.I,
 )
 _NUMBER_NAMES = re.compile(
-    r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)|sample|frame|scan|record|n",
+    r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)"
+    r"|sample|frame|scan|record|n",
     re.I,
 )
 #: a double holds powers of ten up to this one exactly; no instrument writes as many decimals

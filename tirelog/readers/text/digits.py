@@ -98,7 +98,7 @@ def value_of(values: Whole) -> Whole:
 
 @compiled
 def leading_digits(word: Whole) -> Whole:
-    """How many of a word's eight bytes, the lowest first, are ASCII digits before one that is not."""
+    """How many of a word's eight bytes, lowest first, are ASCII digits before one that is not."""
     values = word ^ _ZEROS
     others = (
         (values + _TO_HIGH) | values

@@ -74,8 +74,8 @@ class _Table:
         )
         hard = np.empty((_HARD + plan.across, 4), np.int64)
         self.size, self.stop, used = rows(
-            data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least, plan.layout.ragged,
-            self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
+            data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least,
+            plan.layout.ragged, self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
         )  # fmt: skip
         self.full = used > _HARD or self.size == lines
         if 2 * self.size < lines:  # what is kept must not hold what is not

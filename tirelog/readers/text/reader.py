@@ -52,7 +52,8 @@ _THREADS, _AHEAD = 2, 4
 _EXACT_ABOVE_S = 1e6
 
 _RATE = re.compile(
-    r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?",
+    r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)"
+    r"[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?",
     re.I,
 )
 

@@ -35,18 +35,14 @@ Nanoseconds = NDArray[np.int64]
 MISSING = np.iinfo(np.int64).min
 DAY_NS = 86_400 * 10**9
 
-_CLOCK = r"(?P<h>\d{1,2})(?P<s>[:\-.])(?P<m>\d{1,2})(?:(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
+_SECOND = r"(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?"
+_CLOCK = rf"(?P<h>\d{{1,2}})(?P<s>[:\-.])(?P<m>\d{{1,2}})(?:(?P=s){_SECOND})?"
 _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
+_REST = rf"(?:[T _]+{_CLOCK}{_OFFSET})?"
 _FORMS = {
-    "iso": re.compile(
-        rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}})(?:[T _]+{_CLOCK}{_OFFSET})?"
-    ),
-    "dmy": re.compile(
-        rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}})(?:[T _]+{_CLOCK}{_OFFSET})?"
-    ),
-    "hms": re.compile(
-        r"(?P<h>\d{1,2})(?P<s>[:\-])(?P<m>\d{1,2})(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?:?"
-    ),
+    "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}}){_REST}"),
+    "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}}){_REST}"),
+    "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}:?"),
 }
 
 

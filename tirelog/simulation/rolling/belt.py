@@ -59,8 +59,7 @@ class Belt:
                 "line_mass_kg_m = 0 in [tire]; a belt that moves has a mass above zero; give one"
             )
 
-    # ---- stencils, shape (11,), per integral over theta
-    # ---------------------------------------------------------------
+    # ---- stencils, shape (11,), per integral over theta ------------------------------------------
 
     @property
     def radius_m(self) -> float:
@@ -115,8 +114,7 @@ class Belt:
             tire.tangential_damping_N_s_m2 * g(0, 0) + tire.radial_damping_N_s_m2 * g(1, 1)
         )
 
-    # ---- coupling to the hub
-    # -------------------------------------------------------------------------------------------
+    # ---- coupling to the hub ---------------------------------------------------------------------
 
     @property
     def carried(self) -> float:
@@ -139,8 +137,7 @@ class Belt:
         spring = tire.tangential_stiffness_N_m2 + tire.radial_stiffness_N_m2
         return share * spring, share * (tire.tangential_damping_N_s_m2 + tire.radial_damping_N_s_m2)
 
-    # ---- natural vibrations
-    # ----------------------------------------------------------------------------------------------
+    # ---- natural vibrations ----------------------------------------------------------------------
 
     def full(self, stencil: FloatArray) -> FloatArray:
         return circulant(stencil, self.splines.elements)

@@ -153,7 +153,7 @@ def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArr
 
 
 def _parabola(waves: list[FloatArray]) -> list[FloatArray]:
-    """Coefficients of the parabola in the load's relative fluctuation through the three waveforms."""
+    """Coefficients of the parabola through three waveforms, in the load's relative fluctuation."""
     if len(waves) == 1:
         return waves
     middle, more, less = waves

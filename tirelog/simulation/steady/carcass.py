@@ -177,8 +177,8 @@ def _ring(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     """Inextensible ring, tangential displacement v, inward w = R dv/dxi: by virtual work, in the
     angle phi = xi/R,
 
-        EI/R^4 B'B v + (p0 b/R) (d4 + d2) v + k_v v - k_w d2 v + Omega (c_v d1 - c_w d3) v = q - dq_w/dphi,   B
-            = d1 + d3.
+        EI/R^4 B'B v + (p0 b/R) (d4 + d2) v + k_v v - k_w d2 v + Omega (c_v d1 - c_w d3) v
+            = q - dq_w/dphi,    B = d1 + d3.
 
     Inertia (Coriolis, centripetal) and the centrifugal hoop force of the steadily flowing belt
     cancel (errata) and are left out.

@@ -151,7 +151,7 @@ _PRESSURE = {
 def pressure(
     ring: Ring, effects: tuple[Planted, ...], base: FloatArray, at: Instants
 ) -> FloatArray:
-    """The base pressure (b, points) with every planted effect on it, rescaled to carry `at.load`."""
+    """The base pressure (b, points) with each planted effect on it, rescaled to carry `at.load`."""
     changed = [effect for effect in effects if effect.name in _PRESSURE]
     smeared = next((effect for effect in effects if effect.name == "rough_contact"), None)
     p = base

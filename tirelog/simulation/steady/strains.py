@@ -20,7 +20,7 @@ SLOWEST_M_S = 0.2
 
 
 def _ring_down(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
-    """A resonance that the exit edge sets off: fixed frequency in time, decaying behind the patch."""
+    """A resonance set off by the exit edge: fixed frequency in time, decaying behind the patch."""
     late = (
         (ring.xi_m - exit_m[:, None])
         % ring.circumference_m

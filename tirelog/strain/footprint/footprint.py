@@ -141,7 +141,7 @@ def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArr
 
 
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
-    """Time from the patch centre at which the distance is `xi_m`; NaN where the wheel stops before."""
+    """Time from the patch centre to the distance `xi_m`; NaN if the wheel stops before."""
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.sqrt(speed_m_s**2 + 2.0 * acceleration_m_s2 * xi_m)
         return 2.0 * xi_m / (speed_m_s + root)

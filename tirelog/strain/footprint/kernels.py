@@ -31,8 +31,8 @@ SPARE = 3
 
 @compiled
 def look_up(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float, follows: int, wide: int,
-    columns: FloatArray, place: FloatArray,
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float,
+    follows: int, wide: int, columns: FloatArray, place: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
     """Fill `columns` and `place` (on the grid) of the samples of a row that are used; how many, and
     their mean, which is taken off.
@@ -232,8 +232,8 @@ def fit_rows(
 
 @compiled
 def class_sums(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float, follows: int, sigma: float,
-    odd_sd: float, cells: int,
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float,
+    follows: int, sigma: float, odd_sd: float, cells: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
     """What the rows of one class of speed say of the columns behind their own, which all passages
     share; each row's own are eliminated.

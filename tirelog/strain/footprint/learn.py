@@ -205,7 +205,7 @@ def _samples(
 
 
 def _average(sample: Sample, passages: Passages, half_window_m: float) -> Average:
-    """Mean passage of the rows of `sample`, scaled by height and offset of the passages' template."""
+    """Mean passage of the rows of `sample`, scaled by height and offset of the template."""
     row = sample.windows.row
     height = np.maximum(np.abs(passages.height[row]), 1e-300)[:, None]
     values = (sample.windows.values + passages.offset[row][:, None]) / height

@@ -157,7 +157,7 @@ def measure(
 
 @dataclass(frozen=True)
 class Look:
-    """Windows of some rows again, for the tractions: what `measure` knows of all rows, (n,) each."""
+    """Windows of some rows again, for the tractions: what `measure` knows of all rows (n,)."""
 
     channel: Channel
     passages: Passages
@@ -169,7 +169,7 @@ class Look:
     block_samples: int
 
     def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, FloatArray, float, int]]:
-        """Windows, motion, noise of a value and number of the form of `rows`, those alike together."""
+        """Windows, motion, noise of a value and form's number of `rows`, alike ones together."""
         gathered = gather_windows(
             self.channel,
             self.passages.sign,

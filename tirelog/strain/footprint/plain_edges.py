@@ -119,7 +119,7 @@ def along_tread(
 def lowpassed(
     windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsample: int = 2
 ) -> FloatArray:
-    """The windows (n, m) after the low-pass, less the line through their ends, (n, m x upsample)."""
+    """The windows (n, m) low-passed, less the line through their ends: (n, m x upsample)."""
     return derivative(window_spectra(windows), rate_Hz, cutoff_Hz, 0, windows.shape[1], upsample)
 
 

@@ -81,7 +81,7 @@ class _Step:
 def _class_step(
     reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float
 ) -> _Step:
-    """The normal equations of one class at the current form, its passages' own numbers eliminated."""
+    """Normal equations of one class at the current form, without its passages' own numbers."""
     windows = sample.windows
     table, grid = shape_table(reference, number, half_window_m)
     sigma = noise / np.sqrt(windows.averaged)

@@ -265,8 +265,9 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
         np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
     )
     extra: dict[str, Any] = {
-        "index": channel.axis.index(time_s), "time_s": time_s, "time_se_s": np.concatenate(ses), "turn_before": False, "turn_after": False,
-        "break_after": "", "omega_rad_s": omega, "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
+        "index": channel.axis.index(time_s), "time_s": time_s, "time_se_s": np.concatenate(ses),
+        "turn_before": False, "turn_after": False, "break_after": "", "omega_rad_s": omega,
+        "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
     }  # fmt: skip
     columns: dict[str, Any] = {
         f.name: np.insert(value, place, extra.get(f.name, np.nan))

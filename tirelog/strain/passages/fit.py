@@ -164,7 +164,7 @@ def _read(signal: Signal, spans: IntArray) -> tuple[FloatArray, FloatArray]:
 
 
 def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
-    """The windows of all rows of `start`, which must lie within one block's reach of one another."""
+    """The windows of all rows of `start`, which must lie within one block's reach."""
     spans, outside = _spans(signal, start, window_rad)
     samples, times = _read(signal, spans)
     return Windows(signal, samples, times, spans, outside)

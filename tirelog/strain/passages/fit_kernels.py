@@ -196,7 +196,8 @@ def _step(
     samples.
     """
     values, weights, phis, shapes, slopes, residuals = (
-        scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE], scratch[RESIDUAL],
+        scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE],
+        scratch[RESIDUAL],
     )  # fmt: skip
     n00 = n10 = n20 = n30 = n11 = n21 = n31 = n22 = n32 = n33 = r0 = r1 = r2 = r3 = 0.0
     for i in range(count):

@@ -34,7 +34,7 @@ REACH, ROUNDS = 3, 3
 
 
 def width_turns(middle: FloatArray, width: FloatArray) -> float:
-    """Width of a passage in turns: the median over passages of width over period; both in one unit."""
+    """Width of a passage in turns: the median of width over period, both in one unit."""
     if middle.size < 2:
         return USUAL_WIDTH_TURNS
     if middle.size == 2:

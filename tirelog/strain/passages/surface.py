@@ -25,7 +25,7 @@ def passages_of(recording: Recording, channel: Channel) -> Passages:
 
 
 def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float) -> None:
-    """UsageError where the patch is found once the channel is taken for one of the other surface."""
+    """UsageError if the patch is found once the channel is taken for one of the other surface."""
     if channel.kind == "radial_acceleration":
         return
     other = {"outer": "inner", "inner": "outer"}[channel.surface]

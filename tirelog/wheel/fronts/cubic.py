@@ -69,8 +69,8 @@ def crossings(
 
 
 def _solve(
-    values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatArray, first: IntArray,
-    last: IntArray, entries: np.ndarray,
+    values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Flanks,
+    windows: FloatArray, first: IntArray, last: IntArray, entries: np.ndarray,
 ) -> tuple[FloatArray, np.ndarray]:  # fmt: skip
     """((3, n) place, standard error and slope, n samples lost) by cubic least squares over n
     fronts, whose samples [first, last) lie in `values` from index `start`; `entries` (n,) where the

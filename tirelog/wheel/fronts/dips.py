@@ -249,6 +249,6 @@ def _levels(
     normal = np.einsum("ij,ijk,ijl->ikl", weight, design, target)
     scale = bins.first * DEGREE
     return Dips(
-        (entry + 0.5) * DEGREE + scale, (leave + 0.5) * DEGREE + scale, level, tilt, gravity_level, gravity_tilt,
-        np.sqrt(w2 / determinant), np.sqrt(np.maximum(within, between)), normal,
+        (entry + 0.5) * DEGREE + scale, (leave + 0.5) * DEGREE + scale, level, tilt, gravity_level,
+        gravity_tilt, np.sqrt(w2 / determinant), np.sqrt(np.maximum(within, between)), normal,
     )  # fmt: skip

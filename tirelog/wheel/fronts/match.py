@@ -128,7 +128,7 @@ def _some(rows: IntArray) -> IntArray:
 def _learn(
     channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float], step: float
 ) -> Form:
-    """The least-squares cubic spline through the samples of all `flanks`, aligned by their places."""
+    """The least-squares cubic spline through the samples of all `flanks`, aligned by place."""
     low, high = reach
     size = max(round((high - low) / step), 4) + 3
     left, right = 1e-9 * np.eye(size), np.zeros(size)
