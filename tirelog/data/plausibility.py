@@ -3,7 +3,7 @@ anything.
 
     key of a setup, its number --`doubt_of_key`--> '' or why it is no tire's, with the probable unit
     Recording --`check`--> SetupError where a channel cannot be what its setup says; remarks where
-    it is only strange
+                           it is only strange
 
 The bounds are wide: from a child's bicycle to an earth mover and an aircraft's main wheel. What
 lies outside is a wrong unit, a wrong column or a wrong grating nearly always, and every figure made

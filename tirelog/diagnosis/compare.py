@@ -1,7 +1,7 @@
 """`compare`: a fitted model against logs, error by error, and where and when it fails.
 
-Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps ->
-Comparison
+Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps
+    -> Comparison
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`model fit`: the fit that `compare` makes, as a result to write down.
 
-measured revolutions, Model --`comparison.start`--> Base --> FitResult: the same values, errors and
-chi-square as `compare` shows
+measured revolutions, Model --`comparison.start`--> Base
+    --> FitResult: the same values, errors and chi-square as `compare` shows
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Which effect it is: refits of the best candidates, sets that cannot be told apart, second
 effects.
 
-    Assessed, by falling statistic -> contenders -> refitted with the base parameters from two
-    strengths -> least held-out loss names
+    Assessed, by falling statistic -> contenders
+        -> refitted with the base parameters from two strengths -> least held-out loss names
 
 Likeness of two effects on these data is the nonlinear cosine sqrt(what B explains / what A
 explains), each refitted as well as it can. It is defined without noise, and it finds a rival that

@@ -1,8 +1,8 @@
 """What these logs do not vary, and which effects follow it: said with every diagnosis, since no
 statistic can.
 
-conditions of the cells, the catalogue's `follows` -> one sentence, or none where everything that
-effects follow varies
+conditions of the cells, the catalogue's `follows`
+    -> one sentence, or none where everything that effects follow varies
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A band-limited differentiator for whole channels, its response, and what white noise brings
 through it.
 
-    samples, block by block --lost and wild samples bridged--> --FIR, zero-phase
-    (`differentiator`)--> time derivative
+    samples, block by block --lost and wild samples bridged-->
+        --FIR, zero-phase (`differentiator`)--> time derivative
 
 The filter is antisymmetric, so it has no delay.
 """

@@ -1,7 +1,7 @@
 """Where every question starts: cells, metric, floor and the fitted base model, in one value.
 
-Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres -> metric with
-it -> fit again (a few steps)
+Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres
+    -> metric with it -> fit again (a few steps)
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """A log that met an obstacle: what its steady revolutions look like, what repeats in them, and
 where something else happened.
 
-    Recording with a [road] + Stack --`transient_log`--> TransientLog: samples, steady waveform
-    T(phi), rough times of the hits Stack --`steady_revolutions`--> the revolutions off the
-    obstacle, for the steady comparison
+    Recording with a [road] + Stack
+        --`transient_log`--> TransientLog: samples, steady waveform T(phi), rough times of the hits
+    Stack --`steady_revolutions`--> the revolutions off the obstacle, for the steady comparison
 
 An obstacle shows as samples that leave T(phi) by far more than the steady revolutions do. Times of
 hits are rough here, within a revolution; `diagnosis.obstacles.fit` refines them with the model's

@@ -1,9 +1,9 @@
 """Where the page's tables come from: files given with --table, a campaign's folder, or the
 commands' own functions.
 
-paths --columns--> kind of table --> `Tables`: nothing is read before it is asked for, and then only
-the columns that are drawn a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last
-ladder
+paths --columns--> kind of table
+    --> `Tables`: nothing is read before it is asked for, and then only the columns that are drawn
+a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last ladder
 """
 
 from __future__ import annotations

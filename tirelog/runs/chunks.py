@@ -1,8 +1,8 @@
 """Chunks of an HDF5 dataset, packed as HDF5's own filters would and written past them: several are
 packed at once, outside of HDF5's lock.
 
-    values --shuffle--> bytes of one place together --deflate--> smaller --fletcher32--> 4 bytes
-    more --write_direct_chunk--> file
+    values --shuffle--> bytes of one place together --deflate--> smaller
+        --fletcher32--> 4 bytes more --write_direct_chunk--> file
 
 Any tool reads the file, as its filters are the ordinary ones: shuffle, gzip, fletcher32 (HDF5
 specification, III.I "Filter pipeline").

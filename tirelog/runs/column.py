@@ -2,7 +2,7 @@
 floats.
 
     samples, block after block --joined to whole chunks--> int32 counts, float32 or float64
-    --chunks--> dataset
+        --chunks--> dataset
 
 The choice is made by the data: a value that does not come back exactly promotes what has been
 written so far.

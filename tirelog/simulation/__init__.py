@@ -1,9 +1,9 @@
 """The truth: logs with known physics, solved apart from the models that are tested on them.
 
-    SCENARIO.toml --load_scenario--> Scenario --simulate--> Simulated --write_log--> LOG,
-    LOG.truth.json, setup
+    SCENARIO.toml --load_scenario--> Scenario --simulate--> Simulated
+        --write_log--> LOG, LOG.truth.json, setup
                                                                      --to_recording--> Recording in
-                                                                     memory
+                                                                         memory
 
 Nothing here is shared with `tirelog.physics`, and neither imports the other.  Two kinds of truth:
 

@@ -1,7 +1,7 @@
 """The speed table: a row a passage, speed over the rolling circumference with an error that covers.
 
-    Recording --find_passages on each strain channel--> Passages --here--> columns of the table
-    `speed`
+    Recording --find_passages on each strain channel--> Passages
+        --here--> columns of the table `speed`
 
 v_i = 2 (2 pi R_e) / (t_{i+1} - t_{i-1}) between like passages (P1 4, P2 4.2, errata), in its form
 for unequal steps, which is exact for constant acceleration, less what is left of a changing one

@@ -1,8 +1,8 @@
 """The rolling radius from a vehicle's own speed (errata, Speed: R_e is a setting, or calibrated
 with a speed reference).
 
-    vehicle_speed Channel --distance travelled at the passages' times--> distance a turn --ratio
-    over pieces of the log--> radius, error
+    vehicle_speed Channel --distance travelled at the passages' times--> distance a turn
+        --ratio over pieces of the log--> radius, error
 
 The distance over whole turns does not depend on where in a turn the speed was sampled; noise and
 lag of the reference average out.

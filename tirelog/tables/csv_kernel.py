@@ -1,8 +1,9 @@
 """Rows of a table as csv by a compiled loop, to the byte as arrow writes them: there a number takes
 130 ns.
 
-    columns (n,) --numbers as they are, texts and truth values as numbers of words--> cells
-    (columns, some rows)
+    columns (n,)
+        --numbers as they are, texts and truth values as numbers of words--> cells (columns, some
+            rows)
                  --digits of each column: how many are significant, or WHOLE, or WORD--> bytes
 
 A number becomes the fewest digits that say what its first significant digits say: 0.5, 12,

@@ -1,7 +1,8 @@
 """The wheel's angle, speed and rolling radius from its encoder (P4 section IV A).
 
-    encoder channel --teeth--> counted passages --pitch table learnt from the log--> WheelAngle
-    (angle and rate at any time) WheelAngle, vehicle_speed --> rolling radius with its error
+    encoder channel --teeth--> counted passages
+        --pitch table learnt from the log--> WheelAngle (angle and rate at any time)
+    WheelAngle, vehicle_speed --> rolling radius with its error
     Recording --encoder_speed--> columns of the `speed` table, a row a turn of the wheel
 
 Angles [rad] grow in the direction of rolling; their zero is the first tooth that was seen. Sine,

@@ -1,8 +1,8 @@
 """`compare` on transients: a coupled ring model's answer to an obstacle against a log, in time and
 in frequency.
 
-    TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits --rows in time
-    and frequency--> TransientComparison
+    TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits
+        --rows in time and frequency--> TransientComparison
 
 The model's own parameters are not touched here: what it says of the obstacle is a prediction, with
 four nuisance numbers a hit (when, phase, level, alignment), which the errors are charged for.

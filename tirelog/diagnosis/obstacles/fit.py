@@ -1,8 +1,9 @@
 """When a hit happened, and what the model says of it: four nuisance numbers a hit, found by least
 squares.
 
-    TransientLog, Model, rough time --one motion of the model--> readings over (time of the hit,
-    phase of the sensor) --least squares--> Hit
+    TransientLog, Model, rough time
+        --one motion of the model--> readings over (time of the hit, phase of the sensor)
+        --least squares--> Hit
 
 Nuisances: where the model's patch centre lies among the passages, from the steady revolutions
 around (`alignment`); the time at which the wheel's centre stood over the obstacle's beginning and a

@@ -1,8 +1,9 @@
 """What a motion tells and the steady waveform does not: masses, damping and bristles, fitted to the
 answers to obstacles.
 
-    TransientLogs, Model --damped least squares over the free names of `carcass.MOTION` and (time,
-    phase) of each hit--> Learned
+    TransientLogs, Model
+        --damped least squares over the free names of `carcass.MOTION` and (time, phase) of each
+            hit--> Learned
 
 What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together. A
 tire of a wrong mass rings out of step with the measured one, so that the least error may be far

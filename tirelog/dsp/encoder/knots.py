@@ -1,7 +1,7 @@
 """From counted passages to the knots of the wheel angle, piece by piece.
 
-    pieces of times, counts, stretches (n,) --local cubic least squares--> knots, one in KNOT_STEP_S
-    where the wheel turns quickly
+    pieces of times, counts, stretches (n,)
+        --local cubic least squares--> knots, one in KNOT_STEP_S where the wheel turns quickly
                                             --scatter about the cubics----> noise of a passage
     knots, pitch errors learnt meanwhile ----------------------------------> AngleFunction
 

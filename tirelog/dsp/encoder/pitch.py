@@ -1,9 +1,9 @@
 """The pitch error of a tone wheel, learnt from the log itself while it streams by.
 
-    pieces of times, counts, stretches (n,) --smooth motion over whole turns--> deviation of each
-    passage [rad]
+    pieces of times, counts, stretches (n,)
+        --smooth motion over whole turns--> deviation of each passage [rad]
         --means over turns, a stretch at a time--> which way and by how many teeth the stretches lie
-        against each other
+                                                   against each other
         --all together--> table (2 steps,)
 
 The time of count n is the smooth motion's plus the pitch error over the speed. Smoothing by B (2 -

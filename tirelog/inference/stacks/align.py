@@ -2,7 +2,7 @@
 between them.
 
     passage times (n,) [s] -> WheelAngle: theta(t) with theta(t_i) = 2 pi i, an interpolating cubic
-    spline (its slope is the speed)
+                              spline (its slope is the speed)
     samples at theta, chunk by chunk -> sums by angle -> template T(phi)
     the same once more -> sums by revolution  y = b + a [T(phi) - s T'(phi)]  -> t_i moved by s
 

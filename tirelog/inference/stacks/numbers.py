@@ -1,8 +1,8 @@
 """Numbers per revolution as stacks with one angle: patch length, dissipation factor, phase shift,
 patch width.
 
-Recording --estimators--> a row a passage, those with nothing wrong --> Stack (n, 1), the same
-conditions and manoeuvres as a waveform's
+Recording --estimators--> a row a passage, those with nothing wrong
+    --> Stack (n, 1), the same conditions and manoeuvres as a waveform's
 """
 
 from __future__ import annotations

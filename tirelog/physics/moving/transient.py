@@ -1,7 +1,7 @@
 """A coupled ring model driven over a road, and what a sensor on its belt reads meanwhile.
 
     Model, Conditions (1,), Course --`drive`--> Transient: motion on a grid in time, and strain or
-    radial acceleration of a sensor
+                                                radial acceleration of a sensor
 
 A reading is the steady waveform of `Model.predict` at the conditions of the start, with all of the
 model's effects, plus what V - V_0 (the motion's modes less those of steady rolling, N of them)

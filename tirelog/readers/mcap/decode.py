@@ -2,7 +2,7 @@
 for JSON, else by the library one by one.
 
     Table, wants --plans | arrow | library--> FieldColumn per want: `values` flat float64, `lengths`
-    (n,) where a message holds a batch
+                                              (n,) where a message holds a batch
 
 The library's decoder is the authority: a plan is used only if it gives the numbers that the library
 gives for its template.

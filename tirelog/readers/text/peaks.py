@@ -1,8 +1,8 @@
 """Gratings in rows that hold a varying number of peaks: found by wavelength and followed as they
 move, never by position.
 
-    rows of peaks (Parsed.first, .cells, .counts) --GratingTracker, block after block--> one value a
-    row and grating
+    rows of peaks (Parsed.first, .cells, .counts)
+        --GratingTracker, block after block--> one value a row and grating
 
 A row is *plain* for a grating where exactly one peak lies in its window, no other grating claims
 that peak, and it lies within the gate of the grating's peak before. Plain rows, which is nearly all

@@ -1,15 +1,16 @@
 """Cells of a time column to nanoseconds, a whole column at once.
 
-    cells (bytes) --grouped by length, digits at fixed places--> int64 ns since 1970 or since
-    midnight, MISSING where unreadable
+    cells (bytes)
+        --grouped by length, digits at fixed places--> int64 ns since 1970 or since midnight,
+                                                       MISSING where unreadable
 
 Forms, each recognized on its own cells (see `form_of`):
-    iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone        -> ns since
-          1970, UTC where an offset stands
+    iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone
+        -> ns since 1970, UTC where an offset stands
     dmy   14/04/2022 13:00:00.5, 14-04-2022, 14.04.2022 13:00 (day first; or month first, where a
           field above 12 proves it)
-    hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)                           -> ns since
-          midnight
+    hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)
+        -> ns since midnight
 """
 
 from __future__ import annotations

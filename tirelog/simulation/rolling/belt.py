@@ -1,8 +1,8 @@
 """The belt of a tire in motion, by finite elements in the frame that turns with the hub; its
 stiffness, inertia and natural vibrations.
 
-    TrueTire, inflation pressure --Splines--> Belt (stencils) --> static shape under a load, natural
-    frequencies
+    TrueTire, inflation pressure --Splines--> Belt (stencils)
+        --> static shape under a load, natural frequencies
 
 theta is the material's place on the belt, psi the hub's angle, phi = theta + psi the place in
 space, 0 at the bottom, growing in the direction of rolling; e_r = (sin phi, -cos phi) outwards, e_t

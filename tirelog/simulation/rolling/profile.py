@@ -2,7 +2,7 @@
 straight, or a wave.
 
     Road (scenario) --profile_of--> Profile: height and slope at any distance x [m] driven since the
-    log's start, level before it
+                                    log's start, level before it
 
 A wall has no slope for the tread to press along: steps and cleats have ramps, and what is too steep
 or too high for small displacements of the belt is refused.

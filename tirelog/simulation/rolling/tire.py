@@ -2,8 +2,8 @@
 road to the end of a drive.
 
     Belt, Profile --standing--> v, hub height at rest under the load
-                  --rolling---> RollingTire --run(distance, acceleration, load, torque)--> Motion, a
-                  row every few steps
+                  --rolling---> RollingTire
+                      --run(distance, acceleration, load, torque)--> Motion, a row every few steps
 
 The hub's way forward is the drive's; its height and its spin are free.
 """

@@ -2,8 +2,9 @@
 whole log, and what sensors read of it.
 
     Drive, [[load_steps]], roughness --> distance, acceleration, load, torque at every step
-    --RollingTire--> Motion on its own clock Motion --a sensor's place, second differences, lag,
-    bandwidth--> its clean series --spline in time--> values at the moments of sampling
+        --RollingTire--> Motion on its own clock
+    Motion --a sensor's place, second differences, lag, bandwidth--> its clean series
+        --spline in time--> values at the moments of sampling
 
 The drive's speed is the hub's way forward; wheel angle and spin are what the tire makes of it. The
 log begins on a tire that has rolled for SETTLING_S under a damper that is then taken away.

@@ -1,7 +1,7 @@
 """From waveforms and the drive to the numbers in the log.
 
-World --chunks of knots--> tables (b, points) --six points in angle, four in time--> clean values
-(n,) at the moments of sampling
+World --chunks of knots--> tables (b, points)
+    --six points in angle, four in time--> clean values (n,) at the moments of sampling
       --noise, digits, lost samples--> values (n,) in the unit of the file, NaN where lost
 """
 

@@ -1,8 +1,8 @@
 """What the road does to the carcass: contact pressure and friction on the grid, with the planted
 effects, in two forms each.
 
-    base pressure p(xi) -> heavier side, pulses, wedges, wear -> smeared -> rescaled to carry the
-    load -> friction of the bristles
+    base pressure p(xi) -> heavier side, pulses, wedges, wear -> smeared
+        -> rescaled to carry the load -> friction of the bristles
 
 Arrays are (b, points): b instants of the drive. Pressure is a line load [N/m], positive where the
 road pushes the tread inwards.

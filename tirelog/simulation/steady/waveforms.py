@@ -1,8 +1,8 @@
 """The truth at given instants: conditions, the carcass's solution, and what a sensor reads round
 the wheel.
 
-Drive --instants--> Instants (b,) --loads, carcass--> w (b, points) --sensor--> strain or
-acceleration (b, points)
+Drive --instants--> Instants (b,) --loads, carcass--> w (b, points)
+    --sensor--> strain or acceleration (b, points)
 """
 
 from __future__ import annotations

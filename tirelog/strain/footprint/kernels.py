@@ -1,9 +1,9 @@
 """Compiled: least squares of a form against each passage's own samples, row by row.
 
     a row of a window --distance of each sample--> the form's columns at the samples that are used,
-    their values last
-        --all products--> gram (w + 1, w + 1), w columns --scaled Cholesky--> inverse of the
-        passage's own block --> solution
+                                                   their values last
+        --all products--> gram (w + 1, w + 1), w columns
+            --scaled Cholesky--> inverse of the passage's own block --> solution
 
 Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the
 quadratic ones by length and shift, of learning then the shared ones. A table (g, c) has the same

@@ -1,8 +1,9 @@
 """The log's own form: which passages it is learnt from, their averages by speed, and what is known
 of its error.
 
-Passages --clean ones, preferably at steady speed, by classes of speed, in clusters--> a few hundred
-windows
+Passages
+    --clean ones, preferably at steady speed, by classes of speed, in clusters--> a few hundred
+        windows
          --scaled by each passage's height, cells along xi--> averages --form--> a start
          --the samples themselves--> Learnt
 """

@@ -1,7 +1,7 @@
 """Compiled: a traction beside a passage's form, for each of many onsets (`slip_onset`).
 
-    columns and products of a row (`kernels`) + a traction's wave for each onset --> the joint
-    solution of least misfit
+    columns and products of a row (`kernels`) + a traction's wave for each onset
+        --> the joint solution of least misfit
 
 `waves` (g, c): tractions on the grid of the form's table, a column an onset.
 """

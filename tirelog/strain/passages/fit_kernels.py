@@ -1,7 +1,7 @@
 """Compiled loops over the windows of passages: the matched fit.
 
-    samples around rows, template --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,),
-    `marks` (n, 3)
+    samples around rows, template
+        --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,), `marks` (n, 3)
 
 A window is the row's `spans` (n, 3): samples [first, stop) of the channel, thinned to MOST_SAMPLES,
 and what to add to their numbers to find them in `samples`. Their times are `times` where these are

@@ -1,10 +1,10 @@
 """Where an in-tire accelerometer passes the patch, coarsely, and the centripetal level beside each
 passage.
 
-    channel, WheelAngle --means over one degree of wheel angle--> bins (m,) --below half of the
-    level--> dips
+    channel, WheelAngle --means over one degree of wheel angle--> bins (m,)
+        --below half of the level--> dips
         --degrees beside each dip--> Dips: coarse fronts, level and its slope, what gravity does to
-        them, noise of a sample
+                                     them, noise of a sample
 
 The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around,
 and nothing in the patch where the tread is straight. Divided by Omega^2 of its own bin the level is

@@ -4,7 +4,7 @@ by the level, gravity taken off.
 Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> Flanks (entries, then exits)
 Flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
                     --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad],
-                    level left (s,)
+                                                    level left (s,)
 """
 
 from __future__ import annotations
