@@ -1,13 +1,15 @@
 """What a campaign has done: one small JSON file a log, written after the log's parts; and the
 hashes of files that did not change.
 
-output/.tirelog/hashes.json          log
-    -> [what changes with its bytes (size, time, a store's tag), sha256]
-output/.tirelog/done/<name>.json     Entry of a log
-output/.tirelog/steady/<observable>/<name>.npz   what models need of a log (`pieces_file`), where
-    the manifest has models
-output/.tirelog/tmp/                 temporary runs of the workers (elsewhere if the output is at an
-                                     address); emptied when a run begins
+In output/.tirelog:
+
+    hashes.json                      log -> [what changes with its bytes (size, time, a store's
+                                     tag), sha256]
+    done/<name>.json                 Entry of a log
+    steady/<observable>/<name>.npz   what models need of a log (`pieces_file`), if the manifest has
+                                     models
+    tmp/                             temporary runs of the workers (elsewhere if the output is at
+                                     an address); emptied when a run begins
 """
 
 from __future__ import annotations

@@ -1,11 +1,9 @@
 """Models over a whole campaign: compare, diagnose and ladder on all its logs together, each under
 its own conditions.
 
-    pieces that the workers kept, a log's share of each --> discrepancy
+    pieces that the workers kept, a log's share of each --> diagnosis
         --> output/models/<model>/{compare,diagnose,ladder}.json
-                                                                       -->
-                                                                           output/models/<model>/page.json,
-                                                                           sections for the report
+        --> output/models/<model>/page.json, sections for the report
 
 What differs between logs (load, pressure, water, age) is what lets `diagnose` see effects that no
 single log shows. A result carries the key of everything it was made of, so it is made again only

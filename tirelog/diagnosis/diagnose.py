@@ -1,7 +1,10 @@
 """`diagnose`: which effect is missing, in one value with a verdict.
 
-Stacks, Model -> base -> first step -> further steps
-    -> share of the excess that they remove, what is left -> verdict
+    Stacks, Model -> base -> first step -> further steps
+        -> share of the excess that they remove, what is left -> verdict
+
+The verdicts:
+
     nothing_missing  no candidate alarms, no generic shape is left, and what is left is the floor by
                      held-out error and chi-square
     scatter          the same, but what is left is more than the floor

@@ -1,10 +1,10 @@
 """`ladder`: effects added one by one until nothing more is worth it, the error falling to the
 floor.
 
-Stacks, Model -> some manoeuvres are locked away (with twelve or more) -> search on the rest
-    -> a row a step
-              -> the model at the top against the locked manoeuvres: the one number that nothing has
-                 touched
+    Stacks, Model -> some manoeuvres are locked away (with twelve or more)
+        -> search on the rest -> a row per step
+        -> the model at the top against the locked manoeuvres: the one number that nothing has
+           touched
 """
 
 from __future__ import annotations

@@ -85,6 +85,7 @@ class Comparison:
     noise_floor   what scatter alone leaves; its part `between` like manoeuvres is seen through this
                   model
     reduced_chi2  per degree of freedom, against noise and scatter alone, of the fitted point
+
     `tables`: rows by revolution, angle, speed, regime, conditions. `half_angle_rad` is the patch's
     half length as an angle.
     """

@@ -2,7 +2,7 @@
 through it.
 
     samples, block by block --lost and wild samples bridged-->
-        --FIR, zero-phase (`differentiator`)--> time derivative
+                            --FIR, zero-phase (`differentiator`)--> time derivative
 
 The filter is antisymmetric, so it has no delay.
 """

@@ -2,10 +2,8 @@
 campaign.
 
     recordings --stacks_from_logs--> revolutions of all logs
-        --obstacles of logs with a [road] found--> MeasuredLogs
-                                                                         the revolutions off them,
-                                                                             and the obstacles
-                                                                             beside
+        --obstacles of logs with a [road] found--> MeasuredLogs: the revolutions off them, and the
+                                                   obstacles beside
 
 `measured_pieces` makes of it the means of like revolutions that every question is asked of, under
 one limit of memory. What was set apart, taken together or left out on the way is in `notes`, and

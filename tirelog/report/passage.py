@@ -3,8 +3,8 @@
 
     rows of the footprint table (and accelerations of the speed table)
         --a clean, nearly free-rolling row--> its window of samples
-        --`strain.footprint.plain_edges.along_tread`, raw and low-passed--> three figures over xi,
-            entry to exit
+        --`strain.footprint.plain_edges.along_tread`, raw and low-passed-->
+        three figures over xi, entry to exit
 
 The edges of the best estimate are the table's times; those by the second derivative are the extrema
 that `strain.footprint.plain_edges.find_edges` sees in what is drawn.

@@ -2,7 +2,7 @@
 
 rows of constant speed --cut where the speed has moved on, mean of each piece--> points
     --line, weights from the scatter within and between stretches (Paule, Mandel), t quantiles-->
-        Regression
+    Regression
 
 Revolutions of one stretch share its road, temperature and load, so they are no independent
 witnesses of a line: a stretch counts once, and the error of the slope is what the means of the

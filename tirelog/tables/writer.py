@@ -3,7 +3,7 @@ whole file.
 
     with TableWriter("speed", output, format, metadata=...) as table:
         table.write({"log": ..., "time_s": array, ...})     as often as there are parts; every part
-            has the same columns
+                                                            has the same columns
 
 A part is a mapping of equally long arrays (or scalars, repeated). NaN is an empty field (null).
 Text formats round floats to nine significant digits (twelve for times), which is below every

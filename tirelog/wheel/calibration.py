@@ -5,7 +5,7 @@ logs (P4 section IV C, (1)-(3)).
         --quasi-static passages, one constant a log--> SpeedMap of the phase shift and of the patch
                                                        width
         --drive phases of undriven wheels--> cross-talk k
-            --force channels--> ForceMap    =: Calibration
+        --force channels--> ForceMap    =: Calibration
     Passages, Calibration --clean--> detrended and corrected regressors (`table` makes rows of them)
 
 A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)^2, v0 the speed of

@@ -2,8 +2,8 @@
 answers to obstacles.
 
     TransientLogs, Model
-        --damped least squares over the free names of `carcass.MOTION` and (time, phase) of each
-            hit--> Learned
+        --damped least squares over the free names of `carcass.MOTION`
+          and (time, phase) of each hit--> Learned
 
 What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together. A
 tire of a wrong mass rings out of step with the measured one, so that the least error may be far

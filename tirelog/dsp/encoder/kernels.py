@@ -1,9 +1,9 @@
 """Compiled kernels of the tooth finder: what is done once a sample, and once a tooth.
 
-    samples (size,) --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the
-                                                     hysteresis
-                    --hysteresis--> side of each sample, changes of side
-                        --sums over windows--> sub-sample places (n,)
+    samples (size,)
+        --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the hysteresis
+        --hysteresis--> side of each sample, changes of side
+        --sums over windows--> sub-sample places (n,)
 
 Samples are finite, float64, C-contiguous.  Thresholds hold for a chunk of CHUNK samples.
 """

@@ -2,8 +2,8 @@
 lost.
 
     pieces of indices (n,)
-        --intervals that no smooth motion explains are joined--> indices, half teeth of each
-            interval
+        --intervals that no smooth motion explains are joined-->
+        indices, half teeth of each interval
         --standstills, holes, turning points--> pieces of Teeth: counts (n,) in half teeth,
                                                 stretches between losses of the count
 

@@ -1,14 +1,16 @@
 """Like revolutions averaged: all that later steps need of them, so that the revolutions themselves
 can go.
 
-    Stack (n, m) ->  cell (n,): one manoeuvre, a band of speed ->  Pieces (P, m)
-        ->  `cells.cells_of` pools noise and scatter over all
+    Stack (n, m) -> cell (n,): one manoeuvre, a band of speed -> Pieces (P, m)
+        -> `cells.cells_of` pools noise and scatter over all
 
-Within a piece each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' +
-                                    noise   with P the piece's mean waveform
-at the revolution's real angles. The four coefficients are taken out, the rest averaged. With one
-angle only the mean is taken. A piece is 25 kB, whatever the number of its revolutions; a mixed log
-of two minutes makes some 30 of them.
+Within a piece each revolution is
+
+    y = P(phi) + baseline + amplitude P + width phi P' - shift P' + noise
+
+with P the piece's mean waveform at the revolution's real angles. The four coefficients are taken
+out, the rest averaged. With one angle only the mean is taken. A piece is 25 kB, whatever the number
+of its revolutions; a mixed log of two minutes makes some 30 of them.
 """
 
 from __future__ import annotations

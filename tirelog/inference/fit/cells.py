@@ -1,10 +1,11 @@
 """The base model's parameters from cells: damped least squares in whitened space, several starts,
 one free offset per log.
 
-    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p), offsets o = W 1 (C,
-                    m), each log's its own
-    offsets are projected out of r and J (they are linear), steps are damped in the scale of the
-        parameters, bounds are kept
+    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p),
+                    offsets o = W 1 (C, m), each log's its own
+
+Offsets are projected out of r and J (they are linear), steps are damped in the scale of the
+parameters, bounds are kept.
 
 Where a parameter stands at a bound and would leave it, it is held. One start may end in a local
 minimum: `fit_model` tries several on a few cells and takes the best two on to all of them.

@@ -1,7 +1,8 @@
 """Bounded nonlinear least squares on stacks of revolutions, from several logs and channels at once.
 
-    residual = project[ w (values - lever_share waveform - level) ],   weights w from noise and
-        count
+    residual = project[ w (values - lever_share waveform - level) ]
+
+with the weights w from noise and count.
 
 What is linear is eliminated at every step (variable projection): an offset per log and channel of a
 waveform, and the lever arm, which scales all strain. The rest is scipy's trust-region reflective

@@ -2,8 +2,7 @@
 whitened.
 
     values (..., n, m) --w--> --free nuisances of each revolution out-->
-        --scatter within manoeuvres whitened--> --scatter between
-    manoeuvres whitened-->
+        --scatter within manoeuvres whitened--> --scatter between manoeuvres whitened-->
         --one offset per log out--> (..., n, m), in which independent unit noise is left
 
 Free nuisances (an offset, amplitude or small shift of each revolution) are projected out. Scatter

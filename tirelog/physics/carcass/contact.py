@@ -3,12 +3,13 @@ that P3 describes).
 
 The tread is a layer of springs k_t [N/m^2]; it presses where the deformed ring would go below the
 road and never pulls:
-    p = k_t max(0, delta - R (1 - cos phi) - u(phi)),   u = A p  the ring's vertical yield,   sum p
-        h = F.
-Solved by active sets (Newton's method on the max), on the waveform's grid; the load is a row of the
-linear system, so it is carried to rounding. The solution is the one of the undamped ring with its
-own tension: what damping and effects on the structure change in the pressure is of second order and
-left out.
+
+    p = k_t max(0, delta - R (1 - cos phi) - u(phi)),   u = A p,   sum p h = F
+
+with u the ring's vertical yield. Solved by active sets (Newton's method on the max), on the
+waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
+is the one of the undamped ring with its own tension: what damping and effects on the structure
+change in the pressure is of second order and left out.
 """
 
 from __future__ import annotations

@@ -45,11 +45,10 @@ _UNIT_SUFFIX = re.compile(r".*[_ ](s|ms|us|ns|min|h)", re.I)
 class Columns:
     """Column indices, from 0.
 
-    `values` channel -> column; `peaks` channels that are found by wavelength; `missing` channel
-        -> why its column is not there;
-    `time` the column of the stamps and `clock` a second one with the time of day where `time` holds
-    the date alone; `form` their form ('number' with `time_factor` seconds a unit); `number` the
-    sample number; `errors` the column of error codes.
+    `values` channel -> column; `peaks` channels that are found by wavelength; `missing` channel ->
+    why its column is not there; `time` the column of the stamps and `clock` a second one with the
+    time of day if `time` holds the date alone; `form` their form ('number' with `time_factor`
+    seconds per unit); `number` the sample number; `errors` the column of error codes.
     """
 
     values: dict[str, int]

@@ -2,8 +2,8 @@
 of nearly all logs take.
 
     block, first byte --text_kernels.rows--> columns of counts, floats, ticks, spans
-                      --text_numbers: cells that take a slower parser; text_time: times--> Parsed,
-                          byte behind
+                      --text_numbers: cells that take a slower parser; text_time: times-->
+                      Parsed, byte behind
 
 A channel whose column has few decimals comes as int32 counts of 10^-decimals, which a run stores as
 they are; it comes as floats where a number of the block is not such a count.

@@ -6,11 +6,11 @@
 
 Forms, each recognized on its own cells (see `form_of`):
     iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone
-        -> ns since 1970, UTC where an offset stands
+          -> ns since 1970, UTC if there is an offset
     dmy   14/04/2022 13:00:00.5, 14-04-2022, 14.04.2022 13:00 (day first; or month first, where a
           field above 12 proves it)
     hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)
-        -> ns since midnight
+          -> ns since midnight
 """
 
 from __future__ import annotations

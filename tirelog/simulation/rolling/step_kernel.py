@@ -4,11 +4,12 @@ turning belt.
 One step h; v are the belt's coefficients, u their rates, L the spin's momentum (all as in `belt`):
 
     contact     tread points below the road are pressed, bristles dragged
-        -> forces on the coefficients, torque Q
+                -> forces on the coefficients, torque Q
     kick        u, hub and L take their impulses; the spin W follows from L and the belt's own
                 angular momentum
-    belt step   implicit midpoint in the frame that turns with W, K' = K - W^2 S: (2 M/h + 2 W G + C
-                + h/2 K') (v1 - v0) = 2 M u0 - h K' v0,    u1 = 2 (v1 - v0)/h - u0
+    belt step   implicit midpoint in the frame that turns with W, K' = K - W^2 S:
+                (2 M/h + 2 W G + C + h/2 K') (v1 - v0) = 2 M u0 - h K' v0
+                u1 = 2 (v1 - v0)/h - u0
 
 Both parts are symplectic: without damping and friction energy does not drift. Stable as long as the
 kicks are: h < 2/sqrt((k_t + C_x)/rho A).

@@ -1,10 +1,9 @@
 """Contact length, edges and slip onset of every passage of a strain grating (P2, errata).
 
-    Channel --find_passages--> centres, speeds --some passages--> averages by speed
-        --physical form--> Reference
-            --windows around every passage, block by block--> plain edges (P2 3.2) and fits of the
-                form
-                --> Footprint, a row a passage
+    Channel --find_passages--> centres, speeds
+        --some passages--> averages by speed --physical form--> Reference
+        --windows around every passage, block by block--> plain edges (P2 3.2), fits of the form
+        --> Footprint, a row per passage
 
 `length_m` comes from the fits, `length_d2_m` and `length_d1_m` are the papers' own measures after
 the low-pass. Everything runs along the tread, xi = v t + a t^2 / 2, entry edge at -L, exit edge at

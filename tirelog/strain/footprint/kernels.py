@@ -1,7 +1,7 @@
 """Compiled: least squares of a form against each passage's own samples, row by row.
 
-    a row of a window --distance of each sample--> the form's columns at the samples that are used,
-                                                   their values last
+    a row of a window
+        --distance of each sample--> the form's columns at the samples used, their values last
         --all products--> gram (w + 1, w + 1), w columns
             --scaled Cholesky--> inverse of the passage's own block --> solution
 

@@ -2,9 +2,9 @@
 of its error.
 
 Passages
-    --clean ones, preferably at steady speed, by classes of speed, in clusters--> a few hundred
-        windows
-         --scaled by each passage's height, cells along xi--> averages --form--> a start
+    --clean ones, preferably at steady speed, by classes of speed, in clusters-->
+    a few hundred windows
+    --scaled by each passage's height, cells along xi--> averages --form--> a start
          --the samples themselves--> Learnt
 """
 

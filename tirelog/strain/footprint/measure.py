@@ -1,8 +1,8 @@
 """Forms and plain edges of all passages, window by window: the inside of `footprint`.
 
 Channel + Passages + Learnt
-    --windows, block by block; rows of one speed, averaging and form together--> Measured, a row a
-        passage
+    --windows, block by block; rows of one speed, averaging and form together-->
+    Measured, a row per passage
 """
 
 from __future__ import annotations

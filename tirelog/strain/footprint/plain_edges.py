@@ -3,8 +3,8 @@ along the tread (P2 3.2, 4.3).
 
     windows (n, m) of strain, patch downward
         --low-pass, derivatives, upsampled--> d/d xi and d2/d xi2 through the passage's kinematics
-    --extrema on either side of the centre, sub-sample--> Edges: times from the centre, lengths,
-        standard errors
+        --extrema on either side of the centre, sub-sample--> Edges: times from the centre, lengths,
+                                                              standard errors
 
 Distance runs by the passage's own speed and acceleration, xi = v t + a t^2 / 2, so an extremum of d
 eps / d xi is one along the tread.

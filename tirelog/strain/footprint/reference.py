@@ -4,8 +4,8 @@ family at once.
     some passages of each speed, scaled by the template's height
         --cells along xi--> Average, one a speed
     Averages
-        --damped Gauss-Newton, what is the tire's own shared, length and height free at each
-            speed--> Reference, a start
+        --damped Gauss-Newton, what is the tire's own shared, length and height free per speed-->
+        Reference, a start
     (`refine` then goes back to the samples)
 
 Shared: bending length, tread, tilt, and tension and damping as they follow the speed (tension -

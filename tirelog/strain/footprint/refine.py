@@ -2,8 +2,8 @@
 taken out exactly.
 
     Reference (a start) + windows of some passages of each speed
-        --normal equations a passage, its height, offset, shift, length, damping, tilt eliminated
-            (Schur)--> steps of the shared parameters
+        --normal equations per passage, its height, offset, shift, length, damping, tilt
+          eliminated (Schur)--> steps of the shared parameters
         --until they stop--> Reference with errors; what is left, averaged along xi
 
 Averages lump passages whose shifts and heights are known only so well; here nothing is lumped, and

@@ -2,8 +2,8 @@
 strain's slope between the edges.
 
     a passage's residual beside its own height, offset, shift, length, damping and tilt
-        --matched filters of P2's brush friction with its onset at many abscissae--> how much misfit
-            one removes
+        --matched filters of P2's brush friction with its onset at many abscissae-->
+        how much misfit one removes
         --enough of it?--> form and friction together for each onset
             --least misfit--> onset with error, or a reason
 

@@ -2,8 +2,7 @@
 bound.
 
     crossings by cubics
-        --samples aligned by them, least squares of a spline--> mean form of the entry and of the
-            exit
+        --samples aligned by them, least squares of a spline--> mean form of entry and exit
     form, samples of one passage --least squares of one shift--> matched place
     cubics minus matched places
         --regression on speed, acceleration and width--> what the form's change moves the crossing
