@@ -1,5 +1,6 @@
-"""A campaign's output folder, on this machine or at an address: files by their name relative to it,
-'/' between the parts.
+"""A campaign's output folder, on this machine or at an address.
+
+Files by their name relative to it, '/' between the parts.
 
     name -> `read`, `write` (whole or not at all), `remove`, `names` (what is there), `held` (this
             run's alone)

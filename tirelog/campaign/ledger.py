@@ -1,5 +1,7 @@
-"""What a campaign has done: one small JSON file a log, written after the log's parts; and the
-hashes of files that did not change.
+"""What a campaign has done.
+
+One small JSON file per log, written after the log's parts, and the hashes of files that did not
+change.
 
 In output/.tirelog:
 

@@ -1,5 +1,6 @@
-"""The manifest: which logs, with which setups and conditions, become which tables and are held
-against which models.
+"""The manifest of a campaign.
+
+Which logs, with which setups and conditions, become which tables and are held against which models.
 
 ```toml
 [campaign]

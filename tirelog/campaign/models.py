@@ -1,5 +1,6 @@
-"""Models over a whole campaign: compare, diagnose and ladder on all its logs together, each under
-its own conditions.
+"""Models over a whole campaign.
+
+Compare, diagnose and ladder on all its logs together, each under its own conditions.
 
     pieces that the workers kept, a log's share of each --> diagnosis
         --> output/models/<model>/{compare,diagnose,ladder}.json

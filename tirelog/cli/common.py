@@ -1,5 +1,6 @@
-"""What the commands share: their common options, and a session that opens logs and adds up what was
-lost.
+"""What the commands share.
+
+Common options, and a session that opens logs and adds up what was lost.
 
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         with session.table("speed", output, format) as table:

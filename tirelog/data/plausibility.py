@@ -1,5 +1,6 @@
-"""What a tire's setup and log can be: the one check that every command makes before it says
-anything.
+"""What a tire's setup and log can be.
+
+The one check that every command makes before it says anything else.
 
     key of a setup, its number --`doubt_of_key`--> '' or why it is no tire's, with the probable unit
     Recording --`check`--> SetupError where a channel cannot be what its setup says; remarks where

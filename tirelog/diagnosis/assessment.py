@@ -1,9 +1,9 @@
 """All candidates against one fitted model: statistic, family-wise p, held-out gain, size.
 
-    Base, signatures
-        -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre -> `selection`
-        -> held-out losses with the candidate's columns added
-           -> gain (whitened) and removal (mean square)
+Base, signatures
+    -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre -> `selection`
+    -> held-out losses with the candidate's columns added
+       -> gain (whitened) and removal (mean square)
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""`ladder`: effects added one by one until nothing more is worth it, the error falling to the
-floor.
+"""`ladder`: effects added one by one until nothing more is worth it.
+
+The error falls to the floor on the way.
 
     Stacks, Model -> some manoeuvres are locked away (with twelve or more)
         -> search on the rest -> a row per step

@@ -1,5 +1,6 @@
-"""What is left after the last step, in physical words: where, even or odd, what it follows, at
-which exponent of speed or fixed frequency.
+"""What is left after the last step, in physical words.
+
+Where, even or odd, what it follows, at which exponent of speed or fixed frequency.
 
     projected whitened residual against families of columns:
         (what a cell is driven under: 1, (v/20)^e for a few e, acceleration, time, load, distance,

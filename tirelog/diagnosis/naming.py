@@ -1,5 +1,6 @@
-"""Which effect it is: refits of the best candidates, sets that cannot be told apart, second
-effects.
+"""Which effect it is.
+
+Refits of the best candidates, sets that cannot be told apart, second effects.
 
     Assessed, by falling statistic -> contenders
         -> refitted with the base parameters from two strengths -> least held-out loss names

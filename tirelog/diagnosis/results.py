@@ -1,5 +1,6 @@
-"""What comparisons, diagnoses and ladders give: frozen values, JSON by `to_json`, arrays beside for
-plots and pages.
+"""What comparisons, diagnoses and ladders give.
+
+Frozen values, JSON by `to_json`, arrays beside for plots and pages.
 
 `Comparison` carries waveforms with the floor's band and the residual as maps; a page that shows it
 computes nothing.

@@ -1,5 +1,6 @@
-"""What these logs do not vary, and which effects follow it: said with every diagnosis, since no
-statistic can.
+"""What these logs do not vary, and which effects follow it.
+
+Said with every diagnosis, since no statistic can.
 
 conditions of the cells, the catalogue's `follows`
     -> one sentence, or none where everything that effects follow varies

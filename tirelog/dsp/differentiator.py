@@ -1,5 +1,6 @@
-"""A band-limited differentiator for whole channels, its response, and what white noise brings
-through it.
+"""A band-limited differentiator for whole channels.
+
+With it its response, and what white noise brings through it.
 
     samples, block by block --lost and wild samples bridged-->
                             --FIR, zero-phase (`differentiator`)--> time derivative

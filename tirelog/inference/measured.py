@@ -1,5 +1,6 @@
-"""The one door from logs to measured revolutions, for fit, compare, diagnose, ladder, report and
-campaign.
+"""The one door from logs to measured revolutions.
+
+For fit, compare, diagnose, ladder, report and campaign.
 
     recordings --stacks_from_logs--> revolutions of all logs
         --obstacles of logs with a [road] found--> MeasuredLogs: the revolutions off them, and the

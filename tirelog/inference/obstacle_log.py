@@ -1,5 +1,6 @@
-"""A log that met an obstacle: what its steady revolutions look like, what repeats in them, and
-where something else happened.
+"""A log that met an obstacle.
+
+What its steady revolutions look like, what repeats in them, and where something else happened.
 
     Recording with a [road] + Stack
         --`transient_log`--> TransientLog: samples, steady waveform T(phi), rough times of the hits

@@ -1,5 +1,6 @@
-"""Forward models of what a sensor in a rolling tire reads: a carcass on a contact pressure, and a
-list of effects.
+"""Forward models of what a sensor in a rolling tire reads.
+
+A carcass on a contact pressure, and a list of effects.
 
 What flows through it (n revolutions, K Fourier modes of the tread's circumference C = 2 pi R, m
 angles):

@@ -1,5 +1,6 @@
-"""One passage of the patch: strain and its derivatives along the tread, with the edges (P2 Figs.
-18, 19, 21).
+"""One passage of the patch.
+
+Strain and its derivatives along the tread, with the edges (P2 Figs. 18, 19, 21).
 
     rows of the footprint table (and accelerations of the speed table)
         --a clean, nearly free-rolling row--> its window of samples

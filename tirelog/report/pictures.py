@@ -1,5 +1,6 @@
-"""The page's figures as PNG files for slides: the same traces and layouts, drawn by matplotlib
-(extra `plot`).
+"""The page's figures as PNG files for slides.
+
+The same traces and layouts, drawn by matplotlib (extra `plot`).
 
 Figure --unpacked arrays--> matplotlib axes --> FOLDER/ID.png, each whole or not at all
 """

@@ -1,5 +1,6 @@
-"""Where the page's tables come from: files given with --table, a campaign's folder, or the
-commands' own functions.
+"""Where the page's tables come from.
+
+Files given with --table, a campaign's folder, or the commands' own functions.
 
 paths --columns--> kind of table
     --> `Tables`: nothing is read before it is asked for, and then only the columns that are drawn

@@ -1,5 +1,7 @@
-"""Effects on and off: for every combination the fitted model, its waveforms, residual map and
-errors, made before the page is opened.
+"""Effects on and off.
+
+For every combination the fitted model, its waveforms, residual map and errors, made before the page
+is opened.
 
     stacks, top model
         --cells once--> for each subset of its effects: `prepare` (fit, floor, held-out error)

@@ -1,5 +1,6 @@
-"""Sections made of one table each: footprint, dissipation, phase shift; and of a campaign's
-summary.
+"""Sections made of one table each.
+
+Footprint, dissipation, phase shift, and a campaign's summary.
 
 Rows of the command's own columns (pandas) --> Section; nothing is estimated here. Rows with a
 quality word are counted, not drawn.

@@ -1,5 +1,6 @@
-"""Chunks of an HDF5 dataset, packed as HDF5's own filters would and written past them: several are
-packed at once, outside of HDF5's lock.
+"""Chunks of an HDF5 dataset, packed as HDF5's own filters would and written past them.
+
+Several are packed at once, outside of HDF5's lock.
 
     values --shuffle--> bytes of one place together --deflate--> smaller
         --fletcher32--> 4 bytes more --write_direct_chunk--> file

@@ -1,5 +1,6 @@
-"""Stamps to a time axis: one streaming pass that keeps the stamps aside, then a fit in bounded
-memory.
+"""Stamps to a time axis.
+
+One streaming pass that keeps the stamps aside, then a fit in bounded memory.
 
     blocks: ClockFit.add(stamps [s] or None, sample numbers or None, n)      n samples each, NaN
         where a stamp is unknown

@@ -1,5 +1,6 @@
-"""A channel on its way into a run: counts while every value is a decimal number of few digits, else
-floats.
+"""A channel on its way into a run.
+
+Counts while every value is a decimal number of few digits, else floats.
 
     samples, block after block --joined to whole chunks--> int32 counts, float32 or float64
         --chunks--> dataset

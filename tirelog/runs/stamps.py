@@ -1,5 +1,6 @@
-"""Stamps put aside, and what passes over them tell: period, noise, lasting jumps, the line through
-them.
+"""Stamps put aside, and what passes over them tell.
+
+Period, noise, lasting jumps, the line through them.
 
     append(stamps) ... -> Stamps --points()--> (k, t) --> rough_period, noise, jumps, fit
 

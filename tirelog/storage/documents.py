@@ -1,5 +1,6 @@
-"""TOML and JSON text to plain tables: the one way in for every file that a user, or another
-program, wrote.
+"""TOML and JSON text to plain tables.
+
+The one way in for every file that a user, or another program, wrote.
 
     text --tomllib or json--> tables of bounded depth and numbers of 64 bits, or an error of
                               the file's kind

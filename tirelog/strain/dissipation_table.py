@@ -1,5 +1,6 @@
-"""The tables of the command `dissipation`: a row a revolution, its moving averages sorted by speed,
-and the regressions on speed.
+"""The tables of the command `dissipation`.
+
+A row per revolution, its moving averages sorted by speed, and the regressions on speed.
 
 Recording --passages, dissipation--> columns
     --power, force, coefficient where the setup gives what they need--> table

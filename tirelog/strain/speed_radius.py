@@ -1,5 +1,6 @@
-"""The rolling radius from a vehicle's own speed (errata, Speed: R_e is a setting, or calibrated
-with a speed reference).
+"""The rolling radius from a vehicle's own speed.
+
+Errata, Speed: R_e is a setting, or calibrated with a speed reference.
 
     vehicle_speed Channel --distance travelled at the passages' times--> distance a turn
         --ratio over pieces of the log--> radius, error

@@ -1,5 +1,6 @@
-"""Tidy tables out: columns -> rows of csv, ndjson, json or parquet, on standard output or as a
-whole file.
+"""Tidy tables out: columns -> rows of csv, ndjson, json or parquet.
+
+On standard output or as a whole file.
 
     with TableWriter("speed", output, format, metadata=...) as table:
         table.write({"log": ..., "time_s": array, ...})     as often as there are parts; every part

@@ -1,5 +1,6 @@
-"""Every column of every table, once: name, unit, type, meaning, and the difference that `check`
-accepts.
+"""Every column of every table, once.
+
+Name, unit, type, meaning, and the difference that `check` accepts.
 
 `TABLES` says which columns a table has and in which order. A column's tolerance is absolute +
 relative x |value|: differences that another machine's BLAS or a rounding in text may bring, far

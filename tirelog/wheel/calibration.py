@@ -1,5 +1,6 @@
-"""What belongs to speed, load and delay rather than to forces, learnt from quasi-static and dynamic
-logs (P4 section IV C, (1)-(3)).
+"""What belongs to speed, load and delay rather than to forces.
+
+Learnt from quasi-static and dynamic logs (P4 section IV C, (1)-(3)).
 
     Passages of several logs
         --quasi-static passages, one constant a log--> SpeedMap of the phase shift and of the patch

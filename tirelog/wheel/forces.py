@@ -1,5 +1,6 @@
-"""Force maps: F_z = f_z(patch width), F_x = f_x(phase shift) (P4 section III), where logs have
-force channels.
+"""Force maps: F_z = f_z(patch width), F_x = f_x(phase shift) (P4 section III).
+
+For logs that have force channels.
 
 regressors and measured forces of several logs
     --least squares, degree by cross-validation--> ForceMap --> force and its error

@@ -1,5 +1,6 @@
-"""`compare` on transients: a coupled ring model's answer to an obstacle against a log, in time and
-in frequency.
+"""`compare` on transients.
+
+A coupled ring model's answer to an obstacle against a log, in time and in frequency.
 
     TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits
         --rows in time and frequency--> TransientComparison

@@ -1,5 +1,6 @@
-"""When a hit happened, and what the model says of it: four nuisance numbers a hit, found by least
-squares.
+"""When a hit happened, and what the model says of it.
+
+Four nuisance numbers per hit, found by least squares.
 
     TransientLog, Model, rough time
         --one motion of the model--> readings over (time of the hit, phase of the sensor)

@@ -1,5 +1,6 @@
-"""What a motion tells and the steady waveform does not: masses, damping and bristles, fitted to the
-answers to obstacles.
+"""What a motion tells and the steady waveform does not.
+
+Masses, damping and bristles, fitted to the answers to obstacles.
 
     TransientLogs, Model
         --damped least squares over the free names of `carcass.MOTION`

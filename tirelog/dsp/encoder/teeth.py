@@ -1,5 +1,6 @@
-"""From tooth passages to counted teeth: what is missing, what is too many, where the count was
-lost.
+"""From tooth passages to counted teeth.
+
+What is missing, what is too many, where the count was lost.
 
     pieces of indices (n,)
         --intervals that no smooth motion explains are joined-->

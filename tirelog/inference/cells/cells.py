@@ -1,5 +1,6 @@
-"""Cells: the pieces of all logs with their noise and scatter, which is what every later step works
-on.
+"""Cells: the pieces of all logs with their noise and scatter.
+
+Every later step works on them.
 
     Pieces (P, m) of all logs -> noise by angle, covariance of the coefficients, both pooled
         -> Cells (C, m), C = P

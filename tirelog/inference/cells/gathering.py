@@ -1,5 +1,6 @@
-"""The pieces of all logs under one limit, `MOST_PIECES`: what works on them takes the same memory
-however long and many the logs are.
+"""The pieces of all logs under one limit, `MOST_PIECES`.
+
+What works on them takes the same memory however long and many the logs are.
 
     Stacks of one log, each in its turn in memory --pieces_of--> their pieces under each other
     more than `MOST_PIECES` of them: manoeuvres of one regime, a few neighbours together --groups-->

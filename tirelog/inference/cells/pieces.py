@@ -1,5 +1,6 @@
-"""Like revolutions averaged: all that later steps need of them, so that the revolutions themselves
-can go.
+"""Like revolutions averaged.
+
+All that later steps need of them, so that the revolutions themselves can go.
 
     Stack (n, m) -> cell (n,): one manoeuvre, a band of speed -> Pieces (P, m)
         -> `cells.cells_of` pools noise and scatter over all

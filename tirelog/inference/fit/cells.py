@@ -1,5 +1,6 @@
-"""The base model's parameters from cells: damped least squares in whitened space, several starts,
-one free offset per log.
+"""The base model's parameters from cells.
+
+Damped least squares in whitened space, several starts, one free offset per log.
 
     Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p),
                     offsets o = W 1 (C, m), each log's its own

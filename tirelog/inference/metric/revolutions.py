@@ -1,5 +1,6 @@
-"""What a fit measures residuals in: weighted by noise and count, nuisances taken out, scatter
-whitened.
+"""What a fit measures residuals in.
+
+Weighted by noise and count, nuisances taken out, scatter whitened.
 
     values (..., n, m) --w--> --free nuisances of each revolution out-->
         --scatter within manoeuvres whitened--> --scatter between manoeuvres whitened-->

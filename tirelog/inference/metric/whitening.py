@@ -1,5 +1,6 @@
-"""The metric in which residuals are judged: one linear operator per manoeuvre that makes repeatable
-noise white.
+"""The metric in which residuals are judged.
+
+One linear operator per manoeuvre that makes repeatable noise white.
 
     x (C, m, k) -> x / sd -> per cell: shift removed, shrunk along the random effects of revolutions
                           -> per manoeuvre: shrunk along the random effects of manoeuvres

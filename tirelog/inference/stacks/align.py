@@ -1,5 +1,6 @@
-"""The wheel's angle at every sample: passages refined by a matched filter, and a smooth course
-between them.
+"""The wheel's angle at every sample.
+
+Passages refined by a matched filter, and a smooth course between them.
 
     passage times (n,) [s] -> WheelAngle: theta(t) with theta(t_i) = 2 pi i, an interpolating cubic
                               spline (its slope is the speed)

@@ -1,5 +1,7 @@
-"""Recordings to stacks: one channel cut into revolutions and laid on one grid of angle bins, raw,
-with what each was driven under.
+"""Recordings to stacks.
+
+One channel cut into revolutions and laid on one grid of angle bins, raw, with what each was driven
+under.
 
     Recording --find_passages--> passage times --`align.refine`--> theta(t)
         (all revolutions of the log, small arrays)

@@ -1,5 +1,6 @@
-"""What an accelerometer's channel must be to be held against a model: outward positive, and with
-its mean level.
+"""What an accelerometer's channel must be to be held against a model.
+
+Outward positive, and with its mean level.
 
     Channel --`outward`--> Channel whose patch is a maximum, and a sentence where it had to be
                            turned round

@@ -1,5 +1,6 @@
-"""The stacks of several logs, numbered through: in memory while they are few, then in a temporary
-file, one at a time in memory again.
+"""The stacks of several logs, numbered through.
+
+In memory while they are few, then in a temporary file, one at a time in memory again.
 
     stretches of a log (`stack.stretches_of`, at most some MB each) --add--> Stacks
         --one at a time--> Stack, equal to the bit

@@ -1,5 +1,6 @@
-"""One-sided contact of the ring's tread with a flat road at a given load (the contact algorithm
-that P3 describes).
+"""One-sided contact of the ring's tread with a flat road at a given load.
+
+The contact algorithm that P3 describes.
 
 The tread is a layer of springs k_t [N/m^2]; it presses where the deformed ring would go below the
 road and never pulls:

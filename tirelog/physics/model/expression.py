@@ -1,5 +1,6 @@
-"""A user's formula in a model file: parsed into a tree of allowed nodes and computed by walking it,
-never executed as Python.
+"""A user's formula in a model file.
+
+Parsed into a tree of allowed nodes and computed by walking it, never executed as Python.
 
 Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else b`,
 and numpy's elementary functions by their plain names. Everything is computed in floating point, so

@@ -1,5 +1,6 @@
-"""A tire model as a list that a person can read: a carcass with its numbers, and effects with
-theirs.
+"""A tire model as a list that a person can read.
+
+A carcass with its numbers, and effects with theirs.
 """
 
 from __future__ import annotations

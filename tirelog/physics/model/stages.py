@@ -1,5 +1,6 @@
-"""The stages of a prediction, load -> pressure -> structure -> sensor, each a function of the
-values that it reads.
+"""The stages of a prediction: load -> pressure -> structure -> sensor.
+
+Each is a function of the values that it reads.
 
 Everything here works on one block of revolutions as columns (`Drive`). `Memo` keeps each stage by
 the values it read, so that a derivative recomputes only the stages that its parameter touches.

@@ -1,5 +1,7 @@
-"""A user's own effects: by expression in a model file, by a Python file, or by an installed package
-(entry points "tirelog.effects").
+"""A user's own effects.
+
+By expression in a model file, by a Python file, or by an installed package (entry points
+"tirelog.effects").
 
 What an expression means depends on `acts_on`:
     contact_pressure      a pressure [N/m] added to p, that is then rescaled to carry the load; may

@@ -1,5 +1,6 @@
-"""Compiled loops of the coupled ring's contact: where the tread's nodes are, and what the road does
-to them.
+"""Compiled loops of the coupled ring's contact.
+
+Where the tread's nodes are, and what the road does to them.
 
 Nodes of a stretch, (j,), stand in order of their angle; tables of cos(n theta), sin(n theta), (N -
 1, 2 M), go twice around the belt, so that any stretch is one slice from `start`. Sums keep their

@@ -1,5 +1,6 @@
-"""How a tire rings: natural frequencies, damping and shapes of the coupled ring, free in the air or
-on a flat road.
+"""How a tire rings: natural frequencies, damping and shapes of the coupled ring.
+
+Free in the air, or on a flat road.
 
 The equations of `ring`, linear about the tire that turns at Omega (second-order terms left out), in
 the frame that does not turn:

@@ -1,5 +1,6 @@
-"""The coupled ring in time: a symmetric step of kicks (road, sidewall) and an exact step of the
-belt's modes between them.
+"""The coupled ring in time.
+
+A symmetric step of kicks (road, sidewall) and an exact step of the belt's modes between them.
 
 Scenario -> `simulate` -> `Motion`, columns over time.  One step h:
 

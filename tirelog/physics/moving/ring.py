@@ -1,5 +1,6 @@
-"""The coupled rigid and flexible ring (P3, last section, with the errata): its equations of motion
-and its energy.
+"""The coupled rigid and flexible ring (P3, last section, with the errata).
+
+Its equations of motion and its energy.
 
 Frame: s along the passing of tread material through the patch, z up, both at rest in space; the
 tire drives towards -s. An angle phi on the ring counts from the patch centre in the direction of

@@ -1,5 +1,6 @@
-"""ROS 2 messages (CDR) as templates: the definition text is parsed, one message walked, and each
-wanted number gets its place.
+"""ROS 2 messages (CDR) as templates.
+
+The definition text is parsed, one message walked, and each wanted number gets its place.
 
 CDR aligns every number to its own size, counted from behind the four bytes of encapsulation;
 strings and sequences begin with their length (32 bits), which is all that makes one message's

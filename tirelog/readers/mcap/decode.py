@@ -1,5 +1,6 @@
-"""Messages of one MCAP channel to numbers: by layout with numpy where layouts repeat, by pyarrow
-for JSON, else by the library one by one.
+"""Messages of one MCAP channel to numbers.
+
+By layout with numpy where layouts repeat, by pyarrow for JSON, else by the library one by one.
 
     Table, wants --plans | arrow | library--> FieldColumn per want: `values` flat float64, `lengths`
                                               (n,) where a message holds a batch

@@ -1,5 +1,6 @@
-"""JSON messages of one shape as a table of numbers: the fast way for what a logger writes, the same
-fields again and again.
+"""JSON messages of one shape as a table of numbers.
+
+The fast way for what a logger writes, the same fields again and again.
 
 first message --its text between the numbers--> Shape
     --compiled: text alike, numbers read--> cells (messages, wanted) --> FieldColumn per want

@@ -1,5 +1,6 @@
-"""Samples of one clock put in the order of their log time, in bounded memory, and handed on as
-blocks.
+"""Samples of one clock in the order of their log time.
+
+They are put in order in bounded memory, and handed on as blocks.
 
     add(keys, stamps, within, values) ...
         --stable sort by key, the older half once the buffer is full--> RawBlock

@@ -1,5 +1,6 @@
-"""Protobuf messages as templates: one message's wire bytes are walked with its descriptor, and each
-wanted number gets its place.
+"""Protobuf messages as templates.
+
+One message's wire bytes are walked with its descriptor, and each wanted number gets its place.
 
 Tags and lengths are guards to the letter; of a varint only the continuation bits are, so that its
 value may change and its size may not. A field that the wire leaves out has its default; such a

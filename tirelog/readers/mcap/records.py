@@ -1,5 +1,6 @@
-"""The records of an MCAP stream, from its first byte to its last, without seeking: whole chunks,
-checksums verified.
+"""The records of an MCAP stream, from its first byte to its last, without seeking.
+
+Whole chunks, checksums verified.
 
     bytes --record by record--> schemas, channels, chunks
         --decompress, CRC--> Chunk (records, uncompressed)

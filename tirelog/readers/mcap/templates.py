@@ -1,5 +1,6 @@
-"""Messages whose layout repeats, read with numpy: one message is walked as a template, the others
-are compared with it and gathered.
+"""Messages whose layout repeats, read with numpy.
+
+One message is walked as a template, the others are compared with it and gathered.
 
     template (bytes), wanted paths
         --walk of CDR or protobuf--> Plan: where each number lies, and the bytes that fix the layout

@@ -1,5 +1,6 @@
-"""Rows that are written alike, byte for byte but for their digits: nearly all rows of nearly all
-logs of an instrument.
+"""Rows that are written alike, byte for byte but for their digits.
+
+So are nearly all rows of nearly all logs of an instrument.
 
     the row above --learn--> a template: which byte stands where, or that a digit does; from where
                              the digits of each cell are loaded

@@ -1,5 +1,6 @@
-"""Which columns of a text log hold what: the setup's channels, the time, the sample number, the
-error codes.
+"""Which columns of a text log hold what.
+
+The setup's channels, the time, the sample number, the error codes.
 
     Layout + Setup --names, else shapes of the cells--> Columns
 

@@ -1,5 +1,6 @@
-"""A block of text cell by cell: rows of any width, and cells that are no numbers, with the line
-where each stands.
+"""A block of text cell by cell.
+
+Rows of any width, and cells that are no numbers, with the line where each stands.
 
     block --text_kernels.cells--> cells and their numbers
         --text_numbers: those that take a slower parser--> rows --> Parsed

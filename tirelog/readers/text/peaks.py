@@ -1,5 +1,6 @@
-"""Gratings in rows that hold a varying number of peaks: found by wavelength and followed as they
-move, never by position.
+"""Gratings in rows that hold a varying number of peaks.
+
+Found by wavelength and followed as they move, never by position.
 
     rows of peaks (Parsed.first, .cells, .counts)
         --GratingTracker, block after block--> one value a row and grating

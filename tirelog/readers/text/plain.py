@@ -1,5 +1,6 @@
-"""Rows of a block that are like the layout says, in one compiled pass: the way that nearly all rows
-of nearly all logs take.
+"""Rows of a block that are like the layout says, in one compiled pass.
+
+This is the way that nearly all rows of nearly all logs take.
 
     block, first byte --text_kernels.rows--> columns of counts, floats, ticks, spans
                       --text_numbers: cells that take a slower parser; text_time: times-->

@@ -1,5 +1,6 @@
-"""The belt of a tire in motion, by finite elements in the frame that turns with the hub; its
-stiffness, inertia and natural vibrations.
+"""The belt of a tire in motion, by finite elements.
+
+In the frame that turns with the hub: its stiffness, inertia and natural vibrations.
 
     TrueTire, inflation pressure --Splines--> Belt (stencils)
         --> static shape under a load, natural frequencies

@@ -1,5 +1,6 @@
-"""The road's profile under a tire in motion: `[road]` becomes corners between which the road is
-straight, or a wave.
+"""The road's profile under a tire in motion.
+
+`[road]` becomes corners between which the road is straight, or a wave.
 
     Road (scenario) --profile_of--> Profile: height and slope at any distance x [m] driven since the
                                     log's start, level before it

@@ -1,5 +1,6 @@
-"""The compiled step of a tire in motion: contact with the road, kicks, and an implicit step of the
-turning belt.
+"""The compiled step of a tire in motion.
+
+Contact with the road, kicks, and an implicit step of the turning belt.
 
 One step h; v are the belt's coefficients, u their rates, L the spin's momentum (all as in `belt`):
 

@@ -1,5 +1,6 @@
-"""A tire in motion: the belt on its hub, on a road, under a load and a torque, from standing on the
-road to the end of a drive.
+"""A tire in motion: the belt on its hub, on a road, under a load and a torque.
+
+From standing on the road to the end of a drive.
 
     Belt, Profile --standing--> v, hub height at rest under the load
                   --rolling---> RollingTire

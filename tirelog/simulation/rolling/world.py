@@ -1,5 +1,7 @@
-"""The world of a tire in motion: the drive as impulses on the hub, the belt stepped through the
-whole log, and what sensors read of it.
+"""The world of a tire in motion.
+
+The drive as impulses on the hub, the belt stepped through the whole log, and what sensors read of
+it.
 
     Drive, [[load_steps]], roughness --> distance, acceleration, load, torque at every step
         --RollingTire--> Motion on its own clock

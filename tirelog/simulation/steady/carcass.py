@@ -1,5 +1,6 @@
-"""The two true carcasses: a beam on a foundation and an inextensible ring, as circulant systems of
-difference operators.
+"""The two true carcasses.
+
+A beam on a foundation and an inextensible ring, as circulant systems of difference operators.
 
     line load p(xi) [N/m, inwards], tangential load q(xi) [N/m, towards the exit] --> inward
     displacement w(xi) [m]

@@ -1,5 +1,6 @@
-"""What the road does to the carcass: contact pressure and friction on the grid, with the planted
-effects, in two forms each.
+"""What the road does to the carcass.
+
+Contact pressure and friction on the grid, with the planted effects, in two forms each.
 
     base pressure p(xi) -> heavier side, pulses, wedges, wear -> smeared
         -> rescaled to carry the load -> friction of the bristles

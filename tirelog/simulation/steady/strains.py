@@ -1,5 +1,6 @@
-"""Strain that no load on the carcass makes (effects outside the catalogue), and what a sensor does
-to a waveform.
+"""Strain that no load on the carcass makes (effects outside the catalogue).
+
+And what a sensor does to a waveform.
 
 Waveforms and their transforms are (b, points) and (b, points/2 + 1); b instants of the drive.
 """

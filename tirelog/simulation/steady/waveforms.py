@@ -1,5 +1,6 @@
-"""The truth at given instants: conditions, the carcass's solution, and what a sensor reads round
-the wheel.
+"""The truth at given instants.
+
+Conditions, the carcass's solution, and what a sensor reads round the wheel.
 
 Drive --instants--> Instants (b,) --loads, carcass--> w (b, points)
     --sensor--> strain or acceleration (b, points)

@@ -1,5 +1,6 @@
-"""The physical shape of one patch passage in the strain: a carcass pressed one-sidedly onto a flat
-road through its tread.
+"""The physical shape of one patch passage in the strain.
+
+A carcass pressed one-sidedly onto a flat road through its tread.
 
     EdgeShape (a handful of numbers)
         --spectrum over the tire's own wave numbers--> strain and its derivatives on a grid of xi

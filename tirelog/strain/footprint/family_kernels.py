@@ -1,5 +1,6 @@
-"""Compiled: the spectrum of a patch passage and its derivatives by the form's six parameters (the
-equations of `family`).
+"""Compiled: the spectrum of a patch passage and its derivatives.
+
+By the form's six parameters (the equations of `family`).
 
     wave numbers, EdgeShape
         --Legendre transforms = spherical Bessel functions j_n(kappa L)-->

@@ -1,5 +1,6 @@
-"""The log's own form: which passages it is learnt from, their averages by speed, and what is known
-of its error.
+"""The log's own form.
+
+Which passages it is learnt from, their averages by speed, and what is known of its error.
 
 Passages
     --clean ones, preferably at steady speed, by classes of speed, in clusters-->

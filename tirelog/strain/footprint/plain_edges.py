@@ -1,5 +1,6 @@
-"""The papers' own footprint: the edges by the extrema of the strain's first and second derivative
-along the tread (P2 3.2, 4.3).
+"""The papers' own footprint.
+
+The edges by the extrema of the strain's first and second derivative along the tread (P2 3.2, 4.3).
 
     windows (n, m) of strain, patch downward
         --low-pass, derivatives, upsampled--> d/d xi and d2/d xi2 through the passage's kinematics

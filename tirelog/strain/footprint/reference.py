@@ -1,5 +1,6 @@
-"""The form of this log's passages, first from averages at several speeds, fitted with the physical
-family at once.
+"""The form of this log's passages, first from averages.
+
+At several speeds, fitted with the physical family at once.
 
     some passages of each speed, scaled by the template's height
         --cells along xi--> Average, one a speed

@@ -1,5 +1,6 @@
-"""The log's form from the samples themselves: what all passages share, with each one's own numbers
-taken out exactly.
+"""The log's form from the samples themselves.
+
+What all passages share, with each one's own numbers taken out exactly.
 
     Reference (a start) + windows of some passages of each speed
         --normal equations per passage, its height, offset, shift, length, damping, tilt

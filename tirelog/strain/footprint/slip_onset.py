@@ -1,5 +1,6 @@
-"""Where adhesion turns to slip inside the patch (P2 3.1, 4.2.1): the abscissa of the jump in the
-strain's slope between the edges.
+"""Where adhesion turns to slip inside the patch (P2 3.1, 4.2.1).
+
+The abscissa of the jump in the strain's slope between the edges.
 
     a passage's residual beside its own height, offset, shift, length, damping and tilt
         --matched filters of P2's brush friction with its onset at many abscissae-->

@@ -1,5 +1,6 @@
-"""The table `footprint` of a recording: passages and footprint of each strain channel, as columns,
-with remarks on the whole log.
+"""The table `footprint` of a recording.
+
+Passages and footprint of each strain channel, as columns, with remarks on the whole log.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Rectangular windows of a channel around its passages, with the distance of every sample along the
-tread.
+"""Rectangular windows of a channel around its passages.
+
+With the distance of every sample along the tread.
 
     Channel + Passages
         --passages of like window length, read a stretch of the log at a time-->

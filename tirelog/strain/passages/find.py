@@ -1,5 +1,6 @@
-"""Passages of a grating (or accelerometer) through the contact patch: the clock of every other
-estimator.
+"""Passages of a grating (or accelerometer) through the contact patch.
+
+The clock of every other estimator.
 
     Channel --passage_search--> rough middles and widths
             --passage_match: a template learnt from some, all fitted by it--> times

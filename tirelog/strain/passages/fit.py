@@ -1,5 +1,6 @@
-"""The centre of each passage by a matched filter: offset, height, shift and stretch of the
-template, least squares, row by row.
+"""The centre of each passage by a matched filter.
+
+Offset, height, shift and stretch of the template, least squares, row by row.
 
     samples around rough centres
         --Gauss-Newton on the template (`fit_kernels`)--> centre, its standard error, height

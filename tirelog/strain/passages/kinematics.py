@@ -1,5 +1,6 @@
-"""How fast the wheel turns at each passage, from the times of the passages alone, with an error
-that holds the differencing.
+"""How fast the wheel turns at each passage.
+
+From the times of the passages alone, with an error that holds the differencing.
 
     times and their errors (n,), turns to the next passage (n,)
         --parabolas through three passages--> omega, alpha, standard error (n,)

@@ -1,5 +1,6 @@
-"""The template of a log's own passages: which of them to learn from, and the rounds of fitting and
-learning.
+"""The template of a log's own passages.
+
+Which of them to learn from, and the rounds of fitting and learning.
 
 rough centres --clusters of neighbours spread over the log--> windows
     --lay over, learn, fit; again--> Template

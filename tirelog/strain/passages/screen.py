@@ -1,5 +1,6 @@
-"""Pulses that are no passages, told by when they come and how long they last: the instrument
-jumped, or a jump split a passage in two.
+"""Pulses that are no passages, told by when they come and how long they last.
+
+The instrument jumped, or a jump split a passage in two.
 
     Pulses --join halves, drop strangers--> Pulses
 

@@ -1,5 +1,6 @@
-"""Compiled loops of the search for passages: samples to medians of buckets, turning points,
-half-level crossings.
+"""Compiled loops of the search for passages.
+
+Samples to medians of buckets, turning points, half-level crossings.
 
     values (n,) --bucket_medians--> medians (n / bucket,) --turning_points--> places
         --half_level--> middle, width, height, base

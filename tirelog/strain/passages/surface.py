@@ -1,5 +1,6 @@
-"""The passages of a channel of a recording, refused where they show that its setup names the wrong
-surface.
+"""The passages of a channel of a recording, of the right surface.
+
+They are refused if they show that its setup names the wrong surface.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Where an in-tire accelerometer passes the patch, coarsely, and the centripetal level beside each
-passage.
+"""Where an in-tire accelerometer passes the patch, coarsely.
+
+And the centripetal level beside each passage.
 
     channel, WheelAngle --means over one degree of wheel angle--> bins (m,)
         --below half of the level--> dips

@@ -1,5 +1,6 @@
-"""The two fronts of every passage of an in-tire accelerometer, to a few hundredths of a degree (P4
-section IV B).
+"""The two fronts of every passage of an in-tire accelerometer (P4 section IV B).
+
+To a few hundredths of a degree.
 
     Dips (coarse)
         --samples within a few degrees of each front--> cubic through the flank

@@ -1,5 +1,6 @@
-"""Fronts by the flank's mean form, learnt from the log itself: the same crossing, nearer to the
-bound.
+"""Fronts by the flank's mean form, learnt from the log itself.
+
+The same crossing, nearer to the bound.
 
     crossings by cubics
         --samples aligned by them, least squares of a spline--> mean form of entry and exit
