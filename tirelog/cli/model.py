@@ -123,8 +123,7 @@ def check_pressure(pressure_Pa: float | None) -> None:
     if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
         raise ModelError(
             f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa; "
-            f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed; "
-            f"write it in Pa (2.2 bar is 2.2e5)"
+            f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed; write it in Pa (2.2 bar is 2.2e5)"
         )
 
 

@@ -198,8 +198,7 @@ def _of_strain(recording: Recording, channel: Channel, some: FloatArray) -> str:
     if abs(middle) > STRANGE_STRAIN:
         return (
             f"{channel.name}: a median strain of {1e6 * middle:.0f} microstrain, and a tire's "
-            f"stays below {1e6 * STRANGE_STRAIN:.0f}; "
-            "check unit and reference"
+            f"stays below {1e6 * STRANGE_STRAIN:.0f}; check unit and reference"
         )
     return ""
 

@@ -410,8 +410,7 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
     if verdict == "too_few":
         notes.append(
             f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two "
-            "mixed logs of a minute have a dozen: "
-            "drive more of them."
+            "mixed logs of a minute have a dozen: drive more of them."
         )
         rivals = [(r.id, r.base.model) for r in step.contenders[:3]]
     elif verdict == "ambiguous":

@@ -34,8 +34,7 @@ def fit_measured(measured: Measured, model: Model) -> tuple[FitResult, tuple[str
         ).items():
             raise ModelError(
                 f"effect {effect!r} needs {', '.join(lacking)}, which {pieces.logs[log]} does "
-                "not know; "
-                f"every log must know it; add it to the setup, or remove the effect"
+                "not know; every log must know it; add it to the setup, or remove the effect"
             )
     base = start(pieces, model)
     return _result(base), tuple(remarks_of(base))

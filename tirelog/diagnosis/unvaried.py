@@ -54,6 +54,5 @@ def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     said = "; ".join(parts)
     return (
         f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its "
-        "shape at most; "
-        "logs that differ in them would tell more."
+        "shape at most; logs that differ in them would tell more."
     )

@@ -102,15 +102,13 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
         if not len(rest):
             raise UsageError(
                 f"every revolution of channel {stack.channel} is on an obstacle; steady ones are "
-                "needed beside it; "
-                f"give a log that rolls on before or after it",
+                "needed beside it; give a log that rolls on before or after it",
                 file=log,
             )
         steady.add(log, [rest])
         steady.note(
             f"{log}: {found.hits_s.size} hits on an obstacle; {len(stack) - len(rest)} of "
-            f"{len(stack)} revolutions are "
-            f"disturbed by them and kept apart from the steady ones"
+            f"{len(stack)} revolutions are disturbed by them and kept apart from the steady ones"
         )
         if stack.observable in WAVEFORMS:
             obstacles.append(found)

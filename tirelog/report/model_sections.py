@@ -59,8 +59,7 @@ def comparison(result: Comparison, command: str) -> Section:
         f"{unit}; noise floor {result.noise_floor * factor:.3g}, excess "
         f"{in_unit(result.excess_heldout, factor)}. On the data of the fit: "
         f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; "
-        f"{result.revolutions} revolutions, "
-        f"{result.manoeuvres} manoeuvres.",
+        f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
         _where(result, factor, unit),
         *(f"{remark}." for remark in result.remarks),
     ]
@@ -91,8 +90,7 @@ def _where(result: Comparison, factor: float, unit: str) -> str:
         f"It fails most {_ZONES.get(angle['angle'], angle['angle'])} (excess "
         f"{angle['excess'] * factor:.3g} {unit}), "
         f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime "
-        f"in {regime['regime']} "
-        f"({regime['excess'] * factor:.3g})."
+        f"in {regime['regime']} ({regime['excess'] * factor:.3g})."
     )
 
 
@@ -374,8 +372,7 @@ def ladder(climbed: Mapping[str, Any], command: str) -> Section:
     if climbed.get("rmse_untouched") is not None:
         words.append(
             f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} "
-            f"{unit}, "
-            f"floor there {climbed['floor_untouched'] * factor:.3g}."
+            f"{unit}, floor there {climbed['floor_untouched'] * factor:.3g}."
         )
     said = [
         f"{n} {h:.3g} {unit}" if h == h else f"{n} none" for n, h in zip(names, held, strict=True)

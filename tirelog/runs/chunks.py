@@ -146,8 +146,7 @@ def recording_closed() -> ReadError:
     """What a recording says that is read after its end."""
     return ReadError(
         "the recording is closed; its samples can be read while `open_recording` is open, and in "
-        "a session "
-        "until the next log is taken; read them there, or open it again"
+        "a session until the next log is taken; read them there, or open it again"
     )
 
 

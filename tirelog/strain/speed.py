@@ -120,8 +120,7 @@ def speed_tables(
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         raise UsageError(
             "no channel tells the speed; allowed are strain, wheel_encoder and "
-            f"radial_acceleration, the log has {have}; "
-            "name one in the setup",
+            f"radial_acceleration, the log has {have}; name one in the setup",
             file=recording.log,
         )
     found = [

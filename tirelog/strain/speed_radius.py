@@ -112,8 +112,7 @@ def calibrate_radius(
     if not radii:
         raise UsageError(
             f"--calibrate-radius: fewer than {LEAST_TURNS} whole turns lie within {speed.name}; "
-            "allowed is a log with more; "
-            "give a longer one, or rolling_radius_m in the setup"
+            "allowed is a log with more; give a longer one, or rolling_radius_m in the setup"
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean
     # better

@@ -254,8 +254,7 @@ def _remarks(
     if untold.any():
         said.append(
             f"channel {channel.name}: after {untold.sum()} standstills nothing tells which way "
-            "the wheel rolled (direction_unknown); "
-            "a vehicle_speed with a sign would"
+            "the wheel rolled (direction_unknown); a vehicle_speed with a sign would"
         )
     if pitch.turns == 0:
         return [
@@ -268,8 +267,7 @@ def _remarks(
         if share > own + BETTER and steps % other:
             said.append(
                 f"channel {channel.name}: the learnt pitch table does not repeat with {steps} "
-                f"steps, it does with {other}; "
-                "mend steps in the setup"
+                f"steps, it does with {other}; mend steps in the setup"
             )
     return said
 

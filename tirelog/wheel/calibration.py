@@ -201,8 +201,7 @@ def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMa
         found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
         raise UsageError(
             f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2; a speed map needs "
-            f"{LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; "
-            "add a slow drive-up or coast-down"
+            f"{LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; add a slow drive-up or coast-down"
         )
     dv = v - reference
     columns = [(group == g).astype(float) for g in np.unique(group)] + [dv, dv**2]

@@ -237,8 +237,7 @@ def compare_transients(
             if results[-1].row()["quality"] != "ok":
                 remarks.append(
                     f"{log.log}: the model covers little of what happened at {hit.time_s:.4g} s; "
-                    "the obstacle's dimensions, the model, or "
-                    f"another event are to be doubted"
+                    "the obstacle's dimensions, the model, or another event are to be doubted"
                 )
     return TransientComparison(model.observable, unit, tuple(results), tuple(remarks))
 

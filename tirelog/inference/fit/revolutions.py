@@ -233,7 +233,6 @@ def _solve(
     if last is None or (tight and found.status <= 0):
         raise ModelError(
             f"the fit did not converge in {found.nfev} steps; a model that the data determine is "
-            "allowed; "
-            f"fix parameters, give other start values or narrower bounds"
+            "allowed; fix parameters, give other start values or narrower bounds"
         )
     return _Solution(found.x, last, int(found.nfev))

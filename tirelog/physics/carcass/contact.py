@@ -93,8 +93,7 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
         if pressing[0] or pressing[-1]:
             raise ModelError(
                 f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side; "
-                "a shorter one is allowed; "
-                f"give a stiffer foundation or a lower load"
+                "a shorter one is allowed; give a stiffer foundation or a lower load"
             )
         if np.array_equal(pressing, active):
             return _contact(on, p, depth, drop, carcass.R)

@@ -79,8 +79,7 @@ class Expression:
         if not np.isfinite(result).all():
             raise ModelError(
                 f"expression {self.text!r} is not finite everywhere; a finite number at every xi "
-                "and condition is allowed; "
-                f"guard it with where(), clip() or a comparison"
+                "and condition is allowed; guard it with where(), clip() or a comparison"
             )
         return result
 
@@ -98,8 +97,7 @@ def parse(text: str, allowed: frozenset[str] | set[str]) -> Expression:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
         raise ModelError(
             f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)}); "
-            "numbers, names, operators and calls "
-            f"are allowed; correct it"
+            "numbers, names, operators and calls are allowed; correct it"
         ) from None
     names: set[str] = set()
     _check(tree, text, allowed, names, 0)
@@ -202,8 +200,7 @@ def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
     except (TypeError, ValueError):
         raise ModelError(
             f"{call.func.id}() does not take {len(arguments)} arguments; as many as numpy's "
-            f"{call.func.id} takes are allowed; "
-            f"correct the expression"
+            f"{call.func.id} takes are allowed; correct the expression"
         ) from None
 
 

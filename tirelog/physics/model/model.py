@@ -192,8 +192,7 @@ class Model(Predicting):
             if name not in self.parameters:
                 raise ModelError(
                     f"the model has no parameter {name!r}{nearest(name, self.parameters)}; "
-                    f"it has {', '.join(self.parameters)}; "
-                    f"use one of them"
+                    f"it has {', '.join(self.parameters)}; use one of them"
                 )
 
 

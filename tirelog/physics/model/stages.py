@@ -63,8 +63,7 @@ def loads(task: Task) -> FloatArray:
     if not np.all(F > 0.0):
         raise ModelError(
             f"load {float(np.min(F)):g} N does not press the tire on the road; a load above zero "
-            "is allowed; "
-            f"correct load_N or the effects on load"
+            "is allowed; correct load_N or the effects on load"
         )
     return F
 
@@ -147,8 +146,7 @@ def _pressure(task: Task) -> Pressed:
     if not np.all(carried > 0.0):
         raise ModelError(
             "the effects on the contact pressure lift the tire off the road; a pressure that "
-            "carries the load is allowed; "
-            "lower their strength"
+            "carries the load is allowed; lower their strength"
         )
     scale = site.load_N / carried
     return Pressed(

@@ -323,8 +323,7 @@ def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
         if not (np.isfinite(s.omega) and abs(s.centre - s.hub) < 0.5 * stepper.tire.R):
             raise ModelError(
                 f"the ring left its sidewall at {stepper.time_s:.4g} s; displacements below half "
-                "of the radius are allowed; "
-                f"lower the load, the obstacle or the step"
+                "of the radius are allowed; lower the load, the obstacle or the step"
             )
         hub = (s.omega, s.psi, s.hub.imag, stepper.energy())
         rows.append([stepper.time_s, force.real, force.imag, spindle.real, spindle.imag, *hub])

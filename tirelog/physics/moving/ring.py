@@ -110,8 +110,7 @@ class CoupledRing:
             if not (np.isfinite(value) and (value > 0.0 or (may_vanish and value == 0.0))):
                 raise ModelError(
                     f"coupled ring with {field.name} = {value:g}; a finite number "
-                    f"{'of at least' if may_vanish else 'above'} zero is "
-                    f"allowed; correct it"
+                    f"{'of at least' if may_vanish else 'above'} zero is allowed; correct it"
                 )
         if self.modes < 2:
             raise ModelError(

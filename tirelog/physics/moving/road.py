@@ -257,6 +257,5 @@ def _climbable(slope: float) -> None:
     if slope > STEEPEST:
         raise ModelError(
             f"road with a slope of {slope:.3g}; up to {STEEPEST:g} is allowed (the tread presses "
-            "along the road's normal); "
-            f"give the step a longer ramp"
+            "along the road's normal); give the step a longer ramp"
         )

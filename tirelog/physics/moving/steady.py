@@ -102,8 +102,7 @@ def _balance(
             break
     raise ModelError(
         f"at {load_N:g} N the patch grows beyond {contact.REACH:g} rad to either side, or finds "
-        "no balance; a shorter one is allowed; "
-        f"give a stiffer foundation or a lower load"
+        "no balance; a shorter one is allowed; give a stiffer foundation or a lower load"
     )
 
 

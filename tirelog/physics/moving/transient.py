@@ -257,8 +257,7 @@ def drive(
     if model.carcass != "coupled_ring":
         raise ModelError(
             f'a {model.carcass} does not move in time; carcass = "coupled_ring" is allowed; '
-            "make one with "
-            f"`tirelog model new --carcass coupled_ring`"
+            "make one with `tirelog model new --carcass coupled_ring`"
         )
     if values is not None:
         model = model.with_values(values)
@@ -335,6 +334,5 @@ def _begins_level(road: Road, radius_m: float) -> None:
     if np.any(height != 0.0):
         raise ModelError(
             f"road that begins under the standing tire; {_CLEAR * radius_m:.3g} m ahead of its "
-            "centre or farther is allowed; "
-            f"give a larger position_m"
+            "centre or farther is allowed; give a larger position_m"
         )

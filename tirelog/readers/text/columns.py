@@ -241,8 +241,7 @@ def _absent(layout: Layout, source: str) -> str:
     if layout.misfit:
         return (
             f"no column {source!r} can be told: the header has {len(layout.misfit)} names and "
-            f"the rows have {layout.width} cells; "
-            f"allowed are #1 to #{layout.width}"
+            f"the rows have {layout.width} cells; allowed are #1 to #{layout.width}"
         )
     if not layout.names:
         return f"no column {source!r}: the log has no header; allowed are #1 to #{layout.width}"

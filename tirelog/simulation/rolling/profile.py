@@ -177,8 +177,7 @@ def _check_rise(rise_m: float, radius_m: float) -> None:
     if rise_m > HIGHEST * radius_m:
         raise UsageError(
             f"a road that rises {rise_m:.3g} m within one diameter of the tire; allowed is up to "
-            f"{HIGHEST * radius_m:.3g} m for a "
-            f"radius of {radius_m:.3g} m; give a lower obstacle"
+            f"{HIGHEST * radius_m:.3g} m for a radius of {radius_m:.3g} m; give a lower obstacle"
         )
 
 

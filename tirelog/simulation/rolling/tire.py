@@ -145,8 +145,7 @@ def standing(belt: Belt, load_N: float) -> Standing:
     if np.abs(place).max() > 0.95 * kernel.FAR:
         raise UsageError(
             f"at {load_N:.0f} N the contact is wider than +-{np.degrees(kernel.FAR):.0f} "
-            "degrees; allowed is a load that the tire can "
-            "carry; lower it, or give a stiffer tire"
+            "degrees; allowed is a load that the tire can carry; lower it, or give a stiffer tire"
         )
     return Standing(q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing))
 

@@ -167,8 +167,7 @@ def _beam(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
         top = float(at.speed.max())
         raise UsageError(
             f"the beam is near or above its critical speed at {top:.1f} m/s; allowed is a drive "
-            "below about 0.95 of it; "
-            "drive slower, or give a stiffer tire"
+            "below about 0.95 of it; drive slower, or give a stiffer tire"
         )
     hardening, linearly = _hardening(scenario, stiffness, len(at))
     return Carcass(ring, 1.0 / operator, np.zeros_like(operator), hardening, linearly)

@@ -118,8 +118,7 @@ def _remarks(
     if doubted:
         remarks.append(
             f"{channel.name}: form_unclear: {doubted} passages are unlike any that a tire's "
-            "carcass makes on a flat road; "
-            f"their lengths may be wrong by half"
+            "carcass makes on a flat road; their lengths may be wrong by half"
         )
     if not found.learnt.free_rolling:
         remarks.append(
