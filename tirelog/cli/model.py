@@ -149,7 +149,7 @@ def _invented(model: Model, given: dict[str, float]) -> list[str]:
         return []
     return [
         f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
-        f"give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
+        "give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
     ]
 
 

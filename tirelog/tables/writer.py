@@ -173,7 +173,7 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             raise UsageError(
                 f"has {', '.join(more)}, which the logs before have not (their setups say less); "
                 "a table has the columns of its first log; "
-                f"put the log with most of them first, or make a table of each",
+                "put the log with most of them first, or make a table of each",
                 file=str(next(iter(np.atleast_1d(columns["log"])), "-"))
                 if "log" in columns
                 else None,

@@ -110,7 +110,7 @@ def _refuse(model: Model, stacks: Sequence[Stack]) -> None:
             raise ModelError(
                 f"effect {effect!r} needs {', '.join(lacking)}, which "
                 f"{stack.logs[int(stack.log[0])]} does not know; "
-                f"every log must know it; add it to the setup, or remove the effect"
+                "every log must know it; add it to the setup, or remove the effect"
             )
 
 

@@ -235,7 +235,7 @@ def _effect(
         raise source.error(
             f"unknown effect {name!r}{nearest(name, catalogue)}; "
             f"allowed are {', '.join(catalogue)}, "
-            f"or one with an expression; for one of your own in Python give --effects FILE",
+            "or one with an expression; for one of your own in Python give --effects FILE",
             name,
             after - 1,
         )

@@ -275,7 +275,7 @@ class Predicting:
             if effect in on:
                 raise ModelError(
                     f"effect {effect!r} needs {', '.join(lacking)}; the log must know it; "
-                    f"give it in the setup's [conditions] or as a channel"
+                    "give it in the setup's [conditions] or as a channel"
                 )
         if len(conditions) and not conditions.known("speed_m_s"):
             raise ModelError(

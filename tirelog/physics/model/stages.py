@@ -83,7 +83,7 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
         raise ModelError(
             f"the patch of {2 * float(np.max(half)):.3g} m is longer than the circumference "
             f"{2 * np.pi * R:.3g} m; "
-            f"a shorter one is allowed; correct patch_half_length_m, load or radius_m"
+            "a shorter one is allowed; correct patch_half_length_m, load or radius_m"
         )
     return Site(F, half, R), parabola(F, half, R), tilted_parabola(F, half, R) if tilted else None
 

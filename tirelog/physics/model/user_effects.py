@@ -75,7 +75,7 @@ def effect_by_expression(
         raise ModelError(
             f"effect {name!r} with parameters {[p.name for p in parameters]}: "
             f"{', '.join(clash) or name} is taken or no plain "
-            f"name; allowed are names that are no effect, function or condition; rename it"
+            "name; allowed are names that are no effect, function or condition; rename it"
         )
     places = PLACES if acts_on in _WAVES else ()
     formula = parse(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})

@@ -167,7 +167,7 @@ class Stepper:
             raise ModelError(
                 f"step of {step_s:g} s is not stable for this tire; above zero and up to "
                 f"{tire.largest_step_s(speed):.3g} s is allowed; "
-                f"give a shorter step or fewer modes"
+                "give a shorter step or fewer modes"
             )
         self._belt_at = np.nan
         self._before = self._after = np.zeros_like(state.V)

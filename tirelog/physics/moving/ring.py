@@ -190,7 +190,7 @@ class CoupledRing:
             raise ModelError(
                 f"speed {speed_m_s:g} m/s is beyond the critical one, "
                 f"{self.critical_speed_m_s:.1f} m/s, where the ring whirls in its "
-                f"sidewall; a lower one is allowed; lower the speed or give a stiffer sidewall"
+                "sidewall; a lower one is allowed; lower the speed or give a stiffer sidewall"
             )
 
     def largest_step_s(self, speed_m_s: float = 0.0) -> float:

@@ -312,7 +312,7 @@ def tire_of(task: Task) -> CoupledRing:
             raise ModelError(
                 f"effect {a.effect.id!r} has no linear motion in time; viscous_damping and "
                 "stiffness that does not follow the "
-                f"deflection are allowed for transients; leave it out with `tirelog model remove`"
+                "deflection are allowed for transients; leave it out with `tirelog model remove`"
             )
     b, R = dict(task.base), task.base["radius_m"]
     soft = 1.0 + float(np.mean(s.stiffening))
