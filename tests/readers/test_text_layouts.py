@@ -33,7 +33,8 @@ PLAIN = {
     "comma": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,\n1,NaN,1542.5\n1.5,1549.5,1542.25\n",
     "carriage returns": "time_s,A,B\r\n0,1550.1234,1542\r\n0.5,1550.25,\r\n"
     "1,NaN,1542.5\r\n1.5,1549.5,1542.25\r\n",
-    "old line ends": "time_s,A,B\r0,1550.1234,1542\r0.5,1550.25,\r1,NaN,1542.5\r1.5,1549.5,1542.25\r",
+    "old line ends": "time_s,A,B\r0,1550.1234,1542\r0.5,1550.25,\r"
+    "1,NaN,1542.5\r1.5,1549.5,1542.25\r",
     "no last line end": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,0\n"
     "1,-1,1542.5\n1.5,1549.5,1542.25",
     "comma and blank": "time_s, A, B\n0, 1550.1234, 1542\n0.5, 1550.25, \n"
@@ -167,7 +168,8 @@ def test_research_logger_without_header_runs_past_midnight() -> None:
 
 def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
     rows = [
-        f"2022-04-14T13:00:{i // 20:02d}+02:00\t\t{i + 1}\t0;0;{int(i == 5)};{3 * (i in (5, 6))}\t{100 + i / 10}"
+        f"2022-04-14T13:00:{i // 20:02d}+02:00\t\t{i + 1}\t"
+        f"0;0;{int(i == 5)};{3 * (i in (5, 6))}\t{100 + i / 10}"
         for i in range(60)
     ]
     text = "Date\tTime\tLinenumber\tError status\tW-N-01\n" + "\n".join(rows) + "\n"

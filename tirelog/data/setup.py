@@ -353,7 +353,7 @@ def _tire(data: Any, source: _Source) -> Tire:
 
 
 def _road(data: Any, source: _Source) -> RoadSetup:
-    """The road, of a kind that there is; what the kind asks for is checked where the road is built."""
+    """The road, of a known kind; what the kind asks for is checked when the road is built."""
     road = _table(RoadSetup, data, source, "road")
     if road.kind not in ROADS:
         raise source.error(

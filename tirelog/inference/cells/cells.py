@@ -1,8 +1,9 @@
-"""Cells: the pieces of all logs with their noise and scatter, which is what every later step works
-on.
+"""Cells: the pieces of all logs with their noise and scatter.
 
-    Pieces (P, m) of all logs  ->  noise by angle, covariance of the coefficients, both pooled  ->
-                               Cells (C, m), C = P
+Every later step works on them.
+
+    Pieces (P, m) of all logs -> noise by angle, covariance of the coefficients, both pooled
+        -> Cells (C, m), C = P
 
 The coefficients taken out of single revolutions come back as random effects of the cell's mean
 (their covariance over revolutions, neighbours' correlation included, over the number of
