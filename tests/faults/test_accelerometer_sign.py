@@ -11,7 +11,7 @@ from scipy.signal import butter, sosfilt
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import UsageError
-from tirelog.inference import measured
+from tirelog.inference.measured import measured
 from tirelog.runs.ingest import open_recording
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
