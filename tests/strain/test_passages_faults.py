@@ -173,8 +173,8 @@ def test_a_jump_inside_the_patch_does_not_make_two_of_it(steady, radius_m, sampl
 def test_a_window_is_marked_if_any_range_touches_it() -> None:
     """Against all pairs, for ranges and windows in any order, of any length, points among them."""
     rng = np.random.default_rng(1107)
-    for ranges in (0, 1, 2, 40):
-        begin, low = rng.integers(0, 1000, 200) - 0.5, rng.integers(0, 1000, ranges) * 1.0
-        end, high = begin + rng.integers(0, 90, 200), low + rng.integers(0, 30, ranges)
+    for ranges in (0, 1, 2, 10, 40):
+        begin, low = rng.integers(0, 1000, 2000) * 1.0, rng.integers(0, 1000, ranges) * 1.0
+        end, high = begin + rng.integers(0, 30, 2000), low + rng.integers(0, 4, ranges) ** 4
         pairs = (low <= end[:, None]) & (high >= begin[:, None])
         np.testing.assert_array_equal(_touched(begin, end, low, high), pairs.any(axis=1))

@@ -52,11 +52,12 @@ def sources() -> list[tuple[str, list[ast.AST]]]:
 
 
 def random_flags(n: int, seed: int) -> np.ndarray:
-    """Rows with none to three words."""
+    """Rows with none to three words, after one row with each."""
     rng = np.random.default_rng(seed)
     flags = none_of(n)
     for _ in range(3):
         flags |= rng.choice([0, *Quality], n).astype(np.uint32)
+    flags[: len(Quality)] = list(Quality)
     return flags
 
 
@@ -74,7 +75,7 @@ def test_flags_are_one_bit_each_of_four_bytes() -> None:
     values = [int(flag) for flag in Quality]
     assert values == [1 << n for n in range(len(values))]
     assert len(values) <= 32
-    assert random_flags(9, 1).dtype == marked(np.ones(9, bool), Quality.GAP).dtype == np.uint32
+    assert random_flags(99, 1).dtype == marked(np.ones(99, bool), Quality.GAP).dtype == np.uint32
 
 
 def test_every_word_is_set_somewhere() -> None:
