@@ -25,7 +25,8 @@ CATALOGUE_G_M_S2 = 9.81
 
 #: Stages an effect can act on, in the contract's words.
 ACTS_ON = (
-    "load", "contact_pressure", "structure", "baseline", "sensor", "regressors", "foundation_stiffness", "strain", "radial_acceleration",
+    "load", "contact_pressure", "structure", "baseline", "sensor", "regressors",
+    "foundation_stiffness", "strain", "radial_acceleration",
 )  # fmt: skip
 _WAVES = ("strain", "radial_acceleration", "dissipation_factor")
 _PRESSURE, _ALL = (

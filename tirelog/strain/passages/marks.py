@@ -1,5 +1,6 @@
-"""What was wrong around each passage: words for its window, passages that were lost, breaks between
-passages.
+"""What was wrong around each passage.
+
+Words for its window, passages that were lost, breaks between passages.
 
 A word stands in a row only where the trouble lies inside the row's own window (half a patch and its
 shoulders on either side).
@@ -44,7 +45,7 @@ def window_quality(
 def _touched(
     begin: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray
 ) -> NDArray[np.bool_]:
-    """Which of the windows [begin, end] (n,) share a place with one of the ranges [low, high] (m,)."""
+    """Which windows [begin, end] (n,) share a place with one of the ranges [low, high] (m,)."""
     if not low.size:
         return np.zeros(begin.size, bool)
     order = np.argsort(low)
