@@ -26,6 +26,7 @@ from tirelog.inference.motion import held
 from tirelog.physics.carcass.numbers import SCALARS
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality, quality_text
 
 UNITS = {
     "strain": "1",
@@ -354,7 +355,8 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
             "revolution": int(stack.revolution[i]), "time_s": float(c.time_s[i]),
             "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]),
             "manoeuvre": int(stack.manoeuvre[i]), "rmse": float(rmse[i]),
-            "noise_floor": float(floor[i]), "quality": "left_out" if left_out[i] else "ok",
+            "noise_floor": float(floor[i]),
+            "quality": quality_text(Quality.LEFT_OUT if left_out[i] else 0),
         }
         for i in range(len(stack))
     ]  # fmt: skip

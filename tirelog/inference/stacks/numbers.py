@@ -15,6 +15,7 @@ from tirelog.data.recording import Channel, Recording, Stack
 from tirelog.errors import UsageError
 from tirelog.inference.stacks.manoeuvres import accelerations, regimes, segment
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality, Use, good, having
 
 SCALARS = ("patch_length", "dissipation_factor", "phase_shift", "patch_width")
 #: kinds of channel from which each number comes
@@ -26,10 +27,6 @@ SOURCES = {
 }
 #: a passage this much later than its neighbours' periods starts a new manoeuvre
 _GAP = 3.0
-
-
-#: quality word of a length that may be off by the same share in every row: it is compared, and said
-_UNCLEAR = "form_unclear"
 
 
 def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tuple[Stack, str]:
@@ -61,7 +58,8 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     zero = np.zeros((n, 1))
     doubted = int(unclear[ordinal].sum())
     said = (
-        f"{doubted} of {n} lengths are marked {_UNCLEAR}: they may all be off by the same share"
+        f"{doubted} of {n} lengths are marked {Quality.FORM_UNCLEAR.word}: "
+        "they may all be off by the same share"
         if doubted
         else ""
     )
@@ -100,13 +98,13 @@ def _of_strain(
     passages = find_passages(channel, radius)
     if observable == "patch_length":
         found = footprint(channel, passages)
-        value, words = found.length_m, found.quality
+        value, quality = found.length_m, found.quality
     else:
         energy = dissipation(channel, passages, None, passages.quality)
-        value, words = energy.factor_1_m, energy.quality
-    good = np.array([not w - {_UNCLEAR} for w in words], bool)
-    unclear = np.array([_UNCLEAR in w for w in words], bool)
-    return passages.time_s, passages.speed_m_s, np.where(good, value, np.nan), radius, unclear
+        value, quality = energy.factor_1_m, energy.quality
+    value = np.where(good(quality, Use.COMPARISON), value, np.nan)
+    unclear = having(quality, Quality.FORM_UNCLEAR)
+    return passages.time_s, passages.speed_m_s, value, radius, unclear
 
 
 def _of_fronts(
