@@ -19,6 +19,7 @@ from threading import Condition
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 if TYPE_CHECKING:
     from tirelog.strain.footprint.learn import Learnt
@@ -65,13 +66,12 @@ def _phase_shift(recording: Recording, options: Options) -> Rows:
         yield table(passages, calibration), passages.said
 
 
-_STRAIN = ("fbg_strain", "strain")
 MAKERS: dict[str, Maker] = {
     "speed": Maker(
-        (*_STRAIN, "wheel_encoder", "radial_acceleration"), ("calibrate_radius",), _speed
+        (*STRAIN_KINDS, "wheel_encoder", "radial_acceleration"), ("calibrate_radius",), _speed
     ),
-    "footprint": Maker(_STRAIN, ("cutoff",)),
-    "dissipation": Maker(_STRAIN, ("steady_step", "average")),
+    "footprint": Maker(STRAIN_KINDS, ("cutoff",)),
+    "dissipation": Maker(STRAIN_KINDS, ("steady_step", "average")),
     "phase-shift": Maker(("wheel_encoder",), ("calibration", "zero"), _phase_shift),
 }
 
@@ -102,7 +102,7 @@ def _is_of_strain(recording: Recording, name: str, options: Options) -> bool:
     needs all channels at once.
     """
     if name == "speed":
-        return bool(recording.of_kind(*_STRAIN)) and not options.get("calibrate_radius", False)
+        return bool(recording.of_kind(*STRAIN_KINDS)) and not options.get("calibrate_radius", False)
     return MAKERS[name].whole is None
 
 

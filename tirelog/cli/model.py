@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tirelog.cli.common import Format, Logs, ModelFile, Output, Quiet, Session, SetupFile, say
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 if TYPE_CHECKING:
     from tirelog.data.setup import Setup
@@ -133,7 +134,7 @@ def _measured(setup: Setup | None) -> str:
     kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
     return (
         "radial_acceleration"
-        if "radial_acceleration" in kinds and not kinds & {"fbg_strain", "strain"}
+        if "radial_acceleration" in kinds and not kinds & set(STRAIN_KINDS)
         else "strain"
     )
 
@@ -255,9 +256,7 @@ def add(
 
 def _gauge_from_setup(model: Model, setup: Setup) -> Model:
     """The grating's length held at what the setup says, where its strain channels agree on one."""
-    lengths = {
-        c.gauge_length_m for c in setup.channels.values() if c.kind in ("fbg_strain", "strain")
-    }
+    lengths = {c.gauge_length_m for c in setup.channels.values() if c.kind in STRAIN_KINDS}
     length = lengths.pop() if len(lengths) == 1 else None
     if length is None:
         return model
@@ -510,9 +509,7 @@ def predict(
         known |= {name: getattr(given.conditions, name) for name in names}
         check_pressure(given.conditions.inflation_pressure_Pa)
         strain = [
-            c.surface
-            for c in given.channels.values()
-            if c.kind in ("fbg_strain", "strain") and c.surface
+            c.surface for c in given.channels.values() if c.kind in STRAIN_KINDS and c.surface
         ]
         surface = surface or (strain[0] if strain else None)
     conditions = Conditions.of(

@@ -21,21 +21,8 @@ from tirelog.data.plausibility import doubt_of_key, doubt_of_radius
 from tirelog.errors import SetupError, nearest
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.vocabulary import units
+from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 
-#: kind -> (quantities that its unit may have, SI unit, unit where the setup names none)
-KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "fbg_strain": (("length",), "", "nm"),
-    "fbg_temperature": (("length",), "K", "nm"),
-    "strain": (("strain",), "", "strain"),
-    "radial_acceleration": (("acceleration",), "m/s^2", "m/s^2"),
-    "wheel_encoder": (("voltage", "number", "angle"), "", "1"),
-    "vehicle_speed": (("speed",), "m/s", "m/s"),
-    "longitudinal_acceleration": (("acceleration",), "m/s^2", "m/s^2"),
-    "temperature": (("temperature",), "K", "K"),
-    "inflation_pressure": (("pressure",), "Pa", "Pa"),
-    "vertical_load": (("force",), "N", "N"),
-    "longitudinal_force": (("force",), "N", "N"),
-}
 SURFACES = ("outer", "inner")
 ROADS = ("flat", "step", "cleat", "sine", "profile")
 
@@ -118,7 +105,7 @@ class ChannelSetup:
 
     @property
     def source_unit(self) -> str:
-        return self.unit or KINDS[self.kind][2]
+        return self.unit or KINDS[self.kind].source_unit
 
 
 @dataclass(frozen=True)
@@ -282,10 +269,10 @@ def _channel(name: str, data: Any, source: _Source, names: list[str]) -> Channel
             table,
         )
     try:
-        units.to_si(channel.source_unit, *KINDS[channel.kind][0])
+        units.to_si(channel.source_unit, *KINDS[channel.kind].quantities)
     except SetupError as problem:
         raise source.error(problem.message, table, "unit") from None
-    if channel.kind.startswith("fbg_") and channel.reference_wavelength_nm is None:
+    if channel.kind in WAVELENGTH_KINDS and channel.reference_wavelength_nm is None:
         raise source.error(
             "no reference_wavelength_nm; a grating needs its wavelength at rest in nm; add it",
             table,

@@ -31,7 +31,7 @@ import h5py
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
-from tirelog.data.setup import KINDS, ChannelSetup, Setup, parse_setup
+from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
@@ -56,6 +56,7 @@ from tirelog.runs.store_checks import (
 from tirelog.storage.documents import LARGEST_BYTES
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import KINDS
 
 FORMAT_VERSION = 2
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a
@@ -302,7 +303,7 @@ def _with_units(setup: Setup, file: h5py.File) -> Setup:
         about = walk(file, f"channels/{name}")
         if text_in(about, "kind") == channel.kind:
             unit = text_in(about, "source_unit")
-            units.to_si(unit, *KINDS[channel.kind][0])
+            units.to_si(unit, *KINDS[channel.kind].quantities)
             channels[name] = replace(channel, unit=unit)
     return replace(setup, channels=channels)
 
@@ -341,7 +342,7 @@ def _channel(
     return Channel(
         name,
         channel.kind,
-        KINDS[channel.kind][1],
+        KINDS[channel.kind].unit,
         axis,
         samples,
         channel.surface or "outer",

@@ -26,12 +26,12 @@ from tirelog.strain.passages.surface import passages_of
 from tirelog.strain.speed_radius import calibrate_radius
 from tirelog.tables.writer import quality_column
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 #: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank;
 #: half of it would blank those of a wheel that is about to stand, twice as much would keep what no
 #: reader can use
 LEAST_ERROR_M_S = 1.0
-STRAIN_KINDS = ("fbg_strain", "strain")
 
 
 def speed_words(passages: Passages) -> tuple[frozenset[str], ...]:

@@ -28,6 +28,7 @@ from tirelog.readers.mcap.walk import Table
 from tirelog.readers.rates import RATES, rate_Hz
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 
 #: pairs of fields (seconds, nanoseconds) that hold a stamp, in the order in which they are looked
 #: for
@@ -45,7 +46,6 @@ STAMPS = tuple(
 ONE_CLOCK_NS = 3_600_000_000_000
 #: more decimals than this are the digits of a binary number
 MOST_DECIMALS = 9
-WAVELENGTHS = ("fbg_strain", "fbg_temperature")
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ class Topic:
                 values[:, k] = column.values
             else:
                 values[spread(starts, own), k] = column.values
-            if self.setup.channels[group.group.channels[k]].kind in WAVELENGTHS:
+            if self.setup.channels[group.group.channels[k]].kind in WAVELENGTH_KINDS:
                 values[~(values[:, k] > 0.0), k] = np.nan
         within = (
             spread(np.zeros(keys.size, np.int64), lengths)

@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording, TimeAxis
-from tirelog.data.setup import KINDS, parse_setup
+from tirelog.data.setup import parse_setup
 from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, Sensor
 from tirelog.simulation.sensors.sampling import PER_SI
 from tirelog.simulation.simulate import Simulated
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import KINDS
 
 #: keys of a channel's setup that are the simulator's own, by kind
 _CHANNEL_KEYS = {
@@ -125,7 +126,7 @@ def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
             sensor.kind,
             values,
             axis,
-            unit=KINDS[sensor.kind][1],
+            unit=KINDS[sensor.kind].unit,
             surface=sensor.surface,
             settings=settings,
         )
