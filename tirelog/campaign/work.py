@@ -174,10 +174,11 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
     from tirelog.campaign.pieces_file import pieces_bytes
     from tirelog.inference.cells.gathering import pieces_of_all
     from tirelog.inference.measured import measured
-    from tirelog.inference.stacks.cut import KINDS
+    from tirelog.vocabulary.observables import OBSERVABLES
 
     for observable in task.observables:
-        if not recording.of_kind(*KINDS.get(observable, ())):
+        known = OBSERVABLES.get(observable)
+        if known is None or not recording.of_kind(*known.kinds):
             entry.pieces[observable] = f"no channel for {observable}"
             continue
         try:

@@ -10,6 +10,7 @@ import typer
 
 from tirelog.cli.common import Format, Logs, ModelFile, Output, Quiet, Session, SetupFile, say
 from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.observables import WAVEFORMS, waveform_of
 
 if TYPE_CHECKING:
     from tirelog.data.setup import Setup
@@ -132,11 +133,7 @@ def check_pressure(pressure_Pa: float | None) -> None:
 def _measured(setup: Setup | None) -> str:
     """The waveform that a setup's channels measure: radial acceleration where no channel is strain."""
     kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
-    return (
-        "radial_acceleration"
-        if "radial_acceleration" in kinds and not kinds & set(STRAIN_KINDS)
-        else "strain"
-    )
+    return waveform_of(kinds)
 
 
 def _invented(model: Model, given: dict[str, float]) -> list[str]:
@@ -309,7 +306,6 @@ def fit(
     from tirelog.cli.targets import refuse_unwritable
     from tirelog.diagnosis.obstacles.learn import learn
     from tirelog.inference.motion import motion_names
-    from tirelog.physics.carcass.numbers import WAVEFORMS
 
     refuse_unwritable(output)
     start = _load(model, effects)
@@ -390,9 +386,7 @@ def _observable(recordings: list[Any], name: str | None, model: Model) -> str:
     kinds = {
         recording.channels[name].kind for recording in recordings if name in recording.channels
     }
-    if model.observable in ("strain", "radial_acceleration") and kinds:
-        return "radial_acceleration" if kinds == {"radial_acceleration"} else "strain"
-    return model.observable
+    return waveform_of(kinds) if model.observable in WAVEFORMS and kinds else model.observable
 
 
 def _drivable(

@@ -23,18 +23,10 @@ from tirelog.inference.cells.gathering import pieces_of_logs
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.floor import Plain, scatter_columns
 from tirelog.inference.motion import held
-from tirelog.physics.carcass.numbers import SCALARS
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES, STRAIN
 
-UNITS = {
-    "strain": "1",
-    "radial_acceleration": "m/s^2",
-    "patch_length": "m",
-    "dissipation_factor": "1/m",
-    "phase_shift": "rad",
-    "patch_width": "rad",
-}
 _SHOWN = 4
 _MAP_ROWS = 24
 
@@ -86,10 +78,10 @@ def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
         base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum())
         + base.floor.within
     )
-    waveform = base.model.observable not in SCALARS
+    waveform = OBSERVABLES[base.model.observable].waveform
     return Comparison(
         observable=base.model.observable,
-        unit=UNITS[base.model.observable],
+        unit=OBSERVABLES[base.model.observable].unit,
         model=base.model,
         rmse=float(np.sqrt(max(base.square_fit, 0.0))),
         rmse_heldout=base.rmse_held,
@@ -131,7 +123,7 @@ def remarks_of(base: Base) -> list[str]:
     measured = np.nanmean(base.cells.values, axis=0)
     expected = np.nanmean(base.fit.prediction, axis=0)
     good = np.isfinite(measured) & np.isfinite(expected)
-    if good.sum() > 8 and base.model.observable == "strain":
+    if good.sum() > 8 and base.model.observable == STRAIN:
         skew = float(np.mean((measured[good] - measured[good].mean()) ** 3))
         wanted = "inner" if skew > 0 else "outer"
         if wanted != base.cells.surface:

@@ -24,7 +24,7 @@ import numpy as np
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.assessment import Assessed
-from tirelog.diagnosis.compare import UNITS, Measured, comparison_of, single_revolutions, start
+from tirelog.diagnosis.compare import Measured, comparison_of, single_revolutions, start
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import (
     Step,
@@ -45,6 +45,7 @@ from tirelog.diagnosis.wording import next_command, sentence_of, unexplained_sen
 from tirelog.inference.base import Base, settled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import OBSERVABLES
 
 #: shares of the excess that the selected effects must remove
 EXPLAINED = 0.9
@@ -250,7 +251,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
         "scatter": scatter,
         "observable": before.model.observable,
-        "unit": UNITS[before.model.observable],
+        "unit": OBSERVABLES[before.model.observable].unit,
         "chi2": before.reduced_chi2,
         "groups": groups,
         "unexplained": unexplained,

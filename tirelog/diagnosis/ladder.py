@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.compare import UNITS, Measured, measured_pieces, remarks_of, start
+from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.diagnose import EXPLAINED, Found, Progress, search
 from tirelog.diagnosis.naming import Step
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
@@ -29,6 +29,7 @@ from tirelog.inference.floor import Plain, at_mean_speed
 from tirelog.inference.metric.projection import Normal, solve_scaled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import OBSERVABLES
 
 #: every so many manoeuvres one is locked away, if at least so many remain
 _LOCK_EVERY = 7
@@ -55,7 +56,7 @@ def ladder(
     kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
     return Ladder(
         observable=model.observable,
-        unit=UNITS[model.observable],
+        unit=OBSERVABLES[model.observable].unit,
         steps=tuple(_steps(found)),
         model=after.model,
         verdict=_verdict(found),

@@ -23,8 +23,8 @@ import numpy as np
 
 from tirelog.data.recording import Stack
 from tirelog.errors import ModelError
-from tirelog.physics.carcass.numbers import SCALARS, WAVEFORMS
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import SCALARS, WAVEFORMS
 
 #: Nuisances of each revolution that can be taken out.
 NUISANCES = ("offset", "amplitude", "shift")

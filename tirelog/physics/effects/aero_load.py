@@ -5,6 +5,7 @@ from __future__ import annotations
 from tirelog.physics.effects.base import Drive, Effect, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES
 
 
 def _load(v: Values, drive: Drive) -> FloatArray:
@@ -23,13 +24,6 @@ EFFECT = Effect(
     source="P4 IV",
     valid="the wheel stays on the road",
     signature="even; the waveform grows and widens with speed squared",
-    observables=(
-        "strain",
-        "radial_acceleration",
-        "patch_length",
-        "dissipation_factor",
-        "patch_width",
-        "phase_shift",
-    ),
+    observables=tuple(OBSERVABLES),
     load=_load,
 )

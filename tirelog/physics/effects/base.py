@@ -17,6 +17,7 @@ from tirelog.errors import ModelError
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import ComplexArray, grid_angles, wave_numbers
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES, computed_from
 
 Values = Mapping[str, float]
 #: The 9.81 in the forms "a acceleration/9.81" of the catalogue: a scale by convention, not gravity
@@ -27,27 +28,29 @@ CATALOGUE_G_M_S2 = 9.81
 ACTS_ON = (
     "load", "contact_pressure", "structure", "baseline", "sensor", "regressors", "foundation_stiffness", "strain", "radial_acceleration",
 )  # fmt: skip
-_WAVES = ("strain", "radial_acceleration", "dissipation_factor")
-_PRESSURE, _ALL = (
-    ("contact_pressure", _WAVES),
-    (*_WAVES, "patch_length", "phase_shift", "patch_width"),
-)
-#: Hook -> (the stage it enters, the observables that are computed from that stage).
-REACH: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "load": ("load", _ALL),
-    "added_load": ("load", _ALL),
+_LOAD, _PRESSURE = ("load", "load"), ("contact_pressure", "contact_pressure")
+#: Observables of the tire alone; those with regressors of their own an effect has to ask for.
+WITHOUT_REGRESSORS = tuple(name for name in OBSERVABLES if name not in computed_from("regressors"))
+#: Hook -> (the stage it enters in a model file's words, what of it an observable `reads`).
+ENTERS: Mapping[str, tuple[str, str]] = {
+    "load": _LOAD,
+    "added_load": _LOAD,
     "pressure": _PRESSURE,
     "tilt": _PRESSURE,
     "kernel": _PRESSURE,
     "traction": _PRESSURE,
-    "structure": ("structure (foundation_stiffness)", _WAVES),
-    "transfer": ("sensor", _WAVES),
-    "gain": ("sensor", _WAVES),
-    "lever": ("sensor", ("strain", "dissipation_factor")),
-    "baseline": ("baseline", ("strain",)),
-    "strain": ("strain", ("strain",)),
-    "acceleration": ("radial_acceleration", ("radial_acceleration",)),
-    "regressor": ("regressors", ("phase_shift", "patch_width")),
+    "structure": ("structure (foundation_stiffness)", "structure"),
+    "transfer": ("sensor", "sensor"),
+    "gain": ("sensor", "sensor"),
+    "lever": ("sensor", "lever_arm"),
+    "baseline": ("baseline", "baseline"),
+    "strain": ("strain", "strain"),
+    "acceleration": ("radial_acceleration", "radial_acceleration"),
+    "regressor": ("regressors", "regressors"),
+}
+#: Hook -> (the stage it enters, the observables that are computed from that stage).
+REACH: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    hook: (stage, computed_from(read)) for hook, (stage, read) in ENTERS.items()
 }
 
 
@@ -185,12 +188,7 @@ class Effect:
     also_at_zero: tuple[str, ...] = ()
     instead: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    observables: tuple[str, ...] = (
-        "strain",
-        "radial_acceleration",
-        "patch_length",
-        "dissipation_factor",
-    )
+    observables: tuple[str, ...] = WITHOUT_REGRESSORS
     load: DriveHook | None = None
     added_load: DriveHook | None = None
     tilt: DriveHook | None = None

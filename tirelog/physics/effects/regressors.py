@@ -11,8 +11,9 @@ import numpy as np
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import computed_from
 
-_BOTH = ("phase_shift", "patch_width")
+_BOTH = computed_from("regressors")
 _PHASE = ("phase_shift",)
 #: Inflation pressure [Pa] that the regressor `inflation` counts from (P4: 2.0 bar nominal).
 NOMINAL_PRESSURE_PA = 2.0e5

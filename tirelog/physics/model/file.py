@@ -19,7 +19,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from tirelog.errors import ModelError, nearest
-from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, OBSERVABLES, carcass_parameters
+from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import COUPLED_STANDS, Model
@@ -31,6 +31,7 @@ from tirelog.physics.model.user_effects import (
 from tirelog.physics.parameters import Parameter
 from tirelog.storage.documents import LARGEST_BYTES, toml_tables, toml_text
 from tirelog.storage.whole import whole_file
+from tirelog.vocabulary.observables import OBSERVABLES
 
 _NUMBER_KEYS = ("value", "min", "max", "se", "fixed")
 
@@ -96,7 +97,7 @@ def parse(
         )
     _only(head, ("observable", "carcass", "contact"), source, "[model]")
     carcass = _word(head, "carcass", CARCASSES, None, source)
-    observable = _word(head, "observable", OBSERVABLES, None, source)
+    observable = _word(head, "observable", tuple(OBSERVABLES), None, source)
     contact = _contact(head, numbers, carcass, source)
     known = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
     base = _base(numbers, known, source)

@@ -15,7 +15,6 @@ from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import (
     CARCASSES,
     CONTACTS,
-    OBSERVABLES,
     carcass_parameters,
     steady_carcass,
 )
@@ -24,6 +23,7 @@ from tirelog.physics.effects.base import acting_on
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.parameters import Parameter
+from tirelog.vocabulary.observables import OBSERVABLES
 
 COUPLED_STANDS = (
     'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
@@ -65,7 +65,7 @@ class Model(Predicting):
         A ring stands on a flat road unless `contact` says otherwise.
         """
         _one_of("carcass", carcass, CARCASSES)
-        _one_of("observable", observable, OBSERVABLES)
+        _one_of("observable", observable, tuple(OBSERVABLES))
         contact = contact or ("prescribed" if carcass == "beam" else "flat_road")
         _one_of("contact", contact, CONTACTS)
         if carcass == "beam" and contact == "flat_road":

@@ -17,13 +17,14 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
-from tirelog.physics.carcass.numbers import SCALARS, steady_carcass
+from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import Drive
 from tirelog.physics.model.scalars import scalar
 from tirelog.physics.model.stages import hub_forces, loaded_site, waveform
 from tirelog.physics.model.task import Active, Task
 from tirelog.physics.spectral import MODES, Angles
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import SCALARS
 
 if TYPE_CHECKING:
     from tirelog.physics.model.entry import ModelEffect

@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ModelError, TirelogError, nearest
-from tirelog.physics.carcass.numbers import OBSERVABLES
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
 from tirelog.physics.model.expression import FUNCTIONS, Expression, parse
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import grid_angles, to_modes
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES
 
 ENTRY_POINTS = "tirelog.effects"
 #: name in an expression -> field of the conditions
@@ -87,7 +87,7 @@ def effect_by_expression(
         source="the model file",
         valid="as its author says",
         signature="as its author says",
-        observables=OBSERVABLES,
+        observables=tuple(OBSERVABLES),
         needs=tuple(CONDITIONS[n] for n in sorted(formula.names & set(CONDITIONS)) if n != "speed"),
         **_hook(acts_on, formula),
     ).checked()
