@@ -483,6 +483,7 @@ def predict(
 
     from tirelog.data.recording import Conditions
     from tirelog.errors import UsageError
+    from tirelog.vocabulary.conditions import SETUP_KEYS
 
     if speed < 0 or not np.isfinite(speed):
         raise UsageError(
@@ -499,8 +500,7 @@ def predict(
         "slip": slip,
     }
     if given is not None:
-        names = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
-        known |= {name: getattr(given.conditions, name) for name in names}
+        known |= {name: getattr(given.conditions, name) for name in SETUP_KEYS}
         check_pressure(given.conditions.inflation_pressure_Pa)
         strain = [
             c.surface for c in given.channels.values() if c.kind in STRAIN_KINDS and c.surface

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.conditions import ConditionValues
 
 #: Samples a block, for whoever reads a channel piece by piece (1 MB of float64).
 BLOCK_SAMPLES = 1 << 17
@@ -212,24 +213,8 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Conditions:
-    """What a revolution was driven under, one value a revolution: each field shape (n,), SI, NaN
-    where it is not known.
-
-    `speed_m_s` holds at the patch centre; `acceleration_m_s2` is constant over the revolution;
-    `time_s` counts from the start of the log; `temperature_K` is the change against the channel's
-    reference, from a temperature channel; `slip` is positive in braking.
-    """
-
-    speed_m_s: FloatArray
-    acceleration_m_s2: FloatArray
-    time_s: FloatArray
-    temperature_K: FloatArray
-    load_N: FloatArray
-    inflation_pressure_Pa: FloatArray
-    distance_km: FloatArray
-    water_depth_mm: FloatArray
-    slip: FloatArray
+class Conditions(ConditionValues):
+    """What revolutions were driven under: of each condition of the register an array (n,)."""
 
     @classmethod
     def of(cls, n: int, **values: Any) -> Conditions:

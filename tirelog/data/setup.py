@@ -13,14 +13,15 @@ import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, make_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tirelog.data.plausibility import doubt_of_key, doubt_of_radius
 from tirelog.errors import SetupError, nearest
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.vocabulary import units
+from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 
 SURFACES = ("outer", "inner")
@@ -71,14 +72,26 @@ class Tire:
         return self.section_height_m * self.width_m
 
 
-@dataclass(frozen=True)
-class LogConditions:
-    """[conditions]: constant over the log, None where not given."""
+if TYPE_CHECKING:
 
-    load_N: float | None = _number(0.0, 1e6)
-    inflation_pressure_Pa: float | None = _number(0.0, 1e8)
-    distance_km: float | None = _number(0.0, 1e7, above=False)
-    water_depth_mm: float | None = _number(0.0, 1e3, above=False)
+    class _ConditionKeys:
+        def __getattr__(self, key: str) -> float | None: ...
+
+else:
+    _ConditionKeys = make_dataclass(
+        "_ConditionKeys",
+        [
+            (name, "float | None", _number(key.low, key.high, above=not key.from_low))
+            for name, key in SETUP_KEYS.items()
+        ],
+        frozen=True,
+    )
+
+
+@dataclass(frozen=True)
+class LogConditions(_ConditionKeys):
+    """[conditions]: constant over the log; the register's keys, None for what is not given."""
+
     driven: bool | None = None
 
 

@@ -25,6 +25,7 @@ from tirelog.inference.floor import Plain, scatter_columns
 from tirelog.inference.motion import held
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import OBSERVABLES, STRAIN
 
 _SHOWN = 4
@@ -236,10 +237,9 @@ def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
 
 def _log_conditions(base: Base, cell: int) -> dict[str, Any]:
     c = base.cells.conditions
-    fields = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
     rows = base.cells.log == base.cells.log[cell]
     return {"log": base.cells.logs[base.cells.log[cell]]} | {
-        name: float(np.mean(getattr(c, name)[rows])) for name in fields
+        name: float(np.mean(getattr(c, name)[rows])) for name in SETUP_KEYS
     }
 
 

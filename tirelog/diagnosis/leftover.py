@@ -32,6 +32,7 @@ from tirelog.inference.floor import held_out_losses, load_derivative
 from tirelog.inference.metric.offsets import Nuisance
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS
 
 #: exponents of speed that are tested, and those that describe what was found
 EXPONENTS = (0.0, 1.0, 2.0)
@@ -66,6 +67,9 @@ _TOGETHER = 0.98
 _ONE_SHAPE = 0.5
 _FOLLOWS = 0.5
 _FOLLOWS_SIGMAS = 3.0
+#: a remainder is looked at over powers of the speed, and over the size of what has a sign
+SPEED = CONDITIONS["speed_m_s"].symbol
+_SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
 
 
 @dataclass(frozen=True)
@@ -126,8 +130,7 @@ def scattered(base: Base, floor_square: float) -> Scattered:
     least = max(_FOLLOWS, _FOLLOWS_SIGMAS / np.sqrt(max(cells.manoeuvres - 1, 1)))
     for factor, values in factors.items():
         mean = (
-            np.bincount(cells.manoeuvre, np.abs(values) if factor == "acceleration" else values)
-            / number
+            np.bincount(cells.manoeuvre, np.abs(values) if factor in _SIGNED else values) / number
         )
         if np.ptp(mean) > 0.0:
             rank = float(np.corrcoef(_ranks(size), _ranks(mean))[0, 1])
@@ -144,20 +147,15 @@ def _ranks(x: FloatArray) -> FloatArray:
 def _factors(base: Base) -> dict[str, FloatArray]:
     """What a cell is driven under, (C,) each, by name; what does not vary is left out."""
     c = base.cells.conditions
-    result = {f"speed^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
-    for name, values in (
-        ("acceleration", c.acceleration_m_s2),
-        ("time", c.time_s),
-        ("load", c.load_N),
-        ("pressure", c.inflation_pressure_Pa),
-        ("temperature", c.temperature_K),
-        ("distance", c.distance_km),
-        ("water", c.water_depth_mm),
-    ):
+    result = {f"{SPEED}^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
+    for name, condition in CONDITIONS.items():
+        values = getattr(c, name)
+        if condition.symbol == SPEED:
+            continue  # by its powers, above
         if np.isfinite(values).all() and np.ptp(values) > 1e-3 * np.abs(values).max():
-            result[name] = (values - (values.mean() if name != "acceleration" else 0.0)) / np.abs(
-                values
-            ).max()
+            result[condition.symbol] = (
+                values - (0.0 if condition.signed else values.mean())
+            ) / np.abs(values).max()
     logs = np.unique(base.cells.log)
     for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
         result[f"log {number}"] = (base.cells.log == number) - float(
@@ -187,12 +185,12 @@ def _alike(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
     any of them.
     """
     mine = factors[name]
-    if name.startswith("speed") or np.ptp(mine) == 0.0:
+    if name.startswith(SPEED) or np.ptp(mine) == 0.0:
         return ()
     others = [
         n
         for n, x in factors.items()
-        if n != name and not n.startswith(("speed", "log ")) and np.ptp(x) > 0.0
+        if n != name and not n.startswith((SPEED, "log ")) and np.ptp(x) > 0.0
     ]
     return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
 
@@ -249,7 +247,7 @@ def describe(base: Base) -> Leftover:
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
     free = _shapes(base)
     exponent, in_pressure = (
-        _exponent(base, taken, residual, free) if name.startswith("speed") else (None, False)
+        _exponent(base, taken, residual, free) if name.startswith(SPEED) else (None, False)
     )
     if cells.phi.shape[1] == 1:
         return Leftover(

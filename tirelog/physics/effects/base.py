@@ -17,6 +17,7 @@ from tirelog.errors import ModelError
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import ComplexArray, grid_angles, wave_numbers
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import ConditionValues
 from tirelog.vocabulary.observables import OBSERVABLES, computed_from
 
 Values = Mapping[str, float]
@@ -60,20 +61,10 @@ def acting_on(observable: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(ConditionValues):
     """The conditions as columns: each (n, 1), or (1, 1) where all revolutions share the value; NaN
     where it is not known.
     """
-
-    speed_m_s: FloatArray
-    acceleration_m_s2: FloatArray
-    time_s: FloatArray
-    temperature_K: FloatArray
-    load_N: FloatArray
-    inflation_pressure_Pa: FloatArray
-    distance_km: FloatArray
-    water_depth_mm: FloatArray
-    slip: FloatArray
 
     @classmethod
     def of(cls, conditions: Conditions) -> Drive:

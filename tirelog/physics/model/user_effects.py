@@ -29,20 +29,13 @@ from tirelog.physics.effects.base import Values
 from tirelog.physics.model.expression import FUNCTIONS, Expression, parse
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import grid_angles, to_modes
+from tirelog.vocabulary import conditions
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import OBSERVABLES
 
 ENTRY_POINTS = "tirelog.effects"
 #: name in an expression -> field of the conditions
-CONDITIONS = {
-    "speed": "speed_m_s",
-    "acceleration": "acceleration_m_s2",
-    "time": "time_s",
-    "temperature": "temperature_K",
-    "pressure": "inflation_pressure_Pa",
-    "distance": "distance_km",
-    "water": "water_depth_mm",
-}
+CONDITIONS = {c.symbol: c.field for c in conditions.CONDITIONS.values() if c.in_expressions}
 PLACES = ("xi", "phi", "L", "R", "load")
 EXPRESSION_ACTS_ON = (
     "contact_pressure",
