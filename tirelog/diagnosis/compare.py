@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.leftover import half_angle
 from tirelog.diagnosis.results import Comparison, Map, Tables, Waveforms, excess_of
+from tirelog.diagnosis.validity import out_of_range
 from tirelog.errors import UsageError
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import cells_of
@@ -142,7 +143,7 @@ def remarks_of(base: Base) -> list[str]:
             said.append(
                 f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it"
             )
-    return said
+    return said + out_of_range(base)
 
 
 def _running_time(base: Base) -> FloatArray:

@@ -41,6 +41,7 @@ from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.unvaried import not_varied
+from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, sentence_of, unexplained_sentence
 from tirelog.inference.base import Base, settled
 from tirelog.physics.effects import Effect
@@ -237,6 +238,9 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         if (said := not_varied(before.cells.conditions, candidate_effects(before.model)))
         else []
     )
+    if selected:
+        left_before = out_of_range(before)
+        notes += [f"{said}." for said in out_of_range(after) if said not in left_before]
     ranked = {c.effect for c in ranking}
     reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items() if k not in ranked}
     scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None

@@ -20,6 +20,7 @@ from tirelog.diagnosis.diagnose import EXPLAINED, Found, Progress, search
 from tirelog.diagnosis.naming import Step
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES
+from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
 from tirelog.inference.base import Base
 from tirelog.inference.cells.cells import cells_of
@@ -71,6 +72,7 @@ def ladder(
         manoeuvres_locked=kept_back,
         remarks=(
             *remarks_of(found.before),
+            *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
             *([_said(base.cells.manoeuvres, kept_back)] if kept_back else []),
         ),
     )

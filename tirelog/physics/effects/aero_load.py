@@ -15,7 +15,7 @@ def _load(v: Values, drive: Drive) -> FloatArray:
 EFFECT = Effect(
     id="aero_load",
     mechanism="load follows speed squared, and the patch length follows the load",
-    follows="speed^2",
+    follows=(("speed_m_s", 2),),
     acts_on=("load",),
     parameters=(
         Parameter("coefficient", "1", "a in F (1 + a (v/30)^2)", 0.0, -0.9, 2.0, probe=0.05),

@@ -7,17 +7,18 @@ for all revolutions; modes (n or 1, K).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, nearest
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import ComplexArray, grid_angles, wave_numbers
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.conditions import ConditionValues
+from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
 from tirelog.vocabulary.observables import OBSERVABLES, computed_from
 
 Values = Mapping[str, float]
@@ -138,6 +139,8 @@ class Structure:
         )
 
 
+#: what an effect follows: (condition's field, power), ...
+Follows = tuple[tuple[str, float], ...]
 #: (values, drive) -> column; (values, drive, site) -> column or modes.
 DriveHook = Callable[[Values, Drive], FloatArray]
 SiteHook = Callable[[Values, Drive, Site], "FloatArray | ComplexArray"]
@@ -147,7 +150,9 @@ SiteHook = Callable[[Values, Drive, Site], "FloatArray | ComplexArray"]
 class Effect:
     """One physical mechanism.
 
-    id, mechanism, follows     as in the catalogue
+    id, mechanism              as in the catalogue
+    follows                    the conditions by which it grows, each (field, power of it), ()
+                               for none; a text ("speed^2, water depth") is read as such
     acts_on                    the stages it enters
     parameters                 numbers with unit, bounds, start; `strength` names those that are all
                                zero when it is off
@@ -157,6 +162,8 @@ class Effect:
     instead                    a field of `needs` -> another that serves as well
     options                    words a model file may choose from, the first by default
     source, valid, signature   where it comes from, where it holds, what it looks like in a waveform
+    valid_range                what of `valid` is a number: condition's field or parameter ->
+                               (lowest, highest), in its unit; comparisons remark when it is left
     hooks                      load: relative change of F; added_load [N]; pressure: modes to add
                                [N/m]; tilt: a in p (1 - a xi/L); kernel: transfer of a convolution
                                of p; traction: modes of tau [N/m] and its lever [m]; structure;
@@ -168,13 +175,14 @@ class Effect:
 
     id: str
     mechanism: str
-    follows: str
+    follows: Follows | str
     acts_on: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     strength: tuple[str, ...]
     source: str
     valid: str
     signature: str
+    valid_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     needs: tuple[str, ...] = ()
     also_at_zero: tuple[str, ...] = ()
     instead: Mapping[str, str] = field(default_factory=dict)
@@ -194,6 +202,31 @@ class Effect:
     strain: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
     acceleration: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
     regressor: Callable[[Values, Drive, Site, str], FloatArray] | None = None
+
+    @property
+    def followed(self) -> Follows:
+        """The conditions that it follows as (field, power), also those that a text names."""
+        return _named_in(self.follows) if isinstance(self.follows, str) else self.follows
+
+    @property
+    def follows_said(self) -> str:
+        """What it follows, in words: `speed^2, water depth`, `nothing`."""
+        if isinstance(self.follows, str):
+            return self.follows or "nothing"
+        fields_ = [name for name, _ in self.follows]
+        parts = []
+        for name, power in self.follows:
+            other = CONDITIONS.get(self.instead.get(name, ""))
+            parts.append(
+                CONDITIONS[name].word
+                + ("" if power == 1 else f"^{power:g}")
+                + (
+                    f" ({other.word}, where it is measured)"
+                    if other is not None and other.field not in fields_
+                    else ""
+                )
+            )
+        return ", ".join(parts) or "nothing"
 
     @property
     def reaches(self) -> tuple[str, ...]:
@@ -237,4 +270,46 @@ class Effect:
             )
         for parameter in self.parameters:
             parameter.checked(f"{self.id}.{parameter.name}")
+        self._refuse_unknown_conditions(names)
         return self
+
+    def _refuse_unknown_conditions(self, parameters: list[str]) -> None:
+        """ModelError where `follows` or `valid_range` is no data that a comparison could use."""
+        try:
+            followed = [name for name, power in self.followed if np.isfinite(float(power))]
+            ranges = {
+                name: (float(low), float(high)) for name, (low, high) in self.valid_range.items()
+            }
+        except (AttributeError, TypeError, ValueError):
+            raise ModelError(
+                f"effect {self.id}: follows {self.follows!r}, valid_range {self.valid_range!r}; "
+                'allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a pair '
+                '(lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}; correct the effect'
+            ) from None
+        for names, known in (
+            (followed, [*CONDITIONS]),
+            (ranges, [*CONDITIONS, *parameters]),
+        ):
+            for name in names:
+                if name not in known:
+                    raise ModelError(
+                        f"effect {self.id}: {name!r} is no condition{nearest(str(name), known)}; "
+                        f"allowed are {', '.join(known)}; correct the effect"
+                    )
+        for name, (low, high) in ranges.items():
+            if not low <= high:
+                raise ModelError(
+                    f"effect {self.id}: valid_range of {name} is from {low:g} to {high:g}; "
+                    "allowed is (lowest, highest); correct the effect"
+                )
+
+
+def _named_in(text: str) -> Follows:
+    """The conditions that a text such as `speed^2, water depth` names; other words are left."""
+    found = []
+    for part in text.split(","):
+        name, _, power = part.partition("^")
+        condition = condition_named(name)
+        if condition is not None and re.fullmatch(r"\s*(\d+(\.\d*)?)?\s*", power):
+            found.append((condition.field, float(power) if power.strip() else 1.0))
+    return tuple(found)

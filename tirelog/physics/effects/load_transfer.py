@@ -15,7 +15,7 @@ def _load(v: Values, drive: Drive) -> FloatArray:
 EFFECT = Effect(
     id="load_transfer",
     mechanism="load follows the longitudinal acceleration, and the patch length follows the load",
-    follows="acceleration",
+    follows=(("acceleration_m_s2", 1),),
     acts_on=("load",),
     parameters=(
         Parameter(

@@ -73,7 +73,7 @@ def effect_by_expression(
     return Effect(
         id=name,
         mechanism=f"by expression: {expression}",
-        follows=", ".join(sorted(formula.names & set(CONDITIONS))) or "nothing",
+        follows=tuple((CONDITIONS[n], 1.0) for n in sorted(formula.names & set(CONDITIONS))),
         acts_on=(_STAGE.get(acts_on, acts_on),),
         parameters=parameters,
         strength=_strength(formula, parameters),
