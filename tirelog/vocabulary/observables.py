@@ -89,7 +89,7 @@ _ALL = (
         ACCELERATION_KINDS,
         False,
         ("load", "regressors"),
-        "wheel angle by which the patch runs ahead of its place at zero force (P4)",
+        "wheel angle at the middle of the patch against its zero, growing in the direction of rolling",
     ),
     Observable(
         "patch_width",
