@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tirelog.physics.model.user_effects import effects_of_file
+
 ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^<!-- (\S+), (?:new|before `([^`]+)`) -->\n```\w+\n(.*?)^```$", re.M | re.S)
 
@@ -117,6 +119,15 @@ def test_a_condition_with_its_effect_and_an_observable_are_three_files_each(
         check=False,
     )
     assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_the_readme_s_own_effect_is_read(tmp_path: Path) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    [code] = re.findall(r"^```python\n(from tirelog\.physics import.*?)^```$", text, re.M | re.S)
+    (tmp_path / "mine.py").write_text(code)
+    [effect] = effects_of_file(tmp_path / "mine.py").values()
+    assert effect.follows_said == "speed"
+    assert effect.valid_range == {"speed_m_s": (0.0, 40.0)}
 
 
 def test_reference_pages_are_what_the_registers_give() -> None:

@@ -22,7 +22,8 @@ def out_of_range(base: Base) -> list[str]:
         effect, values = entry.effect, entry.values(flat)
         if not effect.is_on(values, carcass):
             continue
-        for name, (low, high) in effect.valid_range.items():
+        for name, bounds in effect.valid_range.items():
+            low, high = float(bounds[0]), float(bounds[1])
             condition = CONDITIONS.get(name)
             if condition is None:
                 unit = next(p.unit for p in entry.parameters if p.name == name)

@@ -206,23 +206,24 @@ class Effect:
     @property
     def followed(self) -> Follows:
         """The conditions that it follows as (field, power), also those that a text names."""
-        return _named_in(self.follows) if isinstance(self.follows, str) else self.follows
+        if isinstance(self.follows, str):
+            return _named_in(self.follows)
+        return tuple((name, float(power)) for name, power in self.follows)
 
     @property
     def follows_said(self) -> str:
         """What it follows, in words: `speed^2, water depth`, `nothing`."""
         if isinstance(self.follows, str):
             return self.follows or "nothing"
-        fields_ = [name for name, _ in self.follows]
-        parts = []
-        for name, power in self.follows:
+        followed, parts = dict(self.followed), []
+        for name, power in followed.items():
             other = CONDITIONS.get(self.instead.get(name, ""))
             parts.append(
                 CONDITIONS[name].word
                 + ("" if power == 1 else f"^{power:g}")
                 + (
                     f" ({other.word}, where it is measured)"
-                    if other is not None and other.field not in fields_
+                    if other is not None and other.field not in followed
                     else ""
                 )
             )
@@ -276,7 +277,7 @@ class Effect:
     def _refuse_unknown_conditions(self, parameters: list[str]) -> None:
         """ModelError where `follows` or `valid_range` is no data that a comparison could use."""
         try:
-            followed = [name for name, power in self.followed if np.isfinite(float(power))]
+            followed = dict(self.followed)
             ranges = {
                 name: (float(low), float(high)) for name, (low, high) in self.valid_range.items()
             }
@@ -286,16 +287,21 @@ class Effect:
                 'allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a pair '
                 '(lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}; correct the effect'
             ) from None
-        for names, known in (
-            (followed, [*CONDITIONS]),
-            (ranges, [*CONDITIONS, *parameters]),
+        for names, known, what in (
+            (followed, [*CONDITIONS], "condition"),
+            (ranges, [*CONDITIONS, *parameters], "condition or parameter"),
         ):
             for name in names:
                 if name not in known:
                     raise ModelError(
-                        f"effect {self.id}: {name!r} is no condition{nearest(str(name), known)}; "
+                        f"effect {self.id}: {name!r} is no {what}{nearest(str(name), known)}; "
                         f"allowed are {', '.join(known)}; correct the effect"
                     )
+        if not np.isfinite(list(followed.values())).all():
+            raise ModelError(
+                f"effect {self.id}: follows {self.follows!r}; allowed are finite powers; "
+                "correct the effect"
+            )
         for name, (low, high) in ranges.items():
             if not low <= high:
                 raise ModelError(
