@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test bench lint hidden fuzz
+.PHONY: demo test bench lint hidden fuzz docs
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -37,3 +37,7 @@ lint: .venv/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# reference pages and README tables, from the registers of the package
+docs: .venv/.dev
+	$(BIN)/python docs/generate.py

@@ -108,7 +108,7 @@ def test_a_condition_with_its_effect_and_an_observable_are_three_files_each(
     assert len(follow("condition.md", tmp_path)) == 3
     assert len(follow("observable.md", tmp_path)) == 3
     script = USED.replace("FOLDER", repr(str(tmp_path))).replace(
-        "DOCS", repr(str(ROOT / "docs" / "registers.py"))
+        "DOCS", repr(str(ROOT / "docs" / "generate.py"))
     )
     done = subprocess.run(
         [sys.executable, "-c", script],
@@ -131,8 +131,8 @@ def test_the_readme_s_own_effect_is_read(tmp_path: Path) -> None:
 
 
 def test_reference_pages_are_what_the_registers_give() -> None:
-    """`python docs/registers.py` renews them."""
-    pages = runpy.run_path(str(ROOT / "docs" / "registers.py"))["pages"]()
+    """`make docs` renews them."""
+    pages = runpy.run_path(str(ROOT / "docs" / "generate.py"))["made"]()
     assert len(pages) == 5
     for path, text in pages.items():
         assert path.read_text(encoding="utf-8") == text, path

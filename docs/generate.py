@@ -1,14 +1,15 @@
-"""Reference pages and the README's tables, made from the registers of the package.
+"""Reference pages and README tables from the registers of the package.
 
-python docs/registers.py            writes them
-python docs/registers.py --check    status 1 if one is not what the registers give
+    python docs/generate.py             writes them (also: make docs)
+    tests/data/test_howtos.py           the committed ones are what the registers give
+
+`PAGES` are whole files; a section of README.md stands between two comments that name it.
 """
 
 from __future__ import annotations
 
 import re
-import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from tirelog.physics.effects import CATALOGUE, Effect
@@ -17,16 +18,14 @@ from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
 from tirelog.vocabulary.units import UNITS
 
-ROOT = Path(__file__).parents[1]
-MADE = "Made by `python docs/registers.py` from `{}`; change that file, not this page.\n"
+ROOT = Path(__file__).resolve().parents[1]
+NOTE = "<!-- made by `make docs` from {}; change that file -->"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of Markdown."""
+    """A Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
-    return "".join(
-        f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |\n" for line in lines
-    )
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def words(names: Iterable[str]) -> str:
@@ -58,8 +57,8 @@ def kinds_page() -> str:
         )
     return "\n".join(
         [
+            NOTE.format("tirelog/vocabulary/kinds.py"),
             "# Kinds of channel\n",
-            MADE.format("tirelog/vocabulary/kinds.py"),
             "`kind` and `unit` of a channel in a setup. Inside, everything is SI.\n",
             table(
                 (
@@ -71,7 +70,8 @@ def kinds_page() -> str:
                     "observables and conditions that it gives",
                 ),
                 rows,
-            ),
+            )
+            + "\n",
         ]
     )
 
@@ -100,8 +100,8 @@ def conditions_page() -> str:
         )
     return "\n".join(
         [
+            NOTE.format("tirelog/vocabulary/conditions.py"),
             "# Conditions\n",
-            MADE.format("tirelog/vocabulary/conditions.py"),
             "What a revolution is driven under. A channel that measures a condition goes before "
             "the setup's constant; speed,\nacceleration and time come from the passages of the "
             "patch. A condition that nothing gives is not known, and an\neffect that needs it is "
@@ -117,7 +117,8 @@ def conditions_page() -> str:
                     "effects that follow it",
                 ),
                 rows,
-            ),
+            )
+            + "\n",
         ]
     )
 
@@ -138,41 +139,45 @@ def observables_page() -> str:
     ]
     return "\n".join(
         [
+            NOTE.format("tirelog/vocabulary/observables.py"),
             "# Observables\n",
-            MADE.format("tirelog/vocabulary/observables.py"),
             "What a model predicts (`observable` in a model file) and a log measures. A new one: "
             "[howto/observable.md](howto/observable.md).\n",
             table(
                 ("observable", "what it is", "form", "unit", "shown in", "measured by", "effects"),
                 rows,
-            ),
+            )
+            + "\n",
         ]
     )
 
 
 def effects_page() -> str:
     """docs/effects.md."""
-    return "\n".join(
-        [
-            "# Effects of the catalogue\n",
-            MADE.format("tirelog/physics/effects/"),
-            "A new one: [howto/effect.md](howto/effect.md). `compare`, `diagnose` and `ladder` "
-            "remark when a range is left.\n",
-            table(
-                ("effect", "mechanism", "follows", "acts on", "valid for"),
-                [
-                    (
-                        f"[`{e.id}`](#{e.id})",
-                        e.mechanism,
-                        e.follows_said,
-                        ", ".join(e.acts_on),
-                        "; ".join(ranges(e)),
-                    )
-                    for e in CATALOGUE
-                ],
-            ),
-            *(effect_section(effect) for effect in CATALOGUE),
-        ]
+    return (
+        "\n".join(
+            [
+                NOTE.format("tirelog/physics/effects/"),
+                "# Effects of the catalogue\n",
+                "A new one: [howto/effect.md](howto/effect.md). `compare`, `diagnose` and `ladder` "
+                "remark when a range is left.\n",
+                table(
+                    ("effect", "mechanism", "follows", "acts on", "valid for"),
+                    [
+                        (
+                            f"[`{e.id}`](#{e.id})",
+                            e.mechanism,
+                            e.follows_said,
+                            ", ".join(e.acts_on),
+                            "; ".join(ranges(e)),
+                        )
+                        for e in CATALOGUE
+                    ],
+                ),
+                *(effect_section(effect) for effect in CATALOGUE),
+            ]
+        )
+        + "\n"
     )
 
 
@@ -198,7 +203,7 @@ def effect_section(effect: Effect) -> str:
     ]
     return "\n".join(
         [
-            f"## {effect.id}\n",
+            f"\n## {effect.id}\n",
             f"{effect.mechanism[0].upper()}{effect.mechanism[1:]}.\n",
             "".join(f"* {name}: {said}\n" for name, said in facts),
             table(
@@ -218,69 +223,66 @@ def effect_section(effect: Effect) -> str:
     )
 
 
-def readme_tables() -> dict[str, str]:
-    """The README's tables by the name in their marks."""
-    keys = [c for c in CONDITIONS.values() if c.setup is not None or c.kinds]
-    return {
-        "kinds": table(
-            ("kind", "what it is", "unit if none is named"),
-            [(f"`{k.name}`", k.meaning, k.source_unit) for k in KINDS.values()],
-        ),
-        "conditions": table(
-            ("condition", "what it is", "key of `[conditions]`", "or a channel of kind"),
-            [
-                (
-                    c.name,
-                    f"{c.meaning} [{c.unit}]",
-                    f"`{c.field}`" if c.setup is not None else "",
-                    words(c.kinds),
-                )
-                for c in keys
-            ],
-        ),
-        "observables": table(
-            ("`--observable`", "what it is", "unit", "measured by channels of kind"),
-            [(f"`{o.name}`", o.meaning, o.unit, words(o.kinds)) for o in OBSERVABLES.values()],
-        ),
-    }
+def kinds_section() -> str:
+    """Kinds of channel, as README.md shows them."""
+    return table(
+        ("kind", "what it is", "unit if none is named"),
+        [(f"`{kind.name}`", kind.meaning, kind.source_unit) for kind in KINDS.values()],
+    )
+
+
+def conditions_section() -> str:
+    """Conditions that a setup or a channel gives, as README.md shows them."""
+    rows = [
+        (
+            c.name,
+            f"{c.meaning} [{c.unit}]",
+            f"`{c.field}`" if c.setup is not None else "",
+            words(c.kinds),
+        )
+        for c in CONDITIONS.values()
+        if c.setup is not None or c.kinds
+    ]
+    head = ("condition", "what it is", "key of `[conditions]`", "or a channel of kind")
+    return table(head, rows)
+
+
+def observables_section() -> str:
+    """What a model predicts, as README.md shows it."""
+    rows = [(f"`{o.name}`", o.meaning, o.unit, words(o.kinds)) for o in OBSERVABLES.values()]
+    return table(("`--observable`", "what it is", "unit", "measured by channels of kind"), rows)
+
+
+PAGES: Mapping[str, Callable[[], str]] = {
+    "docs/channel_kinds.md": kinds_page,
+    "docs/conditions.md": conditions_page,
+    "docs/observables.md": observables_page,
+    "docs/effects.md": effects_page,
+}
+README_SECTIONS: Mapping[str, Callable[[], str]] = {
+    "channel kinds": kinds_section,
+    "conditions": conditions_section,
+    "observables": observables_section,
+}
 
 
 def readme(text: str) -> str:
-    """The README with its tables as the registers give them."""
-    for name, made in readme_tables().items():
-        begin, end = f"<!-- {name}: docs/registers.py -->\n", f"<!-- end of {name} -->"
-        marked = re.compile(re.escape(begin) + ".*?" + re.escape(end), re.DOTALL)
-        if len(marked.findall(text)) != 1:
-            raise ValueError(f"the README has not one place for the table of {name}")
-        text = marked.sub(lambda _, made=f"{begin}{made}{end}": made, text)  # type: ignore[misc]
+    """README.md with each of its sections as the registers give it."""
+    for name, made in README_SECTIONS.items():
+        begin, end = f"<!-- {name}: made by `make docs` -->\n", f"\n<!-- end of {name} -->"
+        if len(re.findall(f"{re.escape(begin)}.*?{re.escape(end)}", text, re.S)) != 1:
+            raise SystemExit(f"README.md: not one section {name!r} between its two comments")
+        before, rest = text.split(begin)
+        text = before + begin + made() + end + rest.split(end)[1]
     return text
 
 
-def pages() -> dict[Path, str]:
-    """Every file that is made, with what it should say."""
-    return {
-        ROOT / "docs" / "channel_kinds.md": kinds_page(),
-        ROOT / "docs" / "conditions.md": conditions_page(),
-        ROOT / "docs" / "observables.md": observables_page(),
-        ROOT / "docs" / "effects.md": effects_page(),
-        ROOT / "README.md": readme((ROOT / "README.md").read_text(encoding="utf-8")),
-    }
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Write what differs, or only say it."""
-    other = [
-        path
-        for path, text in pages().items()
-        if not path.exists() or path.read_text(encoding="utf-8") != text
-    ]
-    if "--check" not in arguments:
-        made = pages()
-        for path in other:
-            path.write_text(made[path], encoding="utf-8")
-    sys.stdout.writelines(f"{path.relative_to(ROOT)}\n" for path in other)
-    return 1 if other and "--check" in arguments else 0
+def made() -> dict[Path, str]:
+    """Every file that is made, with its text."""
+    page = ROOT / "README.md"
+    return {ROOT / name: text() for name, text in PAGES.items()} | {page: readme(page.read_text())}
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    for path, text in made().items():
+        path.write_text(text)
