@@ -24,7 +24,7 @@ def test_revolutions_outside_are_counted() -> None:
     model = Model.new("beam", "phase_shift").with_effect("speed_trend", linear_rad=0.01)
     speed = np.array([8.0, 10.0, 25.0, 30.0])
     assert remarks(model, (5, 30, 38, 7), speed_m_s=speed) == [
-        "speed_trend is valid for a speed of 10 to 25 m/s; 12 of 80 revolutions are outside, by "
+        "speed_trend is valid for speed from 10 to 25 m/s; 12 of 80 revolutions are outside, by "
         "the means of like ones"
     ]
     assert remarks(model, (5, 7), speed_m_s=np.array([10.0, 25.0])) == []
@@ -38,13 +38,13 @@ def test_what_is_off_or_not_known_leaves_no_range() -> None:
     assert remarks(worn, (5, 5), speed_m_s=speed) == []
     said = remarks(worn, (5, 5), speed_m_s=speed, distance_km=np.array([1e3, 5e4]))
     assert len(said) == 1
-    assert said[0].startswith("wear is valid for a tread distance of 0 to 40000 km; 5 of 10")
+    assert said[0].startswith("wear is valid for tread distance from 0 to 40000 km; 5 of 10")
 
 
 def test_a_parameter_outside_is_said() -> None:
     model = Model.new("beam").with_effect("hysteresis", loss_factor=0.7)
     assert remarks(model, (5,), speed_m_s=10.0) == [
-        "hysteresis is valid for a loss_factor of 0 to 0.5; it stands at 0.7"
+        "hysteresis is valid for loss_factor from 0 to 0.5; it stands at 0.7"
     ]
     mild = model.with_values({"hysteresis.loss_factor": 0.5})
     assert remarks(mild, (5,), speed_m_s=10.0) == []

@@ -29,7 +29,7 @@ def out_of_range(base: Base) -> list[str]:
                 unit = next(p.unit for p in entry.parameters if p.name == name)
                 if not low <= values[name] <= high:
                     said.append(
-                        f"{effect.id} is valid for a {name} {_range(low, high, unit)}; "
+                        f"{effect.id} is valid for {name} {_range(low, high, unit)}; "
                         f"it stands at {values[name]:.4g}"
                     )
                 continue
@@ -37,7 +37,7 @@ def out_of_range(base: Base) -> list[str]:
             outside = int(cells.revolutions[(x < low) | (x > high)].sum())
             if outside:
                 said.append(
-                    f"{effect.id} is valid for a {condition.name} "
+                    f"{effect.id} is valid for {condition.name} "
                     f"{_range(low, high, condition.unit)}; {outside} of "
                     f"{int(cells.revolutions.sum())} revolutions are outside, by the means of like "
                     "ones"
@@ -46,8 +46,8 @@ def out_of_range(base: Base) -> list[str]:
 
 
 def _range(low: float, high: float, unit: str) -> str:
-    """`of 2 to 40 m/s`, or one bound where there is no other."""
+    """`from 2 to 40 m/s`, or one bound where there is no other."""
     after = "" if unit == "1" else f" {unit}"
-    if np.isinf(high):
-        return f"of {low:g}{after} or more"
-    return f"up to {high:g}{after}" if np.isinf(low) else f"of {low:g} to {high:g}{after}"
+    upper = "" if np.isinf(high) else f"to {high:g}{after}"
+    lower = "" if np.isinf(low) else f"from {low:g}" + ("" if upper else after)
+    return f"{lower} {upper}".strip() if lower else f"up {upper}"
