@@ -74,8 +74,7 @@ def main() -> None:
         rms = np.sqrt(np.mean(np.square(rows), axis=0))
         print(
             f"{noise:g} g at {SPEED_M_S:g} m/s: shift {rms[0]:.4f} degree rms (bound "
-            f"{noise * shift:.4f}), "
-            f"width {rms[1]:.4f} (bound {noise * width:.4f}), "
+            f"{noise * shift:.4f}), width {rms[1]:.4f} (bound {noise * width:.4f}), "
             f"{100 * np.mean(rows, axis=0)[2]:.1f} % of the passages"
         )
 

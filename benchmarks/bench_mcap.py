@@ -160,8 +160,7 @@ def main() -> None:
                 ratio = best[0] / theirs
                 print(
                     f"{name:9} {width:3} values a message: library {theirs * width / 1e6:6.2f} "
-                    "Mvalues/s, "
-                    f"tirelog {best[0] * width / 1e6:6.2f}, ratio {ratio:5.1f} "
+                    f"Mvalues/s, tirelog {best[0] * width / 1e6:6.2f}, ratio {ratio:5.1f} "
                     f"({'meets' if ratio >= GOAL else 'BELOW'} {GOAL:g})"
                 )
 

@@ -66,8 +66,9 @@ def stack_of(truth: Model, n: int, noise: float = 2e-6) -> Stack:
     ) / np.sqrt(count)
     labels = np.zeros(n, np.int64)
     return Stack(
-        "strain", "strain_1", "outer", 0.3126, values, grid, phi, variance, count, np.full(n, noise), drive, labels, labels,
-        np.arange(n), np.full(n, "cruise"), ("simulated",),
+        "strain", "strain_1", "outer", 0.3126, values, grid, phi, variance, count,
+        np.full(n, noise), drive, labels, labels, np.arange(n), np.full(n, "cruise"),
+        ("simulated",),
     )  # fmt: skip
 
 

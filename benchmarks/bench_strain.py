@@ -148,8 +148,7 @@ def main() -> None:
     ended = time.process_time()
     print(
         f"10 min of one grating, {len(passages)} passages: found {found - begun:.2f} s cpu, "
-        f"footprint {fitted - found:.2f} s, "
-        f"dissipation {ended - fitted:.2f} s"
+        f"footprint {fitted - found:.2f} s, dissipation {ended - fitted:.2f} s"
     )
 
 

@@ -1,8 +1,8 @@
 """Scenarios by a few arguments: cases with planted effects, for self-tests, tutorials and
 benchmarks.
 
-    effects, strengths, form, seed, plan, truth --> case(...) --> one Scenario a log, ready for
-    `simulate`
+    effects, strengths, form, seed, plan, truth --> case(...)
+        --> one Scenario a log, ready for `simulate`
 
 A case is what a test engineer would drive to learn something: two to four logs of about a minute,
 each under its own load, tread age and water depth, with cruises at several speeds, drive, coast and

@@ -1,9 +1,8 @@
 """The self-test of `diagnose`: effects planted by `simulate`, verdicts counted (`make hidden`).
 
-    python -m benchmarks.hidden [--kinds null,single,...] [--seeds 1000:1010] [--jobs 2] [-o results.csv]   one
-        row a case, as it is done
-    python -m benchmarks.hidden --summary results.csv                                                     rates
-        with Wilson intervals
+    python -m benchmarks.hidden [--kinds null,single,...] [--seeds 1000:1010] [--jobs 2]
+                                [-o results.csv]            one row per case, as it is done
+    python -m benchmarks.hidden --summary results.csv       rates with Wilson intervals
 
 Seeds below 1000 are for choosing thresholds, from 1000 on for reporting; a case is three logs of a
 minute (two for `null2`, `scatter`).
@@ -266,10 +265,12 @@ def summary(rows: list[dict[str, str]]) -> Iterator[str]:
     )
     other = [r for r in of["other"] if float(r["excess_over_floor"]) >= 2.0]
     yield rate("form somewhat wrong, excess >= 2 floors: the name is in it", other, in_set)
+    found = ("missing", "partial", "ambiguous")
     yield rate(
-        "form somewhat wrong: same name, missing or partial (or a set), no second", other,
-        lambda r: in_set(r) and len(named(r)) == 1 and r["verdict"] in ("missing", "partial", "ambiguous"),
-    )  # fmt: skip
+        "form somewhat wrong: same name, missing or partial (or a set), no second",
+        other,
+        lambda r: in_set(r) and len(named(r)) == 1 and r["verdict"] in found,
+    )
     yield rate("pairs: both named (sets count)", of["pair"], _both)
     yield rate("pairs: nothing else named", of["pair"], lambda r: len(named(r)) <= 2 and _both(r))
     yield rate(

@@ -1,7 +1,7 @@
 """Scenarios of a wheel with encoder and in-tire accelerometer (P4), by a few arguments.
 
-    plan, driven or not, pressure, planted effects, seed --> wheel_scenario(...) --> Scenario, ready
-    for `simulate`
+    plan, driven or not, pressure, planted effects, seed --> wheel_scenario(...)
+        --> Scenario, ready for `simulate`
 
 The truth of every passage has the phase shift (wind-up by the longitudinal force, what is planted
 of trend and cross-talk) and the patch width of the load. A telemetry delay moves the acceleration

@@ -18,13 +18,17 @@ UNKNOWN = ["unknown_1.csv.gz", "unknown_2.csv.gz"]
 
 #: what `diagnose` says of the unknown logs, "behind the exit edge, ringing at 140 Hz, fixed in
 #: time", as a formula of one's own
-OWN_EFFECT = """
+OWN_EFFECT = r'''
 [[effects]]
 name = "ring_down"
 acts_on = "strain"
-expression = "A * (speed / 20) * exp(-abs(xi - L) / speed * rate) * sin(2 * pi * f * (xi - L) / speed) * (xi > L)"
-parameters = { A = { value = 1e-5, min = -1e-3, max = 1e-3 }, rate = { value = 50.0, min = 1.0, max = 500.0 }, f = { value = 140.0, min = 50.0, max = 300.0 } }
-"""
+expression = """\
+    A * (speed / 20) * exp(-abs(xi - L) / speed * rate) \
+    * sin(2 * pi * f * (xi - L) / speed) * (xi > L)"""
+parameters.A = { value = 1e-5, min = -1e-3, max = 1e-3 }
+parameters.rate = { value = 50.0, min = 1.0, max = 500.0 }
+parameters.f = { value = 140.0, min = 50.0, max = 300.0 }
+'''
 
 
 def title(text: str) -> None:

@@ -56,7 +56,7 @@ def printable(text: str) -> str:
 
 
 def _escaped(letter: str) -> str:
-    """What stands for a letter that no terminal should get; a byte of a file's name as that byte."""
+    """What stands for a letter that no terminal should get; a byte of a file name as that byte."""
     if "\udc80" <= letter <= "\udcff":
         return f"\\x{ord(letter) - 0xDC00:02x}"
     return letter.encode("unicode_escape", "surrogatepass").decode("ascii")
@@ -89,7 +89,7 @@ class SetupError(TirelogError):
 
 
 class ModelError(TirelogError):
-    """A model file, an effect or a parameter that cannot be used; or a fit that did not converge."""
+    """A model file, effect or parameter that cannot be used, or a fit that did not converge."""
 
 
 class OutputError(TirelogError):

@@ -1,5 +1,6 @@
-"""The tables by name, for whoever makes several of them from one open recording: `tables`,
-campaigns and the report.
+"""The tables by name, from one open recording.
+
+For whoever makes several of them: `tables`, campaigns and the report.
 
     recording, {name: options} --tables_of--> (name, columns, remarks), channel by channel
 

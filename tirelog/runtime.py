@@ -4,7 +4,7 @@ A loop over samples that the benchmark shows to matter is compiled by numba, onc
 
     @compiled
     def kernel(samples, ...): ...        plain Python on numpy arrays and scalars; called like any
-    function
+                                         function
 
 The compiled code is cached beside the source, or in the user's cache folder where the installation
 cannot be written (NUMBA_CACHE_DIR moves it), so that only the very first call on a machine waits

@@ -266,7 +266,7 @@ def _other_numbers(text: str, rng: Rng) -> str:
 
 
 def damage_hdf5(path: Path, rng: Rng) -> None:
-    """One or two damages of objects, sizes, types and attributes, through the library; or of bytes."""
+    """One or two damages of objects, sizes, types and attributes by the library, or of bytes."""
     if rng.random() < 0.4:
         path.write_bytes(damaged_bytes(path.read_bytes(), rng))
         return

@@ -93,9 +93,9 @@ def started(arguments: list[str], folder: Path) -> subprocess.Popen[bytes]:
         "PYTHONPATH": str(Path(__file__).parents[2]),
     }
     return subprocess.Popen(
-        [sys.executable, "-m", "tirelog", *arguments],
-        preexec_fn=_default_signals,
-        cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
+        [sys.executable, "-m", "tirelog", *arguments], preexec_fn=_default_signals, cwd=folder,
+        env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL, start_new_session=True,
     )  # fmt: skip
 
 

@@ -33,8 +33,7 @@ def waited_for(event: Callable[[], bool]) -> bool:
     return True
 
 
-# ---- what a worker does instead of `make_tables`
-# ---------------------------------------------------
+# ---- what a worker does instead of `make_tables` -------------------------------------------------
 
 
 def patient(task: Task) -> Entry:
@@ -75,8 +74,7 @@ def dying_once(task: Task) -> Entry:
     raise AssertionError("killed")
 
 
-# ---- the campaign
-# ----------------------------------------------------------------------------------
+# ---- the campaign --------------------------------------------------------------------------------
 
 _PROGRAM = """
 import sys
@@ -129,8 +127,7 @@ def killed_in_the_midst(manifest: Path, tickets: int, later_s: float, gate: Path
         del os.environ[_GATE]
 
 
-# ---- processes by their number
-# ---------------------------------------------------------------------
+# ---- processes by their number -------------------------------------------------------------------
 
 
 def children(pid: int) -> dict[int, str]:

@@ -1,4 +1,4 @@
-"""Property: a campaign's result depends on bytes, setups, options and version, and on nothing else."""
+"""Property: a campaign's result depends on bytes, setups, options and version alone."""
 
 import json
 import signal
@@ -100,11 +100,15 @@ def test_killed_at_any_moment_and_resumed(tmp_path: Path) -> None:
 
 
 def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
+    program = (
+        "from tirelog.campaign.folder import folder_at; import sys\n"
+        "with folder_at(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()"
+    )
     holder = subprocess.Popen(
-        [sys.executable, "-c", "from tirelog.campaign.folder import folder_at; import sys\n"
-         "with folder_at(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()", str(tmp_path / "results")],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-    )  # fmt: skip
+        [sys.executable, "-c", program, str(tmp_path / "results")],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
     assert holder.stdout is not None
     assert holder.stdout.readline() == b"held\n"
     assert call("campaign", "run", manifest, "--quiet") == 2

@@ -113,7 +113,8 @@ def test_killed_and_resumed(far: tuple[Path, Path, str], tmp_path: Path) -> None
 
 
 def test_one_run_at_a_time_and_a_lock_that_ends_with_its_heart(
-    bucket: str, monkeypatch: pytest.MonkeyPatch  # noqa: F811
+    bucket: str,  # noqa: F811
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     root = f"{bucket}/locked"
     first, second = RemoteFolder(root), RemoteFolder(root)

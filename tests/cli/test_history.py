@@ -51,7 +51,8 @@ def test_every_step_of_every_ladder(model: Path, tirelog: Command) -> None:
         )
     )
     assert [(r["climbed"][:7], r["step"], r["effect"], r["p_adjusted"]) for r in rows] == [
-        ("2026-01", "0", "base", ""), ("2026-01", "1", "wear", "0.001"), ("2026-02", "0", "base", ""),
+        ("2026-01", "0", "base", ""), ("2026-01", "1", "wear", "0.001"),
+        ("2026-02", "0", "base", ""),
     ]  # fmt: skip
     assert "wear" in tirelog("model", "show", model, "--history").out
 

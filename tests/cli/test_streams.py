@@ -68,7 +68,8 @@ def test_a_signal_sweeps_as_an_interrupt_does(folder: Path, how: signal.Signals)
     (folder / "tmp").mkdir()
     process = subprocess.Popen(
         [sys.executable, "-m", "tirelog", "speed", "-", "--setup", "log.toml", "-o", "t.csv"],
-        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env={**os.environ, "TMPDIR": str(folder / "tmp")},
+        stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(folder / "tmp")},
     )  # fmt: skip
     assert process.stdin is not None
     process.stdin.write((HEADER + "\n".join(pulse_rows(20.0)) + "\n").encode())

@@ -236,6 +236,7 @@ def test_a_log_that_gives_no_piece_has_revolutions_without_one():
 def test_a_channel_of_another_kind_is_refused(cleat):
     with pytest.raises(
         Exception,
-        match=r"channel strain_1 is of the kind fbg_strain, the model predicts radial_acceleration; .* allowed",
+        match=r"channel strain_1 is of the kind fbg_strain, "
+        r"the model predicts radial_acceleration; .* allowed",
     ):
         measured([cleat], "radial_acceleration", "strain_1")

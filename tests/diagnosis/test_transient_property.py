@@ -19,8 +19,10 @@ from tirelog.inference.stacks.align import WheelAngle
 from tirelog.physics import Model
 
 RATE, SPIN, NOISE = 2500.0, 50.0, 1e-6
-MODEL = Model.new("coupled_ring", load_N=3434.0, radius_m=0.305, inflation_pressure_Pa=2.2e5, width_m=0.14, lever_arm_m=3e-4,
-                  radial_damping_N_s_m2=150.0, tangential_damping_N_s_m2=150.0)  # fmt: skip
+MODEL = Model.new(
+    "coupled_ring", load_N=3434.0, radius_m=0.305, inflation_pressure_Pa=2.2e5, width_m=0.14,
+    lever_arm_m=3e-4, radial_damping_N_s_m2=150.0, tangential_damping_N_s_m2=150.0,
+)  # fmt: skip
 ROAD = RoadSetup(kind="cleat", height_m=0.006, length_m=0.04)
 
 
@@ -51,9 +53,10 @@ def noiseless(hit_s: float, phase: float = 0.7) -> TransientLog:
     conditions = Conditions.of(passages.size, speed_m_s=0.305 * SPIN, load_N=3434.0)
     conditions = replace(conditions, time_s=passages)
     flat = TransientLog(
-        "made.csv", "groove", "outer", "strain", 0.305, ROAD, "", conditions, time, np.zeros(time.size), passages,
-        np.arange(passages.size) * 1.0,
-        WheelAngle.through(passages), CubicSpline([0.0, 1.0], [0.0, 0.0]), SPIN, np.ones(time.size, bool), np.array([hit_s]), RATE,
+        "made.csv", "groove", "outer", "strain", 0.305, ROAD, "", conditions, time,
+        np.zeros(time.size), passages, np.arange(passages.size) * 1.0, WheelAngle.through(passages),
+        CubicSpline([0.0, 1.0], [0.0, 0.0]), SPIN, np.ones(time.size, bool), np.array([hit_s]),
+        RATE,
     )  # fmt: skip
     transient, reached = motion_at(flat, MODEL, hit_s, 0.5)
     motion, when = transient.motion, time - hit_s + reached
@@ -126,8 +129,11 @@ def recording(values: np.ndarray, road: RoadSetup) -> tuple[Recording, Channel, 
         np.zeros((n, m)),
         replace(Conditions.of(n, speed_m_s=0.305 * SPIN, load_N=3434.0), time_s=passages),
     )
-    stack = Stack("strain", "groove", "outer", 0.305, empty, np.zeros(m), empty, empty, empty.astype(int), np.ones(n), conditions,
-                  np.zeros(n, int), np.zeros(n, int), np.arange(n), np.array(["cruise"] * n), ("made.csv",))  # fmt: skip
+    stack = Stack(
+        "strain", "groove", "outer", 0.305, empty, np.zeros(m), empty, empty, empty.astype(int),
+        np.ones(n), conditions, np.zeros(n, int), np.zeros(n, int), np.arange(n),
+        np.array(["cruise"] * n), ("made.csv",),
+    )  # fmt: skip
     return Recording("made.csv", {"groove": channel}, Setup(road=road)), channel, stack
 
 

@@ -1,8 +1,8 @@
 """P4's own way to the wheel's speed, kept as a reference: frequency trackers on short windows of
 the encoder's sinusoid.
 
-    samples (n,) --windows of one low-pass length--> tracker --> angular frequency (w,) [rad/s] at
-    the windows' middles
+    samples (n,) --windows of one low-pass length--> tracker
+        --> angular frequency (w,) [rad/s] at the windows' middles
 
 P4 section IV A mixes the technique of Quinn and Fernandes (its [17]) with a closed-form
 notch-filter estimate (its [20]), on windows that amount to a low-pass at 20 Hz. Both know the

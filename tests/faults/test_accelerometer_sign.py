@@ -72,7 +72,8 @@ def test_an_accelerometer_without_its_level_is_refused(recording, how):
     read, values = recording
     with pytest.raises(
         UsageError,
-        match=r"outside the patch \(median\) and a turning sensor reads -v\^2/R = -.*; allowed is 30 % off",
+        match=r"outside the patch \(median\) and a turning sensor reads -v\^2/R = -.*; "
+        "allowed is 30 % off",
     ):
         measured([with_values(read, AC[how](values))], "radial_acceleration")
 

@@ -1,4 +1,4 @@
-"""Faults: files of tables, written by users and other programs, that go further than any of ours."""
+"""Faults: files of tables by users and other programs that go further than any of ours."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Faults: clocks and values beyond all reason make no warning of numpy, and no number that is none."""
+"""Faults: clocks and values beyond all reason make no numpy warning and no false number."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Faults: runs with a flipped bit, runs made by somebody else, and recordings read after their end."""
+"""Faults: runs with a flipped bit, runs of somebody else, recordings read after their end."""
 
 import random
 import zlib

@@ -2,8 +2,9 @@
 
 A golden that is missing fails; one changes on purpose only:
 
-    cd sample_data; tirelog speed drive.csv.gz -o /tmp/now.csv; tirelog check /tmp/now.csv --against
-    ../tests/golden/speed.csv --bless
+    cd sample_data
+    tirelog speed drive.csv.gz -o /tmp/now.csv
+    tirelog check /tmp/now.csv --against ../tests/golden/speed.csv --bless
 
 and the change then stands in CHANGELOG.md under "Numbers changed".
 """

@@ -69,7 +69,7 @@ def test_fig_19_at_45_km_h():
 
 @pytest.mark.parametrize(("km_h", "grows_mm"), [(13.5, 1.4), (45.0, 4.7), (80.0, 9.1)])
 def test_a_400_hz_low_pass_lengthens_the_second_derivative_s_footprint(km_h, grows_mm):
-    """Errata, for 2 L = 100 mm at 2.5 kHz; the order of the filter is not given, so within a fifth."""
+    """Errata, for 2 L = 100 mm at 2.5 kHz; within a fifth, as no order of the filter is given."""
     d2, _ = read_off(km_h / 3.6, 400.0, half_length=0.05)
     assert 1e3 * d2 - 100.0 == pytest.approx(grows_mm, rel=0.2)
 

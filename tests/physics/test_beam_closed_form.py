@@ -23,8 +23,9 @@ def strain(speed, damping, surface="inner"):
 
 def exact(speed, damping, derivative, x=R * PHI):
     return exact_displacement(
-        x, load_N=F, half_length_m=L, circumference_m=2 * np.pi * R, flexural_stiffness_N_m2=EJ, foundation_stiffness_N_m2=K,
-        line_mass_kg_m=MU, speed_m_s=speed, damping_rate_1_s=damping, derivative=derivative,
+        x, load_N=F, half_length_m=L, circumference_m=2 * np.pi * R, flexural_stiffness_N_m2=EJ,
+        foundation_stiffness_N_m2=K, line_mass_kg_m=MU, speed_m_s=speed, damping_rate_1_s=damping,
+        derivative=derivative,
     )  # fmt: skip
 
 

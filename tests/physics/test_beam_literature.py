@@ -15,8 +15,9 @@ ONE = np.array([[1.0]])
 
 def table_1(**more):
     values = {
-        "flexural_stiffness_N_m2": EJ, "foundation_stiffness_N_m2": K, "line_mass_kg_m": MU, "patch_half_length_m": L, "lever_arm_m": H / 2,
-        "load_N": M, "reference_load_N": M, "radius_m": R,
+        "flexural_stiffness_N_m2": EJ, "foundation_stiffness_N_m2": K, "line_mass_kg_m": MU,
+        "patch_half_length_m": L, "lever_arm_m": H / 2, "load_N": M, "reference_load_N": M,
+        "radius_m": R,
     }  # fmt: skip
     return Model.new("beam", **{**values, **more})
 
@@ -138,8 +139,9 @@ def exact_point_load(s, alpha, beta):
     w_0 = 1 at 8 N.
     """
     return exact_displacement(
-        -s, load_N=8.0, half_length_m=1e-3, circumference_m=200.0, flexural_stiffness_N_m2=1.0, foundation_stiffness_N_m2=4.0,
-        line_mass_kg_m=1.0, speed_m_s=2 * alpha, damping_rate_1_s=2 * beta,
+        -s, load_N=8.0, half_length_m=1e-3, circumference_m=200.0, flexural_stiffness_N_m2=1.0,
+        foundation_stiffness_N_m2=4.0, line_mass_kg_m=1.0, speed_m_s=2 * alpha,
+        damping_rate_1_s=2 * beta,
     )  # fmt: skip
 
 

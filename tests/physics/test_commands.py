@@ -100,9 +100,9 @@ def test_predict_gives_the_contracts_columns(here):
         == 0
     )
     header, *lines = (here / "w.csv").read_text().splitlines()
-    assert (
-        header
-        == "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m,shear_traction_N_m"
+    assert header == (
+        "xi_m,phi_deg,displacement_m,strain,radial_acceleration_m_s2,contact_pressure_N_m,"
+        "shear_traction_N_m"
     )
     table = np.array([[float(x) for x in line.split(",")] for line in lines])
     assert np.all(np.diff(table[:, 1]) > 0)
@@ -112,9 +112,17 @@ def test_predict_gives_the_contracts_columns(here):
 
 
 @pytest.mark.parametrize(
-    "option", [["--speed", "-5"], ["--speed", "nan"], ["--speed", "300"], ["--speed", "9", "--acceleration", "inf"],
-               ["--speed", "9", "--time", "-1"], ["--speed", "9", "--temperature", "2000"], ["--speed", "9", "--slip", "1.5"]]
-)  # fmt: skip
+    "option",
+    [
+        ["--speed", "-5"],
+        ["--speed", "nan"],
+        ["--speed", "300"],
+        ["--speed", "9", "--acceleration", "inf"],
+        ["--speed", "9", "--time", "-1"],
+        ["--speed", "9", "--temperature", "2000"],
+        ["--speed", "9", "--slip", "1.5"],
+    ],
+)
 def test_conditions_that_no_tire_is_driven_under_are_refused(here, capsys, option):
     run(["model", "new", "--setup", "s.toml", "-o", "b.toml", "--quiet"])
     assert run(["model", "predict", "b.toml", *option, "-o", "w.csv"]) == 2

@@ -31,8 +31,9 @@ def test_the_loaded_ring_touches_the_road_and_nowhere_passes_it():
     load = 2500.0
     contact = solve_contact(CARCASS, load)
     model = Model.new(
-        "ring", flexural_stiffness_N_m2=2.0, radial_stiffness_N_m2=6.3e5, tangential_stiffness_N_m2=6.3e5, inflation_pressure_Pa=1.2e5,
-        width_m=0.14, radius_m=R, load_N=load,
+        "ring", flexural_stiffness_N_m2=2.0, radial_stiffness_N_m2=6.3e5,
+        tangential_stiffness_N_m2=6.3e5, inflation_pressure_Pa=1.2e5, width_m=0.14, radius_m=R,
+        load_N=load,
     )  # fmt: skip
     phi = np.arange(-400, 401) * STEP
     w = -model.predict(Conditions.of(1, speed_m_s=1.0), phi, observable="displacement")[0]

@@ -64,8 +64,9 @@ def test_without_a_road_it_is_one_steady_revolution(folder, capsys):
 def test_a_cleat(folder, capsys):
     passed = table(capsys, *CLEAT, "--sensor", "90", "--sensor", "180")
     assert list(passed) == [
-        "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg", "hub_displacement_m", "road_vertical_N",
-        "road_longitudinal_N", "spindle_vertical_N", "spindle_longitudinal_N", "strain", "radial_acceleration_m_s2",
+        "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg",
+        "hub_displacement_m", "road_vertical_N", "road_longitudinal_N", "spindle_vertical_N",
+        "spindle_longitudinal_N", "strain", "radial_acceleration_m_s2",
     ]  # fmt: skip
     assert set(passed.sensor_deg) == {90.0, 180.0}
     one = passed[passed.sensor_deg == 90.0]

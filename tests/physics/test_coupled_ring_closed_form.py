@@ -176,8 +176,9 @@ def test_strain_through_a_turn_is_what_the_steady_model_predicts():
     """
     tire = replace(TIRE, c_w=2.0, c_v=2.0, m_h=20.0, J_h=1e3, modes=60)
     model = Model.new(
-        "ring", load_N=LOAD, radius_m=tire.R, flexural_stiffness_N_m2=tire.EI, radial_stiffness_N_m2=tire.k_w, width_m=0.14,
-        tangential_stiffness_N_m2=tire.k_v, inflation_pressure_Pa=1.2e5, tread_stiffness_N_m2=tire.k_t, line_mass_kg_m=tire.rho_A,
+        "ring", load_N=LOAD, radius_m=tire.R, flexural_stiffness_N_m2=tire.EI,
+        radial_stiffness_N_m2=tire.k_w, width_m=0.14, tangential_stiffness_N_m2=tire.k_v,
+        inflation_pressure_Pa=1.2e5, tread_stiffness_N_m2=tire.k_t, line_mass_kg_m=tire.rho_A,
         radial_damping_N_s_m2=2.0, tangential_damping_N_s_m2=2.0, lever_arm_m=2e-3,
     )  # fmt: skip
     drive = Drive(lambda time: LOAD, lambda time: SPEED)

@@ -17,8 +17,9 @@ from tirelog.vocabulary.conditions import CONDITIONS
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
 N = 7
 DRIVE = Conditions.of(
-    N, speed_m_s=np.linspace(6.0, 24.0, N), acceleration_m_s2=np.linspace(-4.0, 3.0, N), time_s=np.linspace(0.0, 60.0, N),
-    temperature_K=np.linspace(0.0, 12.0, N), inflation_pressure_Pa=2.2e5, distance_km=np.linspace(1e3, 3e4, N), water_depth_mm=1.5,
+    N, speed_m_s=np.linspace(6.0, 24.0, N), acceleration_m_s2=np.linspace(-4.0, 3.0, N),
+    time_s=np.linspace(0.0, 60.0, N), temperature_K=np.linspace(0.0, 12.0, N),
+    inflation_pressure_Pa=2.2e5, distance_km=np.linspace(1e3, 3e4, N), water_depth_mm=1.5,
     load_N=np.linspace(3000.0, 4000.0, N),
 )  # fmt: skip
 WAVES = [e for e in CATALOGUE if "strain" in e.observables]
@@ -246,8 +247,7 @@ def test_angles_of_their_own_give_the_same_as_common_angles():
     assert np.isfinite(model.predict(DRIVE, gap)).sum() == gap.size - 1
 
 
-# ---- the contract's forms, by quadrature on the tread
-# ----------------------------------------------------------------------------------
+# ---- the contract's forms, by quadrature on the tread --------------------------------------------
 
 FORMS = {
     "pressure_offset": lambda p, xi, F, L, v, c: p * (1 - 0.1 * xi / L),
@@ -473,8 +473,10 @@ def test_a_users_acceleration_is_added_and_a_sensors_factor_multiplies_all_of_it
 
     q = Parameter("q", "", "the user's own", 0.0, -1e6, 1e6, probe=1.0)
     base = Model.new("ring", "radial_acceleration", "prescribed")
-    mine, more = (base.with_effect(effect_by_expression("mine", on, "q * cos(phi)" if on != "sensor" else "q", (q,)))
-                  for on in ("radial_acceleration", "sensor"))  # fmt: skip
+    mine, more = (
+        base.with_effect(effect_by_expression("mine", on, formula, (q,)))
+        for on, formula in (("radial_acceleration", "q * cos(phi)"), ("sensor", "q"))
+    )
     read = base.predict(DRIVE, PHI)
     assert np.allclose(
         mine.with_values({"mine.q": 2.0}).predict(DRIVE, PHI), read + 2.0 * np.cos(PHI), rtol=1e-12

@@ -31,14 +31,17 @@ PHI = (np.arange(M) + 0.5) * 2 * np.pi / M - np.pi
 
 
 def collocated_strain(speed):
-    """w'' at PHI of the true beam at one speed, times the lever arm (groove: minimum in the patch)."""
+    """w'' at PHI of the true beam at a speed, times the lever arm (groove: least in the patch)."""
     EJ, k, L, y, rate = TRUTH.values()
     mu, gamma = 4.5, 0.75 * F / L**3
     edges = [-np.pi * R, -0.3, -L, L, 0.3, np.pi * R]
     x, u = solve_closed_line(
-        [k, 2 * mu * rate * speed, mu * speed**2, 0.0, EJ], edges, lambda at, piece: gamma * (L**2 - at**2) if piece == 2 else 0.0,
-        scale=(k / (4 * EJ)) ** 0.25, n=40,
-    )  # fmt: skip
+        [k, 2 * mu * rate * speed, mu * speed**2, 0.0, EJ],
+        edges,
+        lambda at, piece: gamma * (L**2 - at**2) if piece == 2 else 0.0,
+        scale=(k / (4 * EJ)) ** 0.25,
+        n=40,
+    )
     values = np.empty(M)
     for piece in range(5):
         inside = (edges[piece] <= R * PHI) & (edges[piece + 1] >= R * PHI)
@@ -65,11 +68,16 @@ def measured(waves, seed, *, noise=5e-6, surface="outer", offset=2e-5, log=0, re
     count = rng.integers(0, 4, (n, M))
     values = waves[which] * (1.0 if surface == "outer" else -1.0) + offset
     values = values + noise * rng.standard_normal((n, M)) / np.sqrt(np.maximum(count, 1))
+    drive = Conditions.of(
+        n, speed_m_s=SPEEDS[which], acceleration_m_s2=0.0, time_s=np.arange(n) * 0.1, load_N=F
+    )
     return Stack(
-        observable="strain", channel="s", surface=surface, radius_m=R, values=np.where(count > 0, values, np.nan), phi_rad=PHI,
-        phi_mean=np.where(count > 0, PHI, np.nan), phi_variance=np.zeros((n, M)), count=count, noise=np.full(n, noise),
-        conditions=Conditions.of(n, speed_m_s=SPEEDS[which], acceleration_m_s2=0.0, time_s=np.arange(n) * 0.1, load_N=F),
-        log=np.full(n, log), manoeuvre=np.zeros(n, int), revolution=np.arange(n), regime=np.full(n, "cruise"), logs=("a.csv", "b.csv"),
+        observable="strain", channel="s", surface=surface, radius_m=R,
+        values=np.where(count > 0, values, np.nan), phi_rad=PHI,
+        phi_mean=np.where(count > 0, PHI, np.nan), phi_variance=np.zeros((n, M)), count=count,
+        noise=np.full(n, noise), conditions=drive, log=np.full(n, log),
+        manoeuvre=np.zeros(n, int), revolution=np.arange(n), regime=np.full(n, "cruise"),
+        logs=("a.csv", "b.csv"),
     )  # fmt: skip
 
 
@@ -106,8 +114,9 @@ def test_strain_and_radial_acceleration_together(waves):
         strain.conditions, PHI, observable="radial_acceleration"
     ) + rng.standard_normal((len(strain), M))
     acceleration = replace(
-        strain, observable="radial_acceleration", channel="a", values=values, count=np.ones((len(strain), M), int),
-        phi_mean=np.tile(PHI, (len(strain), 1)), noise=np.full(len(strain), 1.0),
+        strain, observable="radial_acceleration", channel="a", values=values,
+        count=np.ones((len(strain), M), int), phi_mean=np.tile(PHI, (len(strain), 1)),
+        noise=np.full(len(strain), 1.0),
     )  # fmt: skip
     both, alone = fit(START, [strain, acceleration]), fit(START, [strain])
     assert np.all(np.abs(both.values - list(TRUTH.values())) < 4.0 * both.se)
@@ -277,8 +286,8 @@ def test_numbers_per_revolution_are_fitted():
     values = model.predict(drive, values=wanted) + 1e-3 * rng.standard_normal((n, 1))
     column, zero = np.zeros((n, 1)), np.zeros(n, int)
     stack = Stack(
-        "phase_shift", "a", "inner", R, values, np.zeros(1), column, column, np.ones((n, 1), int), np.full(n, 1e-3), drive, zero, zero,
-        np.arange(n), np.full(n, "cruise"), ("a.h5",),
+        "phase_shift", "a", "inner", R, values, np.zeros(1), column, column, np.ones((n, 1), int),
+        np.full(n, 1e-3), drive, zero, zero, np.arange(n), np.full(n, "cruise"), ("a.h5",),
     )  # fmt: skip
     result = fit(model, [stack])
     assert set(result.names) == set(wanted)

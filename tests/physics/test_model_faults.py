@@ -96,10 +96,12 @@ def test_files_that_cannot_be_read(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        "__import__('os').system('true')", "(lambda: 1)()", "[x for x in (1, 2)]", "speed.real", "speed[0]", "open('x')", "exec('1')",
-        "'text'", "True", "1j", "speed if", "speed := 3", "exp(*speed)", "exp(x=speed)", "f'{speed}'", "q; q", "while " "True: " "pass",
-        "for x in speed: x", "import os", "sin", "().__class__", "1e999", "sin()", "exp(1, 2, 3, 4)", "a", "speed @ speed", "speed << 2",
-        "10 ** 10 ** 10 ** 10 + 'x'", "(" * 5000 + "1" + ")" * 5000, "+".join(["speed"] * 400), "-" * 200 + "1",
+        "__import__('os').system('true')", "(lambda: 1)()", "[x for x in (1, 2)]", "speed.real",
+        "speed[0]", "open('x')", "exec('1')", "'text'", "True", "1j", "speed if", "speed := 3",
+        "exp(*speed)", "exp(x=speed)", "f'{speed}'", "q; q", "while True: pass",
+        "for x in speed: x", "import os", "sin", "().__class__", "1e999", "sin()",
+        "exp(1, 2, 3, 4)", "a", "speed @ speed", "speed << 2", "10 ** 10 ** 10 ** 10 + 'x'",
+        "(" * 5000 + "1" + ")" * 5000, "+".join(["speed"] * 400), "-" * 200 + "1",
     ],
 )  # fmt: skip
 def test_forbidden_expressions(text):
@@ -180,7 +182,8 @@ def baseline(v, drive):
     return v["a"] * drive.speed_m_s
 
 EFFECT = Effect(
-    id="mine", mechanism="m", follows="speed", acts_on=("baseline",), parameters=(Parameter("a", "s/m", "a", 0.0, -1.0, 1.0, probe=1e-6),),
+    id="mine", mechanism="m", follows="speed", acts_on=("baseline",),
+    parameters=(Parameter("a", "s/m", "a", 0.0, -1.0, 1.0, probe=1e-6),),
     strength=("a",), source="s", valid="v", signature="s", baseline=baseline,
 )
 """

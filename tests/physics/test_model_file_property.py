@@ -44,8 +44,8 @@ def same(a, b):
 def test_the_contracts_example_is_read():
     model = parse(CONTRACT)
     assert model.free == [
-        "flexural_stiffness_N_m2", "foundation_stiffness_N_m2", "patch_half_length_m", "lever_arm_m", "viscous_damping.damping_rate_1_s",
-        "my_wedge.q",
+        "flexural_stiffness_N_m2", "foundation_stiffness_N_m2", "patch_half_length_m",
+        "lever_arm_m", "viscous_damping.damping_rate_1_s", "my_wedge.q",
     ]  # fmt: skip
     assert model.values["reference_load_N"] == 3600.0
     assert model.values["patch_load_exponent"] == 0.5
@@ -116,5 +116,6 @@ def test_a_ring_names_its_contact_where_the_contract_puts_it():
     held = [model.parameters[n] for n in ("radial_damping_N_s_m2", "tangential_damping_N_s_m2")]
     assert all(p.value == 0.0 and not p.free for p in held)
     assert model.free == [
-        "flexural_stiffness_N_m2", "radial_stiffness_N_m2", "tangential_stiffness_N_m2", "tread_stiffness_N_m2", "lever_arm_m",
+        "flexural_stiffness_N_m2", "radial_stiffness_N_m2", "tangential_stiffness_N_m2",
+        "tread_stiffness_N_m2", "lever_arm_m",
     ]  # fmt: skip

@@ -14,7 +14,8 @@ from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
 from tirelog.physics.moving.ring import CoupledRing
 
 TIRE = CoupledRing(
-    EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7, rho_A=3.15, modes=20, mu=50.0
+    EI=2.0, k_w=6.3e5, k_v=5.1e5, c_w=60.0, c_v=60.0, pb=1.2e5 * 0.14, R=0.3, k_t=8.75e7,
+    rho_A=3.15, modes=20, mu=50.0,
 )  # fmt: skip
 LOAD, STEP, WOUND = 3000.0, 5e-5, 2e-4
 

@@ -15,8 +15,8 @@ PHI = np.linspace(-np.pi, np.pi, 1501)[:-1]
 def ring(**more):
     values = {
         "flexural_stiffness_N_m2": EI, "radial_stiffness_N_m2": KW, "tangential_stiffness_N_m2": KV,
-        "inflation_pressure_Pa": P0, "width_m": B,
-        "radius_m": R, "line_mass_kg_m": RHO_A, "patch_half_length_m": L, "load_N": F, "reference_load_N": F, "lever_arm_m": Y,
+        "inflation_pressure_Pa": P0, "width_m": B, "radius_m": R, "line_mass_kg_m": RHO_A,
+        "patch_half_length_m": L, "load_N": F, "reference_load_N": F, "lever_arm_m": Y,
     }  # fmt: skip
     return Model.new("ring", contact="prescribed", **{**values, **more})
 

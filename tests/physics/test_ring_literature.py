@@ -10,8 +10,8 @@ R = 0.3
 PHI = np.linspace(-np.pi, np.pi, 4097)[:-1]
 # Table 2
 TABLE_2 = {
-    "flexural_stiffness_N_m2": 2.0, "radial_stiffness_N_m2": 6.3e5, "tangential_stiffness_N_m2": 6.3e5,
-    "inflation_pressure_Pa": 1.2e5, "width_m": 0.14,
+    "flexural_stiffness_N_m2": 2.0, "radial_stiffness_N_m2": 6.3e5,
+    "tangential_stiffness_N_m2": 6.3e5, "inflation_pressure_Pa": 1.2e5, "width_m": 0.14,
     "radius_m": R, "line_mass_kg_m": 3.15, "lever_arm_m": 6e-3,
 }  # fmt: skip
 

@@ -97,8 +97,8 @@ def stamped(i, rng):
 
 
 ROS_SOURCES = {
-    "position": "/joint:position[1]", "on": "/joint:on", "counts": "/joint:counts[1]", "value": "/joint:subs[0].value",
-    "fixed": "/joint:fixed[3]", "last": "/joint:last",
+    "position": "/joint:position[1]", "on": "/joint:on", "counts": "/joint:counts[1]",
+    "value": "/joint:subs[0].value", "fixed": "/joint:fixed[3]", "last": "/joint:last",
 }  # fmt: skip
 
 

@@ -1,9 +1,13 @@
 """Closed form: layouts that instruments write, each read back to the numbers that stand in it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
+from tirelog.runs.ingest import open_recording
 
 from .text_logs import read, setup_of
 
@@ -11,6 +15,7 @@ TWO = setup_of({"a": {"source": "A"}, "b": {"source": "B"}})
 A = np.array([1550.1234, 1550.25, np.nan, 1549.5])
 B = np.array([1542.0, np.nan, 1542.5, 1542.25])
 T = np.array([0.0, 0.5, 1.0, 1.5])
+SAMPLES = Path(__file__).parents[2] / "sample_data"
 
 
 def check(text: str | bytes, setup=TWO, start: str | None = None, losses: int = 0):
@@ -28,7 +33,8 @@ PLAIN = {
     "comma": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,\n1,NaN,1542.5\n1.5,1549.5,1542.25\n",
     "carriage returns": "time_s,A,B\r\n0,1550.1234,1542\r\n0.5,1550.25,\r\n"
     "1,NaN,1542.5\r\n1.5,1549.5,1542.25\r\n",
-    "old line ends": "time_s,A,B\r0,1550.1234,1542\r0.5,1550.25,\r1,NaN,1542.5\r1.5,1549.5,1542.25\r",
+    "old line ends": "time_s,A,B\r0,1550.1234,1542\r0.5,1550.25,\r"
+    "1,NaN,1542.5\r1.5,1549.5,1542.25\r",
     "no last line end": "time_s,A,B\n0,1550.1234,1542\n0.5,1550.25,0\n"
     "1,-1,1542.5\n1.5,1549.5,1542.25",
     "comma and blank": "time_s, A, B\n0, 1550.1234, 1542\n0.5, 1550.25, \n"
@@ -162,7 +168,8 @@ def test_research_logger_without_header_runs_past_midnight() -> None:
 
 def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
     rows = [
-        f"2022-04-14T13:00:{i // 20:02d}+02:00\t\t{i + 1}\t0;0;{int(i == 5)};{3 * (i in (5, 6))}\t{100 + i / 10}"
+        f"2022-04-14T13:00:{i // 20:02d}+02:00\t\t{i + 1}\t"
+        f"0;0;{int(i == 5)};{3 * (i in (5, 6))}\t{100 + i / 10}"
         for i in range(60)
     ]
     text = "Date\tTime\tLinenumber\tError status\tW-N-01\n" + "\n".join(rows) + "\n"
@@ -263,3 +270,67 @@ def test_a_header_that_names_too_few_or_too_many_columns(names: int) -> None:
     np.testing.assert_allclose(block.values["a"], 1540 + np.arange(40) / 1000)
     np.testing.assert_allclose(block.values["b"], 1560 + np.arange(40) / 1000)
     np.testing.assert_array_equal(block.stamps_s, np.arange(40) // 4)
+
+
+#: what no program can know from the bytes, each with the [log] that says it
+TOLD = {
+    "bars": (
+        "time_s|A|B\n0|1550.1234|1542\n0.5|1550.25|\n1||1542.5\n1.5|1549.5|1542.25\n",
+        'separator = "|"',
+    ),
+    "a row of numbers that is no sample": (
+        "17;1;2\ntime_s;A;B\n0;1550,1234;1542\n0,5;1550,25;\n1;;1542,5\n1,5;1549,5;1542,25\n",
+        'header_rows = 2\ndecimal = ","',
+    ),
+    "numbers above rows without names": (
+        "3;4711;4712\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
+        'header_rows = 1\ncolumns = ["time_s", "A", "B"]',
+    ),
+    "other names": (
+        "t;x;A\n0;1550.1234;1542\n0.5;1550.25;\n1;;1542.5\n1.5;1549.5;1542.25\n",
+        'columns = ["time_s", "A", "B"]',
+    ),
+}
+
+
+@pytest.mark.parametrize("what", TOLD)
+def test_what_the_setup_says_of_the_layout_is_not_guessed(what: str) -> None:
+    text, log = TOLD[what]
+    check(text, setup_of({"a": {"source": "A"}, "b": {"source": "B"}}, log))
+
+
+def test_an_encoding_that_is_given_spells_the_columns() -> None:
+    text = "time_s;\u00c3\u00a9\n0;1.5\n1;2.5\n".encode("cp1252")  # as UTF-8 it would spell \u00e9
+    channels = {"a": {"kind": "strain", "unit": "ue", "source": "\u00c3\u00a9"}}
+    _, block = read(text, setup_of(channels, 'encoding = "cp1252"'))
+    np.testing.assert_array_equal(block.values["a"], [1.5, 2.5])
+    with pytest.raises(ReadError):
+        read(text, setup_of(channels))
+
+
+def test_more_names_than_cells_are_refused() -> None:
+    with pytest.raises(SetupError, match="names 4, the rows have 3 cells"):
+        read(PLAIN["comma"], setup_of({"a": {"source": "A"}}, 'columns = ["t", "A", "B", "C"]'))
+
+
+WRONG = {
+    'separator = "#"': "allowed are ',', ';'",
+    'separator = ","\ndecimal = ","': "separator and decimal are both",
+    'encoding = "utf-16"': "allowed are 'utf-8', 'cp1252'",
+    "header_rows = -1": "a number from 0 to 10000, whole",
+    'columns = ["a", "a"]': "the name 'a' twice",
+    "columns = []": "a list of names",
+}
+
+
+@pytest.mark.parametrize("log", WRONG)
+def test_words_of_the_layout_that_cannot_be_are_refused(log: str) -> None:
+    with pytest.raises(SetupError, match=WRONG[log]):
+        setup_of({"a": {"source": "A"}}, log)
+
+
+def test_a_log_that_is_no_text_refuses_what_only_text_has() -> None:
+    setup = (SAMPLES / "encoder.toml").read_text("utf-8") + '\n[log]\nseparator = ";"\n'
+    opened = open_recording(str(SAMPLES / "encoder.h5"), parse_setup(setup))
+    with pytest.raises(SetupError, match=r"\[log\] separator: the log is HDF5"), opened:
+        pass

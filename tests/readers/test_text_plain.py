@@ -133,8 +133,8 @@ def test_what_is_no_number(text: str) -> None:
 
 @given(
     st.integers(1, 8), st.integers(0, 8), st.integers(1, 9), st.integers(0, 9), st.integers(1, 60),
-    st.sampled_from([(",", "."), (";", ","), ("\t", "."), (" ", ".")]), st.sampled_from(["\n", "\r\n"]),
-    st.sampled_from(["", "-", "+-", " "]), st.integers(0, 2**32),
+    st.sampled_from([(",", "."), (";", ","), ("\t", "."), (" ", ".")]),
+    st.sampled_from(["\n", "\r\n"]), st.sampled_from(["", "-", "+-", " "]), st.integers(0, 2**32),
 )  # fmt: skip
 @settings(max_examples=300, deadline=None)
 def test_rows_of_digits(
@@ -202,7 +202,8 @@ CELL = st.one_of(
 @given(
     st.tuples(CELL, CELL), st.tuples(CELL, CELL),
     st.sampled_from(["{}", "99.99", "1700000999.9999", "9999999999.9", "2024-05-01T12:49:49.999"]),
-    st.sampled_from(["\n", "\r\n", " \n"]), st.sampled_from([0.0, 0.004, 0.3]), st.integers(0, 2**32),
+    st.sampled_from(["\n", "\r\n", " \n"]), st.sampled_from([0.0, 0.004, 0.3]),
+    st.integers(0, 2**32),
 )  # fmt: skip
 @settings(max_examples=300, deadline=None)
 def test_rows_that_are_written_alike(

@@ -42,8 +42,9 @@ def cases() -> dict[str, np.ndarray]:
     too_far = ends.copy()
     too_far[4] += 1
     return {
-        "near": walk(30, 2), "some_lost": some_lost, "all_lost": np.full(SIZE, LOST, np.int32), "far": walk(3_000_000, 3),
-        "as far as fits": ends, "one too far": too_far, "floats": walk(30, 4) / 3.0,
+        "near": walk(30, 2), "some_lost": some_lost, "all_lost": np.full(SIZE, LOST, np.int32),
+        "far": walk(3_000_000, 3), "as far as fits": ends, "one too far": too_far,
+        "floats": walk(30, 4) / 3.0,
     }  # fmt: skip
 
 

@@ -3,8 +3,9 @@
 A ring that does not stretch, from P3 (with its errata: sigma A = p b R + rho A R^2 W^2, a missing
 A), in a frame that turns with W:
 
-    rho A (1 + n^2) w^2 - 4 rho A n W w - k_n = 0, k_n = (EI/R^4 n^2 + sigma A/R^2)(1 - n^2)^2 - (p
-    b/R)(1 - n^2) + k_v + k_w n^2 - rho A (1 + n^2) W^2
+    rho A (1 + n^2) w^2 - 4 rho A n W w - k_n = 0,
+    k_n = (EI/R^4 n^2 + sigma A/R^2)(1 - n^2)^2 - (p b/R)(1 - n^2)
+          + k_v + k_w n^2 - rho A (1 + n^2) W^2
 """
 
 from __future__ import annotations

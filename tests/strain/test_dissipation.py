@@ -195,7 +195,7 @@ def test_the_interval_of_a_slope_covers_it(stretches, between):
 
 
 def line_of(means, scatter=1e-7):
-    """A regression through stretches of ten revolutions, of the `means` (m,) at speeds 4 m/s apart."""
+    """A regression through stretches of ten revolutions: `means` (m,) at speeds 4 m/s apart."""
     rng = np.random.default_rng(1733)
     speed = np.repeat(6.0 + 4.0 * np.arange(len(means)), 10)
     return regression(
@@ -230,7 +230,7 @@ def test_what_is_said_of_a_line():
 
 
 def test_a_slow_coast_down_is_more_than_one_point():
-    """A stretch whose speed moves on by small steps is cut: its mean alone would forget its slope."""
+    """A stretch whose speed moves by small steps is cut: its mean alone would forget its slope."""
     speed = np.linspace(10.0, 20.0, 200)
     line = regression("q", speed, 2.0 * speed, np.zeros(200, int))
     assert (line.stretches, line.points) == (1, 10)

@@ -37,7 +37,7 @@ time = "time_s"
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capfdbinary):
-    """(status, table or None, standard error) of a `tirelog` command on `log.csv` of these columns."""
+    """(status, table or None, standard error) of a command on a `log.csv` of these columns."""
 
     def call(columns, name, *arguments):
         monkeypatch.chdir(tmp_path)

@@ -101,8 +101,10 @@ def test_other_columns(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("speed_m_s", 2e10), ("speed_m_s", -3e17), ("speed_m_s", 9e-15), ("speed_m_s", np.inf), ("speed_m_s", 5e-324), ("time_s", 9e-12),
-        ("revolution", 2.0**53), ("quality", 'of "marks"'), ("quality", "a,b"), ("quality", "two\n" "lines"), ("steady", np.nan),
+        ("speed_m_s", 2e10), ("speed_m_s", -3e17), ("speed_m_s", 9e-15), ("speed_m_s", np.inf),
+        ("speed_m_s", 5e-324), ("time_s", 9e-12), ("revolution", 2.0**53),
+        ("quality", 'of "marks"'), ("quality", "a,b"), ("quality", "two\n" "lines"),
+        ("steady", np.nan),
     ],
 )  # fmt: skip
 def test_what_the_loop_leaves_to_arrow(tmp_path, monkeypatch, name, value):

@@ -11,8 +11,9 @@ from tirelog.tables.check import differences, of_like_logs, summary
 def table() -> pd.DataFrame:
     return pd.DataFrame(
         {
-            "log": ["a"] * 4, "channel": ["s"] * 4, "revolution": range(4), "time_s": [0.1, 0.2, 0.3, 0.4],
-            "speed_m_s": [10.0, 11.0, np.nan, 12.0], "quality": ["ok", "ok", "gap", "ok"],
+            "log": ["a"] * 4, "channel": ["s"] * 4, "revolution": range(4),
+            "time_s": [0.1, 0.2, 0.3, 0.4], "speed_m_s": [10.0, 11.0, np.nan, 12.0],
+            "quality": ["ok", "ok", "gap", "ok"],
         }
     )  # fmt: skip
 

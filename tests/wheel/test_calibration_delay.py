@@ -37,9 +37,11 @@ def ramp(seed, *, trend_deg_s_m=0.0, drive_s=24.0, coast_s=24.0, noise_deg=0.02,
     shift = shift - np.mean(shift[:20]) + noise_deg * rng.standard_normal(v.size)
     se, width = np.full(v.size, noise_deg), np.full(v.size, 15.0)
     width = width + 2 * noise_deg * rng.standard_normal(v.size)
+    scattered = force + 5.0 * rng.standard_normal(v.size) if measured else None
     return Passages(
-        "log", "acceleration", RADIUS_M, True, time, v, a, shift, shift, width, 2 * se, shift, se, np.where(np.abs(a) < 0.01, 0, -1),
-        [frozenset()] * v.size, 10.0, forces_N={"longitudinal_force": force + 5.0 * rng.standard_normal(v.size)} if measured else {},
+        "log", "acceleration", RADIUS_M, True, time, v, a, shift, shift, width, 2 * se, shift, se,
+        np.where(np.abs(a) < 0.01, 0, -1), [frozenset()] * v.size, 10.0,
+        forces_N={"longitudinal_force": scattered} if measured else {},
     )  # fmt: skip
 
 

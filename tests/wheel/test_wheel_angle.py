@@ -1,4 +1,4 @@
-"""Wheel angle, speed and rolling radius against an encoder of known motion and known pitch errors."""
+"""Wheel angle, speed and rolling radius against an encoder of known motion and pitch errors."""
 
 import numpy as np
 import pytest

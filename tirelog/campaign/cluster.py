@@ -1,5 +1,6 @@
-"""The same tasks on a Dask cluster (extra `cluster`): another worker takes over where one dies,
-with the same results.
+"""The same tasks on a Dask cluster (extra `cluster`).
+
+Another worker takes over if one dies, with the same results.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""A campaign's output folder, on this machine or at an address: files by their name relative to it,
-'/' between the parts.
+"""A campaign's output folder, on this machine or at an address.
+
+Files by their name relative to it, '/' between the parts.
 
     name -> `read`, `write` (whole or not at all), `remove`, `names` (what is there), `held` (this
-    run's alone)
+            run's alone)
 
 What a campaign knows of a file is whether it is there; what it may rely on is that it is whole. A
 folder at an address is `campaign.remote_folder.RemoteFolder`.

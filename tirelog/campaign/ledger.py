@@ -1,13 +1,17 @@
-"""What a campaign has done: one small JSON file a log, written after the log's parts; and the
-hashes of files that did not change.
+"""What a campaign has done.
 
-output/.tirelog/hashes.json          log -> [what changes with its bytes (size, time, a store's
+One small JSON file per log, written after the log's parts, and the hashes of files that did not
+change.
+
+In output/.tirelog:
+
+    hashes.json                      log -> [what changes with its bytes (size, time, a store's
                                      tag), sha256]
-output/.tirelog/done/<name>.json     Entry of a log
-output/.tirelog/steady/<observable>/<name>.npz   what models need of a log (`pieces_file`), where
-                                                 the manifest has models
-output/.tirelog/tmp/                 temporary runs of the workers (elsewhere if the output is at an
-                                     address); emptied when a run begins
+    done/<name>.json                 Entry of a log
+    steady/<observable>/<name>.npz   what models need of a log (`pieces_file`), if the manifest has
+                                     models
+    tmp/                             temporary runs of the workers (elsewhere if the output is at
+                                     an address); emptied when a run begins
 """
 
 from __future__ import annotations
@@ -111,7 +115,7 @@ class Ledger:
 
 
 def _entry(data: bytes) -> Entry | None:
-    """The entry in a file, or None if it is not what was written: then its log is worked on again."""
+    """The entry in a file; None if it is not what was written, and its log is then read again."""
     try:
         entry = Entry(**json_of(data))
     except TypeError:

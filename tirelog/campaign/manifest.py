@@ -1,5 +1,6 @@
-"""The manifest: which logs, with which setups and conditions, become which tables and are held
-against which models.
+"""The manifest of a campaign.
+
+Which logs, with which setups and conditions, become which tables and are held against which models.
 
 ```toml
 [campaign]
@@ -10,7 +11,7 @@ output = "results"                 # relative to the manifest, or an address (s3
 glob = "logs/wet/*.csv.gz"         # relative to the manifest, or an address
 setup = "wet.toml"                 # optional: else the setup beside each log
 conditions = "conditions.csv"      # optional: column `log` (path or name), and conditions of the
-                                   setup or tags (driver, track) per log
+                                   # setup or tags (driver, track) per log
 
 [tables.speed]
 [tables.footprint]

@@ -1,11 +1,10 @@
-"""Models over a whole campaign: compare, diagnose and ladder on all its logs together, each under
-its own conditions.
+"""Models over a whole campaign.
 
-    pieces that the workers kept, a log's share of each --> discrepancy -->
-    output/models/<model>/{compare,diagnose,ladder}.json
-                                                                       -->
-                                                                       output/models/<model>/page.json,
-                                                                       sections for the report
+Compare, diagnose and ladder on all its logs together, each under its own conditions.
+
+    pieces that the workers kept, a log's share of each --> diagnosis
+        --> output/models/<model>/{compare,diagnose,ladder}.json
+        --> output/models/<model>/page.json, sections for the report
 
 What differs between logs (load, pressure, water, age) is what lets `diagnose` see effects that no
 single log shows. A result carries the key of everything it was made of, so it is made again only
@@ -44,7 +43,7 @@ _FORM = "steady revolutions, shared room"
 def run_models(
     campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]
 ) -> list[str]:
-    """Make every model's results that are not made yet; sentences on those that could not be made."""
+    """Make the missing results of every model; sentences on those that could not be made."""
     failed = []
     for model in campaign.models:
         try:

@@ -1,5 +1,6 @@
-"""Pieces of a log as bytes: arrays by name, numbers and text only, nothing that is executed when it
-is read.
+"""Pieces of a log as bytes.
+
+Arrays by name, numbers and text only, nothing that is executed when it is read.
 
 Pieces -> .npz (uncompressed) -> Pieces, equal to the bit
 """

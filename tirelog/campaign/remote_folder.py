@@ -74,8 +74,7 @@ class RemoteFolder:
     def names(self) -> set[str]:
         return set(list_remote(self.root))
 
-    # ---- the lock
-    # -------------------------------------------------------------------------------------------------------------------
+    # ---- the lock --------------------------------------------------------------------------------
 
     def check_held(self) -> None:
         if self._lost.is_set():
@@ -173,8 +172,7 @@ def _number(value: object) -> float:
 def _taken(root: str, when: str) -> UsageError:
     return UsageError(
         f"another campaign run works in this folder (last heard {when}); one at a time is "
-        f"allowed; wait for it, or {EXPIRES_S:.0f} s "
-        "where it was killed",
+        f"allowed; wait for it, or {EXPIRES_S:.0f} s where it was killed",
         file=root,
     )
 

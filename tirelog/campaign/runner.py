@@ -1,5 +1,7 @@
-"""Carrying out a campaign: what is not done is done, on processes of this machine or a Dask
-cluster, and the outcome is added up.
+"""A campaign carried out.
+
+What is not done is done, on processes of this machine or a Dask cluster, and the outcome is added
+up.
 
 Tasks do not depend on one another, and each writes its own files, so neither order nor place of
 work changes a byte of the result.

@@ -1,5 +1,6 @@
-"""One log's task, carried out in a worker: open the log once, write all its tables and what models
-need of it, say how it went.
+"""One log's task, carried out in a worker.
+
+It opens the log once, writes all its tables and what models need of it, and says how it went.
 
 The worker's memory is that of one command on one log, which streams: blocks of a fixed size,
 whatever the log's length. What models need are the means of like revolutions

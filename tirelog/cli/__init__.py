@@ -1,5 +1,6 @@
-"""The command line: the only place that knows typer and rich, and the one place that decides the
-exit status.
+"""The command line.
+
+The only place that knows typer and rich, and the one place that decides the exit status.
 
 Every error becomes `tirelog: error: FILE[:line]: what is wrong; what is allowed; what to do` on
 standard error; `--debug` (or TIRELOG_DEBUG=1) shows the traceback as well. Standard output is for

@@ -144,7 +144,7 @@ def status(manifest: Manifest) -> None:
 
 
 class _Progress:
-    """A line that is overwritten on a terminal, with the time left; a plain line a log elsewhere."""
+    """A line with the time left, overwritten on a terminal; elsewhere a plain line per log."""
 
     def __init__(self, quiet: bool) -> None:
         self.quiet, self.begun, self.terminal = quiet, time.monotonic(), sys.stderr.isatty()

@@ -1,5 +1,6 @@
-"""What the commands share: their common options, and a session that opens logs and adds up what was
-lost.
+"""What the commands share.
+
+Common options, and a session that opens logs and adds up what was lost.
 
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         with session.table("speed", output, format) as table:
@@ -82,7 +83,7 @@ def say(text: str) -> None:
 
 
 def page(width: int) -> Console:
-    """Where a page to read is printed: standard output, `width` columns wide if it is no terminal."""
+    """The console of a page to read: standard output, `width` columns wide if no terminal."""
     from rich.console import Console
 
     class Page(Console):
@@ -94,7 +95,7 @@ def page(width: int) -> Console:
 
 
 def keeps_hashes(output: Path | None, format: str | None) -> bool:
-    """True where the table asked for carries the sha256 of its inputs: parquet has room for them."""
+    """True if the table asked for carries the sha256 of its inputs: parquet has room for them."""
     from tirelog.tables.writer import table_format
 
     return table_format(output, format) == "parquet"

@@ -117,7 +117,7 @@ def compare(
     effects: Effects = None,
     plot: Plot = None,
 ) -> None:
-    """Fit a model on part of the manoeuvres and show its error on the rest, beside the noise floor."""
+    """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
     from tirelog.cli.targets import refuse_picture, refuse_unwritable
     from tirelog.cli.transients import TABLES
     from tirelog.errors import UsageError, nearest

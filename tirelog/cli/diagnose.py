@@ -76,8 +76,8 @@ def _rows(result: Diagnosis) -> list[dict[str, Any]]:
     """The ranking as a table."""
     return [
         {
-            "effect": c.effect, "rank": c.rank, "excess_removed": c.excess_removed, "p_adjusted": c.p_adjusted, "selected": c.selected,
-            "group": ";".join(c.group),
+            "effect": c.effect, "rank": c.rank, "excess_removed": c.excess_removed,
+            "p_adjusted": c.p_adjusted, "selected": c.selected, "group": ";".join(c.group),
         }
         for c in result.effects
     ]  # fmt: skip

@@ -1,5 +1,6 @@
-"""The pages that `compare` and `diagnose` print: numbers in the observable's unit, strain in
-microstrain.
+"""The pages that `compare` and `diagnose` print.
+
+Numbers are in the observable's unit, strain in microstrain.
 """
 
 from __future__ import annotations

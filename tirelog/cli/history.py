@@ -1,4 +1,4 @@
-"""The ladders kept beside a model file (MODEL.ladder.json), so that versions can be compared later."""
+"""The ladders kept beside a model file (MODEL.ladder.json), to compare versions later."""
 
 from __future__ import annotations
 

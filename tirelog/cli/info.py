@@ -22,7 +22,7 @@ def info(
         bool, typer.Option("--verify", help="Read runs whole and compare their samples' sha256.")
     ] = False,
 ) -> None:
-    """Show what is in logs or runs: channels, rates, durations, gaps, lost samples, repairs, setup."""
+    """Show what logs or runs hold: channels, rates, durations, gaps, losses, repairs, setup."""
     from tirelog.cli.summary import print_summary
     from tirelog.runs.overview import channel_rows
 

@@ -125,13 +125,12 @@ def check_pressure(pressure_Pa: float | None) -> None:
     if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
         raise ModelError(
             f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa; "
-            f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed; "
-            f"write it in Pa (2.2 bar is 2.2e5)"
+            f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed; write it in Pa (2.2 bar is 2.2e5)"
         )
 
 
 def _measured(setup: Setup | None) -> str:
-    """The waveform that a setup's channels measure: radial acceleration where no channel is strain."""
+    """The waveform that a setup's channels measure: radial acceleration if no channel is strain."""
     kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
     return waveform_of(kinds)
 
@@ -148,7 +147,7 @@ def _invented(model: Model, given: dict[str, float]) -> list[str]:
         return []
     return [
         f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
-        f"give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
+        "give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
     ]
 
 

@@ -70,7 +70,7 @@ def parameter_rows(model: Model) -> dict[str, list[Any]]:
 
 
 def difference_rows(one: Model, other: Model) -> dict[str, list[Any]]:
-    """Parameters of two models side by side; `difference_sigma` where either has a standard error."""
+    """Parameters of two models side by side; `difference_sigma` if either has a standard error."""
     names = [*one.parameters, *(n for n in other.parameters if n not in one.parameters)]
     rows: dict[str, list[Any]] = {
         "parameter": names,

@@ -1,8 +1,9 @@
-"""`tirelog model predict --road | --load-step | --speed-ramp`: a coupled ring driven in time, as a
-table.
+"""`tirelog model predict --road | --load-step | --speed-ramp`.
 
-words of the options --`course_of`--> Course --physics--> Transient --`rows`--> a row a sensor and
-time
+A coupled ring driven in time, as a table:
+
+    words of the options --`course_of`--> Course --physics--> Transient
+        --`rows`--> a row per sensor and time
 """
 
 from __future__ import annotations

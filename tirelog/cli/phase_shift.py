@@ -119,8 +119,7 @@ def _note_delay(session: Session, calibration: Calibration) -> None:
             f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} "
             f"+- {se:.3f} ms later than the encoder: "
             "a telemetry delay plus any trend linear in speed, which no drive tells apart; "
-            f"{known}; "
-            "the speed map takes it off (delay_removed)"
+            f"{known}; the speed map takes it off (delay_removed)"
         )
 
 

@@ -33,7 +33,7 @@ class Stopped(KeyboardInterrupt):
 
 @contextmanager
 def endings_unwind() -> Iterator[None]:
-    """While open, SIGTERM and SIGHUP raise Stopped, once; one that is ignored (`nohup`) stays so."""
+    """While open, SIGTERM and SIGHUP raise Stopped, once; an ignored one (`nohup`) stays so."""
 
     def stop(number: int, _: FrameType | None) -> None:
         for ending in mine:

@@ -1,5 +1,6 @@
-"""`tirelog tables LOG... -o FOLDER`: what `speed`, `footprint`, `dissipation` and `phase-shift`
-write, in one go.
+"""`tirelog tables LOG... -o FOLDER`.
+
+What `speed`, `footprint`, `dissipation` and `phase-shift` write, in one go.
 
 The log is read once and each channel's passages are found once, two channels at a time; the rows
 are those of the single commands.

@@ -1,5 +1,6 @@
-"""What `compare` shows of logs whose setup has a [road]: the model's answer to the obstacles, hit
-by hit, and its picture.
+"""What `compare` shows of logs whose setup has a [road].
+
+The model's answer to the obstacles, hit by hit, and its picture.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""What a tire's setup and log can be: the one check that every command makes before it says
-anything.
+"""What a tire's setup and log can be.
+
+The one check that every command makes before it says anything else.
 
     key of a setup, its number --`doubt_of_key`--> '' or why it is no tire's, with the probable unit
     Recording --`check`--> SetupError where a channel cannot be what its setup says; remarks where
-    it is only strange
+                           it is only strange
 
 The bounds are wide: from a child's bicycle to an earth mover and an aircraft's main wheel. What
 lies outside is a wrong unit, a wrong column or a wrong grating nearly always, and every figure made
@@ -197,8 +198,7 @@ def _of_strain(recording: Recording, channel: Channel, some: FloatArray) -> str:
     if abs(middle) > STRANGE_STRAIN:
         return (
             f"{channel.name}: a median strain of {1e6 * middle:.0f} microstrain, and a tire's "
-            f"stays below {1e6 * STRANGE_STRAIN:.0f}; "
-            "check unit and reference"
+            f"stays below {1e6 * STRANGE_STRAIN:.0f}; check unit and reference"
         )
     return ""
 

@@ -1,7 +1,7 @@
 """What flows through the package, as frozen values with arrays in SI.
 
     log --readers, clock--> Recording (channels on exact time axes; `store.py` keeps it as a run
-    file)
+                            file)
         --estimators------> passages and tables, a row a revolution
         --stack-----------> Stack (revolutions x angle) with Conditions (one value a revolution)
         --discrepancy-----> model against measurement

@@ -121,13 +121,37 @@ class ChannelSetup:
         return self.unit or KINDS[self.kind].source_unit
 
 
+#: what may stand between the cells of a text log; " " stands for runs of blanks
+SEPARATORS = (",", ";", "\t", " ", "|")
+#: words of [log] that are of a few
+_WORDS = {"separator": SEPARATORS, "decimal": (".", ","), "encoding": ("utf-8", "cp1252")}
+_TEXT_KEYS = ("separator", "decimal", "header_rows", "encoding", "columns")
+
+
 @dataclass(frozen=True)
 class LogSetup:
-    """[log]: what the file itself does not say."""
+    """[log]: what the file itself does not say, or what was taken for something else.
+
+    separator    between the cells of a text log: one of SEPARATORS (" " stands for runs of blanks)
+    decimal      "." or ","
+    header_rows  lines above the first row of samples, blank ones counted
+    encoding     utf-8 or cp1252
+    columns      names of the columns from the first on, in place of the header's
+    """
 
     sampling_rate_Hz: float | None = _number(0.0, 1e9)
     time: str | None = None
     time_unit: str | None = None
+    separator: str | None = None
+    decimal: str | None = None
+    header_rows: int | None = field(default=None, metadata={"range": (0, 10_000, False)})
+    encoding: str | None = None
+    columns: tuple[str, ...] | None = None
+
+    @property
+    def of_text(self) -> list[str]:
+        """The keys that are given and that only a text log has."""
+        return [key for key in _TEXT_KEYS if getattr(self, key) is not None]
 
 
 @dataclass(frozen=True)
@@ -199,6 +223,14 @@ class _Source:
 def _value(spec: Field[Any], value: Any, source: _Source, table: str) -> Any:
     """`value` as the field `spec` wants it, or a SetupError that says what is allowed."""
     key, wanted = spec.name, str(spec.type)
+    if "tuple[str" in wanted:
+        if not (isinstance(value, list) and value and all(isinstance(v, str) for v in value)):
+            raise source.error(
+                f'{key} = {value!r}; allowed is a list of names; write e.g. ["time_s", "strain_1"]',
+                table,
+                key,
+            )
+        return tuple(value)
     if "tuple" in wanted:
         if not (
             isinstance(value, list)
@@ -321,7 +353,7 @@ def _tire(data: Any, source: _Source) -> Tire:
 
 
 def _road(data: Any, source: _Source) -> RoadSetup:
-    """The road, of a kind that there is; what the kind asks for is checked where the road is built."""
+    """The road, of a known kind; what the kind asks for is checked when the road is built."""
     road = _table(RoadSetup, data, source, "road")
     if road.kind not in ROADS:
         raise source.error(
@@ -352,6 +384,32 @@ def parse_road(words: str) -> RoadSetup:
     return _road(given, _Source("", "--road"))
 
 
+def _log(data: Any, source: _Source) -> LogSetup:
+    """[log], its words among those that are known."""
+    log = _table(LogSetup, data, source, "log")
+    for key, allowed in _WORDS.items():
+        value = getattr(log, key)
+        if value is not None and value not in allowed:
+            words = ", ".join(repr(word) for word in allowed)
+            raise source.error(f"{key} = {value!r}; allowed are {words}; mend it", "log", key)
+    if log.decimal is not None and log.decimal == log.separator:
+        raise source.error(
+            f"separator and decimal are both {log.decimal!r}; allowed are two that differ; "
+            "mend one of them",
+            "log",
+            "decimal",
+        )
+    named = log.columns or ()
+    twice = next((name for k, name in enumerate(named) if name and name in named[:k]), None)
+    if twice is not None:
+        raise source.error(
+            f"columns has the name {twice!r} twice; each name once is allowed; rename one",
+            "log",
+            "columns",
+        )
+    return log
+
+
 def parse_setup(text: str, file: str | None = None) -> Setup:
     """The setup in `text`.  SetupError, with file and line, for anything that is not allowed."""
     source = _Source(text, file)
@@ -375,7 +433,7 @@ def parse_setup(text: str, file: str | None = None) -> Setup:
         _tire(data.get("tire", {}), source),
         _table(LogConditions, data.get("conditions", {}), source, "conditions"),
         channels,
-        _table(LogSetup, data.get("log", {}), source, "log"),
+        _log(data.get("log", {}), source),
         _road(data.get("road", {}), source),
         text,
         file,

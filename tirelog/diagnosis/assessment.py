@@ -1,9 +1,9 @@
 """All candidates against one fitted model: statistic, family-wise p, held-out gain, size.
 
-Base, signatures -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre ->
-`selection`
-                 -> held-out losses with the candidate's columns added -> gain (whitened) and
-                 removal (mean square)
+Base, signatures
+    -> whitened, base Jacobian and offsets projected out -> scores by manoeuvre -> `selection`
+    -> held-out losses with the candidate's columns added
+       -> gain (whitened) and removal (mean square)
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Assessed:
 
 
 def nuisance(base: Base, more: FloatArray | None = None) -> Nuisance:
-    """The whitened base Jacobian, the logs' offsets and `more` (C, m, k), in the observable's unit."""
+    """The whitened base Jacobian, logs' offsets and `more` (C, m, k), in the observable's unit."""
     parts = [base.fit.moving] if more is None else [base.fit.moving, more]
     return Nuisance.of(Offsets.of(base.cells, base.white), side_by_side(base.white, parts))
 

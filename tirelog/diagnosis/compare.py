@@ -1,7 +1,7 @@
 """`compare`: a fitted model against logs, error by error, and where and when it fails.
 
-Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps ->
-Comparison
+Stacks, Model -> `base.prepare` -> errors, tables, waveforms with the floor's band, residual maps
+    -> Comparison
 """
 
 from __future__ import annotations
@@ -211,8 +211,7 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
     return Map(centre, name, phi, mean(residual, 1.0), mean(whitened, 0.5))
 
 
-# ---- tables
-# ---------------------------------------------------------------------------------------------------------------------------
+# ---- tables --------------------------------------------------------------------------------------
 
 
 def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
@@ -258,7 +257,8 @@ def _row(base: Base, rows: FloatArray, description: dict[str, Any]) -> dict[str,
     rmse = float(np.sqrt(max(within + plain.mean_square((plain(residual) ** 2).sum()), 0.0)))
     floor = float(np.sqrt(within + base.floor.between))
     return description | {
-        "rmse": rmse, "noise_floor": floor, "excess": excess_of(rmse, floor), "revolutions": int(base.cells.revolutions[index].sum()),
+        "rmse": rmse, "noise_floor": floor, "excess": excess_of(rmse, floor),
+        "revolutions": int(base.cells.revolutions[index].sum()),
     }  # fmt: skip
 
 
@@ -343,10 +343,11 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     c = stack.conditions
     return [
         {
-            "log": stack.logs[stack.log[i]], "channel": stack.channel, "revolution": int(stack.revolution[i]), "time_s": float(c.time_s[i]),
-            "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]), "manoeuvre": int(stack.manoeuvre[i]),
-            "rmse": float(rmse[i]), "noise_floor": float(floor[i]),
-            "quality": "left_out" if left_out[i] else "ok",
+            "log": stack.logs[stack.log[i]], "channel": stack.channel,
+            "revolution": int(stack.revolution[i]), "time_s": float(c.time_s[i]),
+            "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]),
+            "manoeuvre": int(stack.manoeuvre[i]), "rmse": float(rmse[i]),
+            "noise_floor": float(floor[i]), "quality": "left_out" if left_out[i] else "ok",
         }
         for i in range(len(stack))
     ]  # fmt: skip

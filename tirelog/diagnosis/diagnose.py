@@ -1,7 +1,10 @@
 """`diagnose`: which effect is missing, in one value with a verdict.
 
-Stacks, Model -> base -> first step -> further steps -> share of the excess that they remove, what
-is left -> verdict
+    Stacks, Model -> base -> first step -> further steps
+        -> share of the excess that they remove, what is left -> verdict
+
+The verdicts:
+
     nothing_missing  no candidate alarms, no generic shape is left, and what is left is the floor by
                      held-out error and chi-square
     scatter          the same, but what is left is more than the floor
@@ -412,8 +415,7 @@ def _advice(found: Found, verdict: str) -> tuple[list[dict[str, Any]], list[str]
     if verdict == "too_few":
         notes.append(
             f"{found.before.cells.manoeuvres} manoeuvres; a test needs {FEWEST_MANOEUVRES}, two "
-            "mixed logs of a minute have a dozen: "
-            "drive more of them."
+            "mixed logs of a minute have a dozen: drive more of them."
         )
         rivals = [(r.id, r.base.model) for r in step.contenders[:3]]
     elif verdict == "ambiguous":

@@ -1,7 +1,7 @@
 """`model fit`: the fit that `compare` makes, as a result to write down.
 
-measured revolutions, Model --`comparison.start`--> Base --> FitResult: the same values, errors and
-chi-square as `compare` shows
+measured revolutions, Model --`comparison.start`--> Base
+    --> FitResult: the same values, errors and chi-square as `compare` shows
 """
 
 from __future__ import annotations
@@ -34,8 +34,7 @@ def fit_measured(measured: Measured, model: Model) -> tuple[FitResult, tuple[str
         ).items():
             raise ModelError(
                 f"effect {effect!r} needs {', '.join(lacking)}, which {pieces.logs[log]} does "
-                "not know; "
-                f"every log must know it; add it to the setup, or remove the effect"
+                "not know; every log must know it; add it to the setup, or remove the effect"
             )
     base = start(pieces, model)
     return _result(base), tuple(remarks_of(base))

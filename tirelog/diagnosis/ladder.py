@@ -1,10 +1,11 @@
-"""`ladder`: effects added one by one until nothing more is worth it, the error falling to the
-floor.
+"""`ladder`: effects added one by one until nothing more is worth it.
 
-Stacks, Model -> some manoeuvres are locked away (with twelve or more) -> search on the rest -> a
-row a step
-              -> the model at the top against the locked manoeuvres: the one number that nothing has
-              touched
+The error falls to the floor on the way.
+
+    Stacks, Model -> some manoeuvres are locked away (with twelve or more)
+        -> search on the rest -> a row per step
+        -> the model at the top against the locked manoeuvres: the one number that nothing has
+           touched
 """
 
 from __future__ import annotations

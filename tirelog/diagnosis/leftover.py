@@ -1,10 +1,12 @@
-"""What is left after the last step, in physical words: where, even or odd, what it follows, at
-which exponent of speed or fixed frequency.
+"""What is left after the last step, in physical words.
 
-    projected whitened residual against families of columns  (what a cell is driven under) x (free
-        shapes over the angle) 1, (v/20)^e for a few e, acceleration, time, load, distance, water
-        -> the family with the largest T describes it rings after the exit edge at a fixed frequency
-        in time, or a fixed wavelength along the tread -> which of the two
+Where, even or odd, what it follows, at which exponent of speed or fixed frequency.
+
+    projected whitened residual against families of columns:
+        (what a cell is driven under: 1, (v/20)^e for a few e, acceleration, time, load, distance,
+        water) x (free shapes over the angle)    -> the family with the largest T describes it
+        rings after the exit edge at a fixed frequency in time, or at a fixed wavelength along the
+        tread                                    -> which of the two
 
 Significance by the same sign flips of manoeuvres, the largest over families; size by the held-out
 removal of the best family.

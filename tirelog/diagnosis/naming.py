@@ -1,8 +1,9 @@
-"""Which effect it is: refits of the best candidates, sets that cannot be told apart, second
-effects.
+"""Which effect it is.
 
-    Assessed, by falling statistic -> contenders -> refitted with the base parameters from two
-    strengths -> least held-out loss names
+Refits of the best candidates, sets that cannot be told apart, second effects.
+
+    Assessed, by falling statistic -> contenders
+        -> refitted with the base parameters from two strengths -> least held-out loss names
 
 Likeness of two effects on these data is the nonlinear cosine sqrt(what B explains / what A
 explains), each refitted as well as it can. It is defined without noise, and it finds a rival that
@@ -202,7 +203,7 @@ def _moved(base: Base, model: Model) -> float:
 
 
 def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -> list[Refitted]:
-    """The leading candidates refitted, by rising held-out loss; a failed refit goes to `reasons`."""
+    """The leading candidates refitted, by rising held-out loss; failed ones go to `reasons`."""
     if not assessed:
         return []
     leading = [a for a in assessed if a.statistic >= CONTENDER * assessed[0].statistic][

@@ -1,5 +1,6 @@
-"""Free shapes of the contact pressure as columns of the observable: what a cause in the patch looks
-like through the carcass.
+"""Free shapes of the contact pressure as columns of the observable.
+
+What a cause in the patch looks like through the carcass.
 
     bells on the patch, one after the other -> the model's own response to each -> columns (C, m, k)
 

@@ -1,5 +1,6 @@
-"""Errors of the ranking: how well the share of the excess that an effect removes is known, by the
-scatter of manoeuvres.
+"""Errors of the ranking.
+
+How well the share of the excess that an effect removes is known, by the scatter of manoeuvres.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""What comparisons, diagnoses and ladders give: frozen values, JSON by `to_json`, arrays beside for
-plots and pages.
+"""What comparisons, diagnoses and ladders give.
+
+Frozen values, JSON by `to_json`, arrays beside for plots and pages.
 
 `Comparison` carries waveforms with the floor's band and the residual as maps; a page that shows it
 computes nothing.
@@ -85,7 +86,8 @@ class Comparison:
     noise_floor   what scatter alone leaves; its part `between` like manoeuvres is seen through this
                   model
     reduced_chi2  per degree of freedom, against noise and scatter alone, of the fitted point
-    `tables`: rows by revolution, angle, speed, regime, conditions.  `half_angle_rad` is the patch's
+
+    `tables`: rows by revolution, angle, speed, regime, conditions. `half_angle_rad` is the patch's
     half length as an angle.
     """
 

@@ -1,8 +1,8 @@
 """Which manoeuvre to drive next, so that rivals part.
 
-    rivals, each refitted -> predictions on a list of allowed manoeuvres -> what no refit of the
-    second can imitate of the first, old and new data together -> separation in standard errors,
-    repeats until it reaches 3
+    rivals, each refitted -> predictions on a list of allowed manoeuvres
+        -> what no refit of the second can imitate of the first, old and new data together
+        -> separation in standard errors, repeats until it reaches 3
 
 Two effects that stay alike in shape on every manoeuvre of the list (cosine above `LIKE`) cannot be
 parted by driving, and that is said.

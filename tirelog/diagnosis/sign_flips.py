@@ -4,10 +4,11 @@ Joint sign flips of manoeuvres with the maximum over candidates, leave-one-manoe
 the size rule.
 
     scores (M, k) of each candidate: inner product of its projected signature with the projected
-    residual, manoeuvre by manoeuvre T = | L^-1 sum of scores |, L L' = Gram of the projected
-    signature (one column: sum / norm; only its sign where one is physical) the same signs for all
-    candidates flip a manoeuvre as a whole; p of a candidate = share of flips whose *largest* T
-    reaches its T
+        residual, manoeuvre by manoeuvre
+    T = | L^-1 sum of scores |, L L' = Gram of the projected signature (one column: sum / norm; only
+        its sign where one is physical)
+    the same signs for all candidates flip a manoeuvre as a whole; p of a candidate = share of flips
+        whose *largest* T reaches its T
 
 If nothing is missing a manoeuvre's scores are as likely to point one way as the other, whatever the
 correlation inside the manoeuvre: the rate of false alarms over all candidates is p. The smallest p

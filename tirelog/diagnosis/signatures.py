@@ -1,5 +1,6 @@
-"""What each candidate would do to the waveforms of these cells: columns (C, m, k), and which
-candidates cannot be tested, and why.
+"""What each candidate would do to the waveforms of these cells.
+
+Columns (C, m, k), and which candidates cannot be tested, and why.
 
 A signature is the change of the fitted model's prediction when the effect is switched on at its
 probe strength, per unit of strength, one column a strength parameter. Where an effect has shape

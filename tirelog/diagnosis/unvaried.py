@@ -1,8 +1,9 @@
-"""What these logs do not vary, and which effects follow it: said with every diagnosis, since no
-statistic can.
+"""What these logs do not vary, and which effects follow it.
 
-conditions of the cells, the catalogue's `follows` -> one sentence, or none where everything that
-effects follow varies
+Said with every diagnosis, since no statistic can.
+
+conditions of the cells, the catalogue's `follows`
+    -> one sentence, or none where everything that effects follow varies
 """
 
 from __future__ import annotations
@@ -46,6 +47,5 @@ def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     said = "; ".join(parts)
     return (
         f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its "
-        "shape at most; "
-        "logs that differ in them would tell more."
+        "shape at most; logs that differ in them would tell more."
     )

@@ -1,8 +1,9 @@
-"""A band-limited differentiator for whole channels, its response, and what white noise brings
-through it.
+"""A band-limited differentiator for whole channels.
 
-    samples, block by block --lost and wild samples bridged--> --FIR, zero-phase
-    (`differentiator`)--> time derivative
+With it its response, and what white noise brings through it.
+
+    samples, block by block --lost and wild samples bridged-->
+                            --FIR, zero-phase (`differentiator`)--> time derivative
 
 The filter is antisymmetric, so it has no delay.
 """
@@ -43,8 +44,9 @@ def differentiator(rate_Hz: float, edge_Hz: float, averaged: int = 1) -> FloatAr
     edge = 2.0 * np.pi * edge_Hz / rate_Hz
     passed = (np.arange(8 * half) + 0.5) / (8 * half) * edge
     stopped = np.linspace(min(STOP * edge, np.pi), np.pi, 8 * half, endpoint=False)
-    design = np.vstack([2.0 * np.sin(np.multiply.outer(passed, place)) / passed[:, None],
-                        2.0 * STOP_WEIGHT / edge * np.sin(np.multiply.outer(stopped, place))])  # fmt: skip
+    passing = 2.0 * np.sin(np.multiply.outer(passed, place)) / passed[:, None]
+    stopping = 2.0 * STOP_WEIGHT / edge * np.sin(np.multiply.outer(stopped, place))
+    design = np.vstack([passing, stopping])
     wanted = np.concatenate([1.0 / averaging_gain(passed, averaged), np.zeros(stopped.size)])
     side = np.linalg.lstsq(design, wanted, rcond=None)[0] * rate_Hz
     return np.concatenate([side[::-1], [0.0], -side])
@@ -101,7 +103,7 @@ def _bend(values: FloatArray, i: int) -> float:
 
 @compiled
 def _bridge(values: FloatArray, wild: float, lost: NDArray[np.bool_], filled: FloatArray) -> bool:
-    """`bridged` into `filled`, a copy of `values`; `lost` says which; False where nothing is left."""
+    """`bridged` into `filled`, a copy of `values`; `lost` says which; False if nothing is left."""
     n, known = values.size, 0
     for i in range(n):
         lost[i] = values[i] != values[i]

@@ -1,5 +1,6 @@
-"""The cut-off of the footprint's zero-phase low-pass (its gain: `derivatives`), as the user says
-it.
+"""The cut-off of the footprint's zero-phase low-pass, as the user says it.
+
+Its gain is in `derivatives`.
 
     "auto" | "400Hz" | "40x" --parse--> Cutoff --speed of each passage--> cut-off [Hz], shape (n,)
 

@@ -1,7 +1,7 @@
 """The noise of one sample, from the log itself.
 
-    a channel's samples --sixth differences of pieces spread over the log--> sigma [unit of the
-    channel]
+    a channel's samples
+        --sixth differences of pieces spread over the log--> sigma [unit of the channel]
 
 Sixth differences remove what the tire does, even a patch of ten samples; the median of their size
 ignores spikes and steps. The pieces lie at fixed places of the log, so the answer does not depend

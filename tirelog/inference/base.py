@@ -1,7 +1,7 @@
 """Where every question starts: cells, metric, floor and the fitted base model, in one value.
 
-Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres -> metric with
-it -> fit again (a few steps)
+Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres
+    -> metric with it -> fit again (a few steps)
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Base:
 
     @property
     def rmse_held(self) -> float | None:
-        """Error on manoeuvres left out; None if there is but one, since none can be left out then."""
+        """Error on manoeuvres left out; None if there is only one, since none can be left out."""
         return float(np.sqrt(max(self.square_held, 0.0))) if self.cells.manoeuvres > 1 else None
 
     @property

@@ -7,9 +7,9 @@
               for the candidates to explain)
     floor^2 = within^2 + between^2,   excess^2 = rmse^2 - floor^2
 
-rmse is that of one revolution's value at one angle.  A cell's mean shows it as
+rmse is that of one revolution's value at one angle. A cell's mean shows it as
     rmse^2 = within^2 + mean over revolutions of (|cell mean - model|^2 - what noise alone would
-    leave of it)
+        leave of it)
 so more revolutions sharpen the excess and do not move the floor.
 """
 

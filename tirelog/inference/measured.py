@@ -1,10 +1,10 @@
-"""The one door from logs to measured revolutions, for fit, compare, diagnose, ladder, report and
-campaign.
+"""The one door from logs to measured revolutions.
 
-    recordings --stacks_from_logs--> revolutions of all logs --obstacles of logs with a [road]
-    found--> MeasuredLogs
-                                                                         the revolutions off them,
-                                                                         and the obstacles beside
+For fit, compare, diagnose, ladder, report and campaign.
+
+    recordings --stacks_from_logs--> revolutions of all logs
+        --obstacles of logs with a [road] found--> MeasuredLogs: the revolutions off them, and the
+                                                   obstacles beside
 
 `measured_pieces` makes of it the means of like revolutions that every question is asked of, under
 one limit of memory. What was set apart, taken together or left out on the way is in `notes`, and
@@ -102,15 +102,13 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
         if not len(rest):
             raise UsageError(
                 f"every revolution of channel {stack.channel} is on an obstacle; steady ones are "
-                "needed beside it; "
-                f"give a log that rolls on before or after it",
+                "needed beside it; give a log that rolls on before or after it",
                 file=log,
             )
         steady.add(log, [rest])
         steady.note(
             f"{log}: {found.hits_s.size} hits on an obstacle; {len(stack) - len(rest)} of "
-            f"{len(stack)} revolutions are "
-            f"disturbed by them and kept apart from the steady ones"
+            f"{len(stack)} revolutions are disturbed by them and kept apart from the steady ones"
         )
         if stack.observable in WAVEFORMS:
             obstacles.append(found)

@@ -1,5 +1,6 @@
-"""Parameters that only a motion tells: masses, damping and bristles of a coupled ring that meets an
-obstacle.
+"""Parameters that only a motion tells.
+
+Masses, damping and bristles of a coupled ring that meets an obstacle.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""A log that met an obstacle: what its steady revolutions look like, what repeats in them, and
-where something else happened.
+"""A log that met an obstacle.
 
-    Recording with a [road] + Stack --`transient_log`--> TransientLog: samples, steady waveform
-    T(phi), rough times of the hits Stack --`steady_revolutions`--> the revolutions off the
-    obstacle, for the steady comparison
+What its steady revolutions look like, what repeats in them, and where something else happened.
+
+    Recording with a [road] + Stack
+        --`transient_log`--> TransientLog: samples, steady waveform T(phi), rough times of the hits
+    Stack --`steady_revolutions`--> the revolutions off the obstacle, for the steady comparison
 
 An obstacle shows as samples that leave T(phi) by far more than the steady revolutions do. Times of
 hits are rough here, within a revolution; `diagnosis.obstacles.fit` refines them with the model's
@@ -175,7 +176,7 @@ def _with_steady(log: TransientLog) -> TransientLog:
         raise UsageError(
             f"{turns} steady revolutions beside the obstacles of channel {log.channel}; "
             f"{_FEWEST_STEADY} or more are needed to know what "
-            f"the obstacle adds; give a log that rolls on before or after it",
+            "the obstacle adds; give a log that rolls on before or after it",
             file=log.log,
         )
     return replace(log, steady=template(phi, values))
@@ -244,7 +245,7 @@ def _hits(log: TransientLog) -> FloatArray:
         raise UsageError(
             f"no obstacle in channel {log.channel} where the setup's [road] says {road.kind}; "
             "one that stands out of the steady "
-            f"revolutions is needed; give time_s or position_m, or leave [road] out",
+            "revolutions is needed; give time_s or position_m, or leave [road] out",
             file=log.log,
         )
     return found[

@@ -48,12 +48,12 @@ class Parameter:
             raise ModelError(
                 f"{label}: value {self.value:g}, bounds [{self.min:g}, {self.max:g}] are no "
                 "number in an interval; "
-                f"finite numbers with min < max are allowed; correct the parameter"
+                "finite numbers with min < max are allowed; correct the parameter"
             )
         if not self.min <= self.value <= self.max:
             raise ModelError(
                 f"{label} = {self.value:g} {self.unit} lies outside its bounds; "
                 f"allowed is [{self.min:g}, {self.max:g}]; "
-                f"change the value or give wider min and max"
+                "change the value or give wider min and max"
             )
         return self

@@ -1,5 +1,6 @@
-"""Fourier tools on the tread's circumference: powers, and the evaluation of a waveform at the
-angles asked.
+"""Fourier tools on the tread's circumference.
+
+Powers, and the evaluation of a waveform at the angles asked.
 
 A waveform f(phi) over one revolution stands as its coefficients c_n, n = 0 ... K-1, shape (..., K),
 with f(phi) = Re[ c_0 + 2 sum c_n exp(i n phi) ]. Strain has c_n ~ n^-4 (the parabola's slope jumps

@@ -1,5 +1,6 @@
-"""The picture of `compare`: waveforms with the floor's band, and the residual over angle x speed
-and angle x time, whitened too.
+"""The picture of `compare`.
+
+Waveforms with the floor's band, and the residual over angle x speed and angle x time, whitened too.
 """
 
 from __future__ import annotations

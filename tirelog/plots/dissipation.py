@@ -1,7 +1,7 @@
 """Dissipation of whatever logs a command has worked on, as one page (P1 Figs. 7 to 11).
 
-    Recording and DissipationOfChannel of each channel --while the log is open--> Sketch --all of
-    them--> PNG, SVG or PDF
+    Recording and DissipationOfChannel of each channel --while the log is open--> Sketch
+        --all of them--> PNG, SVG or PDF
 
 Left: strain and speed over time (Figs. 7, 8's magnification), specific power and factor over time
 with their moving averages (Figs. 9, 10). Right: both averages over speed with their regressions

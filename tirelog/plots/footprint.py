@@ -1,7 +1,7 @@
 """The footprint of whatever logs a command has worked on, as one page (P2 Figs. 17 to 22).
 
-    Recording and FootprintOfChannel of each channel --while the log is open--> Sketch --all of
-    them--> PNG, SVG or PDF
+    Recording and FootprintOfChannel of each channel --while the log is open--> Sketch
+        --all of them--> PNG, SVG or PDF
 
 Left: strain and speed over time of the first channel (Figs. 17, 20), contact lengths over time and
 speed of all. Right: one passage, free rolling if there is one, and the one with the clearest slip

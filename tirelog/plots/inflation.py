@@ -1,5 +1,6 @@
-"""Static tests as one page (P2 Figs. 15, 16): strain over time with its ramps and stops, and over
-the inflation pressure.
+"""Static tests as one page (P2 Figs. 15, 16).
+
+Strain over time with its ramps and stops, and over the inflation pressure.
 
 Recording and InflationOfChannel of each channel --> PNG, SVG or PDF
 """

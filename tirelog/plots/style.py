@@ -1,5 +1,6 @@
-"""What the strain pictures share: a page, its colours, long signals drawn so that no peak vanishes,
-and writing it whole.
+"""What the strain pictures share.
+
+A page, its colours, long signals drawn so that no peak vanishes, and writing it whole.
 
 matplotlib is an extra (`pip install 'tirelog[plot]'`): it is imported here, when a picture was
 asked for, and its absence is said in words.

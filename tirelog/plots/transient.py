@@ -1,5 +1,6 @@
-"""The picture of `compare` on transients: a hit a row, in time (measured, predicted, missed) and in
-frequency (added, missed, floor).
+"""The picture of `compare` on transients.
+
+A row per hit, in time (measured, predicted, missed) and in frequency (added, missed, floor).
 """
 
 from __future__ import annotations

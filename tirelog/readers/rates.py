@@ -1,5 +1,6 @@
-"""What instruments call their sampling rate, wherever a file keeps it: an attribute, a field, a
-variable beside the data.
+"""What instruments call their sampling rate, wherever a file keeps it.
+
+An attribute, a field, a variable beside the data.
 """
 
 from __future__ import annotations

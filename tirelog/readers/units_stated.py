@@ -1,5 +1,6 @@
-"""The unit that a log itself states, in a header or an attribute: the default of a channel whose
-setup names none.
+"""The unit that a log itself states, in a header or an attribute.
+
+It is the default of a channel whose setup names none.
 """
 
 from __future__ import annotations

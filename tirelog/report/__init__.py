@@ -1,9 +1,9 @@
 """One offline page that shows what was recorded, what came of it, and where the model fails.
 
-    recordings, tables, model results  --sections--> Section (text, figures, small tables; plain
-                                       data)
+    recordings, tables, model results
+        --sections--> Section (text, figures, small tables; plain data)
         --page-----> one HTML file: plotting library, style, data and script inside, a content
-        security policy that forbids the rest
+                     security policy that forbids the rest
         --pictures-> the same figures as PNG files for slides
 
 The report holds no estimator and no statistic: it reads tables, or calls the functions behind the

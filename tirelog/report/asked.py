@@ -40,8 +40,14 @@ class Asked:
     def report_command(self) -> str:
         """The page's own command line."""
         words = ["tirelog", "report", *self._logs()]
-        single = {"--setup": self.setup, "--model": self.model, "--ladder": self.ladder, "--campaign": self.campaign,
-                  "--channel": self.channel, "--effects": self.effects}  # fmt: skip
+        single = {
+            "--setup": self.setup,
+            "--model": self.model,
+            "--ladder": self.ladder,
+            "--campaign": self.campaign,
+            "--channel": self.channel,
+            "--effects": self.effects,
+        }
         words += [
             word
             for option, value in single.items()

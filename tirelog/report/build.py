@@ -3,8 +3,8 @@
 Asked (paths and options) + open recordings
     --sources--> one table after the other, given or made --> sections of tables
     campaign's folder --stored--> the sections of its models
-    --discrepancy--> Diagnosis --> the model against the measurement, the diagnosis; with a ladder
-    its steps and the switches
+    --diagnosis--> Diagnosis --> the model against the measurement, the diagnosis; with a ladder
+                                 its steps and the switches
 whatever cannot be shown --> (what and why, the command that would show it)
 """
 

@@ -1,7 +1,7 @@
 """What a model says of the logs: one search for missing effects, told in sections.
 
-recordings, Model --stacks, `diagnose`--> comparison, diagnosis         (a campaign: pieces of its
-    logs, and what it was asked for)
+recordings, Model --stacks, `diagnose`--> comparison, diagnosis
+                                          (a campaign: pieces of its logs, and what it was asked)
 + a ladder, or what the diagnosis selected --> top model --`switches`--> effects on and off
 """
 

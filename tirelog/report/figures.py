@@ -1,5 +1,6 @@
-"""Figures as plain data: traces and layout of the plotting library, drawn by the page's script or
-as PNG by `pictures`.
+"""Figures as plain data.
+
+Traces and layout of the plotting library, drawn by the page's script or as PNG by `pictures`.
 
 Arrays travel as base64 of float32: a trace of n points costs about 5 n bytes a coordinate. Long
 series are decimated by min-max buckets first, which keeps every peak. Names go through `safe`: the

@@ -61,8 +61,7 @@ def comparison(result: Comparison, command: str) -> Section:
         f"{unit}; noise floor {result.noise_floor * factor:.3g}, excess "
         f"{in_unit(result.excess_heldout, factor)}. On the data of the fit: "
         f"{result.rmse * factor:.3g}. Reduced chi-square {result.reduced_chi2:.3g}; "
-        f"{result.revolutions} revolutions, "
-        f"{result.manoeuvres} manoeuvres.",
+        f"{result.revolutions} revolutions, {result.manoeuvres} manoeuvres.",
         _where(result, factor, unit),
         *(f"{remark}." for remark in result.remarks),
     ]
@@ -93,8 +92,7 @@ def _where(result: Comparison, factor: float, unit: str) -> str:
         f"It fails most {_ZONES.get(angle['angle'], angle['angle'])} (excess "
         f"{angle['excess'] * factor:.3g} {unit}), "
         f"by speed near {speed['speed_m_s']:g} m/s ({speed['excess'] * factor:.3g}), by regime "
-        f"in {regime['regime']} "
-        f"({regime['excess'] * factor:.3g})."
+        f"in {regime['regime']} ({regime['excess'] * factor:.3g})."
     )
 
 
@@ -270,15 +268,29 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     tables = [
         Table(
             "Ranking of the candidates",
-            ["effect", "excess removed alone [%]", "standard error [%]", "p, adjusted", "selected", "strength"],
             [
-                [c.effect, f"{100 * c.excess_removed:.1f}", number(100 * errors[c.effect]) if c.effect in errors else "",
-                 probability(c.p_adjusted, result.manoeuvres), "yes" if c.selected else "",
-                 "–" if any(s["se"] is None for s in c.strengths.values()) else _strengths(c.strengths)]
+                "effect",
+                "excess removed alone [%]",
+                "standard error [%]",
+                "p, adjusted",
+                "selected",
+                "strength",
+            ],
+            [
+                [
+                    c.effect,
+                    f"{100 * c.excess_removed:.1f}",
+                    number(100 * errors[c.effect]) if c.effect in errors else "",
+                    probability(c.p_adjusted, result.manoeuvres),
+                    "yes" if c.selected else "",
+                    "–"
+                    if any(s["se"] is None for s in c.strengths.values())
+                    else _strengths(c.strengths),
+                ]
                 for c in ranked
             ],
         )
-    ]  # fmt: skip
+    ]
     if result.not_tested:
         tables.append(
             Table(
@@ -362,8 +374,7 @@ def ladder(climbed: Mapping[str, Any], command: str) -> Section:
     if climbed.get("rmse_untouched") is not None:
         words.append(
             f"On manoeuvres that nothing had touched: {climbed['rmse_untouched'] * factor:.3g} "
-            f"{unit}, "
-            f"floor there {climbed['floor_untouched'] * factor:.3g}."
+            f"{unit}, floor there {climbed['floor_untouched'] * factor:.3g}."
         )
     said = [
         f"{n} {h:.3g} {unit}" if h == h else f"{n} none" for n, h in zip(names, held, strict=True)
@@ -388,10 +399,16 @@ _ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
 
 def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> Table:
     rows = [
-        [str(s["step"]), s["effect"], *("-" if s[k] is None else number(s[k] * factor) for k in _ERRORS), number(s["p_adjusted"]),
-         s["decision"], _strengths(s["parameters"])]
+        [
+            str(s["step"]),
+            s["effect"],
+            *("-" if s[k] is None else number(s[k] * factor) for k in _ERRORS),
+            number(s["p_adjusted"]),
+            s["decision"],
+            _strengths(s["parameters"]),
+        ]
         for s in climbed["steps"]
-    ]  # fmt: skip
+    ]
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
     return Table(
         "Steps of the ladder",

@@ -103,21 +103,22 @@ def render(
     e = html.escape
     contents = "".join(f'<li><a href="#{s.id}">{e(s.title)}</a></li>' for s in sections)
     body = "".join(_section(s) for s in sections)
+    origins = "".join(f"<li>{e(part)}</li>" for part in provenance)
     absent = "".join(f"<li>{e(what)}: <code>{e(command)}</code></li>" for what, command in missing)
     head = (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta '
-        'name="color-scheme" content="light dark">'
-        f'<title>{e(title)}</title><link rel="icon" '
-        f'href="data:,"><style>{style}</style></head><body>'
-        '<a class="skip" href="#main">Skip to the '
-        f"results</a><header><h1>{e(title)}</h1><p>tirelog {e(__version__)}</p>"
-        f'<nav aria-label="Sections"><ul>{contents}<li><a href="#about">About this '
-        f'page</a></li></ul></nav></header><main id="main">{body}'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark">'
+        f'<title>{e(title)}</title><link rel="icon" href="data:,">'
+        f"<style>{style}</style></head><body>"
+        '<a class="skip" href="#main">Skip to the results</a>'
+        f"<header><h1>{e(title)}</h1><p>tirelog {e(__version__)}</p>"
+        f'<nav aria-label="Sections"><ul>{contents}<li><a href="#about">About this page</a></li>'
+        f'</ul></nav></header><main id="main">{body}'
         '<section id="about"><h2>About this page</h2>'
         + (f"<h3>Not shown</h3><ul>{absent}</ul>" if absent else "")
-        + f"<h3>Glossary</h3><dl>{_glossary()}</dl><h3>Provenance</h3><ul>{''.join(f'<li>{e(p)}</li>' for p in provenance)}</ul>"
+        + f"<h3>Glossary</h3><dl>{_glossary()}</dl><h3>Provenance</h3><ul>{origins}</ul>"
         f"<h3>Commands that repeat it</h3><pre>{e(chr(10).join(commands))}</pre></section></main>"
         '<script type="application/json" id="data">'
     )

@@ -1,10 +1,11 @@
-"""One passage of the patch: strain and its derivatives along the tread, with the edges (P2 Figs.
-18, 19, 21).
+"""One passage of the patch.
 
-    rows of the footprint table (and accelerations of the speed table) --a clean, nearly
-    free-rolling row--> its window of samples
-        --`strain.footprint.plain_edges.along_tread`, raw and low-passed--> three figures over xi,
-        entry to exit
+Strain and its derivatives along the tread, with the edges (P2 Figs. 18, 19, 21).
+
+    rows of the footprint table (and accelerations of the speed table)
+        --a clean, nearly free-rolling row--> its window of samples
+        --`strain.footprint.plain_edges.along_tread`, raw and low-passed-->
+        three figures over xi, entry to exit
 
 The edges of the best estimate are the table's times; those by the second derivative are the extrema
 that `strain.footprint.plain_edges.find_edges` sees in what is drawn.

@@ -1,5 +1,6 @@
-"""The page's figures as PNG files for slides: the same traces and layouts, drawn by matplotlib
-(extra `plot`).
+"""The page's figures as PNG files for slides.
+
+The same traces and layouts, drawn by matplotlib (extra `plot`).
 
 Figure --unpacked arrays--> matplotlib axes --> FOLDER/ID.png, each whole or not at all
 """
@@ -104,9 +105,15 @@ def _trace(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:
         marker = trace["marker"]
         style = _SYMBOLS.get(marker.get("symbol", "circle"), "o")
         axes.plot(
-            trace["x"], trace["y"], style, ms=marker["size"] * 0.6, color=marker["color"], alpha=marker.get("opacity", 1.0), mew=0.0
-            if style != "_" else 2.0, label=name,
-        )  # fmt: skip
+            trace["x"],
+            trace["y"],
+            style,
+            ms=marker["size"] * 0.6,
+            color=marker["color"],
+            alpha=marker.get("opacity", 1.0),
+            mew=0.0 if style != "_" else 2.0,
+            label=name,
+        )
     else:
         drawn = trace["line"]
         axes.plot(

@@ -147,7 +147,7 @@ def drive(
 
 
 def _signals(recording: Recording, number: int, log: str) -> list[Figure]:
-    """Recorded strain (microstrain) or acceleration over time, decimated so that no peak vanishes."""
+    """Recorded strain [µm/m] or acceleration over time, decimated so that no peak vanishes."""
     figures = []
     for kinds, label, factor in (
         (STRAIN_KINDS, "strain [µm/m]", 1e6),

@@ -1,9 +1,10 @@
-"""Where the page's tables come from: files given with --table, a campaign's folder, or the
-commands' own functions.
+"""Where the page's tables come from.
 
-paths --columns--> kind of table --> `Tables`: nothing is read before it is asked for, and then only
-the columns that are drawn a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last
-ladder
+Files given with --table, a campaign's folder, or the commands' own functions.
+
+paths --columns--> kind of table
+    --> `Tables`: nothing is read before it is asked for, and then only the columns that are drawn
+a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last ladder
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ KINDS = ("speed", "footprint", "dissipation", "phase-shift", "dissipation-fit")
 _WORDS = ("log", "channel", "quality", "slip_onset_reason")
 #: columns that no figure draws
 _UNUSED = {
-    "period_s", "speed_se_m_s", "length_se_m", "length_form_se_m", "length_d2_se_m", "length_d1_se_m", "edge_asymmetry", "slip_onset_se_m",
-    "slip_onset_reason", "dissipation_factor_se_1_m", "entry_angle_deg", "exit_angle_deg",
+    "period_s", "speed_se_m_s", "length_se_m", "length_form_se_m", "length_d2_se_m",
+    "length_d1_se_m", "edge_asymmetry", "slip_onset_se_m", "slip_onset_reason",
+    "dissipation_factor_se_1_m", "entry_angle_deg", "exit_angle_deg",
 }  # fmt: skip
 
 

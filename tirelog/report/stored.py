@@ -1,5 +1,6 @@
-"""Sections as a file: what a campaign's models have to show is drawn where their results are, and
-put on the page later.
+"""Sections as a file.
+
+What a campaign's models have to show is drawn where their results are, and put on the page later.
 
 Sections --JSON--> models/<model>/page.json --> the same Sections
 """

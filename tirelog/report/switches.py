@@ -1,9 +1,13 @@
-"""Effects on and off: for every combination the fitted model, its waveforms, residual map and
-errors, made before the page is opened.
+"""Effects on and off.
 
-    stacks, top model --cells once--> for each subset of its effects: `prepare` (fit, floor,
-    held-out error) --comparison_of--> State States --> a section whose figures show one state, and
-    the data by which the page's script changes them
+For every combination the fitted model, its waveforms, residual map and errors, made before the page
+is opened.
+
+    stacks, top model
+        --cells once--> for each subset of its effects: `prepare` (fit, floor, held-out error)
+        --comparison_of--> State
+    States --> a section whose figures show one state, and the data by which the page's script
+               changes them
 
 A combination is fitted anew, since a model without an effect bends its other parameters to make up
 for it: this is the error that the model without it really has. All numbers are those of `compare`

@@ -1,5 +1,6 @@
-"""Sections made of one table each: footprint, dissipation, phase shift; and of a campaign's
-summary.
+"""Sections made of one table each.
+
+Footprint, dissipation, phase shift, and a campaign's summary.
 
 Rows of the command's own columns (pandas) --> Section; nothing is estimated here. Rows with a
 quality word are counted, not drawn.
@@ -10,6 +11,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -150,16 +152,23 @@ def dissipation(
     tables = [quality(table, "dissipation")]
     if lines is not None:
         heads = {
-            "quantity": "quantity", "channel": "channel", "slope": "slope", "slope_se": "its error", "slope_lower": "95 % from",
-            "slope_upper": "to", "intercept": "value at speed 0", "intercept_se": "its error", "rows": "revolutions", "points": "means",
+            "quantity": "quantity", "channel": "channel", "slope": "slope", "slope_se": "its error",
+            "slope_lower": "95 % from", "slope_upper": "to", "intercept": "value at speed 0",
+            "intercept_se": "its error", "rows": "revolutions", "points": "means",
             "judgement": "judgement",
         }  # fmt: skip
         names = [name for name in heads if name in lines]  # a table of an older run has fewer
         header = [heads[name] for name in names]
-        cells = [["" if pd.isna(row[n]) else f"{row[n]:.4g}" if isinstance(row[n], float) else str(row[n]) for n in names]
-                 for _, row in lines.iterrows()]  # fmt: skip
+        cells = [[_cell(row[name]) for name in names] for _, row in lines.iterrows()]
         tables.append(Table("Regressions on the speed in m/s", header, cells))
     return Section("dissipation", "Dissipation", command, words, figures, tables)
+
+
+def _cell(value: Any) -> str:
+    """A cell of a table: nothing if the value is missing, a number with four digits."""
+    if pd.isna(value):
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict]:
@@ -187,10 +196,17 @@ def phase_shift(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Se
     """
     good = table[table["quality"].isin(["ok", "delay_removed"])]  # a removed delay is no fault
     figures = [
-        Figure("phase-speed", "Speed at the passages", "Speed against time: " f"{reach(good['speed_m_s'], 'm/s')}.",
-               [dots(rows["time_s"], rows["speed_m_s"], name, i) for i, (name, rows) in enumerate(groups(good))],
-               layout("time [s]", "speed [m/s]")),
-    ]  # fmt: skip
+        Figure(
+            "phase-speed",
+            "Speed at the passages",
+            f"Speed against time: {reach(good['speed_m_s'], 'm/s')}.",
+            [
+                dots(rows["time_s"], rows["speed_m_s"], name, i)
+                for i, (name, rows) in enumerate(groups(good))
+            ],
+            layout("time [s]", "speed [m/s]"),
+        ),
+    ]
     for quantity, label in (
         ("phase_shift", "phase shift [deg]"),
         ("patch_width", "patch width [deg]"),

@@ -1,8 +1,9 @@
-"""Chunks of an HDF5 dataset, packed as HDF5's own filters would and written past them: several are
-packed at once, outside of HDF5's lock.
+"""Chunks of an HDF5 dataset, packed as HDF5's own filters would and written past them.
 
-    values --shuffle--> bytes of one place together --deflate--> smaller --fletcher32--> 4 bytes
-    more --write_direct_chunk--> file
+Several are packed at once, outside of HDF5's lock.
+
+    values --shuffle--> bytes of one place together --deflate--> smaller
+        --fletcher32--> 4 bytes more --write_direct_chunk--> file
 
 Any tool reads the file, as its filters are the ordinary ones: shuffle, gzip, fletcher32 (HDF5
 specification, III.I "Filter pipeline").
@@ -145,8 +146,7 @@ def recording_closed() -> ReadError:
     """What a recording says that is read after its end."""
     return ReadError(
         "the recording is closed; its samples can be read while `open_recording` is open, and in "
-        "a session "
-        "until the next log is taken; read them there, or open it again"
+        "a session until the next log is taken; read them there, or open it again"
     )
 
 

@@ -1,5 +1,6 @@
-"""Stamps to a time axis: one streaming pass that keeps the stamps aside, then a fit in bounded
-memory.
+"""Stamps to a time axis.
+
+One streaming pass that keeps the stamps aside, then a fit in bounded memory.
 
     blocks: ClockFit.add(stamps [s] or None, sample numbers or None, n)      n samples each, NaN
         where a stamp is unknown
@@ -131,8 +132,7 @@ class ClockFit:
             self._axis = self._solve()
         return self._axis
 
-    # ---- deciding
-    # ------------------------------------------------------------------------------------------------------------
+    # ---- deciding --------------------------------------------------------------------------------
 
     def _solve(self) -> TimeAxis:
         stamps, declared = self._stamps, self.setup_rate_Hz or self.file_rate_Hz
@@ -237,8 +237,7 @@ class ClockFit:
             )
         self._count("clock_drift_ppm", round(abs(rate / declared - 1.0) * 1e6))
 
-    # ---- building
-    # ------------------------------------------------------------------------------------------------------------
+    # ---- building --------------------------------------------------------------------------------
 
     def _continued(self, pieces: list[Piece], period: float) -> list[Piece]:
         """Pieces whose lines never run backwards: a repeated row stands alone between two, a clock

@@ -1,8 +1,9 @@
-"""A channel on its way into a run: counts while every value is a decimal number of few digits, else
-floats.
+"""A channel on its way into a run.
+
+Counts while every value is a decimal number of few digits, else floats.
 
     samples, block after block --joined to whole chunks--> int32 counts, float32 or float64
-    --chunks--> dataset
+        --chunks--> dataset
 
 The choice is made by the data: a value that does not come back exactly promotes what has been
 written so far.
@@ -156,7 +157,8 @@ class Column:
         for name, text in words.items():  # of a fixed length: HDF5's heap has no checksum
             self.dataset.attrs[name] = np.bytes_(text.encode("utf-8", "backslashreplace") or b"\0")
         self.dataset.attrs.update(
-            scale_factor=factor / power, add_offset=offset, decimals=(self.decimals or 0) if counts else -1,
+            scale_factor=factor / power, add_offset=offset,
+            decimals=(self.decimals or 0) if counts else -1,
         )  # fmt: skip
         if counts:
             self.dataset.attrs["_FillValue"] = np.int32(LOST_COUNT)

@@ -1,5 +1,6 @@
-"""Source units to SI for a channel of the setup: P1 (1) for gratings, the table of `units` for the
-rest.
+"""Source units to SI for a channel of the setup.
+
+P1 (1) for gratings, the table of `units` for the rest.
 
 Every conversion is linear in the channel's own sample, so a run keeps the source's exact counts
 beside a factor and an offset; the temperature term of P1 (1) is the one that needs a second

@@ -1,8 +1,10 @@
 """A channel in memory, in as few bytes as its numbers need: it is gone through more than once.
 
-    Channel of a run --counts, piece by piece, above the least of the piece: two bytes a sample
-    where they fit--> Channel in memory Channel of a temporary run, as counts: is where it is, and
-    only read more quickly any other Channel --float64--> Channel in memory
+    Channel of a run
+        --counts, piece by piece, above the least of the piece: two bytes a sample if they fit-->
+        Channel in memory
+    Channel of a temporary run, as counts: is where it is, and only read more quickly
+    any other Channel --float64--> Channel in memory
 
 What is read from the one that is made is what was stored, to the bit.
 """

@@ -141,7 +141,17 @@ def is_file(log: str) -> bool:
 
 
 def _reader(stream: _Stream, head: bytes, path: Path | None, setup: Setup, log: str) -> LogReader:
-    """The reader for what the bytes are; names and suffixes do not matter."""
+    """The reader for what the bytes are; names and suffixes do not matter.
+
+    SetupError: [log] has keys that only a text log has, and the log is none.
+    """
+    if setup.log.of_text and (path is not None or head.startswith(MCAP_MAGIC)):
+        keys = ", ".join(setup.log.of_text)
+        raise SetupError(
+            f"[log] {keys}: the log is {'HDF5' if path is not None else 'MCAP'}; allowed for a "
+            "text log only; remove it, or give the log that it is for",
+            file=setup.file or log,
+        )
     if path is not None:
         from tirelog.readers.hdf5.reader import open_hdf5
 

@@ -1,5 +1,6 @@
-"""Stamps put aside, and what passes over them tell: period, noise, lasting jumps, the line through
-them.
+"""Stamps put aside, and what passes over them tell.
+
+Period, noise, lasting jumps, the line through them.
 
     append(stamps) ... -> Stamps --points()--> (k, t) --> rough_period, noise, jumps, fit
 
@@ -70,7 +71,7 @@ class Stamps:
         self._before = np.zeros(1, np.int64)  # samples missing before it and all earlier ones
 
     def know_missing(self, missing: list[tuple[int, int]]) -> None:
-        """Takes (index of the first sample behind, samples missing) of each run of missing samples."""
+        """Take (index of the first sample behind, samples missing) of each run of missing ones."""
         self._behind = np.array([index for index, _ in missing], np.int64)
         self._before = np.concatenate([[0], np.cumsum([number for _, number in missing])]).astype(
             np.int64
@@ -286,7 +287,7 @@ class Stamps:
 
 
 def _clusters(residual: FloatArray, threshold: float, window: int) -> list[tuple[int, int]]:
-    """(first, last) position of steps above the threshold that stand closer together than a window."""
+    """(first, last) position of steps above the threshold that stand closer than a window."""
     steps = np.flatnonzero(np.abs(np.diff(residual)) > threshold) + 1
     if not steps.size:
         return []

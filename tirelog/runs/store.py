@@ -108,7 +108,7 @@ class RunWriter(AbstractContextManager["RunWriter"]):
         flags: Mapping[str, list[tuple[int, int, str]]],
         provenance: Mapping[str, Any],
     ) -> None:
-        """Time axes, flags on whole groups, setup and provenance; the file is complete after this."""
+        """Write time axes, flags on whole groups, setup, provenance; the file is then complete."""
         self.flush()
         for group in self.groups:
             self._axis(group.name, axes[group.name])

@@ -1,7 +1,7 @@
 """What a run says of itself, checked before any of it is believed: whoever made the file.
 
-    file --walk, storage, shapes (as of any HDF5 log)--> datasets --digest--> texts, axes, flags,
-    samples of sizes that agree
+    file --walk, storage, shapes (as of any HDF5 log)--> datasets
+        --digest--> texts, axes, flags, samples of sizes that agree
 
 `contents_digest` covers every group, name, link, attribute, type, shape and stored number of a run
 but for the long columns (samples and explicit times), whose own sha256 stand in their attributes;
@@ -296,8 +296,7 @@ def check_open(dataset: h5py.Dataset) -> None:
         raise recording_closed()
 
 
-# ---- digests
-# --------------------------------------------------------------------------------------
+# ---- digests -------------------------------------------------------------------------------------
 
 
 def contents_digest(file: h5py.File) -> str:

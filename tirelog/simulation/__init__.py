@@ -1,9 +1,8 @@
 """The truth: logs with known physics, solved apart from the models that are tested on them.
 
-    SCENARIO.toml --load_scenario--> Scenario --simulate--> Simulated --write_log--> LOG,
-    LOG.truth.json, setup
-                                                                     --to_recording--> Recording in
-                                                                     memory
+    SCENARIO.toml --load_scenario--> Scenario --simulate--> Simulated
+        --write_log-----> LOG, LOG.truth.json, setup
+        --to_recording--> Recording in memory
 
 Nothing here is shared with `tirelog.physics`, and neither imports the other.  Two kinds of truth:
 

@@ -1,7 +1,7 @@
 """A scenario becomes a log with known truth, in memory.
 
-Scenario --seed--> Drive, Roughness --> World --sampling--> Simulated (raw channels in the file's
-units, truth) --> Recording or a file
+Scenario --seed--> Drive, Roughness --> World
+    --sampling--> Simulated (raw channels in the file's units, truth) --> Recording or a file
 """
 
 from __future__ import annotations

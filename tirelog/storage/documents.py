@@ -1,8 +1,9 @@
-"""TOML and JSON text to plain tables: the one way in for every file that a user, or another
-program, wrote.
+"""TOML and JSON text to plain tables.
 
-    text --tomllib or json--> tables of bounded depth and numbers of 64 bits, or an error of the
-    file's kind
+The one way in for every file that a user, or another program, wrote.
+
+    text --tomllib or json--> tables of bounded depth and numbers of 64 bits, or an error of
+                              the file's kind
 
 What is too deep to walk, or too large to be a float, is refused here once, so that nobody behind
 has to think of it.

@@ -1,5 +1,6 @@
-"""Logs and results elsewhere: s3://, gs://, https://, any address that fsspec knows (extra
-`remote`).
+"""Logs and results elsewhere.
+
+At s3://, gs://, https://, any address that fsspec knows (extra `remote`).
 
 Credentials come by the environment's own means (AWS_*, GOOGLE_APPLICATION_CREDENTIALS, ...), never
 through tirelog. A store that does not answer is an error after ANSWER_S seconds; what it sends once

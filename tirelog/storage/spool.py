@@ -1,5 +1,6 @@
-"""Numbers put aside while a log streams by, to be read again in slices: in memory while few, then
-in a temporary file.
+"""Numbers put aside while a log streams by, to be read again in slices.
+
+In memory while few, then in a temporary file.
 """
 
 from __future__ import annotations

@@ -86,8 +86,7 @@ def failed_writes(path: Path | str) -> Iterator[None]:
         raise output_error(path, problem) from problem
 
 
-# ---- names of what is not finished
-# ----------------------------------------------------------------
+# ---- names of what is not finished ---------------------------------------------------------------
 
 
 @cache
@@ -185,7 +184,7 @@ def _sweep_once(folder: Path, form: re.Pattern[str]) -> None:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """An own temporary folder; removed at the end, or by the next start if this process is killed."""
+    """A temporary folder, removed at the end, or by the next start if this process is killed."""
     base = Path(tempfile.gettempdir())
     _sweep_once(base, _FOLDER)
     folder = base / f"tirelog-{_owner()}"
@@ -197,8 +196,7 @@ def temporary_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-# ---- inputs
-# ---------------------------------------------------------------------------------------
+# ---- inputs --------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -236,8 +234,7 @@ def refuse_inputs(*outputs: Path | str | int, name: str | None = None) -> None:
                 )
 
 
-# ---- outputs
-# --------------------------------------------------------------------------------------
+# ---- outputs -------------------------------------------------------------------------------------
 
 
 @contextmanager

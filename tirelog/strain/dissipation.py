@@ -1,13 +1,14 @@
 """Dissipation of every revolution from the strain's own time derivative (P1 27-29, errata).
 
-    Channel --means of some samples, lost ones bridged, differentiator, square--> energy of each
-    revolution, block by block
-            --minus what the noise brings, over the speed--> factor, specific power, standard error,
-            a row a passage
+    Channel
+        --means of some samples, lost ones bridged, differentiator, square-->
+        energy of each revolution, block by block
+            --minus what the noise brings, over the speed-->
+            factor, specific power, standard error, a row per passage
             --stretches of constant speed--> moving averages
 
-    p_d = int eps'^2 ds = (1 / v) int (d eps / dt)^2 dt over one revolution, P_d = v^2 A p_d, with v
-    = R Omega
+    p_d = int eps'^2 ds = (1 / v) int (d eps / dt)^2 dt over one revolution
+    P_d = v^2 A p_d, with v = R Omega
 
 A revolution runs from half a turn before the patch centre to half a turn after. White noise of
 sigma adds sigma^2 x (sum of the squared filter) to each squared derivative: it is taken off. The

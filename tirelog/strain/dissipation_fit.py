@@ -90,8 +90,9 @@ class Regression:
 
 #: columns of the table that stand in a Regression
 COLUMNS = (
-    "quantity", "intercept", "intercept_se", "slope", "slope_se", "slope_lower", "slope_upper", "scatter", "rows", "stretches", "points",
-    "speeds", "degrees_of_freedom", "slowest_m_s", "fastest_m_s", "miss", "miss_sigmas", "curvature", "curvature_se", "judgement",
+    "quantity", "intercept", "intercept_se", "slope", "slope_se", "slope_lower", "slope_upper",
+    "scatter", "rows", "stretches", "points", "speeds", "degrees_of_freedom", "slowest_m_s",
+    "fastest_m_s", "miss", "miss_sigmas", "curvature", "curvature_se", "judgement",
 )  # fmt: skip
 
 
@@ -110,7 +111,7 @@ class _Line:
 
 
 def _reach(free: int) -> float:
-    """Half of the COVERED interval in standard errors: the t quantile of `free` degrees of freedom."""
+    """Half of the COVERED interval in standard errors: the t quantile for `free` degrees."""
     from scipy.special import stdtrit  # a tenth of a second that the table alone does without
 
     return float(stdtrit(max(free, 1), 0.5 + 0.5 * COVERED))

@@ -1,8 +1,9 @@
-"""Compiled loop of the dissipation: samples to the energy of their derivative in each revolution,
-in one pass.
+"""Compiled loop of the dissipation.
 
-values (n,) --antisymmetric FIR--> slope (n,) --square, and square of its own change, fours of
-samples first--> sums over each row's samples
+Samples to the energy of their derivative in each revolution, in one pass.
+
+values (n,) --antisymmetric FIR--> slope (n,)
+    --square, and square of its own change, fours of samples first--> sums over each row's samples
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
-"""The tables of the command `dissipation`: a row a revolution, its moving averages sorted by speed,
-and the regressions on speed.
+"""The tables of the command `dissipation`.
 
-Recording --passages, dissipation--> columns --power, force, coefficient where the setup gives what
-they need--> table rows of constant speed --`dissipation_fit`: lines through the means of their
-stretches--> regressions
+A row per revolution, its moving averages sorted by speed, and the regressions on speed.
+
+Recording --passages, dissipation--> columns
+    --power, force, coefficient where the setup gives what they need--> table
+rows of constant speed
+    --`dissipation_fit`: lines through the means of their stretches--> regressions
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Static test: strain against inflation pressure while the tire is filled (P2 4.1, Fig. 15).
 
-    strain (and pressure) of a log at rest --means of 0.1 s--> series --rate of the strain--> ramps
-    and stops
+    strain (and pressure) of a log at rest --means of 0.1 s--> series
+        --rate of the strain--> ramps and stops
         --straight lines--> slope of each, linearity of the whole, strain lost at the stops (air
-        that leaks past the gauge)
+                            that leaks past the gauge)
 
 P2 fills from 1.7 to 2.3 bar; the strain grows linearly, and drops a little at the two stops where
 the gauge is read. Without a pressure channel the pressures at the beginning and at the end may be

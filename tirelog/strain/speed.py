@@ -1,7 +1,7 @@
 """The speed table: a row a passage, speed over the rolling circumference with an error that covers.
 
-    Recording --find_passages on each strain channel--> Passages --here--> columns of the table
-    `speed`
+    Recording --find_passages on each strain channel--> Passages
+        --here--> columns of the table `speed`
 
 v_i = 2 (2 pi R_e) / (t_{i+1} - t_{i-1}) between like passages (P1 4, P2 4.2, errata), in its form
 for unequal steps, which is exact for constant acceleration, less what is left of a changing one
@@ -120,8 +120,7 @@ def speed_tables(
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         raise UsageError(
             "no channel tells the speed; allowed are strain, wheel_encoder and "
-            f"radial_acceleration, the log has {have}; "
-            "name one in the setup",
+            f"radial_acceleration, the log has {have}; name one in the setup",
             file=recording.log,
         )
     found = [

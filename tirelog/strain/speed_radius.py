@@ -1,8 +1,9 @@
-"""The rolling radius from a vehicle's own speed (errata, Speed: R_e is a setting, or calibrated
-with a speed reference).
+"""The rolling radius from a vehicle's own speed.
 
-    vehicle_speed Channel --distance travelled at the passages' times--> distance a turn --ratio
-    over pieces of the log--> radius, error
+Errata, Speed: R_e is a setting, or calibrated with a speed reference.
+
+    vehicle_speed Channel --distance travelled at the passages' times--> distance a turn
+        --ratio over pieces of the log--> radius, error
 
 The distance over whole turns does not depend on where in a turn the speed was sampled; noise and
 lag of the reference average out.
@@ -111,8 +112,7 @@ def calibrate_radius(
     if not radii:
         raise UsageError(
             f"--calibrate-radius: fewer than {LEAST_TURNS} whole turns lie within {speed.name}; "
-            "allowed is a log with more; "
-            "give a longer one, or rolling_radius_m in the setup"
+            "allowed is a log with more; give a longer one, or rolling_radius_m in the setup"
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean
     # better

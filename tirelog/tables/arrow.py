@@ -36,7 +36,7 @@ def arrow_column(values: np.ndarray, kind: str, digits: int | None) -> pa.Array:
 
 
 def arrow_field(name: str, type: pa.DataType | None = None) -> pa.Field:
-    """A column with its unit and meaning, which parquet keeps; `type` None: that of the vocabulary."""
+    """A column with its unit and meaning, kept by parquet; without `type` the vocabulary's."""
     column = COLUMNS.get(name)
     metadata = {"unit": column.unit, "meaning": column.meaning} if column else None
     return pa.field(name, TYPES[COLUMNS[name].kind] if type is None else type, metadata=metadata)

@@ -141,7 +141,7 @@ def _stem(path: object) -> str:
 
 
 def summary(found: Sequence[Difference]) -> str:
-    """How many values moved and how many rows or columns only one of the tables has, in one line."""
+    """One line: how many values moved, how many rows or columns only one of the tables has."""
     counted = {
         "values moved beyond their tolerance": [
             d for d in found if d.column != _ROW and d.key != _ALL_ROWS

@@ -1,5 +1,6 @@
-"""Tidy tables out: columns -> rows of csv, ndjson, json or parquet, on standard output or as a
-whole file.
+"""Tidy tables out: columns -> rows of csv, ndjson, json or parquet.
+
+On standard output or as a whole file.
 
     with TableWriter("speed", output, format, metadata=...) as table:
         table.write({"log": ..., "time_s": array, ...})     as often as there are parts; every part
@@ -172,7 +173,7 @@ class TableWriter(AbstractContextManager["TableWriter"]):
             raise UsageError(
                 f"has {', '.join(more)}, which the logs before have not (their setups say less); "
                 "a table has the columns of its first log; "
-                f"put the log with most of them first, or make a table of each",
+                "put the log with most of them first, or make a table of each",
                 file=str(next(iter(np.atleast_1d(columns["log"])), "-"))
                 if "log" in columns
                 else None,

@@ -1,5 +1,6 @@
-"""Every column of every table, once: name, unit, type, meaning, and the difference that `check`
-accepts.
+"""Every column of every table, once.
+
+Name, unit, type, meaning, and the difference that `check` accepts.
 
 `TABLES` says which columns a table has and in which order. A column's tolerance is absolute +
 relative x |value|: differences that another machine's BLAS or a rounding in text may bring, far
@@ -447,37 +448,49 @@ def _revolutions(*own: str) -> tuple[str, ...]:
 TABLES: dict[str, tuple[str, ...]] = {
     "speed": _revolutions("period_s", "speed_se_m_s", "acceleration_m_s2"),
     "footprint": _revolutions(
-        "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m", "length_d1_m", "length_d1_se_m",
-        "entry_time_s", "exit_time_s", "edge_asymmetry", "slip_onset_m", "slip_onset_se_m", "slip_onset_reason",
+        "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m",
+        "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s", "edge_asymmetry",
+        "slip_onset_m", "slip_onset_se_m", "slip_onset_reason",
     ),
     "dissipation": _revolutions(
-        "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2", "steady", "dissipation_factor_mean_1_m",
-        "specific_power_mean_m3_s2", "strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient",
+        "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2", "steady",
+        "dissipation_factor_mean_1_m", "specific_power_mean_m3_s2", "strip_power_W",
+        "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient",
     ),
     "dissipation-fit": (
-        "log", "channel", "quantity", "intercept", "intercept_se", "slope", "slope_se", "slope_lower", "slope_upper", "scatter", "rows",
-        "stretches", "points", "speeds", "degrees_of_freedom", "slowest_m_s", "fastest_m_s", "miss", "miss_sigmas", "curvature",
+        "log", "channel", "quantity", "intercept", "intercept_se", "slope", "slope_se",
+        "slope_lower", "slope_upper", "scatter", "rows", "stretches", "points", "speeds",
+        "degrees_of_freedom", "slowest_m_s", "fastest_m_s", "miss", "miss_sigmas", "curvature",
         "curvature_se", "judgement",
     ),
     "inflation": _revolutions(
-        "stretch", "duration_s", "inflation_pressure_Pa", "pressure_change_Pa", "strain", "strain_se", "strain_change", "strain_slope_1_Pa",
-        "strain_slope_se_1_Pa", "strain_rate_1_s", "nonlinearity", "leak",
+        "stretch", "duration_s", "inflation_pressure_Pa", "pressure_change_Pa", "strain",
+        "strain_se", "strain_change", "strain_slope_1_Pa", "strain_slope_se_1_Pa",
+        "strain_rate_1_s", "nonlinearity", "leak",
     ),
     "phase-shift": _revolutions(
-        "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg", "phase_shift_deg", "phase_shift_se_deg",
-        "patch_width_detrended_deg", "phase_shift_detrended_deg", "phase_shift_corrected_deg", "vertical_force_N", "vertical_force_se_N",
-        "longitudinal_force_N", "longitudinal_force_se_N",
+        "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg",
+        "phase_shift_deg", "phase_shift_se_deg", "patch_width_detrended_deg",
+        "phase_shift_detrended_deg", "phase_shift_corrected_deg", "vertical_force_N",
+        "vertical_force_se_N", "longitudinal_force_N", "longitudinal_force_se_N",
     ),
-    "predict": ("xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2", "contact_pressure_N_m", "shear_traction_N_m"),
+    "predict": (
+        "xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2",
+        "contact_pressure_N_m", "shear_traction_N_m",
+    ),
     "passage": (
-        "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg", "hub_displacement_m", "road_vertical_N",
-        "road_longitudinal_N", "spindle_vertical_N", "spindle_longitudinal_N", "strain", "radial_acceleration_m_s2",
+        "sensor_deg", "time_s", "distance_m", "speed_m_s", "load_N", "wheel_angle_deg",
+        "hub_displacement_m", "road_vertical_N", "road_longitudinal_N", "spindle_vertical_N",
+        "spindle_longitudinal_N", "strain", "radial_acceleration_m_s2",
     ),
-    "modes": ("support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction", "share"),
+    "modes": (
+        "support", "speed_m_s", "frequency_Hz", "damping_ratio", "shape", "lobes", "direction",
+        "share",
+    ),
 }  # fmt: skip
 
 #: columns that stand in a table only where the setup or calibration gives what they need
 OPTIONAL = {
-    "strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient", "vertical_force_N", "vertical_force_se_N",
-    "longitudinal_force_N", "longitudinal_force_se_N",
+    "strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient",
+    "vertical_force_N", "vertical_force_se_N", "longitudinal_force_N", "longitudinal_force_se_N",
 }  # fmt: skip

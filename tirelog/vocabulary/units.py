@@ -63,10 +63,11 @@ UNITS: dict[str, tuple[str, float, float]] = {
 
 #: other spellings that instruments use, lower-cased
 SPELLINGS = {
-    "µe": "microstrain", "με": "microstrain", "µε": "microstrain", "ue": "microstrain", "µm/m": "um/m", "°c": "degC", "c": "degC",
-    "celsius": "degC", "°f": "degF", "kmh": "km/h", "kph": "km/h", "m/s²": "m/s^2", "ms^-2": "m/s^2", "m s-2": "m/s^2",
-    "m/s**2": "m/s^2", "sec": "s", "second": "s", "seconds": "s", "volt": "V", "volts": "V", "-": "1", "": "1", "counts": "count",
-    "steps": "step", "µm": "um", "nanometer": "nm", "kelvin": "K",
+    "µe": "microstrain", "με": "microstrain", "µε": "microstrain", "ue": "microstrain",
+    "µm/m": "um/m", "°c": "degC", "c": "degC", "celsius": "degC", "°f": "degF", "kmh": "km/h",
+    "kph": "km/h", "m/s²": "m/s^2", "ms^-2": "m/s^2", "m s-2": "m/s^2", "m/s**2": "m/s^2",
+    "sec": "s", "second": "s", "seconds": "s", "volt": "V", "volts": "V", "-": "1", "": "1",
+    "counts": "count", "steps": "step", "µm": "um", "nanometer": "nm", "kelvin": "K",
 }  # fmt: skip
 
 

@@ -1,7 +1,8 @@
 """The wheel's angle, speed and rolling radius from its encoder (P4 section IV A).
 
-    encoder channel --teeth--> counted passages --pitch table learnt from the log--> WheelAngle
-    (angle and rate at any time) WheelAngle, vehicle_speed --> rolling radius with its error
+    encoder channel --teeth--> counted passages
+        --pitch table learnt from the log--> WheelAngle (angle and rate at any time)
+    WheelAngle, vehicle_speed --> rolling radius with its error
     Recording --encoder_speed--> columns of the `speed` table, a row a turn of the wheel
 
 Angles [rad] grow in the direction of rolling; their zero is the first tooth that was seen. Sine,
@@ -253,8 +254,7 @@ def _remarks(
     if untold.any():
         said.append(
             f"channel {channel.name}: after {untold.sum()} standstills nothing tells which way "
-            "the wheel rolled (direction_unknown); "
-            "a vehicle_speed with a sign would"
+            "the wheel rolled (direction_unknown); a vehicle_speed with a sign would"
         )
     if pitch.turns == 0:
         return [
@@ -267,8 +267,7 @@ def _remarks(
         if share > own + BETTER and steps % other:
             said.append(
                 f"channel {channel.name}: the learnt pitch table does not repeat with {steps} "
-                f"steps, it does with {other}; "
-                "mend steps in the setup"
+                f"steps, it does with {other}; mend steps in the setup"
             )
     return said
 

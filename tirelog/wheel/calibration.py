@@ -1,10 +1,12 @@
-"""What belongs to speed, load and delay rather than to forces, learnt from quasi-static and dynamic
-logs (P4 section IV C, (1)-(3)).
+"""What belongs to speed, load and delay rather than to forces.
 
-    Passages of several logs --quasi-static passages, one constant a log--> SpeedMap of the phase
-    shift and of the patch width
-        --drive phases of undriven wheels--> cross-talk k    --force channels--> ForceMap    =:
-            Calibration
+Learnt from quasi-static and dynamic logs (P4 section IV C, (1)-(3)).
+
+    Passages of several logs
+        --quasi-static passages, one constant a log--> SpeedMap of the phase shift and of the patch
+                                                       width
+        --drive phases of undriven wheels--> cross-talk k
+        --force channels--> ForceMap    =: Calibration
     Passages, Calibration --clean--> detrended and corrected regressors (`table` makes rows of them)
 
 A speed map is the change against the reference speed, c1 (v - v0) + c2 (v - v0)^2, v0 the speed of
@@ -199,8 +201,7 @@ def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMa
         found = f"{y.size} passages over {np.ptp(v) if v.size else 0.0:.1f} m/s"
         raise UsageError(
             f"the logs have {found} below {QUASI_STATIC_M_S2} m/s^2; a speed map needs "
-            f"{LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; "
-            "add a slow drive-up or coast-down"
+            f"{LEAST_PASSAGES} over {LEAST_RANGE_M_S} m/s; add a slow drive-up or coast-down"
         )
     dv = v - reference
     columns = [(group == g).astype(float) for g in np.unique(group)] + [dv, dv**2]
@@ -215,8 +216,8 @@ def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMa
     at = len(columns) - 2
     solved, covariance, residual = _least_squares(design, y, se)
     return SpeedMap(
-        float(solved[at]), float(solved[at + 1]), covariance[at : at + 2, at : at + 2], float(v.min()), float(v.max()),
-        float(np.std(residual)), int(y.size),
+        float(solved[at]), float(solved[at + 1]), covariance[at : at + 2, at : at + 2],
+        float(v.min()), float(v.max()), float(np.std(residual)), int(y.size),
     )  # fmt: skip
 
 

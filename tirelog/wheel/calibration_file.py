@@ -1,5 +1,6 @@
-"""Calibration files: TOML, versioned, and checked key by key when read, so that a foreign file
-cannot do harm.
+"""Calibration files: versioned TOML.
+
+Checked key by key when read, so that a foreign file cannot do harm.
 
 Calibration --write_calibration--> text, whole or not at all --read_calibration--> Calibration
 """

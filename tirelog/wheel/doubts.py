@@ -1,5 +1,6 @@
-"""What makes an encoder or an accelerometer doubtful: swapped channels, a wrong number of steps, a
-wrong sampling rate, saturation.
+"""What makes an encoder or an accelerometer doubtful.
+
+Swapped channels, a wrong number of steps, a wrong sampling rate, saturation.
 
 channels, WheelAngle, Fronts --> sentences on the whole channel, or a SetupError that says what to
 mend

@@ -1,8 +1,9 @@
-"""Force maps: F_z = f_z(patch width), F_x = f_x(phase shift) (P4 section III), where logs have
-force channels.
+"""Force maps: F_z = f_z(patch width), F_x = f_x(phase shift) (P4 section III).
 
-regressors and measured forces of several logs --least squares, degree by cross-validation-->
-ForceMap --> force and its error
+For logs that have force channels.
+
+regressors and measured forces of several logs
+    --least squares, degree by cross-validation--> ForceMap --> force and its error
 """
 
 from __future__ import annotations

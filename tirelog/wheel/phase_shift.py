@@ -173,8 +173,9 @@ def _passages(
         else {}
     )
     return Passages(
-        recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time, speed, acceleration, turn - width / 2,
-        turn + width / 2, width, se, turn - offset, se / 2, steady, words, zero_speed, tuple(said), without, means,
+        recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
+        speed, acceleration, turn - width / 2, turn + width / 2, width, se, turn - offset, se / 2,
+        steady, words, zero_speed, tuple(said), without, means,
         _example(channel, wheel, fronts, good),
     )  # fmt: skip
 

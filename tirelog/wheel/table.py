@@ -1,5 +1,6 @@
-"""A calibration applied to a log: its zero where the log has none of its own, and the rows of the
-`phase-shift` table.
+"""A calibration applied to a log.
+
+Its zero where the log has none of its own, and the rows of the `phase-shift` table.
 
 Passages, Calibration --no zero stretch in the log--> Passages with the calibration's zero
 Passages, Calibration --clean, force maps--> columns of the table, words

@@ -1,8 +1,9 @@
-"""`compare` on transients: a coupled ring model's answer to an obstacle against a log, in time and
-in frequency.
+"""`compare` on transients.
 
-    TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits --rows in time
-    and frequency--> TransientComparison
+A coupled ring model's answer to an obstacle against a log, in time and in frequency.
+
+    TransientLogs, Model (fitted on the steady revolutions) --`fit_hit` each--> Hits
+        --rows in time and frequency--> TransientComparison
 
 The model's own parameters are not touched here: what it says of the obstacle is a prediction, with
 four nuisance numbers a hit (when, phase, level, alignment), which the errors are charged for.
@@ -82,7 +83,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class HitResult:
-    """A hit and its numbers, all in the observable's unit but the times, the phase and the shares."""
+    """A hit and its numbers, in the observable's unit but for times, phase and shares."""
 
     log: TransientLog
     ordinal: int
@@ -108,11 +109,14 @@ class HitResult:
         rmse = float(np.sqrt(np.mean(left**2) * self._charged))
         covered = 1.0 - max(missed**2 - floor**2, 0.0) / max(added**2 - floor**2, 1e-300)
         return {
-            "log": self.log.log, "channel": self.log.channel, "hit": self.ordinal, "time_s": hit.time_s, "time_se_s": hit.time_se_s,
-            "speed_m_s": hit.speed_m_s, "phase_deg": float(np.degrees(hit.phase_rad)),
-            "alignment_deg": float(np.degrees(hit.alignment_rad)), "level": hit.level, "samples": int(left.size),
-            "rmse": rmse, "rmse_steady": float(np.sqrt(np.mean(self.steady))), "noise_floor": floor, "excess": excess_of(rmse, floor),
-            "added": float(added), "missed": float(missed), "covered": float(covered), "quality": "ok" if covered > _COVERED else "unlike",
+            "log": self.log.log, "channel": self.log.channel, "hit": self.ordinal,
+            "time_s": hit.time_s, "time_se_s": hit.time_se_s, "speed_m_s": hit.speed_m_s,
+            "phase_deg": float(np.degrees(hit.phase_rad)),
+            "alignment_deg": float(np.degrees(hit.alignment_rad)), "level": hit.level,
+            "samples": int(left.size), "rmse": rmse,
+            "rmse_steady": float(np.sqrt(np.mean(self.steady))), "noise_floor": floor,
+            "excess": excess_of(rmse, floor), "added": float(added), "missed": float(missed),
+            "covered": float(covered), "quality": "ok" if covered > _COVERED else "unlike",
         }  # fmt: skip
 
     def time_rows(self) -> list[dict[str, Any]]:
@@ -171,7 +175,8 @@ def _errors(squares: Sequence[float]) -> dict[str, float]:
     """
     rmse, steady, floor, added, missed = (float(np.sqrt(max(x, 0.0))) for x in squares)
     return {
-        "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor), "added": added, "missed": missed,
+        "rmse": rmse, "rmse_steady": steady, "noise_floor": floor, "excess": excess_of(rmse, floor),
+        "added": added, "missed": missed,
     }  # fmt: skip
 
 
@@ -232,8 +237,7 @@ def compare_transients(
             if results[-1].row()["quality"] != "ok":
                 remarks.append(
                     f"{log.log}: the model covers little of what happened at {hit.time_s:.4g} s; "
-                    "the obstacle's dimensions, the model, or "
-                    f"another event are to be doubted"
+                    "the obstacle's dimensions, the model, or another event are to be doubted"
                 )
     return TransientComparison(model.observable, unit, tuple(results), tuple(remarks))
 

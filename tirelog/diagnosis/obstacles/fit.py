@@ -1,8 +1,10 @@
-"""When a hit happened, and what the model says of it: four nuisance numbers a hit, found by least
-squares.
+"""When a hit happened, and what the model says of it.
 
-    TransientLog, Model, rough time --one motion of the model--> readings over (time of the hit,
-    phase of the sensor) --least squares--> Hit
+Four nuisance numbers per hit, found by least squares.
+
+    TransientLog, Model, rough time
+        --one motion of the model--> readings over (time of the hit, phase of the sensor)
+        --least squares--> Hit
 
 Nuisances: where the model's patch centre lies among the passages, from the steady revolutions
 around (`alignment`); the time at which the wheel's centre stood over the obstacle's beginning and a
@@ -241,6 +243,7 @@ class View:
         off = self.log.off()[window.rows]
         missed = measured - steady - added
         return Hit(
-            time_s, error_s, self.aligned_rad, phase_rad, level, float(self.transient.conditions.speed_m_s[0]), since[window.rows],
-            measured, model + level, off - off.mean(), missed - missed.mean(), self.transient.remarks,
+            time_s, error_s, self.aligned_rad, phase_rad, level,
+            float(self.transient.conditions.speed_m_s[0]), since[window.rows], measured,
+            model + level, off - off.mean(), missed - missed.mean(), self.transient.remarks,
         )  # fmt: skip

@@ -1,8 +1,10 @@
-"""What a motion tells and the steady waveform does not: masses, damping and bristles, fitted to the
-answers to obstacles.
+"""What a motion tells and the steady waveform does not.
 
-    TransientLogs, Model --damped least squares over the free names of `carcass.MOTION` and (time,
-    phase) of each hit--> Learned
+Masses, damping and bristles, fitted to the answers to obstacles.
+
+    TransientLogs, Model
+        --damped least squares over the free names of `carcass.MOTION`
+          and (time, phase) of each hit--> Learned
 
 What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together. A
 tire of a wrong mass rings out of step with the measured one, so that the least error may be far
@@ -105,7 +107,7 @@ def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], F
 
 
 def _left(views: Sequence[View], nuisances: FloatArray, stage: tuple[float, float]) -> FloatArray:
-    """What the model misses at all hits within (window, smoothing) of a stage, one after the other."""
+    """What the model misses at all hits, in a stage's (window, smoothing), one after the other."""
     window_s, smoothed_s = stage
     parts = []
     for view, (time, phase) in zip(views, nuisances):
@@ -166,8 +168,8 @@ def _descend(
 
 
 def _jacobian(
-    events: Sequence[_Event], model: Model, names: tuple[str, ...], values: FloatArray, nuisances: FloatArray, views: list[View],
-    stage: tuple[float, float], left: FloatArray,
+    events: Sequence[_Event], model: Model, names: tuple[str, ...], values: FloatArray,
+    nuisances: FloatArray, views: list[View], stage: tuple[float, float], left: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """Derivatives of `_left` by the parameters and by each hit's time and phase, (N, p + 2 h)."""
     columns = []
@@ -186,7 +188,7 @@ def _jacobian(
 
 
 def _errors(left: FloatArray, jacobian: FloatArray, count: int) -> FloatArray:
-    """Standard errors of the first `count`: what is missed is taken for noise, correlated as it is."""
+    """Standard errors of the first `count`; what is missed counts as noise, correlated as it is."""
     spectrum = np.abs(np.fft.rfft(left, 2 * left.size)) ** 2
     covariance = np.fft.irfft(spectrum)[: left.size]
     fades = int(np.argmax(covariance <= 0.0)) or left.size

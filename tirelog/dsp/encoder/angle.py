@@ -1,7 +1,7 @@
 """The wheel angle as a smooth function of time.
 
-    knots (n,) with angle and rate --Hermite--> angle at any time, time at any angle, mean rate over
-    a window
+    knots (n,) with angle and rate
+        --Hermite--> angle at any time, time at any angle, mean rate over a window
 
 Angles grow in the direction of rolling. Between knots the angle is the cubic that has both knots'
 angles and rates, so it is continuous with its rate.

@@ -1,5 +1,6 @@
-"""Counters and angle channels: the wheel angle is already there, and only its steps must become
-knots in time.
+"""Counters and angle channels.
+
+The wheel angle is already there, and only its steps must become knots in time.
 
 samples (size,) of counts or angles --changes, unwrapped--> times (n,) [s] and turns (n,) [1]
 """

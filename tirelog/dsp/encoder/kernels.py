@@ -1,9 +1,9 @@
 """Compiled kernels of the tooth finder: what is done once a sample, and once a tooth.
 
-    samples (size,) --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the
-    hysteresis
-                    --hysteresis--> side of each sample, changes of side --sums over windows-->
-                    sub-sample places (n,)
+    samples (size,)
+        --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the hysteresis
+        --hysteresis--> side of each sample, changes of side
+        --sums over windows--> sub-sample places (n,)
 
 Samples are finite, float64, C-contiguous.  Thresholds hold for a chunk of CHUNK samples.
 """
@@ -31,7 +31,7 @@ AROUND = 2
 
 @compiled
 def extremes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Largest and least sample of every chunk, the last one cut short, shape (ceil(size / CHUNK),)."""
+    """Largest and least sample per chunk, the last cut short; shape (ceil(size / CHUNK),)."""
     chunks = (x.size + CHUNK - 1) // CHUNK
     high, low = np.empty(chunks), np.empty(chunks)
     for c in range(chunks):

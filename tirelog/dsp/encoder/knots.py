@@ -1,9 +1,9 @@
 """From counted passages to the knots of the wheel angle, piece by piece.
 
-    pieces of times, counts, stretches (n,) --local cubic least squares--> knots, one in KNOT_STEP_S
-    where the wheel turns quickly
-                                            --scatter about the cubics----> noise of a passage
-    knots, pitch errors learnt meanwhile ----------------------------------> AngleFunction
+    pieces of times, counts, stretches (n,)
+        --local cubic least squares--> knots, one in KNOT_STEP_S where the wheel turns quickly
+        --scatter about the cubics---> noise of a passage
+    knots, pitch errors learnt meanwhile --> AngleFunction
 
 Time as a function of the count is a cubic over the passages within SPAN_S, by least squares.
 Smoothing is linear in the times, so the pitch errors are taken off afterwards: what the same least

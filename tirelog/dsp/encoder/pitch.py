@@ -1,9 +1,9 @@
 """The pitch error of a tone wheel, learnt from the log itself while it streams by.
 
-    pieces of times, counts, stretches (n,) --smooth motion over whole turns--> deviation of each
-    passage [rad]
+    pieces of times, counts, stretches (n,)
+        --smooth motion over whole turns--> deviation of each passage [rad]
         --means over turns, a stretch at a time--> which way and by how many teeth the stretches lie
-        against each other
+                                                   against each other
         --all together--> table (2 steps,)
 
 The time of count n is the smooth motion's plus the pitch error over the speed. Smoothing by B (2 -
@@ -175,7 +175,7 @@ class PitchLearner:
                 self._learn(time_s[low:high], count[low:high])
 
     def _learn(self, time_s: FloatArray, count: Integers) -> None:
-        """Adds passages of the last stretch to its sums; those near the end wait for the next ones."""
+        """Add passages of the last stretch to its sums; those near its end wait for the next."""
         turn = 2 * self.steps
         time, at = (
             np.concatenate([a, b]) for a, b in zip(self._held, (time_s, count), strict=True)
@@ -247,7 +247,7 @@ class PitchLearner:
 
 
 def _table(sums: FloatArray) -> PitchTable:
-    """The table from number, sum and sum of squares of the deviations of every passage of a turn."""
+    """The table from number, sum and sum of squares of the deviations of each passage of a turn."""
     number, total, squares = sums[0], sums[1], float(sums[2].sum())
     turns, size = float(np.median(number)), number.size
     if turns < LEAST_TURNS:

@@ -1,10 +1,9 @@
 """From an encoder's samples to the times at which its teeth pass, block by block.
 
     samples (size,) --probe------> what kind of signal it is, its amplitude and its noise (a few
-    short pieces of the log)
+                                   short pieces of the log)
                     --crossings--> sub-sample indices (n,) of the passages through the middle level,
-                    rising and falling in turn, a
-                                   piece for every block of samples
+                                   rising and falling in turn, a piece for every block of samples
 
 A tooth passage is found by hysteresis around a tracked middle level and placed by a sine: the
 samples within a third of a half period have the sum, and the difference between the later and the

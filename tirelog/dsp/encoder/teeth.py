@@ -1,10 +1,12 @@
-"""From tooth passages to counted teeth: what is missing, what is too many, where the count was
-lost.
+"""From tooth passages to counted teeth.
 
-    pieces of indices (n,) --intervals that no smooth motion explains are joined--> indices, half
-    teeth of each interval
+What is missing, what is too many, where the count was lost.
+
+    pieces of indices (n,)
+        --intervals that no smooth motion explains are joined-->
+        indices, half teeth of each interval
         --standstills, holes, turning points--> pieces of Teeth: counts (n,) in half teeth,
-        stretches between losses of the count
+                                                stretches between losses of the count
 
 A passage through the middle level is half a tooth; a rising one has an even count. Rising and
 falling passages take turns, so an interval between neighbours is an odd number of half teeth. A

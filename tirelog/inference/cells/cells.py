@@ -1,8 +1,9 @@
-"""Cells: the pieces of all logs with their noise and scatter, which is what every later step works
-on.
+"""Cells: the pieces of all logs with their noise and scatter.
 
-    Pieces (P, m) of all logs  ->  noise by angle, covariance of the coefficients, both pooled  ->
-                               Cells (C, m), C = P
+Every later step works on them.
+
+    Pieces (P, m) of all logs -> noise by angle, covariance of the coefficients, both pooled
+        -> Cells (C, m), C = P
 
 The coefficients taken out of single revolutions come back as random effects of the cell's mean
 (their covariance over revolutions, neighbours' correlation included, over the number of
@@ -12,7 +13,6 @@ moves both.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -146,9 +146,10 @@ def _noise_profile(pieces: Pieces) -> FloatArray:
     ss, freedom = pieces.residual_ss.sum(axis=0), pieces.freedom.sum(axis=0)
     half = max(1, ss.size // 64)
     kernel = np.ones(2 * half + 1)
-    wrapped: Callable[[FloatArray], FloatArray] = lambda x: np.convolve(  # noqa: E731
-        np.r_[x[-half:], x, x[:half]], kernel, mode="valid"
-    )
+
+    def wrapped(x: FloatArray) -> FloatArray:
+        return np.convolve(np.r_[x[-half:], x, x[:half]], kernel, mode="valid")
+
     profile = wrapped(ss) / np.maximum(wrapped(freedom), 1e-9)
     return np.asarray(np.maximum(profile, 1e-3 * np.median(profile) + 1e-30), dtype=np.float64)
 

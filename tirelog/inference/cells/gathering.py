@@ -1,12 +1,13 @@
-"""The pieces of all logs under one limit, `MOST_PIECES`: what works on them takes the same memory
-however long and many the logs are.
+"""The pieces of all logs under one limit, `MOST_PIECES`.
+
+What works on them takes the same memory however long and many the logs are.
 
     Stacks of one log, each in its turn in memory --pieces_of--> their pieces under each other
     more than `MOST_PIECES` of them: manoeuvres of one regime, a few neighbours together --groups-->
         pieces of one group in one band of speed --> one Piece: joined as revolutions are in
-        `pieces` (coefficients out, the rest averaged)
-    the pieces of several logs, more than `MOST_PIECES` together --share_out--> each log's share of
-    them, evenly over its speeds
+                                                     `pieces` (coefficients out, the rest averaged)
+    the pieces of several logs, more than `MOST_PIECES` together
+        --share_out--> each log's share of them, evenly over its speeds
 
 Within a log no revolution is left out: each counts in its piece's mean, noise and coefficients, and
 `cell` knows its piece. To all that follows a group is one manoeuvre: replicates are fewer, and no

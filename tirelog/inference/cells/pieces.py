@@ -1,15 +1,17 @@
-"""Like revolutions averaged: all that later steps need of them, so that the revolutions themselves
-can go.
+"""Like revolutions averaged.
 
-    Stack (n, m)  ->  cell (n,): one manoeuvre, a band of speed  ->  Pieces (P, m)  ->
-                  `cells.cells_of` pools noise and scatter over all
+All that later steps need of them, so that the revolutions themselves can go.
 
-Within a piece each revolution is   y = P(phi) + baseline + amplitude P + width phi P' - shift P' +
-                                    noise   with P the piece's mean waveform
-at the revolution's real angles.  The four coefficients are taken out, the rest averaged.  With one
-angle only the mean is taken.
-A piece is 25 kB, whatever the number of its revolutions; a mixed log of two minutes makes some 30
-of them.
+    Stack (n, m) -> cell (n,): one manoeuvre, a band of speed -> Pieces (P, m)
+        -> `cells.cells_of` pools noise and scatter over all
+
+Within a piece each revolution is
+
+    y = P(phi) + baseline + amplitude P + width phi P' - shift P' + noise
+
+with P the piece's mean waveform at the revolution's real angles. The four coefficients are taken
+out, the rest averaged. With one angle only the mean is taken. A piece is 25 kB, whatever the number
+of its revolutions; a mixed log of two minutes makes some 30 of them.
 """
 
 from __future__ import annotations
@@ -397,8 +399,8 @@ def _one_number(values: FloatArray) -> _Part:
     scatter = np.nanstd(values, axis=0, ddof=1) if good.sum() > 2 else np.full(1, np.nan)
     zero = np.zeros(1)
     return _Part(
-        mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero, np.zeros((len(values), 3)), zero, zero, scatter,
-        zero, zero,
+        mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero,
+        np.zeros((len(values), 3)), zero, zero, scatter, zero, zero,
     )  # fmt: skip
 
 

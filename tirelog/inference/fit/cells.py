@@ -1,9 +1,12 @@
-"""The base model's parameters from cells: damped least squares in whitened space, several starts,
-one free offset per log.
+"""The base model's parameters from cells.
 
-    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p), offsets o = W 1 (C,
-    m), each log's its own offsets are projected out of r and J (they are linear), steps are damped
-    in the scale of the parameters, bounds are kept
+Damped least squares in whitened space, several starts, one free offset per log.
+
+    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p),
+                    offsets o = W 1 (C, m), each log's its own
+
+Offsets are projected out of r and J (they are linear), steps are damped in the scale of the
+parameters, bounds are kept.
 
 Where a parameter stands at a bound and would leave it, it is held. One start may end in a local
 minimum: `fit_model` tries several on a few cells and takes the best two on to all of them.
@@ -87,7 +90,7 @@ class Fit:
 
 
 def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
-    """What the fit moves: the free parameters, without those that nothing in these cells can show."""
+    """What the fit moves: the free parameters, less those that nothing in these cells can show."""
     held = set()
     for effect in model.effects:
         if effect.effect.missing(cells.conditions):
@@ -220,7 +223,7 @@ def descend(
 def _at(
     problem: Problem, model: Model, names: Sequence[str], values: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Jacobian in the observable's unit and whitened residual at a point, the cells centred there."""
+    """Jacobian (observable's unit) and whitened residual at a point, with cells centred there."""
     problem.centre(model, values)
     prediction, jacobian = problem.linearised(model, names, values)
     return jacobian, problem.measured_less(prediction)
@@ -338,8 +341,8 @@ def _promising(
 def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     """Some of the cells."""
     names = (
-        "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions", "log", "manoeuvre", "regime", "within",
-        "speed_mean", "moved", "speed_square",
+        "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions",
+        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square",
     )  # fmt: skip
     return replace(
         cells,

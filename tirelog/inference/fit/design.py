@@ -26,7 +26,7 @@ class Design:
 
 
 def observable_of(model: Model, stack: Stack) -> str:
-    """What the model must predict for the stack; ModelError where it is a model for something else."""
+    """What the model must predict for the stack; ModelError if it is a model for something else."""
     both_waves = model.observable in WAVEFORMS and stack.observable in WAVEFORMS
     if model.observable != stack.observable and not both_waves:
         raise ModelError(

@@ -1,8 +1,9 @@
-"""A fit's problem: data in their metric, and the residuals and slopes of the nonlinear parameters
-with the lever arm eliminated.
+"""A fit's problem: data in their metric, residuals and slopes.
 
-Stack (n, m) --Metric--> values - level, waveform --> share of the lever arm --> residuals, slopes
-(samples, p)
+The slopes are those of the nonlinear parameters, with the lever arm eliminated.
+
+Stack (n, m) --Metric--> values - level, waveform --> share of the lever arm
+    --> residuals, slopes (samples, p)
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""What a fit says: values with errors, correlations, bounds, and combinations that the data do not
-determine.
+"""What a fit says: values with errors, correlations, bounds.
+
+And combinations that the data do not determine.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Bounded nonlinear least squares on stacks of revolutions, from several logs and channels at once.
 
-    residual = project[ w (values - lever_share waveform - level) ],   weights w from noise and
-        count
+    residual = project[ w (values - lever_share waveform - level) ]
+
+with the weights w from noise and count.
 
 What is linear is eliminated at every step (variable projection): an offset per log and channel of a
 waveform, and the lever arm, which scales all strain. The rest is scipy's trust-region reflective
@@ -109,7 +110,7 @@ def _refuse(model: Model, stacks: Sequence[Stack]) -> None:
             raise ModelError(
                 f"effect {effect!r} needs {', '.join(lacking)}, which "
                 f"{stack.logs[int(stack.log[0])]} does not know; "
-                f"every log must know it; add it to the setup, or remove the effect"
+                "every log must know it; add it to the setup, or remove the effect"
             )
 
 
@@ -232,7 +233,6 @@ def _solve(
     if last is None or (tight and found.status <= 0):
         raise ModelError(
             f"the fit did not converge in {found.nfev} steps; a model that the data determine is "
-            "allowed; "
-            f"fix parameters, give other start values or narrower bounds"
+            "allowed; fix parameters, give other start values or narrower bounds"
         )
     return _Solution(found.x, last, int(found.nfev))

@@ -1,7 +1,7 @@
 """One free offset a log, in a metric: what its baseline stands at is nobody's physics.
 
     Cells, metric -> a log's column is 1 in its own cells, 0 elsewhere: whitened, one array (C, m)
-    for all logs together
+                     for all logs together
 
 A metric couples no two manoeuvres and a manoeuvre belongs to one log, so the columns of two logs
 never meet: each is projected out alone, and the number of logs costs neither memory nor time.

@@ -1,5 +1,6 @@
-"""Linear algebra in a given metric: columns out of residuals, normal matrices per manoeuvre,
-held-out losses.
+"""Linear algebra in a given metric.
+
+Columns out of residuals, normal matrices per manoeuvre, held-out losses.
 
 Arrays are cells x angles x columns, (C, m, k); `manoeuvre` (C,) numbers the groups 0 ... M-1. A
 metric is what the arrays were multiplied with before they came here: whitened for significance,

@@ -1,9 +1,10 @@
-"""What a fit measures residuals in: weighted by noise and count, nuisances taken out, scatter
-whitened.
+"""What a fit measures residuals in.
 
-    values (..., n, m) --w--> --free nuisances of each revolution out--> --scatter within manoeuvres
-    whitened--> --scatter between manoeuvres whitened--> --one offset per log out--> (..., n, m), in
-    which independent unit noise is left
+Weighted by noise and count, nuisances taken out, scatter whitened.
+
+    values (..., n, m) --w--> --free nuisances of each revolution out-->
+        --scatter within manoeuvres whitened--> --scatter between manoeuvres whitened-->
+        --one offset per log out--> (..., n, m), in which independent unit noise is left
 
 Free nuisances (an offset, amplitude or small shift of each revolution) are projected out. Scatter
 is what a real drive adds from revolution to revolution and from manoeuvre to manoeuvre: the load is

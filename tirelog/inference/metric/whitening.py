@@ -1,14 +1,17 @@
-"""The metric in which residuals are judged: one linear operator per manoeuvre that makes repeatable
-noise white.
+"""The metric in which residuals are judged.
+
+One linear operator per manoeuvre that makes repeatable noise white.
 
     x (C, m, k) -> x / sd -> per cell: shift removed, shrunk along the random effects of revolutions
-                          -> per manoeuvre: shrunk along the random effects of manoeuvres      ->
-                              (C, m, k)
+                          -> per manoeuvre: shrunk along the random effects of manoeuvres
+                -> (C, m, k)
 
-With columns B of covariance T the covariance I + B T B' has the inverse root  I - Q (1 - 1/sqrt(1 +
-    D)) Q',  Q D Q' = B T B': a small
-singular value decomposition per cell or manoeuvre, no N x N matrix.  Infinite variance removes a
-direction.  Empty bins become zero.
+With columns B of covariance T the covariance I + B T B' has the inverse root
+
+    I - Q (1 - 1/sqrt(1 + D)) Q',  Q D Q' = B T B':
+
+a small singular value decomposition per cell or manoeuvre, no N x N matrix. Infinite variance
+removes a direction. Empty bins become zero.
 """
 
 from __future__ import annotations

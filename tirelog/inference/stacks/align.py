@@ -1,8 +1,9 @@
-"""The wheel's angle at every sample: passages refined by a matched filter, and a smooth course
-between them.
+"""The wheel's angle at every sample.
+
+Passages refined by a matched filter, and a smooth course between them.
 
     passage times (n,) [s] -> WheelAngle: theta(t) with theta(t_i) = 2 pi i, an interpolating cubic
-    spline (its slope is the speed)
+                              spline (its slope is the speed)
     samples at theta, chunk by chunk -> sums by angle -> template T(phi)
     the same once more -> sums by revolution  y = b + a [T(phi) - s T'(phi)]  -> t_i moved by s
 

@@ -1,9 +1,12 @@
-"""Recordings to stacks: one channel cut into revolutions and laid on one grid of angle bins, raw,
-with what each was driven under.
+"""Recordings to stacks.
 
-    Recording --find_passages--> passage times --`align.refine`--> theta(t)      all revolutions of
-        the log, small arrays --speeds, accelerations, manoeuvres, conditions--> stretches of some
-        1000 revolutions --bins--> Stack (n, m) each
+One channel cut into revolutions and laid on one grid of angle bins, raw, with what each was driven
+under.
+
+    Recording --find_passages--> passage times --`align.refine`--> theta(t)
+        (all revolutions of the log, small arrays)
+        --speeds, accelerations, manoeuvres, conditions--> stretches of some 1000 revolutions
+        --bins--> Stack (n, m) each
     several Recordings --> `Stacks`
 
 The log is in memory as counts at most (`runs.in_memory`); its times, angles and waveforms are there

@@ -1,7 +1,7 @@
 """Contiguous stretches of one regime: the unit of replication.
 
-    speed (n,), time (n,) of one log's revolutions -> acceleration (n,) -> regime (n,) -> manoeuvre
-    (n,) 0, 1, 2, ...
+    speed (n,), time (n,) of one log's revolutions -> acceleration (n,) -> regime (n,)
+        -> manoeuvre (n,) 0, 1, 2, ...
 
 Neighbouring revolutions share road, load and warmth; a test that flips their signs one by one
 raises alarms on nothing.

@@ -1,8 +1,9 @@
-"""Numbers per revolution as stacks with one angle: patch length, dissipation factor, phase shift,
-patch width.
+"""Numbers per revolution as stacks with one angle.
 
-Recording --estimators--> a row a passage, those with nothing wrong --> Stack (n, 1), the same
-conditions and manoeuvres as a waveform's
+Patch length, dissipation factor, phase shift, patch width.
+
+Recording --estimators--> a row a passage, those with nothing wrong
+    --> Stack (n, 1), the same conditions and manoeuvres as a waveform's
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
-"""What an accelerometer's channel must be to be held against a model: outward positive, and with
-its mean level.
+"""What an accelerometer's channel must be to be held against a model.
+
+Outward positive, and with its mean level.
 
     Channel --`outward`--> Channel whose patch is a maximum, and a sentence where it had to be
-    turned round Stack, Stack, ... --`with_level`--> the same; UsageError where the level outside
-    the patch is none of a turning sensor
+                           turned round
+    Stack, Stack, ... --`with_level`--> the same; UsageError where the level outside the patch is
+                                        none of a turning sensor
 
 A model predicts -v^2 / R outside the patch and about nothing in it (errata). Which way a sensor is
 glued in shows in the log; a level that was taken out (AC coupling, a piezo element, a mean removed)

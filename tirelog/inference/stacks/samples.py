@@ -1,7 +1,7 @@
 """A channel's samples by time, in chunks of whole turns: nothing in it has the length of the log.
 
-    Channel, passages (n,) [s] --chunks--> Chunk: some turns, the samples that hold them --read-->
-    times, values --angle--> turn, phi
+    Channel, passages (n,) [s] --chunks--> Chunk: some turns, the samples that hold them
+        --read--> times, values --angle--> turn, phi
 
 A turn lies in one chunk, so sums over a revolution do not know of the chunks; sums over the log
 (the template's) are added up chunk by chunk.

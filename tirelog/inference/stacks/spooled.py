@@ -1,8 +1,9 @@
-"""The stacks of several logs, numbered through: in memory while they are few, then in a temporary
-file, one at a time in memory again.
+"""The stacks of several logs, numbered through.
 
-    stretches of a log (`stack.stretches_of`, at most some MB each) --add--> Stacks --one at a
-    time--> Stack, equal to the bit
+In memory while they are few, then in a temporary file, one at a time in memory again.
+
+    stretches of a log (`stack.stretches_of`, at most some MB each) --add--> Stacks
+        --one at a time--> Stack, equal to the bit
 
 A usual log is one stack. A long one is several, one after the other, cut between manoeuvres where
 these are short enough; a manoeuvre that had to be cut keeps its number. What has a value a

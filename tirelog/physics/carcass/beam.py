@@ -1,5 +1,6 @@
-"""The beam on an elastic foundation under a moving load, P1 (2) and P2 (1), steady and closed to
-the tread's circumference.
+"""The beam on an elastic foundation under a moving load, P1 (2) and P2 (1).
+
+Steady, and closed to the tread's circumference.
 
     EJ w'''' + (mu c^2 - T) w'' + 2 mu omega_d c w' + k w = p(xi)          w inward, xi in the
         direction of passing (errata)

@@ -1,15 +1,16 @@
-"""One-sided contact of the ring's tread with a flat road at a given load (the contact algorithm
-that P3 describes).
+"""One-sided contact of the ring's tread with a flat road at a given load.
+
+The contact algorithm that P3 describes.
 
 The tread is a layer of springs k_t [N/m^2]; it presses where the deformed ring would go below the
 road and never pulls:
-    p = k_t max(0, delta - R (1 - cos phi) - u(phi)),   u = A p  the ring's vertical yield,   sum p
-                                                        h = F.
-Solved by active sets (Newton's method on the max), on the waveform's grid; the load is a row of the
-linear system, so it is carried to
-rounding.  The solution is the one of the undamped ring with its own tension: what damping and
-effects on the structure change in the
-pressure is of second order and left out.
+
+    p = k_t max(0, delta - R (1 - cos phi) - u(phi)),   u = A p,   sum p h = F
+
+with u the ring's vertical yield. Solved by active sets (Newton's method on the max), on the
+waveform's grid; the load is a row of the linear system, so it is carried to rounding. The solution
+is the one of the undamped ring with its own tension: what damping and effects on the structure
+change in the pressure is of second order and left out.
 """
 
 from __future__ import annotations
@@ -92,8 +93,7 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
         if pressing[0] or pressing[-1]:
             raise ModelError(
                 f"at {load_N:g} N the patch grows beyond {REACH:g} rad to either side; "
-                "a shorter one is allowed; "
-                f"give a stiffer foundation or a lower load"
+                "a shorter one is allowed; give a stiffer foundation or a lower load"
             )
         if np.array_equal(pressing, active):
             return _contact(on, p, depth, drop, carcass.R)
@@ -105,7 +105,7 @@ def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
 
 
 def _contact(on: np.ndarray, p: FloatArray, depth: FloatArray, drop: float, R: float) -> Contact:
-    """The edges lie where the depth crosses zero between the last node that presses and the next."""
+    """Edges where the depth crosses zero, between the last node that presses and the next one."""
     first, last = on[0], on[-1]
     entry = _PHI[first] - STEP * depth[first] / (depth[first] - depth[first - 1])
     leave = _PHI[last] + STEP * depth[last] / (depth[last] - depth[last + 1])

@@ -1,5 +1,6 @@
-"""The flexible ring on a viscoelastic foundation (P3, with the errata), steady rolling, in complex
-modes.
+"""The flexible ring on a viscoelastic foundation (P3, with the errata).
+
+Steady rolling, in complex modes.
 
     v = sum V_n e^(i n phi),  w_out = sum -i n V_n e^(i n phi),   Z_n V_n = Q_v,n + i n Q_w,n
     Z_n = EI/R^4 n^2 (1-n^2)^2 + (p0 b/R) n^2 (n^2-1) + k_v + k_w n^2 + i n Omega (c_v + c_w n^2)
@@ -70,7 +71,7 @@ def road_loads(
 
 
 def equivalent_load(pressure: ComplexArray, traction: ComplexArray | None = None) -> ComplexArray:
-    """E_n = i (Q_v + i n Q_w) / n, the inward load on a belt without tangential freedom; E_0 = 0."""
+    """Inward load on a belt without tangential freedom: E_n = i (Q_v + i n Q_w) / n, E_0 = 0."""
     q_v, q_w = road_loads(pressure, traction)
     n = np.arange(MODES)
     load = np.zeros_like(q_v)

@@ -28,7 +28,8 @@ CATALOGUE_G_M_S2 = 9.81
 
 #: Stages an effect can act on, in the contract's words.
 ACTS_ON = (
-    "load", "contact_pressure", "structure", "baseline", "sensor", "regressors", "foundation_stiffness", "strain", "radial_acceleration",
+    "load", "contact_pressure", "structure", "baseline", "sensor", "regressors",
+    "foundation_stiffness", "strain", "radial_acceleration",
 )  # fmt: skip
 _LOAD, _PRESSURE = ("load", "load"), ("contact_pressure", "contact_pressure")
 #: Observables of the tire alone; those with regressors of their own an effect has to ask for.

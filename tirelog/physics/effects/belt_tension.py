@@ -1,5 +1,6 @@
-"""Pre-tension of the belt from inflation and rotation, T kappa^2, and the belt's uniform stretch
-(P3).
+"""Pre-tension of the belt from inflation and rotation, T kappa^2.
+
+With the belt's uniform stretch (P3).
 """
 
 from __future__ import annotations

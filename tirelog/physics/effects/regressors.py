@@ -1,5 +1,6 @@
-"""Corrections of the phase shift and the patch width, numbers per revolution (P4 IV): terms added
-to them, in rad.
+"""Corrections of the phase shift and the patch width, numbers per revolution (P4 IV).
+
+Terms added to them, in rad.
 
 They are linear regressors rather than mechanisms of the waveform, so they share this file.
 """

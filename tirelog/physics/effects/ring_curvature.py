@@ -1,5 +1,6 @@
-"""A closed ring in place of the straight beam (P3 without inflation; errata: undamped, its rotation
-cancels).
+"""A closed ring in place of the straight beam.
+
+P3 without inflation; errata: undamped, its rotation cancels.
 """
 
 from __future__ import annotations

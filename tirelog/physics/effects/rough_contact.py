@@ -1,5 +1,6 @@
-"""Asperities that smear the edges of the pressure: p convolved with exp(-|xi| / (s L)) (outlook
-(ii) of P1 and P2).
+"""Asperities that smear the edges of the pressure.
+
+The pressure p is convolved with exp(-|xi| / (s L)) (outlook (ii) of P1 and P2).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Warming: first order in time, or by a temperature channel; baseline strain and stiffness (P1 4)."""
+"""Warming, first order in time or by a temperature channel: baseline strain, stiffness (P1 4)."""
 
 from __future__ import annotations
 

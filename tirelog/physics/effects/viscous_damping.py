@@ -1,5 +1,6 @@
-"""Viscous damping of the foundation, 2 mu omega_d dw/dt (P1 (2), with the errata's sign in the
-direction of passing).
+"""Viscous damping of the foundation, 2 mu omega_d dw/dt.
+
+P1 (2), with the errata's sign in the direction of passing.
 """
 
 from __future__ import annotations

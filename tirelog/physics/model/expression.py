@@ -1,5 +1,6 @@
-"""A user's formula in a model file: parsed into a tree of allowed nodes and computed by walking it,
-never executed as Python.
+"""A user's formula in a model file.
+
+Parsed into a tree of allowed nodes and computed by walking it, never executed as Python.
 
 Allowed: numbers, names, + - * / ** %, comparisons, `and`/`or`/`not` (also & | ~), `a if c else b`,
 and numpy's elementary functions by their plain names. Everything is computed in floating point, so
@@ -19,10 +20,10 @@ from tirelog.errors import ModelError, nearest
 
 LONGEST, DEEPEST = 1000, 40
 _ELEMENTARY: tuple[Callable[..., Any], ...] = (
-    np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2, np.sinh, np.cosh, np.tanh, np.arcsinh,
-    np.arccosh, np.arctanh, np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10, np.log1p, np.sqrt, np.cbrt,
-    np.square, np.abs, np.sign, np.floor, np.ceil, np.minimum, np.maximum, np.where, np.clip, np.hypot,
-    np.heaviside, np.sinc,
+    np.sin, np.cos, np.tan, np.arcsin, np.arccos, np.arctan, np.arctan2, np.sinh, np.cosh, np.tanh,
+    np.arcsinh, np.arccosh, np.arctanh, np.exp, np.exp2, np.expm1, np.log, np.log2, np.log10,
+    np.log1p, np.sqrt, np.cbrt, np.square, np.abs, np.sign, np.floor, np.ceil, np.minimum,
+    np.maximum, np.where, np.clip, np.hypot, np.heaviside, np.sinc,
 )  # fmt: skip
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     function.__name__: function for function in _ELEMENTARY
@@ -78,8 +79,7 @@ class Expression:
         if not np.isfinite(result).all():
             raise ModelError(
                 f"expression {self.text!r} is not finite everywhere; a finite number at every xi "
-                "and condition is allowed; "
-                f"guard it with where(), clip() or a comparison"
+                "and condition is allowed; guard it with where(), clip() or a comparison"
             )
         return result
 
@@ -97,8 +97,7 @@ def parse(text: str, allowed: frozenset[str] | set[str]) -> Expression:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
         raise ModelError(
             f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)}); "
-            "numbers, names, operators and calls "
-            f"are allowed; correct it"
+            "numbers, names, operators and calls are allowed; correct it"
         ) from None
     names: set[str] = set()
     _check(tree, text, allowed, names, 0)
@@ -201,8 +200,7 @@ def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
     except (TypeError, ValueError):
         raise ModelError(
             f"{call.func.id}() does not take {len(arguments)} arguments; as many as numpy's "
-            f"{call.func.id} takes are allowed; "
-            f"correct the expression"
+            f"{call.func.id} takes are allowed; correct the expression"
         ) from None
 
 

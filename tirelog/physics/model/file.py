@@ -236,7 +236,7 @@ def _effect(
         raise source.error(
             f"unknown effect {name!r}{nearest(name, catalogue)}; "
             f"allowed are {', '.join(catalogue)}, "
-            f"or one with an expression; for one of your own in Python give --effects FILE",
+            "or one with an expression; for one of your own in Python give --effects FILE",
             name,
             after - 1,
         )
@@ -290,8 +290,7 @@ def _unknown(key: str, value: Any) -> Parameter:
     return Parameter(key, "", "the user's own", 0.0, -1e9 * size, 1e9 * size, probe=1.0)
 
 
-# ---- writing
-# ----------------------------------------------------------------------------------------------------------------------
+# ---- writing -------------------------------------------------------------------------------------
 
 
 def save_model(model: Model, path: str | Path) -> None:

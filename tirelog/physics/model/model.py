@@ -1,5 +1,6 @@
-"""A tire model as a list that a person can read: a carcass with its numbers, and effects with
-theirs.
+"""A tire model as a list that a person can read.
+
+A carcass with its numbers, and effects with theirs.
 """
 
 from __future__ import annotations
@@ -49,8 +50,7 @@ class Model(Predicting):
     document: str | None = None
     path: Path | None = None
 
-    # ---- making and changing
-    # ----------------------------------------------------------------------------------------------
+    # ---- making and changing ---------------------------------------------------------------------
 
     @classmethod
     def new(
@@ -163,8 +163,7 @@ class Model(Predicting):
         """
         return replace(self, effects=tuple(e.resolved(conditions) for e in self.effects))
 
-    # ---- reading
-    # ------------------------------------------------------------------------------------------------------------
+    # ---- reading ---------------------------------------------------------------------------------
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
@@ -193,8 +192,7 @@ class Model(Predicting):
             if name not in self.parameters:
                 raise ModelError(
                     f"the model has no parameter {name!r}{nearest(name, self.parameters)}; "
-                    f"it has {', '.join(self.parameters)}; "
-                    f"use one of them"
+                    f"it has {', '.join(self.parameters)}; use one of them"
                 )
 
 

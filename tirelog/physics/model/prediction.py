@@ -1,7 +1,7 @@
 """What a model computes: predictions block by block, and their derivatives.
 
-    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `pipeline.Task` -->
-    values (n, m), slopes (p, n, m)
+    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `pipeline.Task`
+        --> values (n, m), slopes (p, n, m)
 
 `Predicting` is the half of `Model` that computes; the other half, in `model`, is the list that a
 person reads.
@@ -276,7 +276,7 @@ class Predicting:
             if effect in on:
                 raise ModelError(
                     f"effect {effect!r} needs {', '.join(lacking)}; the log must know it; "
-                    f"give it in the setup's [conditions] or as a channel"
+                    "give it in the setup's [conditions] or as a channel"
                 )
         if len(conditions) and not conditions.known("speed_m_s"):
             raise ModelError(

@@ -1,5 +1,6 @@
-"""Numbers per revolution from the same stages: patch length, dissipation factor, and P4's phase
-shift and patch width.
+"""Numbers per revolution from the same stages.
+
+Patch length, dissipation factor, and P4's phase shift and patch width.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""The stages of a prediction, load -> pressure -> structure -> sensor, each a function of the
-values that it reads.
+"""The stages of a prediction: load -> pressure -> structure -> sensor.
+
+Each is a function of the values that it reads.
 
 Everything here works on one block of revolutions as columns (`Drive`). `Memo` keeps each stage by
 the values it read, so that a derivative recomputes only the stages that its parameter touches.
@@ -62,8 +63,7 @@ def loads(task: Task) -> FloatArray:
     if not np.all(F > 0.0):
         raise ModelError(
             f"load {float(np.min(F)):g} N does not press the tire on the road; a load above zero "
-            "is allowed; "
-            f"correct load_N or the effects on load"
+            "is allowed; correct load_N or the effects on load"
         )
     return F
 
@@ -83,7 +83,7 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
         raise ModelError(
             f"the patch of {2 * float(np.max(half)):.3g} m is longer than the circumference "
             f"{2 * np.pi * R:.3g} m; "
-            f"a shorter one is allowed; correct patch_half_length_m, load or radius_m"
+            "a shorter one is allowed; correct patch_half_length_m, load or radius_m"
         )
     return Site(F, half, R), parabola(F, half, R), tilted_parabola(F, half, R) if tilted else None
 
@@ -146,8 +146,7 @@ def _pressure(task: Task) -> Pressed:
     if not np.all(carried > 0.0):
         raise ModelError(
             "the effects on the contact pressure lift the tire off the road; a pressure that "
-            "carries the load is allowed; "
-            "lower their strength"
+            "carries the load is allowed; lower their strength"
         )
     scale = site.load_N / carried
     return Pressed(

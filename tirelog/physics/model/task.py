@@ -1,5 +1,6 @@
-"""What a prediction works on: one block of revolutions, the numbers, the effects that are on, and
-what was computed before.
+"""What a prediction works on.
+
+One block of revolutions, the numbers, the effects that are on, and what was computed before.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
-"""A user's own effects: by expression in a model file, by a Python file, or by an installed package
-(entry points "tirelog.effects").
+"""A user's own effects.
+
+By expression in a model file, by a Python file, or by an installed package (entry points
+"tirelog.effects").
 
 What an expression means depends on `acts_on`:
     contact_pressure      a pressure [N/m] added to p, that is then rescaled to carry the load; may
@@ -66,7 +68,7 @@ def effect_by_expression(
         raise ModelError(
             f"effect {name!r} with parameters {[p.name for p in parameters]}: "
             f"{', '.join(clash) or name} is taken or no plain "
-            f"name; allowed are names that are no effect, function or condition; rename it"
+            "name; allowed are names that are no effect, function or condition; rename it"
         )
     places = PLACES if acts_on in _WAVES else ()
     formula = parse(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
@@ -148,7 +150,7 @@ def _names(
 
 
 def _strength(formula: Expression, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
-    """The parameter that switches the formula off by being zero; all of them where none does alone."""
+    """The parameter that switches the formula off at zero; all of them if none does so alone."""
     rng = np.random.default_rng(0)
     size = 64
     trial: dict[str, Any] = {name: rng.uniform(0.5, 1.5, size) for name in (*CONDITIONS, *PLACES)}

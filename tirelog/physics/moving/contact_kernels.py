@@ -1,5 +1,6 @@
-"""Compiled loops of the coupled ring's contact: where the tread's nodes are, and what the road does
-to them.
+"""Compiled loops of the coupled ring's contact.
+
+Where the tread's nodes are, and what the road does to them.
 
 Nodes of a stretch, (j,), stand in order of their angle; tables of cos(n theta), sin(n theta), (N -
 1, 2 M), go twice around the belt, so that any stretch is one slice from `start`. Sums keep their
@@ -16,8 +17,9 @@ from tirelog.vocabulary.arrays import FloatArray
 
 @compiled
 def places(
-    cosines: FloatArray, sines: FloatArray, start: int, n: FloatArray, real: FloatArray, imag: FloatArray, radius: float,
-    centre_s: float, centre_z: float, sin: FloatArray, cos: FloatArray,
+    cosines: FloatArray, sines: FloatArray, start: int, n: FloatArray, real: FloatArray,
+    imag: FloatArray, radius: float, centre_s: float, centre_z: float, sin: FloatArray,
+    cos: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
     """s, z and w' - v of nodes at angles with these `sin`, `cos` (j,), from the modes 2 V e^(i n
     psi) as `real`, `imag` (N - 1,).
@@ -38,8 +40,8 @@ def places(
 
 @compiled
 def press(
-    s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: FloatArray, bristles: FloatArray, start: int, nodes: int,
-    k_t: float, c_x: float, mu: float, now: float,
+    s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: FloatArray,
+    bristles: FloatArray, start: int, nodes: int, k_t: float, c_x: float, mu: float, now: float,
 ) -> tuple[FloatArray, FloatArray, float, float, float]:  # fmt: skip
     """Forces (f_s, f_z) [N/m] on nodes (j,), the energies of springs and bristles and what sliding
     took, in J per length of pitch.

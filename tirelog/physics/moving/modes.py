@@ -1,11 +1,12 @@
-"""How a tire rings: natural frequencies, damping and shapes of the coupled ring, free in the air or
-on a flat road.
+"""How a tire rings: natural frequencies, damping and shapes of the coupled ring.
+
+Free in the air, or on a flat road.
 
 The equations of `ring`, linear about the tire that turns at Omega (second-order terms left out), in
 the frame that does not turn:
 
-    M q'' + (C + G) q' + (K + D) q = 0,    q = (H_s, H_z, C_s, C_z, psi_h, psi, Re V_2, Im V_2, ...
-                                           Re V_N, Im V_N)
+    M q'' + (C + G) q' + (K + D) q = 0,
+    q = (H_s, H_z, C_s, C_z, psi_h, psi, Re V_2, Im V_2, ... Re V_N, Im V_N)
 
 G is the gyroscopic part 4 pi R 2 gamma_n Omega (skew), D what the turning dampers push sideways
 (circulatory). On the road the tread's springs under the standing patch are added to K, sum k_t h g

@@ -1,5 +1,6 @@
-"""The coupled ring in time: a symmetric step of kicks (road, sidewall) and an exact step of the
-belt's modes between them.
+"""The coupled ring in time.
+
+A symmetric step of kicks (road, sidewall) and an exact step of the belt's modes between them.
 
 Scenario -> `simulate` -> `Motion`, columns over time.  One step h:
 
@@ -70,7 +71,7 @@ class State:
     def rolling(
         cls, tire: CoupledRing, load_N: float, speed_m_s: float, *, height_m: float = 0.0
     ) -> State:
-        """On a flat road of that height at x = 0, rolling freely and steadily (`steady_rolling`)."""
+        """Free, steady rolling on a flat road of that height, at x = 0 (`steady_rolling`)."""
         tire.check_speed(speed_m_s)
         steady = steady_rolling(tire, load_N, speed_m_s)
         centre, a, omega = 1j * (steady.centre_m + height_m), steady.displacement, steady.omega
@@ -166,7 +167,7 @@ class Stepper:
             raise ModelError(
                 f"step of {step_s:g} s is not stable for this tire; above zero and up to "
                 f"{tire.largest_step_s(speed):.3g} s is allowed; "
-                f"give a shorter step or fewer modes"
+                "give a shorter step or fewer modes"
             )
         self._belt_at = np.nan
         self._before = self._after = np.zeros_like(state.V)
@@ -176,8 +177,7 @@ class Stepper:
         self._momentum = tire.J_r * state.omega + tire.gyroscopic_momentum(state.V, state.V_rate)
         self.road_forces: RoadForces = self._touch()
 
-    # ---- one step
-    # -----------------------------------------------------------------------------------------------------------------
+    # ---- one step --------------------------------------------------------------------------------
 
     def step(self) -> None:
         """One step."""
@@ -281,11 +281,10 @@ class Stepper:
         s.omega += change
         s.V_rate = s.V_rate - (1j * change) * self._swing * s.V
 
-    # ---- what there is to see
-    # ---------------------------------------------------------------------------------------------------
+    # ---- what there is to see --------------------------------------------------------------------
 
     def energy(self) -> float:
-        """Kinetic and elastic energy [J] of tire, hub and tread; the load's potential is not in it."""
+        """Kinetic and elastic energy [J] of tire, hub and tread, without the load's potential."""
         s, tire = self.state, self.tire
         rigid = (
             tire.m_r * abs(s.centre_rate) ** 2
@@ -324,8 +323,7 @@ def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
         if not (np.isfinite(s.omega) and abs(s.centre - s.hub) < 0.5 * stepper.tire.R):
             raise ModelError(
                 f"the ring left its sidewall at {stepper.time_s:.4g} s; displacements below half "
-                "of the radius are allowed; "
-                f"lower the load, the obstacle or the step"
+                "of the radius are allowed; lower the load, the obstacle or the step"
             )
         hub = (s.omega, s.psi, s.hub.imag, stepper.energy())
         rows.append([stepper.time_s, force.real, force.imag, spindle.real, spindle.imag, *hub])

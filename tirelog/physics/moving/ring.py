@@ -1,27 +1,31 @@
-"""The coupled rigid and flexible ring (P3, last section, with the errata): its equations of motion
-and its energy.
+"""The coupled rigid and flexible ring (P3, last section, with the errata).
+
+Its equations of motion and its energy.
 
 Frame: s along the passing of tread material through the patch, z up, both at rest in space; the
 tire drives towards -s. An angle phi on the ring counts from the patch centre in the direction of
 rotation: e_r = (sin phi, -cos phi), e_t = (cos phi, sin phi). The tread band is an inextensible
 ring; with v tangential and w outward, seen in the frame that does not turn,
 
-    v = 2 Re sum_(n = 2..N) V_n e^(i n phi),    w = -v',    rigid ring: its centre C (n = 1) and its
-                                                angle psi, dpsi/dt = Omega (n = 0).
+    v = 2 Re sum_(n = 2..N) V_n e^(i n phi),    w = -v',
 
-Lagrangian. A material point has the velocity dC/dt + (w_t + Omega (w' - v)) e_r + (v_t + Omega (R +
-w + v')) e_t. The belt keeps its length to second order, w + v' = -(w' - v)^2 / (2 R); then every
+and the rigid ring is its centre C (n = 1) and its angle psi, dpsi/dt = Omega (n = 0).
+
+Lagrangian. A material point has the velocity
+
+    dC/dt + (w_t + Omega (w' - v)) e_r + (v_t + Omega (R + w + v')) e_t.
+
+The belt keeps its length to second order, w + v' = -(w' - v)^2 / (2 R); then every
 term in Omega^2 but the rigid one cancels (the errata's "rotation cancels altogether"):
 
-    T = m_h |dH/dt|^2 / 2 + m_r |dC/dt|^2 / 2 + J_h Omega_h^2 / 2 + J_r Omega^2 / 2 + 2 pi R sum m_n
-    |dV_n/dt|^2 + Omega P
+    T = m_h |dH/dt|^2 / 2 + m_r |dC/dt|^2 / 2 + J_h Omega_h^2 / 2 + J_r Omega^2 / 2
+        + 2 pi R sum m_n |dV_n/dt|^2 + Omega P
     P = rho A R int w_t (w' - v) dphi = 4 pi R sum gamma_n Im(dV_n/dt conj V_n)
-    U = k_s |a|^2 / 2 + k_theta (psi - psi_h)^2 / 2 + 2 pi R sum Z_n |V_n|^2 + contact,        a = C
-        - H
+    U = k_s |a|^2 / 2 + k_theta (psi - psi_h)^2 / 2 + 2 pi R sum Z_n |V_n|^2 + contact,  a = C - H
 
     m_n = rho A (1 + n^2),  gamma_n = rho A n (n^2 - 1),  Z_n undamped as in `ring.modal_impedance`,
-    m_r = 2 pi R rho A + m_a,  J_r = m_r R^2,  k_s = a_s pi R (k_v + k_w),  k_theta = a_theta 2 pi
-                               R^3 k_v
+    m_r = 2 pi R rho A + m_a,        J_r = m_r R^2,
+    k_s = a_s pi R (k_v + k_w),      k_theta = a_theta 2 pi R^3 k_v
 
 The rigid ring is the belt's own n = 0 and 1; m_a and the ratios a_s, a_theta, a_c (1 where nothing
 else is known) give it the mass of the tread and the sidewall's stiffness where they are known apart
@@ -31,20 +35,19 @@ Damping acts on what moves against the turning sidewall (Rayleigh):
 
     c_n = c_v + c_w n^2,  c_s = a_c pi R (c_v + c_w),  c_theta = a_c 2 pi R^3 c_v
 
-    D = 2 pi R sum c_n |dV_n/dt + i n Omega V_n|^2 + c_s |da/dt - Omega_h x a|^2 / 2 + c_theta
-    (Omega - Omega_h)^2 / 2
+    D = 2 pi R sum c_n |dV_n/dt + i n Omega V_n|^2 + c_s |da/dt - Omega_h x a|^2 / 2
+        + c_theta (Omega - Omega_h)^2 / 2
 
 Equations of motion (E_n = Q_v,n + i n Q_w,n the loads' modes, f_j the force of the road on tread
-node j at phi_j):
+node j at phi_j), of the flexible ring, the rigid ring's spin and centre, the hub and its spin:
 
-    m_n V'' + (c_n + 2 i gamma_n Omega) V' + (Z_n + i n Omega c_n + i gamma_n Omega') V = E_n                    (flexible
-        ring)
+    m_n V'' + (c_n + 2 i gamma_n Omega) V' + (Z_n + i n Omega c_n + i gamma_n Omega') V = E_n
     d/dt (J_r Omega + P) = sum f_j . r'_j - k_theta (psi - psi_h) - c_theta (Omega - Omega_h)
                            + 4 pi R sum n c_n Im(conj(V' + i n Omega V) V)
-    m_r C'' = sum f_j - F_s,   m_h H'' = F_s - i c_h H_z' + F_applied,   F_s = k_s a + c_s (a' -
-                               Omega_h x a)
-    J_h Omega_h' = k_theta (psi - psi_h) + c_theta (Omega - Omega_h) + c_s (a' - Omega_h x a) . (e_z
-    x a) + applied torque
+    m_r C'' = sum f_j - F_s,    F_s = k_s a + c_s (a' - Omega_h x a)
+    m_h H'' = F_s - i c_h H_z' + F_applied
+    J_h Omega_h' = k_theta (psi - psi_h) + c_theta (Omega - Omega_h)
+                   + c_s (a' - Omega_h x a) . (e_z x a) + applied torque
 
 Signs. The gyroscopic term 2 i gamma_n Omega is skew (it does no work) and vanishes for n = 1: a
 rigid translation feels no rotation. P3's 4 rho A n Omega belongs to the turning frame, -4 i rho A n
@@ -107,8 +110,7 @@ class CoupledRing:
             if not (np.isfinite(value) and (value > 0.0 or (may_vanish and value == 0.0))):
                 raise ModelError(
                     f"coupled ring with {field.name} = {value:g}; a finite number "
-                    f"{'of at least' if may_vanish else 'above'} zero is "
-                    f"allowed; correct it"
+                    f"{'of at least' if may_vanish else 'above'} zero is allowed; correct it"
                 )
         if self.modes < 2:
             raise ModelError(
@@ -116,8 +118,7 @@ class CoupledRing:
                 "ring some"
             )
 
-    # ---- constants
-    # ------------------------------------------------------------------------------------------------------------
+    # ---- constants -------------------------------------------------------------------------------
 
     @property
     def carcass(self) -> RingCarcass:
@@ -172,8 +173,7 @@ class CoupledRing:
     def c_theta(self) -> float:
         return self.a_c * 2.0 * np.pi * self.R**3 * self.c_v
 
-    # ---- bounds
-    # -----------------------------------------------------------------------------------------------------------------
+    # ---- bounds ----------------------------------------------------------------------------------
 
     @property
     def critical_speed_m_s(self) -> float:
@@ -190,7 +190,7 @@ class CoupledRing:
             raise ModelError(
                 f"speed {speed_m_s:g} m/s is beyond the critical one, "
                 f"{self.critical_speed_m_s:.1f} m/s, where the ring whirls in its "
-                f"sidewall; a lower one is allowed; lower the speed or give a stiffer sidewall"
+                "sidewall; a lower one is allowed; lower the speed or give a stiffer sidewall"
             )
 
     def largest_step_s(self, speed_m_s: float = 0.0) -> float:
@@ -201,8 +201,7 @@ class CoupledRing:
         belt = np.sqrt(self.Z_n[-1] / self.m_n[-1] + (self.modes * speed_m_s / self.R) ** 2)
         return float(min(1.0 / contact, 2.4 / belt))
 
-    # ---- energy
-    # -------------------------------------------------------------------------------------------------------------------
+    # ---- energy ----------------------------------------------------------------------------------
 
     def gyroscopic_momentum(self, V: ComplexArray, rate: ComplexArray) -> float:
         """P [kg m^2/s]."""

@@ -206,9 +206,11 @@ def load_road(path: str | Path) -> MeasuredRoad:
                     distance, height = (float(word) for word in words)
                 except ValueError:
                     raise ModelError(
-                        f"{line.strip()!r} is no point of a road profile; distance and height in " "m are allowed; correct it",
-                        file=path, line=number,
-                    ) from None  # fmt: skip
+                        f"{line.strip()!r} is no point of a road profile; distance and height in "
+                        "m are allowed; correct it",
+                        file=path,
+                        line=number,
+                    ) from None
                 rows.append((distance, height))
     except (OSError, UnicodeDecodeError) as problem:
         raise ModelError(
@@ -255,6 +257,5 @@ def _climbable(slope: float) -> None:
     if slope > STEEPEST:
         raise ModelError(
             f"road with a slope of {slope:.3g}; up to {STEEPEST:g} is allowed (the tread presses "
-            "along the road's normal); "
-            f"give the step a longer ramp"
+            "along the road's normal); give the step a longer ramp"
         )

@@ -1,5 +1,6 @@
-"""The coupled ring that rolls steadily and freely on a flat road: where a motion begins, and what
-it is measured from.
+"""The coupled ring that rolls steadily and freely on a flat road.
+
+Where a motion begins, and what it is measured from.
 
 Tire, load, speed -> pressure on the tread's nodes and modes V_n = E_n / (Z_n + i n Omega c_n), n =
 2 ... N, by active sets; then the spin at which bristles, pressure and damping leave no torque. As
@@ -101,8 +102,7 @@ def _balance(
             break
     raise ModelError(
         f"at {load_N:g} N the patch grows beyond {contact.REACH:g} rad to either side, or finds "
-        "no balance; a shorter one is allowed; "
-        f"give a stiffer foundation or a lower load"
+        "no balance; a shorter one is allowed; give a stiffer foundation or a lower load"
     )
 
 

@@ -1,7 +1,7 @@
 """A coupled ring model driven over a road, and what a sensor on its belt reads meanwhile.
 
     Model, Conditions (1,), Course --`drive`--> Transient: motion on a grid in time, and strain or
-    radial acceleration of a sensor
+                                                radial acceleration of a sensor
 
 A reading is the steady waveform of `Model.predict` at the conditions of the start, with all of the
 model's effects, plus what V - V_0 (the motion's modes less those of steady rolling, N of them)
@@ -172,7 +172,7 @@ class Transient:
 
     @cached_property
     def _curvature(self) -> CubicSpline:
-        """Modes of (w + w'') / R^2 of V - V_0 over time, as the sensor hands them on, (k, N - 1)."""
+        """Modes of (w + w'') / R^2 of V - V_0 over time, as the sensor hands them on (k, N - 1)."""
         n = self.motion.tire.n
         return self._handed_on(
             -1j * n * (1.0 - n**2) / self.motion.tire.R**2 * (self.motion.V - self.steady)
@@ -257,8 +257,7 @@ def drive(
     if model.carcass != "coupled_ring":
         raise ModelError(
             f'a {model.carcass} does not move in time; carcass = "coupled_ring" is allowed; '
-            "make one with "
-            f"`tirelog model new --carcass coupled_ring`"
+            "make one with `tirelog model new --carcass coupled_ring`"
         )
     if values is not None:
         model = model.with_values(values)
@@ -313,7 +312,7 @@ def tire_of(task: Task) -> CoupledRing:
             raise ModelError(
                 f"effect {a.effect.id!r} has no linear motion in time; viscous_damping and "
                 "stiffness that does not follow the "
-                f"deflection are allowed for transients; leave it out with `tirelog model remove`"
+                "deflection are allowed for transients; leave it out with `tirelog model remove`"
             )
     b, R = dict(task.base), task.base["radius_m"]
     soft = 1.0 + float(np.mean(s.stiffening))
@@ -335,6 +334,5 @@ def _begins_level(road: Road, radius_m: float) -> None:
     if np.any(height != 0.0):
         raise ModelError(
             f"road that begins under the standing tire; {_CLEAR * radius_m:.3g} m ahead of its "
-            "centre or farther is allowed; "
-            f"give a larger position_m"
+            "centre or farther is allowed; give a larger position_m"
         )

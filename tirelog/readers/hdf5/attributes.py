@@ -79,7 +79,7 @@ class Scale:
 
 
 class Attributes:
-    """The attributes of one object by lower-cased name; what is large or unreadable is left alone."""
+    """The attributes of an object by lower-cased name; large and unreadable ones are left alone."""
 
     def __init__(self, item: h5py.Group | h5py.Dataset) -> None:
         self.item = item

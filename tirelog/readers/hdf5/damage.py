@@ -1,5 +1,6 @@
-"""An HDF5 file that was cut off, opened so that the chunks before the cut can be read, and which
-samples stand behind it.
+"""An HDF5 file that was cut off, opened up to the cut.
+
+The chunks before the cut can be read; which samples stand behind it is told.
 """
 
 from __future__ import annotations

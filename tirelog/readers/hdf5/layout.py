@@ -1,5 +1,6 @@
-"""Which dataset a source means in the layouts that have a structure of their own, and which dataset
-holds its time.
+"""Which dataset a source means, and which dataset holds its time.
+
+In the layouts that have a structure of their own.
 
 pandas    "/df:column" of a `fixed` frame, a `table` frame (column names are read from the pickle's
           opcodes, never unpickled), or a series

@@ -1,9 +1,9 @@
 """HDF5 logs of any layout, read in slices.
 
     path, setup --source--> Column each channel (hdf5_source, hdf5_layout) --rate, scale, unit
-    (hdf5_attributes)
-        --channels of one length, rate and time dataset--> Group --slices of a bounded size-->
-        RawBlock
+                            (hdf5_attributes)
+        --channels of one length, rate and time dataset--> Group
+            --slices of a bounded size--> RawBlock
 
 A channel that is missing or refused is a loss (status 3) while another one is left, else the log is
 unreadable (status 4). Samples in a damaged chunk, in one that was never written or behind the cut
@@ -306,7 +306,7 @@ class Hdf5Log:
         return stored, missing
 
     def _stamps(self, clock: _Clock, start: int, stop: int, slabs: Slabs) -> tuple[FloatArray, int]:
-        """Seconds from the first stamp of the log, NaN where the stamp is lost, and how many are."""
+        """Seconds from the first stamp of the log, NaN for lost stamps, and how many are lost."""
         assert clock.time is not None
         stored, missing = self._read(clock.time.column, start, stop, slabs)
         if stored.dtype.kind in "iu":

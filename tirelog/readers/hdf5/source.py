@@ -6,8 +6,8 @@
     "/table:column"      a field of a compound dataset ("column[2]" of an array field), or a column
                          of a pandas or NeXus group
 
-    file, source --walk link by link--> h5py.Dataset --checks--> Column --read(start, stop)--> shape
-    (n,), the file's own type
+    file, source --walk link by link--> h5py.Dataset --checks--> Column
+        --read(start, stop)--> shape (n,), the file's own type
 
 A link may lead to nothing but this file. Nothing is ever unpickled or followed as an object
 reference.

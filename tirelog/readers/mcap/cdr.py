@@ -1,5 +1,6 @@
-"""ROS 2 messages (CDR) as templates: the definition text is parsed, one message walked, and each
-wanted number gets its place.
+"""ROS 2 messages (CDR) as templates.
+
+The definition text is parsed, one message walked, and each wanted number gets its place.
 
 CDR aligns every number to its own size, counted from behind the four bytes of encapsulation;
 strings and sequences begin with their length (32 bits), which is all that makes one message's
@@ -16,8 +17,9 @@ from tirelog.readers.mcap.source import Token, Want
 from tirelog.readers.mcap.templates import NoPlanError, Place, Plan
 
 PRIMITIVES = {
-    "bool": "u1", "byte": "u1", "char": "i1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2", "uint32": "u4", "int32": "i4",
-    "uint64": "u8", "int64": "i8", "float32": "f4", "float64": "f8",
+    "bool": "u1", "byte": "u1", "char": "i1", "uint8": "u1", "int8": "i1", "uint16": "u2",
+    "int16": "i2", "uint32": "u4", "int32": "i4", "uint64": "u8", "int64": "i8", "float32": "f4",
+    "float64": "f8",
 }  # fmt: skip
 BUILTIN_TIME = dict.fromkeys(
     ("builtin_interfaces/Time", "builtin_interfaces/Duration"), "int32 sec\nuint32 nanosec"

@@ -1,8 +1,9 @@
-"""Messages of one MCAP channel to numbers: by layout with numpy where layouts repeat, by pyarrow
-for JSON, else by the library one by one.
+"""Messages of one MCAP channel to numbers.
+
+By layout with numpy where layouts repeat, by pyarrow for JSON, else by the library one by one.
 
     Table, wants --plans | arrow | library--> FieldColumn per want: `values` flat float64, `lengths`
-    (n,) where a message holds a batch
+                                              (n,) where a message holds a batch
 
 The library's decoder is the authority: a plan is used only if it gives the numbers that the library
 gives for its template.
@@ -255,7 +256,7 @@ def spread(starts: IntArray, lengths: IntArray) -> IntArray:
 
 
 def _column(values: list[float | FloatArray | None]) -> FieldColumn:
-    """A column from what the messages gave: a number, a batch, or nothing (NaN, or an empty batch)."""
+    """A column from what messages gave: a number, a batch, or nothing (NaN, or an empty batch)."""
     if not any(isinstance(value, np.ndarray) for value in values):
         return FieldColumn(
             np.array([np.nan if value is None else value for value in values], np.float64)

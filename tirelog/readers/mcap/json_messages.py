@@ -1,9 +1,9 @@
 """JSON messages to numbers, a whole piece of a chunk at once.
 
-    messages, wants --all of one shape--> a table of numbers (mcap_json_table) --> FieldColumn per
-    want
-                    --else, a schema of the wanted fields only--> arrow's JSON reader -->
-                    FieldColumn per want
+    messages, wants --all of one shape--> a table of numbers (mcap_json_table)
+        --> FieldColumn per want
+                    --else, a schema of the wanted fields only--> arrow's JSON reader
+                        --> FieldColumn per want
 
 None where arrow cannot tell (text or true among the numbers, an element that a list does not have):
 then each message is decoded alone.

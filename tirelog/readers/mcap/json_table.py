@@ -1,8 +1,9 @@
-"""JSON messages of one shape as a table of numbers: the fast way for what a logger writes, the same
-fields again and again.
+"""JSON messages of one shape as a table of numbers.
 
-first message --its text between the numbers--> Shape --compiled: text alike, numbers read--> cells
-(messages, wanted) --> FieldColumn per want
+The fast way for what a logger writes, the same fields again and again.
+
+first message --its text between the numbers--> Shape
+    --compiled: text alike, numbers read--> cells (messages, wanted) --> FieldColumn per want
 
 {"wl": [1550.1, 1551.2], "n": 3}        texts  {"wl": [   ,    ], "n":   }    cells  1550.1  1551.2
                                         3

@@ -1,8 +1,9 @@
-"""Samples of one clock put in the order of their log time, in bounded memory, and handed on as
-blocks.
+"""Samples of one clock in the order of their log time.
 
-    add(keys, stamps, within, values) ... --stable sort by key, the older half once the buffer is
-    full--> RawBlock
+They are put in order in bounded memory, and handed on as blocks.
+
+    add(keys, stamps, within, values) ...
+        --stable sort by key, the older half once the buffer is full--> RawBlock
 
 `key` is the message's log time [ns], by which messages are ordered (equal keys keep the file's
 order); `stamp` the time of its first sample [ns]; `within` the sample's number in its batch. A

@@ -1,5 +1,6 @@
-"""Protobuf messages as templates: one message's wire bytes are walked with its descriptor, and each
-wanted number gets its place.
+"""Protobuf messages as templates.
+
+One message's wire bytes are walked with its descriptor, and each wanted number gets its place.
 
 Tags and lengths are guards to the letter; of a varint only the continuation bits are, so that its
 value may change and its size may not. A field that the wire leaves out has its default; such a
@@ -18,7 +19,8 @@ from tirelog.readers.mcap.templates import NoPlanError, Place, Plan
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 F = FieldDescriptor
 FIXED = {
-    F.TYPE_DOUBLE: "<f8", F.TYPE_FLOAT: "<f4", F.TYPE_FIXED64: "<u8", F.TYPE_SFIXED64: "<i8", F.TYPE_FIXED32: "<u4", F.TYPE_SFIXED32: "<i4",
+    F.TYPE_DOUBLE: "<f8", F.TYPE_FLOAT: "<f4", F.TYPE_FIXED64: "<u8", F.TYPE_SFIXED64: "<i8",
+    F.TYPE_FIXED32: "<u4", F.TYPE_SFIXED32: "<i4",
 }  # fmt: skip
 ZIGZAG = (F.TYPE_SINT32, F.TYPE_SINT64)
 #: as varints these may be unsigned or 64 bits wide in ways that float64 of an int64 shows as they

@@ -1,7 +1,7 @@
 """MCAP logs from a path or a stream that cannot seek, in one pass.
 
     stream --mcap_records--> chunks --mcap_walk--> messages by channel --mcap_decode--> numbers
-    --mcap_topic, mcap_order--> RawBlock
+        --mcap_topic, mcap_order--> RawBlock
 
 Groups have to be known before the first block: chunks are read ahead until every topic of the setup
 has shown its first message, or READ_AHEAD_BYTES = 1 << 23 never decoded, so nothing foreign can
@@ -137,7 +137,7 @@ class McapLog:
     def _messages(
         self, chunk: Chunk, *, count: bool = True
     ) -> Iterator[tuple[Topic, ChannelDecoder, Table]]:
-        """The messages of the topics wanted; topics that have not been met are started with them."""
+        """The messages of the topics wanted; a topic that was not met before starts with them."""
         tables, definitions, rest = split(chunk.data)
         for opcode, body in definitions:
             try:

@@ -1,8 +1,9 @@
-"""The records of an MCAP stream, from its first byte to its last, without seeking: whole chunks,
-checksums verified.
+"""The records of an MCAP stream, from its first byte to its last, without seeking.
 
-    bytes --record by record--> schemas, channels, chunks --decompress, CRC--> Chunk (records,
-    uncompressed)
+Whole chunks, checksums verified.
+
+    bytes --record by record--> schemas, channels, chunks
+        --decompress, CRC--> Chunk (records, uncompressed)
 
 A chunk whose checksum fails is a loss and is left out. Where the chain of records breaks, the next
 chunk is looked for; where none follows, the file is cut off there. Messages outside of chunks are

@@ -1,9 +1,11 @@
-"""Messages whose layout repeats, read with numpy: one message is walked as a template, the others
-are compared with it and gathered.
+"""Messages whose layout repeats, read with numpy.
 
-    template (bytes), wanted paths --walk of CDR or protobuf--> Plan: where each number lies, and
-    the bytes that fix the layout Plan, messages of the same size --compare the guard bytes--> which
-    have this layout; --gather--> numbers
+One message is walked as a template, the others are compared with it and gathered.
+
+    template (bytes), wanted paths
+        --walk of CDR or protobuf--> Plan: where each number lies, and the bytes that fix the layout
+    Plan, messages of the same size --compare the guard bytes--> which have this layout;
+        --gather--> numbers
 
 A guard is a byte that decides where later fields lie: length prefixes, tags, continuation bits.
 Messages whose guards agree have the same layout, so their numbers lie at the same places.

@@ -1,5 +1,6 @@
-"""One topic of an MCAP log that the setup names: its first message tells what its channels are, the
-others give samples.
+"""One topic of an MCAP log that the setup names.
+
+Its first message tells what its channels are, the others give samples.
 
     first message --> batches or single samples, which field holds the stamp, the rate --> groups
     Table, decoder --> Columns --> samples of each group (`order`)

@@ -64,7 +64,7 @@ def record_starts(data: bytes, most: int = MOST_RECORDS) -> tuple[IntArray, int]
 
 @compiled
 def _chain(data: Bytes, starts: IntArray) -> tuple[int, Whole]:
-    """Writes the starts of the records one behind the other: (how many, end of the last whole one)."""
+    """Write the starts of the records in a row: (how many, end of the last whole one)."""
     at, many = np.int64(0), 0
     while at <= data.size - 9 and many < starts.size:
         length = np.uint64(0)

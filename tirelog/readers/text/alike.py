@@ -1,9 +1,10 @@
-"""Rows that are written alike, byte for byte but for their digits: nearly all rows of nearly all
-logs of an instrument.
+"""Rows that are written alike, byte for byte but for their digits.
 
-    the row above --learn--> a template: which byte stands where, or that a digit does; where the
-    digits of each cell are loaded from bytes --alike_rows--> the rows that fit the template, into
-    columns
+So are nearly all rows of nearly all logs of an instrument.
+
+    the row above --learn--> a template: which byte stands where, or that a digit does; from where
+                             the digits of each cell are loaded
+    bytes --alike_rows-----> the rows that fit the template, into columns
 
 A row is compared as a whole, many bytes at once; then nothing in it needs to be looked for or
 checked, and a cell costs two loads and a few multiplications. The first row that does not fit is
@@ -13,8 +14,8 @@ A number's digits are taken in *groups* of eight: the last eight, and up to eigh
 group is put together from two words, one that ends before the decimal sign's place and one that
 ends with the group, each masked:
 
-    1550.0003  ->  "....1550" (the word that ends 4 bytes behind the sign, less what is behind) and
-               "....0003"  ->  15500003
+    1550.0003  ->  "....1550" (the word that ends 4 bytes behind the sign, less what is behind)
+                   and "....0003"  ->  15500003
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Which columns of a text log hold what: the setup's channels, the time, the sample number, the
-error codes.
+"""Which columns of a text log hold what.
+
+The setup's channels, the time, the sample number, the error codes.
 
     Layout + Setup --names, else shapes of the cells--> Columns
 
@@ -24,11 +25,13 @@ from tirelog.readers.text.times import MISSING, fraction_digits, has_clock, one_
 from tirelog.vocabulary import units
 
 _TIME_NAMES = re.compile(
-    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time|t|sec|seconds|zeit|tempo)",
+    r"(date[ /_]?time|time ?stamp|timestamp.*|.*\btime\b.*|time_.*|.*_time"
+    r"|t|sec|seconds|zeit|tempo)",
     re.I,
 )
 _NUMBER_NAMES = re.compile(
-    r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)|sample|frame|scan|record|n",
+    r"(line|sample|frame|scan|row|record)?[ _]*(no\.?|nr\.?|number|counter|count|index|idx|#)"
+    r"|sample|frame|scan|record|n",
     re.I,
 )
 #: a double holds powers of ten up to this one exactly; no instrument writes as many decimals
@@ -45,8 +48,8 @@ class Columns:
 
     `values` channel -> column; `peaks` channels that are found by wavelength; `missing` channel ->
     why its column is not there; `time` the column of the stamps and `clock` a second one with the
-    time of day where `time` holds the date alone; `form` their form ('number' with `time_factor`
-    seconds a unit); `number` the sample number; `errors` the column of error codes.
+    time of day if `time` holds the date alone; `form` their form ('number' with `time_factor`
+    seconds per unit); `number` the sample number; `errors` the column of error codes.
     """
 
     values: dict[str, int]
@@ -238,8 +241,7 @@ def _absent(layout: Layout, source: str) -> str:
     if layout.misfit:
         return (
             f"no column {source!r} can be told: the header has {len(layout.misfit)} names and "
-            f"the rows have {layout.width} cells; "
-            f"allowed are #1 to #{layout.width}"
+            f"the rows have {layout.width} cells; allowed are #1 to #{layout.width}"
         )
     if not layout.names:
         return f"no column {source!r}: the log has no header; allowed are #1 to #{layout.width}"

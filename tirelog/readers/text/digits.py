@@ -1,5 +1,6 @@
-"""Decimal numbers out of bytes, for compiled loops: a mantissa and an exponent of ten, both whole,
-so that nothing is rounded on the way.
+"""Decimal numbers out of bytes, for compiled loops.
+
+A mantissa and an exponent of ten, both whole, so that nothing is rounded on the way.
 
     bytes --number: sign, digits, point, exponent--> m, e          value = m 10^e, |m| < 2^63
     m, e --as_count--> int32 counts of 10^-places                  exact, or WIDE
@@ -98,7 +99,7 @@ def value_of(values: Whole) -> Whole:
 
 @compiled
 def leading_digits(word: Whole) -> Whole:
-    """How many of a word's eight bytes, the lowest first, are ASCII digits before one that is not."""
+    """How many of a word's eight bytes, lowest first, are ASCII digits before one that is not."""
     values = word ^ _ZEROS
     others = (
         (values + _TO_HIGH) | values

@@ -1,8 +1,9 @@
-"""A block of text cell by cell: rows of any width, and cells that are no numbers, with the line
-where each stands.
+"""A block of text cell by cell.
 
-    block --text_kernels.cells--> cells and their numbers --text_numbers: those that take a slower
-    parser--> rows --> Parsed
+Rows of any width, and cells that are no numbers, with the line where each stands.
+
+    block --text_kernels.cells--> cells and their numbers
+        --text_numbers: those that take a slower parser--> rows --> Parsed
 
 A row whose stamp cannot be read is left out; one of the wrong width keeps its place with NaN; a
 cell that is no number is NaN.

@@ -129,7 +129,8 @@ def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
 @compiled
 def rows(
     data: Bytes, at: Whole, guides: IntArray, separator: int, decimal: int, least: int, rest: bool,
-    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray, hard: IntArray,
+    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray,
+    hard: IntArray,
 ) -> tuple[Whole, Whole, Whole]:  # fmt: skip
     """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
 
@@ -290,8 +291,8 @@ def separated(data: Bytes, separator: int) -> int:
 
 @compiled
 def cells(
-    data: Bytes, separator: int, decimal: int, text: NDArray[np.bool_],
-    starts: IntArray, stops: IntArray, first: IntArray, numbers: FloatArray, hard: NDArray[np.bool_],
+    data: Bytes, separator: int, decimal: int, text: NDArray[np.bool_], starts: IntArray,
+    stops: IntArray, first: IntArray, numbers: FloatArray, hard: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Every cell of `data`, which a newline ends: where it is, without blanks around it, and the
     number in it.

@@ -14,7 +14,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from tirelog.errors import ReadError
+from tirelog.data.setup import LogSetup
+from tirelog.errors import ReadError, SetupError
 from tirelog.readers.text.times import form_of
 from tirelog.vocabulary import units
 
@@ -75,12 +76,12 @@ class Layout:
     misfit: tuple[str, ...] = ()
 
 
-def sniff(head: bytes, name: str) -> Layout:
-    """The layout of a text log that begins with `head`.
+def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # noqa: B008 - frozen
+    """The layout of a text log that begins with `head`; what is `given` is not guessed.
 
-    ReadError where it holds no rows or is no text.
+    ReadError: it holds no rows or is no text. SetupError: what is given does not fit it.
     """
-    text, encoding, start = _decode(head, name)
+    text, encoding, start = _decode(head, name, given.encoding)
     returns = "\n" not in text and "\r" in text
     lines = text.replace("\r", "\n").split("\n") if returns else text.split("\n")
     if len(lines) > 1 and (len(head) >= 1 << 17 or not lines[-1].strip()):
@@ -97,9 +98,13 @@ def sniff(head: bytes, name: str) -> Layout:
     ):  # the end shows what a row is: a long preamble may stand above it, a few words below
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
-        separator, decimal = _separator(sample, timed)
+        separator, decimal = _separator(sample, timed, given)
         cells = {i: split(clean[i], separator, timed) for i in full}
-        first = _first_row(full, cells, decimal, tail)
+        first = (
+            _first_row(full, cells, decimal, tail)
+            if given.header_rows is None
+            else next((i for i in full if i >= given.header_rows), None)
+        )
         if first is not None:
             break
     if first is None:
@@ -112,6 +117,15 @@ def sniff(head: bytes, name: str) -> Layout:
     rows = rows if len(rows) <= 2 * _SAMPLE_ROWS else rows[:_SAMPLE_ROWS] + rows[-_SAMPLE_ROWS:]
     width = Counter(len(row) for row in rows[:-1] or rows).most_common(1)[0][0]
     names, unit_row = _header([i for i in full if i < first], cells, width, separator)
+    if given.columns is not None:
+        if len(given.columns) > max(map(len, rows)):
+            raise SetupError(
+                f"[log] columns names {len(given.columns)}, the rows have {max(map(len, rows))} "
+                f"cells ({separator!r} between them); allowed is a name per cell; "
+                "name fewer, or give the separator",
+                file=name,
+            )
+        names, unit_row = given.columns, tuple("" for _ in given.columns)
     raw = head.replace(b"\r", b"\n") if returns else head
     # counted in bytes as they stand, since not all of them need be letters of the encoding
     skip = start
@@ -141,8 +155,8 @@ def sniff(head: bytes, name: str) -> Layout:
     return replace(layout, counts_at=counts_at, counts=counts)
 
 
-def _decode(head: bytes, name: str) -> tuple[str, str, int]:
-    """(text, encoding, bytes of a byte-order mark)."""
+def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
+    """(text, encoding, bytes of a byte-order mark).  The encoding is `given`, or found."""
     if not head.strip():
         raise ReadError("is empty; a log has one row a sample; check the recording", file=name)
     pairs = head[:4096]
@@ -167,6 +181,8 @@ def _decode(head: bytes, name: str) -> tuple[str, str, int]:
             file=name,
         )
     start = 3 if head.startswith(b"\xef\xbb\xbf") else 0
+    if given is not None:
+        return head[start:].decode(given, errors="replace"), given, start
     try:
         return head[start:].decode("utf-8"), "utf-8", start
     except UnicodeDecodeError as problem:
@@ -215,11 +231,11 @@ def _kind(cell: str, decimal: str) -> str:
     return form_of(cell) or "text"
 
 
-def _separator(sample: list[str], timed: bool) -> tuple[str, str]:
+def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, str]:
     """The separator and decimal sign that make most of the sample's cells readable."""
-    best, choice = (-1.0, 0.0), (",", ".")
-    for separator in "\t;, ":
-        for decimal in ".,":
+    best, choice = (-1.0, 0.0), (given.separator or ",", given.decimal or ".")
+    for separator in given.separator or "\t;, ":
+        for decimal in given.decimal or ".,":
             if separator == decimal:
                 continue
             cells = [split(line, separator, timed) for line in sample]

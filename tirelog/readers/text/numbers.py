@@ -1,5 +1,6 @@
-"""Cells one by one, for the few that are not written as plain digits: words, extremes, and what is
-no number at all.
+"""Cells one by one, for the few that are not written as plain digits.
+
+Words, extremes, and what is no number at all.
 """
 
 from __future__ import annotations

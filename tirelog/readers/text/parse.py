@@ -3,8 +3,8 @@
 Pure functions without state, so that several blocks are parsed at once.
 
     block (bytes) --text_plain: rows like the layout says, as far as they go--> Parsed
-                  --text_flat:  a piece cell by cell, where rows differ--> Parsed, and on with the
-                  next row
+                  --text_flat:  a piece cell by cell, where rows differ--> Parsed
+                                and on with the next row
 
 Both take their numbers from the same compiled scanner, and those that it leaves from the same
 slower parser, so that they give the same values; the careful way says which line and which cell it

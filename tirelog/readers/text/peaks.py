@@ -1,8 +1,9 @@
-"""Gratings in rows that hold a varying number of peaks: found by wavelength and followed as they
-move, never by position.
+"""Gratings in rows that hold a varying number of peaks.
 
-    rows of peaks (Parsed.first, .cells, .counts) --GratingTracker, block after block--> one value a
-    row and grating
+Found by wavelength and followed as they move, never by position.
+
+    rows of peaks (Parsed.first, .cells, .counts)
+        --GratingTracker, block after block--> one value a row and grating
 
 A row is *plain* for a grating where exactly one peak lies in its window, no other grating claims
 that peak, and it lies within the gate of the grating's peak before. Plain rows, which is nearly all
@@ -206,7 +207,7 @@ def _grating(name: str, channels: Mapping[str, ChannelSetup]) -> _Grating:
 
 
 def _refuse_overlap(gratings: Sequence[_Grating], channels: Mapping[str, ChannelSetup]) -> None:
-    """SetupError where two gratings of one fibre may be anywhere in the same part of the spectrum."""
+    """SetupError if two gratings of a fibre may be anywhere in the same part of the spectrum."""
     told = [grating for grating in gratings if channels[grating.name].window_nm is not None]
     for one, other in combinations(told, 2):
         apart = one.fibre is not None and other.fibre is not None and one.fibre != other.fibre
@@ -221,7 +222,7 @@ def _refuse_overlap(gratings: Sequence[_Grating], channels: Mapping[str, Channel
 
 
 def _fibres(parsed: Parsed, row: IntArray) -> IntArray | None:
-    """The fibre of every peak, from the counts in front of its row; None where there are no counts."""
+    """The fibre of every peak, from the counts in front of its row; None if there are no counts."""
     if parsed.counts is None:
         return None
     place = np.arange(row.size) - parsed.first[row]

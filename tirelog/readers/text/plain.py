@@ -1,9 +1,10 @@
-"""Rows of a block that are like the layout says, in one compiled pass: the way that nearly all rows
-of nearly all logs take.
+"""Rows of a block that are like the layout says, in one compiled pass.
+
+This is the way that nearly all rows of nearly all logs take.
 
     block, first byte --text_kernels.rows--> columns of counts, floats, ticks, spans
-                      --text_numbers: cells that take a slower parser; text_time: times--> Parsed,
-                      byte behind
+                      --text_numbers: cells that take a slower parser; text_time: times-->
+                      Parsed, byte behind
 
 A channel whose column has few decimals comes as int32 counts of 10^-decimals, which a run stores as
 they are; it comes as floats where a number of the block is not such a count.
@@ -74,8 +75,8 @@ class _Table:
         )
         hard = np.empty((_HARD + plan.across, 4), np.int64)
         self.size, self.stop, used = rows(
-            data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least, plan.layout.ragged,
-            self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
+            data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least,
+            plan.layout.ragged, self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
         )  # fmt: skip
         self.full = used > _HARD or self.size == lines
         if 2 * self.size < lines:  # what is kept must not hold what is not

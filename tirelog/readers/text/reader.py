@@ -1,8 +1,8 @@
 """Text logs: what an interrogator or a logger wrote, as blocks of the setup's channels.
 
     path or stream --text_source--> whole lines --sniff--> Layout --text_columns--> Columns
-                   --text_parse, two blocks at once--> rows --here: lost samples, stamps, flags-->
-                   RawBlock
+                   --text_parse, two blocks at once--> rows
+                       --here: lost samples, stamps, flags--> RawBlock
 
 What happens to a row that is not like the others: a cell that is no number is NaN and counted; a
 row of the wrong width keeps its place with NaN where its stamp can be read (or where the log has
@@ -52,7 +52,8 @@ _THREADS, _AHEAD = 2, 4
 _EXACT_ABOVE_S = 1e6
 
 _RATE = re.compile(
-    r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?",
+    r"(?:samples? per second|sampl\w*[ _]?(?:rate|frequency)|\brate\b|\bfs\b)"
+    r"[^\d\n]*?([\d.]+(?:,\d+)?)\s*(k?Hz)?",
     re.I,
 )
 
@@ -77,7 +78,7 @@ class TextReader:
                 f"{source.problem}; nothing before that could be unpacked; copy the log again",
                 file=name,
             )
-        self.layout = placed(sniff(head, name))
+        self.layout = placed(sniff(head, name, setup.log))
         self.columns = assign(self.layout, setup, name)
         setup, said = with_stated_units(setup, stated_units(self.layout, self.columns))
         self.setup = setup

@@ -1,5 +1,6 @@
-"""Bytes of a text log, whatever wraps them: plain, gzip, zstd or xz, from a file or from standard
-input.
+"""Bytes of a text log, whatever wraps them.
+
+Plain, gzip, zstd or xz, from a file or from standard input.
 
     path or stream --magic bytes--> ByteSource --cut at newlines--> pieces of 2 MB
 

@@ -1,15 +1,16 @@
 """Cells of a time column to nanoseconds, a whole column at once.
 
-    cells (bytes) --grouped by length, digits at fixed places--> int64 ns since 1970 or since
-    midnight, MISSING where unreadable
+    cells (bytes)
+        --grouped by length, digits at fixed places--> int64 ns since 1970 or since midnight,
+                                                       MISSING where unreadable
 
 Forms, each recognized on its own cells (see `form_of`):
-    iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone        -> ns since
-          1970, UTC where an offset stands
+    iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone
+          -> ns since 1970, UTC if there is an offset
     dmy   14/04/2022 13:00:00.5, 14-04-2022, 14.04.2022 13:00 (day first; or month first, where a
           field above 12 proves it)
-    hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)                           -> ns since
-          midnight
+    hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)
+          -> ns since midnight
 """
 
 from __future__ import annotations
@@ -35,18 +36,14 @@ Nanoseconds = NDArray[np.int64]
 MISSING = np.iinfo(np.int64).min
 DAY_NS = 86_400 * 10**9
 
-_CLOCK = r"(?P<h>\d{1,2})(?P<s>[:\-.])(?P<m>\d{1,2})(?:(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
+_SECOND = r"(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?"
+_CLOCK = rf"(?P<h>\d{{1,2}})(?P<s>[:\-.])(?P<m>\d{{1,2}})(?:(?P=s){_SECOND})?"
 _OFFSET = r"\s*(?P<off>Z|[+-]\d{2}:?\d{2})?"
+_REST = rf"(?:[T _]+{_CLOCK}{_OFFSET})?"
 _FORMS = {
-    "iso": re.compile(
-        rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}})(?:[T _]+{_CLOCK}{_OFFSET})?"
-    ),
-    "dmy": re.compile(
-        rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}})(?:[T _]+{_CLOCK}{_OFFSET})?"
-    ),
-    "hms": re.compile(
-        r"(?P<h>\d{1,2})(?P<s>[:\-])(?P<m>\d{1,2})(?P=s)(?P<sec>\d{1,2})(?:[.,:](?P<frac>\d{1,9})\d*)?:?"
-    ),
+    "iso": re.compile(rf"(?P<Y>\d{{4}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<D>\d{{1,2}}){_REST}"),
+    "dmy": re.compile(rf"(?P<D>\d{{1,2}})(?P<d>[-/.])(?P<M>\d{{1,2}})(?P=d)(?P<Y>\d{{4}}){_REST}"),
+    "hms": re.compile(rf"(?P<h>\d{{1,2}})(?P<s>[:\-])(?P<m>\d{{1,2}})(?P=s){_SECOND}:?"),
 }
 
 

@@ -1,8 +1,9 @@
-"""The belt of a tire in motion, by finite elements in the frame that turns with the hub; its
-stiffness, inertia and natural vibrations.
+"""The belt of a tire in motion, by finite elements.
 
-    TrueTire, inflation pressure --Splines--> Belt (stencils) --> static shape under a load, natural
-    frequencies
+In the frame that turns with the hub: its stiffness, inertia and natural vibrations.
+
+    TrueTire, inflation pressure --Splines--> Belt (stencils)
+        --> static shape under a load, natural frequencies
 
 theta is the material's place on the belt, psi the hub's angle, phi = theta + psi the place in
 space, 0 at the bottom, growing in the direction of rolling; e_r = (sin phi, -cos phi) outwards, e_t
@@ -59,8 +60,7 @@ class Belt:
                 "line_mass_kg_m = 0 in [tire]; a belt that moves has a mass above zero; give one"
             )
 
-    # ---- stencils, shape (11,), per integral over theta
-    # ---------------------------------------------------------------
+    # ---- stencils, shape (11,), per integral over theta ------------------------------------------
 
     @property
     def radius_m(self) -> float:
@@ -115,8 +115,7 @@ class Belt:
             tire.tangential_damping_N_s_m2 * g(0, 0) + tire.radial_damping_N_s_m2 * g(1, 1)
         )
 
-    # ---- coupling to the hub
-    # -------------------------------------------------------------------------------------------
+    # ---- coupling to the hub ---------------------------------------------------------------------
 
     @property
     def carried(self) -> float:
@@ -139,8 +138,7 @@ class Belt:
         spring = tire.tangential_stiffness_N_m2 + tire.radial_stiffness_N_m2
         return share * spring, share * (tire.tangential_damping_N_s_m2 + tire.radial_damping_N_s_m2)
 
-    # ---- natural vibrations
-    # ----------------------------------------------------------------------------------------------
+    # ---- natural vibrations ----------------------------------------------------------------------
 
     def full(self, stencil: FloatArray) -> FloatArray:
         return circulant(stencil, self.splines.elements)

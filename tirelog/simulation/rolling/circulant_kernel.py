@@ -1,7 +1,7 @@
 """Compiled: banded circulant systems, solved by elimination of all but the last five unknowns.
 
-stencil (11,) --factor: once for each change of it--> Factors --solve--> x (N,)        apply: the
-    stencil times x
+stencil (11,) --factor: once for each change of it--> Factors --solve--> x (N,)
+apply: the stencil times x
 """
 
 from __future__ import annotations

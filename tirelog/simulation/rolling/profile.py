@@ -1,8 +1,9 @@
-"""The road's profile under a tire in motion: `[road]` becomes corners between which the road is
-straight, or a wave.
+"""The road's profile under a tire in motion.
+
+`[road]` becomes corners between which the road is straight, or a wave.
 
     Road (scenario) --profile_of--> Profile: height and slope at any distance x [m] driven since the
-    log's start, level before it
+                                    log's start, level before it
 
 A wall has no slope for the tread to press along: steps and cleats have ramps, and what is too steep
 or too high for small displacements of the belt is refused.
@@ -176,8 +177,7 @@ def _check_rise(rise_m: float, radius_m: float) -> None:
     if rise_m > HIGHEST * radius_m:
         raise UsageError(
             f"a road that rises {rise_m:.3g} m within one diameter of the tire; allowed is up to "
-            f"{HIGHEST * radius_m:.3g} m for a "
-            f"radius of {radius_m:.3g} m; give a lower obstacle"
+            f"{HIGHEST * radius_m:.3g} m for a radius of {radius_m:.3g} m; give a lower obstacle"
         )
 
 

@@ -1,7 +1,7 @@
 """Finite elements on a closed belt: periodic splines of degree five on equal elements.
 
     coefficients c (N,) --basis--> v(theta) = sum_j c_j B((theta - theta_0)/step - j), four times
-    continuously differentiable
+                                   continuously differentiable
 
 B_j lives on the elements j .. j + 5, so that element e sees the coefficients e - 5 .. e (modulo N).
 All elements are equal: a matrix of basis integrals is circulant and banded, and is kept as its

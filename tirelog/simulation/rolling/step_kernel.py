@@ -1,15 +1,16 @@
-"""The compiled step of a tire in motion: contact with the road, kicks, and an implicit step of the
-turning belt.
+"""The compiled step of a tire in motion.
+
+Contact with the road, kicks, and an implicit step of the turning belt.
 
 One step h; v are the belt's coefficients, u their rates, L the spin's momentum (all as in `belt`):
 
-    contact     tread points below the road are pressed, bristles dragged     -> forces on the
-                coefficients, torque Q
+    contact     tread points below the road are pressed, bristles dragged
+                -> forces on the coefficients, torque Q
     kick        u, hub and L take their impulses; the spin W follows from L and the belt's own
                 angular momentum
     belt step   implicit midpoint in the frame that turns with W, K' = K - W^2 S:
-                (2 M/h + 2 W G + C + h/2 K') (v1 - v0) = 2 M u0 - h K' v0,    u1 = 2 (v1 - v0)/h -
-                    u0
+                (2 M/h + 2 W G + C + h/2 K') (v1 - v0) = 2 M u0 - h K' v0
+                u1 = 2 (v1 - v0)/h - u0
 
 Both parts are symplectic: without damping and friction energy does not drift. Stable as long as the
 kicks are: h < 2/sqrt((k_t + C_x)/rho A).
@@ -74,8 +75,9 @@ def road_at(
 
 @compiled
 def touch(
-    v: FloatArray, state: FloatArray, constants: FloatArray, basis: FloatArray, circle: FloatArray, corner: FloatArray, height: FloatArray,
-    tread: FloatArray, seen: IntArray, now: int, load: FloatArray, result: FloatArray,
+    v: FloatArray, state: FloatArray, constants: FloatArray, basis: FloatArray, circle: FloatArray,
+    corner: FloatArray, height: FloatArray, tread: FloatArray, seen: IntArray, now: int,
+    load: FloatArray, result: FloatArray,
 ) -> int:  # fmt: skip
     """The road's forces.
 
@@ -158,8 +160,9 @@ def touch(
 
 @compiled
 def kick(
-    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray, middles: FloatArray, mass: Factors,
-    order: FloatArray, step: float, torque: float, work: FloatArray,
+    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray,
+    middles: FloatArray, mass: Factors, order: FloatArray, step: float, torque: float,
+    work: FloatArray,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Impulses of the road (`work[0]` on the coefficients, `torque`), of hub and drive (`order`:
     see `run`) over one step, and the spin that follows; leaves the spin of the next belt step's
@@ -223,8 +226,8 @@ def kick(
 
 @compiled
 def belt_step(
-    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray, middles: FloatArray, system: Factors,
-    step: float, work: FloatArray,
+    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray,
+    middles: FloatArray, system: Factors, step: float, work: FloatArray,
 ) -> None:  # fmt: skip
     """The belt moves on by a step at a steady spin, and wheel and hub with it; `work[5]` holds the
     stencil K - W^2 S.
@@ -264,8 +267,9 @@ def belt_step(
 
 @compiled
 def run(
-    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray, basis: FloatArray, circle: FloatArray,
-    middles: FloatArray, corner: FloatArray, height: FloatArray, tread: FloatArray, seen: IntArray, drive: FloatArray, riders: FloatArray,
+    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray,
+    basis: FloatArray, circle: FloatArray, middles: FloatArray, corner: FloatArray,
+    height: FloatArray, tread: FloatArray, seen: IntArray, drive: FloatArray, riders: FloatArray,
     ridden: IntArray, step: float, now: int, every: int, motion: FloatArray,
 ) -> int:  # fmt: skip
     """Moves the tire on by drive.shape[0] steps; drive (n, 4): distance at the step's end [m],

@@ -1,9 +1,10 @@
-"""A tire in motion: the belt on its hub, on a road, under a load and a torque, from standing on the
-road to the end of a drive.
+"""A tire in motion: the belt on its hub, on a road, under a load and a torque.
+
+From standing on the road to the end of a drive.
 
     Belt, Profile --standing--> v, hub height at rest under the load
-                  --rolling---> RollingTire --run(distance, acceleration, load, torque)--> Motion, a
-                  row every few steps
+                  --rolling---> RollingTire
+                      --run(distance, acceleration, load, torque)--> Motion, a row every few steps
 
 The hub's way forward is the drive's; its height and its spin are free.
 """
@@ -144,8 +145,7 @@ def standing(belt: Belt, load_N: float) -> Standing:
     if np.abs(place).max() > 0.95 * kernel.FAR:
         raise UsageError(
             f"at {load_N:.0f} N the contact is wider than +-{np.degrees(kernel.FAR):.0f} "
-            "degrees; allowed is a load that the tire can "
-            "carry; lower it, or give a stiffer tire"
+            "degrees; allowed is a load that the tire can carry; lower it, or give a stiffer tire"
         )
     return Standing(q[:size], float(q[size]), radius * (float(np.ptp(place)) + spacing))
 
@@ -191,12 +191,14 @@ class RollingTire:
         spring, damper = belt.held
         self.constants = np.zeros(17)
         self.constants[:8] = (
-            belt.radius_m, tire.tread_stiffness_N_m2, tire.bristle_stiffness_N_m2, tire.friction, 2.0 * np.pi * belt.radius_m / points,
-            tire.hub_mass_kg, tire.hub_inertia_kg_m2, tire.hub_inertia_kg_m2 + belt.mass_kg * belt.radius_m**2,
+            belt.radius_m, tire.tread_stiffness_N_m2, tire.bristle_stiffness_N_m2, tire.friction,
+            2.0 * np.pi * belt.radius_m / points, tire.hub_mass_kg, tire.hub_inertia_kg_m2,
+            tire.hub_inertia_kg_m2 + belt.mass_kg * belt.radius_m**2,
         )  # fmt: skip
         self.constants[8:] = (
-            belt.carried, belt.translation, spring, damper, tire.line_mass_kg_m * belt.radius_m * splines.step_rad,
-            0.0, profile.top_m, profile.amplitude_m, 2.0 * np.pi / profile.wavelength_m,
+            belt.carried, belt.translation, spring, damper,
+            tire.line_mass_kg_m * belt.radius_m * splines.step_rad, 0.0, profile.top_m,
+            profile.amplitude_m, 2.0 * np.pi / profile.wavelength_m,
         )  # fmt: skip
         self.state = np.zeros(9)
         self.state[[kernel.SPIN, kernel.HUB_Z, kernel.HUB_X]] = spin, start.hub_z_m, distance_m
@@ -246,9 +248,10 @@ class RollingTire:
         weights, begin = _packed(rows)
         table = np.empty((-(-drive.shape[0] // every), kernel.COLUMNS + rows.shape[0]))
         told = kernel.run(
-            self.v, self.u, self.state, self.constants, self._stencils, self._basis, self._circle, self._middles,
-            self.profile.corner_m, self.profile.height_m, self._tread, self._seen, np.ascontiguousarray(drive, np.float64), weights, begin,
-            self.step_s, self.now, every, table,
+            self.v, self.u, self.state, self.constants, self._stencils, self._basis, self._circle,
+            self._middles, self.profile.corner_m, self.profile.height_m, self._tread, self._seen,
+            np.ascontiguousarray(drive, np.float64), weights, begin, self.step_s, self.now, every,
+            table,
         )  # fmt: skip
         self.now += drive.shape[0]
         if told != kernel.FINE:

@@ -1,5 +1,6 @@
-"""The truth of a log whose tire moved: what holds at a sensor's passages, when obstacles were met,
-how the tire rings.
+"""The truth of a log whose tire moved.
+
+What holds at a sensor's passages, when obstacles were met, how the tire rings.
 
 Times are the log's own stamps; angles grow in the direction of rolling.
 """

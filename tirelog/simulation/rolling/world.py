@@ -1,9 +1,12 @@
-"""The world of a tire in motion: the drive as impulses on the hub, the belt stepped through the
-whole log, and what sensors read of it.
+"""The world of a tire in motion.
+
+The drive as impulses on the hub, the belt stepped through the whole log, and what sensors read of
+it.
 
     Drive, [[load_steps]], roughness --> distance, acceleration, load, torque at every step
-    --RollingTire--> Motion on its own clock Motion --a sensor's place, second differences, lag,
-    bandwidth--> its clean series --spline in time--> values at the moments of sampling
+        --RollingTire--> Motion on its own clock
+    Motion --a sensor's place, second differences, lag, bandwidth--> its clean series
+        --spline in time--> values at the moments of sampling
 
 The drive's speed is the hub's way forward; wheel angle and spin are what the tire makes of it. The
 log begins on a tire that has rolled for SETTLING_S under a damper that is then taken away.
@@ -82,11 +85,10 @@ class RolledWorld(World):
         grid = np.arange(time[0], time[-1], _ANGLE_STEP_S)
         self.drive = replace(drive, angle=CubicSpline(grid, self._at(grid, self.motion.angle_rad)))
 
-    # ---- conditions
-    # -------------------------------------------------------------------------------------------------
+    # ---- conditions ------------------------------------------------------------------------------
 
     def load(self, time_s: FloatArray) -> FloatArray:
-        """Load without the road's roughness [N]: that of other truths, with the scenario's steps."""
+        """Load [N] without the road's roughness: as of other truths, with the scenario's steps."""
         load, steps = super().load(time_s), self.scenario.load_steps
         ordered = np.full(np.shape(time_s), self.scenario.conditions.load_N)
         for step in steps:
@@ -125,11 +127,10 @@ class RolledWorld(World):
         end = self.distance(time_s + self.scenario.step_s)
         return np.stack([end, acceleration, load, torque], axis=1)
 
-    # ---- the roll
-    # ---------------------------------------------------------------------------------------------------
+    # ---- the roll --------------------------------------------------------------------------------
 
     def _rolled(self) -> tuple[Motion, dict[str, Ridden]]:
-        """The motion from a little before the log to a little behind it, and every riding sensor's."""
+        """The motion from just before the log to just behind it, and every riding sensor's."""
         scenario, step = self.scenario, self.scenario.step_s
         riding = {name: s for name, s in scenario.channels.items() if s.kind in RIDING}
         before = (
@@ -211,8 +212,7 @@ class RolledWorld(World):
             arm * np.sin(phi) + v * np.cos(phi), v * np.sin(phi) - arm * np.cos(phi), strain
         )
 
-    # ---- what sensors read
-    # ------------------------------------------------------------------------------------------
+    # ---- what sensors read -----------------------------------------------------------------------
 
     def late(self, sensor: Sensor) -> float:
         """Delay of a channel's values behind their stamps [s]."""
@@ -248,7 +248,7 @@ class RolledWorld(World):
         return out
 
     def _at(self, time_s: FloatArray, series: FloatArray) -> FloatArray:
-        """A series (k,) over the motion's rows at any times (n,), through the six rows around each."""
+        """A series (k,) over the motion's rows at any times (n,), by the six rows around each."""
         begin, step = self.motion.time_s[0], self.motion.time_s[1] - self.motion.time_s[0]
         place = (np.asarray(time_s, float) - begin) / step
         row = np.clip(

@@ -1,8 +1,8 @@
 """The drive: manoeuvres become speed, wheel angle and conditions at every instant.
 
-    manoeuvres --rounded corners--> Drive on a 2 ms grid --quintic in time--> angle(t), speed(t),
-    acceleration(t) at any sample road, scatter ----------------> load(t) slow, roughness(distance)
-    fast
+    manoeuvres --rounded corners--> Drive on a 2 ms grid
+        --quintic in time--> angle(t), speed(t), acceleration(t) at any sample
+    road, scatter ----------------> load(t) slow, roughness(distance) fast
 
 The speed is that of the tread through the patch, c = Omega R_e. The wheel angle is its integral
 over R_e, zero at the log's start.

@@ -1,7 +1,7 @@
 """The scenario file: TOML becomes a validated Scenario, or an error that says what is allowed.
 
-    TOML text --tomllib--> tables --fields of the dataclasses in `scenario`, parameters in
-    `planted`--> Scenario (frozen)
+    TOML text --tomllib--> tables
+        --fields of the dataclasses in `scenario`, parameters in `planted`--> Scenario (frozen)
 
 What is unknown is refused with what is allowed and the nearest spelling.
 """

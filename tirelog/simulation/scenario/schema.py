@@ -1,5 +1,6 @@
-"""What a scenario holds: what is driven, by which tire, seen by which sensors, with which effects
-planted.
+"""What a scenario holds.
+
+What is driven, by which tire, seen by which sensors, with which effects planted.
 
 These dataclasses are the scenario file's schema (`file` reads it): a key is allowed if it is a
 field of its table, and a number must lie in the field's range. Strengths of effects are in the

@@ -1,5 +1,6 @@
-"""A static test: the tire at rest is inflated, with stops at which the gauge is read and some air
-leaks (P2 4.1, Fig. 15).
+"""A static test: the tire at rest is inflated (P2 4.1, Fig. 15).
+
+With stops at which the gauge is read and some air leaks.
 
 Ramp --pressure(t)--> pressure [Pa]; strain of every grating grows with it
 """

@@ -1,5 +1,6 @@
-"""The setup that belongs to a simulated log, and the log as a Recording in memory (the readers'
-text is skipped).
+"""The setup of a simulated log, and the log as a Recording in memory.
+
+The readers' text is skipped.
 
 Simulated --setup_text--> TOML --parse_setup--> Setup;  channels in SI on their stamps --> Recording
 """

@@ -1,7 +1,7 @@
 """From waveforms and the drive to the numbers in the log.
 
-World --chunks of knots--> tables (b, points) --six points in angle, four in time--> clean values
-(n,) at the moments of sampling
+World --chunks of knots--> tables (b, points)
+    --six points in angle, four in time--> clean values (n,) at the moments of sampling
       --noise, digits, lost samples--> values (n,) in the unit of the file, NaN where lost
 """
 
@@ -154,7 +154,7 @@ def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArr
 
 
 def _parabola(waves: list[FloatArray]) -> list[FloatArray]:
-    """Coefficients of the parabola in the load's relative fluctuation through the three waveforms."""
+    """Coefficients of the parabola through three waveforms, in the load's relative fluctuation."""
     if len(waves) == 1:
         return waves
     middle, more, less = waves

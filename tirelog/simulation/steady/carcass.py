@@ -1,5 +1,6 @@
-"""The two true carcasses: a beam on a foundation and an inextensible ring, as circulant systems of
-difference operators.
+"""The two true carcasses.
+
+A beam on a foundation and an inextensible ring, as circulant systems of difference operators.
 
     line load p(xi) [N/m, inwards], tangential load q(xi) [N/m, towards the exit] --> inward
     displacement w(xi) [m]
@@ -166,8 +167,7 @@ def _beam(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
         top = float(at.speed.max())
         raise UsageError(
             f"the beam is near or above its critical speed at {top:.1f} m/s; allowed is a drive "
-            "below about 0.95 of it; "
-            "drive slower, or give a stiffer tire"
+            "below about 0.95 of it; drive slower, or give a stiffer tire"
         )
     hardening, linearly = _hardening(scenario, stiffness, len(at))
     return Carcass(ring, 1.0 / operator, np.zeros_like(operator), hardening, linearly)
@@ -177,8 +177,8 @@ def _ring(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     """Inextensible ring, tangential displacement v, inward w = R dv/dxi: by virtual work, in the
     angle phi = xi/R,
 
-        EI/R^4 B'B v + (p0 b/R) (d4 + d2) v + k_v v - k_w d2 v + Omega (c_v d1 - c_w d3) v = q - dq_w/dphi,   B
-            = d1 + d3.
+        EI/R^4 B'B v + (p0 b/R) (d4 + d2) v + k_v v - k_w d2 v + Omega (c_v d1 - c_w d3) v
+            = q - dq_w/dphi,    B = d1 + d3.
 
     Inertia (Coriolis, centripetal) and the centrifugal hoop force of the steadily flowing belt
     cancel (errata) and are left out.

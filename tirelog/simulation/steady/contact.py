@@ -1,7 +1,7 @@
 """One-sided contact of the ring with a flat road through the tread's springs, by an active set.
 
-    load F --> height of the road such that the springs that are pressed carry F, and none pulls -->
-    pressure on the grid
+    load F --> height of the road such that the springs that are pressed carry F, and none pulls
+        --> pressure on the grid
 
 The road is flat: a point of the belt at angle phi, moved by w outwards and v along, is at the depth
 (R + w) cos phi - v sin phi below the axle.

@@ -1,7 +1,7 @@
 """When the waveform is solved anew, and the solutions, chunk by chunk.
 
 drive --plan--> chunks of equal steps: the scenario's knot_s, or QUICK_STEP_S where the load changes
-within tenths of a second
+                within tenths of a second
       --World.solve--> solutions at one load, or at three on a rough road
 """
 

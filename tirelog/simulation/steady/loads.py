@@ -1,8 +1,9 @@
-"""What the road does to the carcass: contact pressure and friction on the grid, with the planted
-effects, in two forms each.
+"""What the road does to the carcass.
 
-    base pressure p(xi) -> heavier side, pulses, wedges, wear -> smeared -> rescaled to carry the
-    load -> friction of the bristles
+Contact pressure and friction on the grid, with the planted effects, in two forms each.
+
+    base pressure p(xi) -> heavier side, pulses, wedges, wear -> smeared
+        -> rescaled to carry the load -> friction of the bristles
 
 Arrays are (b, points): b instants of the drive. Pressure is a line load [N/m], positive where the
 road pushes the tread inwards.
@@ -151,7 +152,7 @@ _PRESSURE = {
 def pressure(
     ring: Ring, effects: tuple[Planted, ...], base: FloatArray, at: Instants
 ) -> FloatArray:
-    """The base pressure (b, points) with every planted effect on it, rescaled to carry `at.load`."""
+    """The base pressure (b, points) with each planted effect on it, rescaled to carry `at.load`."""
     changed = [effect for effect in effects if effect.name in _PRESSURE]
     smeared = next((effect for effect in effects if effect.name == "rough_contact"), None)
     p = base

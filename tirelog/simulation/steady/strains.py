@@ -1,5 +1,6 @@
-"""Strain that no load on the carcass makes (effects outside the catalogue), and what a sensor does
-to a waveform.
+"""Strain that no load on the carcass makes (effects outside the catalogue).
+
+And what a sensor does to a waveform.
 
 Waveforms and their transforms are (b, points) and (b, points/2 + 1); b instants of the drive.
 """
@@ -20,7 +21,7 @@ SLOWEST_M_S = 0.2
 
 
 def _ring_down(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:
-    """A resonance that the exit edge sets off: fixed frequency in time, decaying behind the patch."""
+    """A resonance set off by the exit edge: fixed frequency in time, decaying behind the patch."""
     late = (
         (ring.xi_m - exit_m[:, None])
         % ring.circumference_m

@@ -1,5 +1,6 @@
-"""The truth of a simulated log, ready for JSON: what every estimator and diagnosis is measured
-against.
+"""The truth of a simulated log, ready for JSON.
+
+What every estimator and diagnosis is measured against.
 
 Times are the log's own stamps. Arrays have one value a passage of the patch; angles grow in the
 direction of rolling.

@@ -1,8 +1,9 @@
-"""The truth at given instants: conditions, the carcass's solution, and what a sensor reads round
-the wheel.
+"""The truth at given instants.
 
-Drive --instants--> Instants (b,) --loads, carcass--> w (b, points) --sensor--> strain or
-acceleration (b, points)
+Conditions, the carcass's solution, and what a sensor reads round the wheel.
+
+Drive --instants--> Instants (b,) --loads, carcass--> w (b, points)
+    --sensor--> strain or acceleration (b, points)
 """
 
 from __future__ import annotations
@@ -52,8 +53,7 @@ class World:
         flat = scenario.truth == "ring" and scenario.tire.contact == "flat_road"
         self.road = FlatRoad(scenario, self.ring) if flat else None
 
-    # ---- conditions
-    # -------------------------------------------------------------------------------------------------
+    # ---- conditions ------------------------------------------------------------------------------
 
     def load(self, time_s: FloatArray) -> FloatArray:
         """Load without the road's roughness [N]: scatter of the manoeuvres, load transfer, air."""
@@ -150,8 +150,7 @@ class World:
             self.scenario.tire.reference_load_N,
         )
 
-    # ---- solutions
-    # --------------------------------------------------------------------------------------------------
+    # ---- solutions -------------------------------------------------------------------------------
 
     def solve(self, at: Instants, start: FloatArray | None = None) -> Solution:
         """The carcass at these instants."""
@@ -187,8 +186,7 @@ class World:
             along = along + rubbed.tangential * np.cos(angle)
         return radial, along
 
-    # ---- what sensors read
-    # ------------------------------------------------------------------------------------------
+    # ---- what sensors read -----------------------------------------------------------------------
 
     def strain(self, solution: Solution, sensor: Sensor) -> ComplexArray:
         """Transform of the tire's strain at the sensor's surface (b, m), before the sensor itself,

@@ -1,8 +1,9 @@
-"""The physical shape of one patch passage in the strain: a carcass pressed one-sidedly onto a flat
-road through its tread.
+"""The physical shape of one patch passage in the strain.
 
-    EdgeShape (a handful of numbers) --spectrum over the tire's own wave numbers--> strain and its
-    derivatives on a grid of xi
+A carcass pressed one-sidedly onto a flat road through its tread.
+
+    EdgeShape (a handful of numbers)
+        --spectrum over the tire's own wave numbers--> strain and its derivatives on a grid of xi
 
 One family holds both carcasses of the papers. A bending line with tension on a foundation, EJ w''''
 - T w'' + k w = p, is P1's and P2's beam where T = -mu c^2 (errata: alpha^2 = -tension / 2), and

@@ -1,9 +1,11 @@
-"""Compiled: the spectrum of a patch passage and its derivatives by the form's six parameters (the
-equations of `family`).
+"""Compiled: the spectrum of a patch passage and its derivatives.
 
-    wave numbers, EdgeShape --Legendre transforms = spherical Bessel functions j_n(kappa L)-->
-    contact conditions (TERMS x TERMS)
-                            --solved--> pressure series --response--> spectrum and slopes, (n, 7)
+By the form's six parameters (the equations of `family`).
+
+    wave numbers, EdgeShape
+        --Legendre transforms = spherical Bessel functions j_n(kappa L)-->
+        contact conditions (TERMS x TERMS)
+        --solved--> pressure series --response--> spectrum and slopes, (n, 7)
 
 A Legendre polynomial's transform over the patch is 2 i^n j_n(z), z = kappa L, so nothing is
 integrated numerically.

@@ -1,5 +1,6 @@
-"""Every passage against the log's own form: height, offset, position, length and oddness by one
-linear least squares a row.
+"""Every passage against the log's own form.
+
+Height, offset, position, length and oddness by one linear least squares per row.
 
     Reference --on a fine grid of xi--> FormTables: columns of the linear model at some speeds
     PatchWindows --`kernels.fit_rows`, columns at each sample's distance--> PassageFits

@@ -1,9 +1,9 @@
 """Contact length, edges and slip onset of every passage of a strain grating (P2, errata).
 
-    Channel --find_passages--> centres, speeds --some passages--> averages by speed --physical
-    form--> Reference
-            --windows around every passage, block by block--> plain edges (P2 3.2) and fits of the
-            form --> Footprint, a row a passage
+    Channel --find_passages--> centres, speeds
+        --some passages--> averages by speed --physical form--> Reference
+        --windows around every passage, block by block--> plain edges (P2 3.2), fits of the form
+        --> Footprint, a row per passage
 
 `length_m` comes from the fits, `length_d2_m` and `length_d1_m` are the papers' own measures after
 the low-pass. Everything runs along the tread, xi = v t + a t^2 / 2, entry edge at -L, exit edge at
@@ -141,7 +141,7 @@ def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArr
 
 
 def _time_at(xi_m: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
-    """Time from the patch centre at which the distance is `xi_m`; NaN where the wheel stops before."""
+    """Time from the patch centre to the distance `xi_m`; NaN if the wheel stops before."""
     with np.errstate(invalid="ignore", divide="ignore"):
         root = np.sqrt(speed_m_s**2 + 2.0 * acceleration_m_s2 * xi_m)
         return 2.0 * xi_m / (speed_m_s + root)

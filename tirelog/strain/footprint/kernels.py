@@ -1,9 +1,9 @@
 """Compiled: least squares of a form against each passage's own samples, row by row.
 
-    a row of a window --distance of each sample--> the form's columns at the samples that are used,
-    their values last
-        --all products--> gram (w + 1, w + 1), w columns --scaled Cholesky--> inverse of the
-        passage's own block --> solution
+    a row of a window
+        --distance of each sample--> the form's columns at the samples used, their values last
+        --all products--> gram (w + 1, w + 1), w columns
+            --scaled Cholesky--> inverse of the passage's own block --> solution
 
 Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the
 quadratic ones by length and shift, of learning then the shared ones. A table (g, c) has the same
@@ -31,8 +31,8 @@ SPARE = 3
 
 @compiled
 def look_up(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float, follows: int, wide: int,
-    columns: FloatArray, place: FloatArray,
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float,
+    follows: int, wide: int, columns: FloatArray, place: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
     """Fill `columns` and `place` (on the grid) of the samples of a row that are used; how many, and
     their mean, which is taken off.
@@ -232,8 +232,8 @@ def fit_rows(
 
 @compiled
 def class_sums(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float, follows: int, sigma: float,
-    odd_sd: float, cells: int,
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float,
+    follows: int, sigma: float, odd_sd: float, cells: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
     """What the rows of one class of speed say of the columns behind their own, which all passages
     share; each row's own are eliminated.

@@ -1,9 +1,11 @@
-"""The log's own form: which passages it is learnt from, their averages by speed, and what is known
-of its error.
+"""The log's own form.
 
-Passages --clean ones, preferably at steady speed, by classes of speed, in clusters--> a few hundred
-windows
-         --scaled by each passage's height, cells along xi--> averages --form--> a start
+Which passages it is learnt from, their averages by speed, and what is known of its error.
+
+Passages
+    --clean ones, preferably at steady speed, by classes of speed, in clusters-->
+    a few hundred windows
+    --scaled by each passage's height, cells along xi--> averages --form--> a start
          --the samples themselves--> Learnt
 """
 
@@ -205,7 +207,7 @@ def _samples(
 
 
 def _average(sample: Sample, passages: Passages, half_window_m: float) -> Average:
-    """Mean passage of the rows of `sample`, scaled by height and offset of the passages' template."""
+    """Mean passage of the rows of `sample`, scaled by height and offset of the template."""
     row = sample.windows.row
     height = np.maximum(np.abs(passages.height[row]), 1e-300)[:, None]
     values = (sample.windows.values + passages.offset[row][:, None]) / height

@@ -1,7 +1,8 @@
 """Forms and plain edges of all passages, window by window: the inside of `footprint`.
 
-Channel + Passages + Learnt --windows, block by block; rows of one speed, averaging and form
-together--> Measured, a row a passage
+Channel + Passages + Learnt
+    --windows, block by block; rows of one speed, averaging and form together-->
+    Measured, a row per passage
 """
 
 from __future__ import annotations
@@ -157,7 +158,7 @@ def measure(
 
 @dataclass(frozen=True)
 class Look:
-    """Windows of some rows again, for the tractions: what `measure` knows of all rows, (n,) each."""
+    """Windows of some rows again, for the tractions: what `measure` knows of all rows (n,)."""
 
     channel: Channel
     passages: Passages
@@ -169,7 +170,7 @@ class Look:
     block_samples: int
 
     def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, FloatArray, float, int]]:
-        """Windows, motion, noise of a value and number of the form of `rows`, those alike together."""
+        """Windows, motion, noise of a value and form's number of `rows`, alike ones together."""
         gathered = gather_windows(
             self.channel,
             self.passages.sign,

@@ -1,7 +1,7 @@
 """Compiled: a traction beside a passage's form, for each of many onsets (`slip_onset`).
 
-    columns and products of a row (`kernels`) + a traction's wave for each onset --> the joint
-    solution of least misfit
+    columns and products of a row (`kernels`) + a traction's wave for each onset
+        --> the joint solution of least misfit
 
 `waves` (g, c): tractions on the grid of the form's table, a column an onset.
 """
@@ -77,7 +77,8 @@ def _beside(
 
 @compiled
 def traction_gains(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, every: int, sigma: float, odd_sd: float,
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray,
+    every: int, sigma: float, odd_sd: float,
 ) -> FloatArray:  # fmt: skip
     """Squared `sigma` of misfit that a small traction removes from the fit of each row, the best of
     the onsets.
@@ -123,8 +124,8 @@ def traction_gains(
 
 @compiled
 def _joint(
-    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray, sigma: float, odd_sd: float, trust_m: float,
-    told: FloatArray, best: FloatArray,
+    columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray,
+    sigma: float, odd_sd: float, trust_m: float, told: FloatArray, best: FloatArray,
 ) -> int:  # fmt: skip
     """Form and traction together by least squares for each onset in `tried`: squared residual over
     sigma^2, length over height and its standard error into `told` (t, 3), coefficients of the best
@@ -195,8 +196,9 @@ def _own_shift(whole: FloatArray, most: float) -> float:
 
 @compiled
 def onset_rows(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray, fine: int, shift_m: FloatArray,
-    starts_m: FloatArray, turns: int, sigma: float, odd_sd: float, enough: float, apart: int,
+    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray,
+    fine: int, shift_m: FloatArray, starts_m: FloatArray, turns: int, sigma: float, odd_sd: float,
+    enough: float, apart: int,
 ) -> FloatArray:  # fmt: skip
     """Form and traction of each row, the form put first where `shift_m` (n,) says, with the evenly
     spaced `starts_m` about it tried and every `fine`-th of the onsets of `waves` (g, c); from the

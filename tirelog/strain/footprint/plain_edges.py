@@ -1,10 +1,11 @@
-"""The papers' own footprint: the edges by the extrema of the strain's first and second derivative
-along the tread (P2 3.2, 4.3).
+"""The papers' own footprint.
 
-    windows (n, m) of strain, patch downward --low-pass, derivatives, upsampled--> d/d xi and d2/d
-    xi2 through the passage's kinematics
-    --extrema on either side of the centre, sub-sample--> Edges: times from the centre, lengths,
-    standard errors
+The edges by the extrema of the strain's first and second derivative along the tread (P2 3.2, 4.3).
+
+    windows (n, m) of strain, patch downward
+        --low-pass, derivatives, upsampled--> d/d xi and d2/d xi2 through the passage's kinematics
+        --extrema on either side of the centre, sub-sample--> Edges: times from the centre, lengths,
+                                                              standard errors
 
 Distance runs by the passage's own speed and acceleration, xi = v t + a t^2 / 2, so an extremum of d
 eps / d xi is one along the tread.
@@ -119,7 +120,7 @@ def along_tread(
 def lowpassed(
     windows: FloatArray, rate_Hz: float, cutoff_Hz: FloatArray, upsample: int = 2
 ) -> FloatArray:
-    """The windows (n, m) after the low-pass, less the line through their ends, (n, m x upsample)."""
+    """The windows (n, m) low-passed, less the line through their ends: (n, m x upsample)."""
     return derivative(window_spectra(windows), rate_Hz, cutoff_Hz, 0, windows.shape[1], upsample)
 
 

@@ -1,9 +1,13 @@
-"""The form of this log's passages, first from averages at several speeds, fitted with the physical
-family at once.
+"""The form of this log's passages, first from averages.
 
-    some passages of each speed, scaled by the template's height --cells along xi--> Average, one a
-    speed Averages --damped Gauss-Newton, what is the tire's own shared, length and height free at
-    each speed--> Reference, a start (`refine` then goes back to the samples)
+At several speeds, fitted with the physical family at once.
+
+    some passages of each speed, scaled by the template's height
+        --cells along xi--> Average, one a speed
+    Averages
+        --damped Gauss-Newton, what is the tire's own shared, length and height free per speed-->
+        Reference, a start
+    (`refine` then goes back to the samples)
 
 Shared: bending length, tread, tilt, and tension and damping as they follow the speed (tension -
 inertia v^2: P1 (3); damping d0 + d1 v).

@@ -1,9 +1,10 @@
-"""The log's form from the samples themselves: what all passages share, with each one's own numbers
-taken out exactly.
+"""The log's form from the samples themselves.
+
+What all passages share, with each one's own numbers taken out exactly.
 
     Reference (a start) + windows of some passages of each speed
-        --normal equations a passage, its height, offset, shift, length, damping, tilt eliminated
-        (Schur)--> steps of the shared parameters
+        --normal equations per passage, its height, offset, shift, length, damping, tilt
+          eliminated (Schur)--> steps of the shared parameters
         --until they stop--> Reference with errors; what is left, averaged along xi
 
 Averages lump passages whose shifts and heights are known only so well; here nothing is lumped, and
@@ -81,7 +82,7 @@ class _Step:
 def _class_step(
     reference: Reference, number: int, sample: Sample, noise: float, half_window_m: float
 ) -> _Step:
-    """The normal equations of one class at the current form, its passages' own numbers eliminated."""
+    """Normal equations of one class at the current form, without its passages' own numbers."""
     windows = sample.windows
     table, grid = shape_table(reference, number, half_window_m)
     sigma = noise / np.sqrt(windows.averaged)

@@ -1,11 +1,12 @@
-"""Where adhesion turns to slip inside the patch (P2 3.1, 4.2.1): the abscissa of the jump in the
-strain's slope between the edges.
+"""Where adhesion turns to slip inside the patch (P2 3.1, 4.2.1).
+
+The abscissa of the jump in the strain's slope between the edges.
 
     a passage's residual beside its own height, offset, shift, length, damping and tilt
-        --matched filters of P2's brush friction with its onset at many abscissae--> how much misfit
-        one removes
-        --enough of it?--> form and friction together for each onset --least misfit--> onset with
-        error, or a reason
+        --matched filters of P2's brush friction with its onset at many abscissae-->
+        how much misfit one removes
+        --enough of it?--> form and friction together for each onset
+            --least misfit--> onset with error, or a reason
 
 The brush (P2 13, 15, 18, errata): traction grows straight from the entry edge to f_s p(x_s) at the
 onset and is f_d p beyond; the beam feels h d tau / d xi, and at the onset, where tau jumps, h (f_d

@@ -1,5 +1,6 @@
-"""The table `footprint` of a recording: passages and footprint of each strain channel, as columns,
-with remarks on the whole log.
+"""The table `footprint` of a recording.
+
+Passages and footprint of each strain channel, as columns, with remarks on the whole log.
 """
 
 from __future__ import annotations
@@ -117,8 +118,7 @@ def _remarks(
     if doubted:
         remarks.append(
             f"{channel.name}: form_unclear: {doubted} passages are unlike any that a tire's "
-            "carcass makes on a flat road; "
-            f"their lengths may be wrong by half"
+            "carcass makes on a flat road; their lengths may be wrong by half"
         )
     if not found.learnt.free_rolling:
         remarks.append(

@@ -1,10 +1,12 @@
-"""Rectangular windows of a channel around its passages, with the distance of every sample along the
-tread.
+"""Rectangular windows of a channel around its passages.
 
-    Channel + Passages --passages of like window length, read a stretch of the log at a time-->
-    PatchWindows (rows x columns)
-                       --neighbouring samples averaged where they lie closer than needed-->
-                       PatchWindows, fewer columns
+With the distance of every sample along the tread.
+
+    Channel + Passages
+        --passages of like window length, read a stretch of the log at a time-->
+        PatchWindows (rows x columns)
+        --neighbouring samples averaged where they lie closer than needed-->
+        PatchWindows, fewer columns
 
 A row's window depends on its own passage only (its length is the next power of two above what its
 speed needs), so rows do not change with the blocks that are read. Values are turned so that the

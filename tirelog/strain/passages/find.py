@@ -1,5 +1,6 @@
-"""Passages of a grating (or accelerometer) through the contact patch: the clock of every other
-estimator.
+"""Passages of a grating (or accelerometer) through the contact patch.
+
+The clock of every other estimator.
 
     Channel --passage_search--> rough middles and widths
             --passage_match: a template learnt from some, all fitted by it--> times
@@ -265,8 +266,9 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
         np.abs(measured.omega_rad_s[place] - measured.omega_rad_s[place - 1]) / 3 + 2e-3 * omega
     )
     extra: dict[str, Any] = {
-        "index": channel.axis.index(time_s), "time_s": time_s, "time_se_s": np.concatenate(ses), "turn_before": False, "turn_after": False,
-        "break_after": "", "omega_rad_s": omega, "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
+        "index": channel.axis.index(time_s), "time_s": time_s, "time_se_s": np.concatenate(ses),
+        "turn_before": False, "turn_after": False, "break_after": "", "omega_rad_s": omega,
+        "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
     }  # fmt: skip
     columns: dict[str, Any] = {
         f.name: np.insert(value, place, extra.get(f.name, np.nan))

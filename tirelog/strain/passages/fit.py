@@ -1,8 +1,9 @@
-"""The centre of each passage by a matched filter: offset, height, shift and stretch of the
-template, least squares, row by row.
+"""The centre of each passage by a matched filter.
 
-    samples around rough centres --Gauss-Newton on the template (`fit_kernels`)--> centre, its
-    standard error, height
+Offset, height, shift and stretch of the template, least squares, row by row.
+
+    samples around rough centres
+        --Gauss-Newton on the template (`fit_kernels`)--> centre, its standard error, height
 
 With phi the angle that the wheel has turned since the rough centre, the model of a row is y = a + b
 T(phi (1 + e) - s). Where the speed is known from the neighbouring passages the stretch e is held
@@ -164,7 +165,7 @@ def _read(signal: Signal, spans: IntArray) -> tuple[FloatArray, FloatArray]:
 
 
 def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
-    """The windows of all rows of `start`, which must lie within one block's reach of one another."""
+    """The windows of all rows of `start`, which must lie within one block's reach."""
     spans, outside = _spans(signal, start, window_rad)
     samples, times = _read(signal, spans)
     return Windows(signal, samples, times, spans, outside)

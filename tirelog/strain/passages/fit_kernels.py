@@ -1,7 +1,7 @@
 """Compiled loops over the windows of passages: the matched fit.
 
-    samples around rows, template --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,),
-    `marks` (n, 3)
+    samples around rows, template
+        --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,), `marks` (n, 3)
 
 A window is the row's `spans` (n, 3): samples [first, stop) of the channel, thinned to MOST_SAMPLES,
 and what to add to their numbers to find them in `samples`. Their times are `times` where these are
@@ -196,7 +196,8 @@ def _step(
     samples.
     """
     values, weights, phis, shapes, slopes, residuals = (
-        scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE], scratch[RESIDUAL],
+        scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE],
+        scratch[RESIDUAL],
     )  # fmt: skip
     n00 = n10 = n20 = n30 = n11 = n21 = n31 = n22 = n32 = n33 = r0 = r1 = r2 = r3 = 0.0
     for i in range(count):

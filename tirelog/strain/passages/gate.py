@@ -1,7 +1,7 @@
 """Whether what was found are passages of a tire at all: the gate before any speed is told.
 
-    Pulses as found, Matched passages --share of a turn, turns between, shape, speed--> '' or what
-    is wrong with them
+    Pulses as found, Matched passages
+        --share of a turn, turns between, shape, speed--> '' or what is wrong with them
 
 A patch takes some hundredths of a turn and the next comes one turn later, with the same waveform,
 at a speed that changes smoothly. Pulses of a rim's or chassis' acceleration, of a bending test or

@@ -1,8 +1,9 @@
-"""How fast the wheel turns at each passage, from the times of the passages alone, with an error
-that holds the differencing.
+"""How fast the wheel turns at each passage.
 
-    times and their errors (n,), turns to the next passage (n,) --parabolas through three
-    passages--> omega, alpha, standard error (n,)
+From the times of the passages alone, with an error that holds the differencing.
+
+    times and their errors (n,), turns to the next passage (n,)
+        --parabolas through three passages--> omega, alpha, standard error (n,)
 
 The second-order centred difference over two turns (P1 4, P2 4.2, errata) in its form for unequal
 steps is exact for a constant acceleration. What a change of acceleration leaves, one twelfth of the

@@ -1,8 +1,9 @@
-"""The template of a log's own passages: which of them to learn from, and the rounds of fitting and
-learning.
+"""The template of a log's own passages.
 
-rough centres --clusters of neighbours spread over the log--> windows --lay over, learn, fit;
-again--> Template
+Which of them to learn from, and the rounds of fitting and learning.
+
+rough centres --clusters of neighbours spread over the log--> windows
+    --lay over, learn, fit; again--> Template
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""What was wrong around each passage: words for its window, passages that were lost, breaks between
-passages.
+"""What was wrong around each passage.
+
+Words for its window, passages that were lost, breaks between passages.
 
 A word stands in a row only where the trouble lies inside the row's own window (half a patch and its
 shoulders on either side).

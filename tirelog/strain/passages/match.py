@@ -1,8 +1,9 @@
-"""Pulses to fitted passages: what each fit starts from, the template, and which pulses are no
-passage after all.
+"""Pulses to fitted passages.
 
-Pulses --screen, rough speeds--> Start --passage_learn--> Template --passage_fit--> Fit, a row a
-passage
+What each fit starts from, the template, and which pulses are no passage after all.
+
+Pulses --screen, rough speeds--> Start --passage_learn--> Template
+    --passage_fit--> Fit, a row a passage
 """
 
 from __future__ import annotations

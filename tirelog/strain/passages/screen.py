@@ -1,5 +1,6 @@
-"""Pulses that are no passages, told by when they come and how long they last: the instrument
-jumped, or a jump split a passage in two.
+"""Pulses that are no passages, told by when they come and how long they last.
+
+The instrument jumped, or a jump split a passage in two.
 
     Pulses --join halves, drop strangers--> Pulses
 
@@ -34,7 +35,7 @@ REACH, ROUNDS = 3, 3
 
 
 def width_turns(middle: FloatArray, width: FloatArray) -> float:
-    """Width of a passage in turns: the median over passages of width over period; both in one unit."""
+    """Width of a passage in turns: the median of width over period, both in one unit."""
     if middle.size < 2:
         return USUAL_WIDTH_TURNS
     if middle.size == 2:

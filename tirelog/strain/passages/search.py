@@ -1,5 +1,6 @@
-"""Where the grating passed the patch, coarsely: pulses that stand out of their surroundings by half
-of the usual height.
+"""Where the grating passed the patch, coarsely.
+
+Pulses that stand out of their surroundings by half of the usual height.
 
     channel --passage_decimate--> medians of short buckets, patch upward
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys

@@ -1,8 +1,9 @@
-"""Compiled loops of the search for passages: samples to medians of buckets, turning points,
-half-level crossings.
+"""Compiled loops of the search for passages.
 
-    values (n,) --bucket_medians--> medians (n / bucket,) --turning_points--> places --half_level-->
-    middle, width, height, base
+Samples to medians of buckets, turning points, half-level crossings.
+
+    values (n,) --bucket_medians--> medians (n / bucket,) --turning_points--> places
+        --half_level--> middle, width, height, base
 
 Each goes over its input once and writes into arrays that the caller gives.
 """

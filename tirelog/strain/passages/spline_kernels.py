@@ -84,7 +84,7 @@ def spline_curve(
 
 @compiled
 def basis(u: float, which: int) -> float:
-    """The four cubic B-splines that are not zero at the fraction `u` in [0, 1] of a knot interval."""
+    """The four cubic B-splines that are not zero at the fraction `u` in [0, 1] between knots."""
     if which == 0:
         return (1 - u) ** 3 / 6.0
     if which == 1:

@@ -1,5 +1,6 @@
-"""The passages of a channel of a recording, refused where they show that its setup names the wrong
-surface.
+"""The passages of a channel of a recording, of the right surface.
+
+They are refused if they show that its setup names the wrong surface.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def passages_of(recording: Recording, channel: Channel) -> Passages:
 
 
 def refuse_swapped_surface(recording: Recording, channel: Channel, radius: float) -> None:
-    """UsageError where the patch is found once the channel is taken for one of the other surface."""
+    """UsageError if the patch is found once the channel is taken for one of the other surface."""
     if channel.kind == "radial_acceleration":
         return
     other = {"outer": "inner", "inner": "outer"}[channel.surface]

@@ -1,7 +1,7 @@
 """The waveform of a passage, learnt from the log: one smooth curve over the wheel angle.
 
-    samples of a few hundred passages (angle from the centre, value scaled to height 1) --cubic
-    splines--> Template
+    samples of a few hundred passages (angle from the centre, value scaled to height 1)
+        --cubic splines--> Template
 
 The angle, not the time, is the abscissa, so one template serves every speed. Its zero is the middle
 between the two places where it crosses half of its height: the *patch centre* of every command. An

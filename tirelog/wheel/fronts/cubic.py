@@ -1,7 +1,7 @@
 """Where the flanks of the patch signal cross half of the level outside, each by a cubic of its own.
 
     Flanks, half widths of the windows --normalised samples--> weighted cubic least squares
-    --root--> place, standard error, slope
+        --root--> place, standard error, slope
 
 The cubic follows the flank's own shape, so nothing is assumed about it.
 """
@@ -69,8 +69,8 @@ def crossings(
 
 
 def _solve(
-    values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Flanks, windows: FloatArray, first: IntArray,
-    last: IntArray, entries: np.ndarray,
+    values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Flanks,
+    windows: FloatArray, first: IntArray, last: IntArray, entries: np.ndarray,
 ) -> tuple[FloatArray, np.ndarray]:  # fmt: skip
     """((3, n) place, standard error and slope, n samples lost) by cubic least squares over n
     fronts, whose samples [first, last) lie in `values` from index `start`; `entries` (n,) where the

@@ -1,10 +1,11 @@
-"""Where an in-tire accelerometer passes the patch, coarsely, and the centripetal level beside each
-passage.
+"""Where an in-tire accelerometer passes the patch, coarsely.
 
-    channel, WheelAngle --means over one degree of wheel angle--> bins (m,) --below half of the
-    level--> dips
+And the centripetal level beside each passage.
+
+    channel, WheelAngle --means over one degree of wheel angle--> bins (m,)
+        --below half of the level--> dips
         --degrees beside each dip--> Dips: coarse fronts, level and its slope, what gravity does to
-        them, noise of a sample
+                                     them, noise of a sample
 
 The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around,
 and nothing in the patch where the tread is straight. Divided by Omega^2 of its own bin the level is
@@ -249,6 +250,6 @@ def _levels(
     normal = np.einsum("ij,ijk,ijl->ikl", weight, design, target)
     scale = bins.first * DEGREE
     return Dips(
-        (entry + 0.5) * DEGREE + scale, (leave + 0.5) * DEGREE + scale, level, tilt, gravity_level, gravity_tilt,
-        np.sqrt(w2 / determinant), np.sqrt(np.maximum(within, between)), normal,
+        (entry + 0.5) * DEGREE + scale, (leave + 0.5) * DEGREE + scale, level, tilt, gravity_level,
+        gravity_tilt, np.sqrt(w2 / determinant), np.sqrt(np.maximum(within, between)), normal,
     )  # fmt: skip

@@ -1,9 +1,11 @@
-"""The two fronts of every passage of an in-tire accelerometer, to a few hundredths of a degree (P4
-section IV B).
+"""The two fronts of every passage of an in-tire accelerometer (P4 section IV B).
 
-    Dips (coarse) --samples within a few degrees of each front--> cubic through the flank --half of
-    the level--> crossing
-                  --the flank's own mean form, matched-----------------------------------> Fronts
+To a few hundredths of a degree.
+
+    Dips (coarse)
+        --samples within a few degrees of each front--> cubic through the flank
+        --half of the level--> crossing
+        --the flank's own mean form, matched--> Fronts
 
 A front is where the signal, divided by Omega^2 and with gravity's part subtracted, crosses half of
 the level outside, extrapolated from beside it. Inside the patch the tread moves straight and the

@@ -1,10 +1,12 @@
-"""Fronts by the flank's mean form, learnt from the log itself: the same crossing, nearer to the
-bound.
+"""Fronts by the flank's mean form, learnt from the log itself.
 
-    crossings by cubics --samples aligned by them, least squares of a spline--> mean form of the
-    entry and of the exit form, samples of one passage --least squares of one shift--> matched place
-    cubics minus matched places --regression on speed, acceleration and width--> what the form's
-    change moves the crossing
+The same crossing, nearer to the bound.
+
+    crossings by cubics
+        --samples aligned by them, least squares of a spline--> mean form of entry and exit
+    form, samples of one passage --least squares of one shift--> matched place
+    cubics minus matched places
+        --regression on speed, acceleration and width--> what the form's change moves the crossing
 
 A known form uses the whole flank, from the spike beside the patch to the patch's middle, and
 reaches the Cramer-Rao bound of a shift; the cubic uses what lies about the crossing, and the
@@ -128,7 +130,7 @@ def _some(rows: IntArray) -> IntArray:
 def _learn(
     channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float], step: float
 ) -> Form:
-    """The least-squares cubic spline through the samples of all `flanks`, aligned by their places."""
+    """The least-squares cubic spline through the samples of all `flanks`, aligned by place."""
     low, high = reach
     size = max(round((high - low) / step), 4) + 3
     left, right = 1e-9 * np.eye(size), np.zeros(size)

@@ -1,10 +1,11 @@
-"""The samples around the fronts of a log, cleared of what is not the patch: read in pieces, divided
-by the level, gravity taken off.
+"""The samples around the fronts of a log, cleared of what is not the patch.
+
+Read in pieces, divided by the level, gravity taken off.
 
 Dips, WheelAngle --level, tilt, speed, acceleration at each passage--> Flanks (entries, then exits)
 Flanks, half widths --pieces of the channel--> groups of fronts whose samples were read together
                     --angle, a / level - gravity--> owner (s,), angle from the front (s,) [rad],
-                    level left (s,)
+                                                    level left (s,)
 """
 
 from __future__ import annotations
