@@ -1,7 +1,7 @@
 """Reference pages and README tables from the registers of the package.
 
     python docs/generate.py             writes them (also: make docs)
-    tests/data/test_howtos.py           the committed ones are what the registers give
+    tests/test_docs.py                  the committed ones are what the registers give
 
 `PAGES` are whole files; a section of README.md stands between two comments that name it.
 """
@@ -16,6 +16,7 @@ from tirelog.physics.effects import CATALOGUE, Effect
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
+from tirelog.vocabulary.quality import OK, Quality
 from tirelog.vocabulary.units import UNITS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -36,6 +37,40 @@ def words(names: Iterable[str]) -> str:
 def unit_of(unit: str) -> str:
     """A unit as a cell; a pure number has none."""
     return "" if unit == "1" else unit
+
+
+def quality_section() -> str:
+    """The words and what they say, as README.md shows them."""
+    rows = [(f"`{flag.word}`", flag.sentence) for flag in sorted(Quality, key=_word)]
+    return table(("quality word", "what it says of the row"), rows)
+
+
+def quality_page() -> str:
+    """The words with the tables they stand in and what their rows are good for."""
+    rows = [
+        (
+            f"`{flag.word}`",
+            flag.sentence,
+            ", ".join(f"`{name}`" for name in flag.tables),
+            "; ".join(use.value for use in flag.good_for) or "no",
+        )
+        for flag in sorted(Quality, key=_word)
+    ]
+    return f"""{NOTE.format("tirelog/vocabulary/quality.py")}
+# Quality words
+
+The column `quality` of a table is `{OK}`, or words in alphabetical order joined by `;`: what is
+wrong inside the patch window of that row. The row stays in the table with all that could be told.
+Unless the last column says otherwise, it is left out of pictures, moving averages, regressions,
+calibrations, and of the numbers per revolution that are compared with a model. A word that is not
+in this list, in a table of another version or tool, is kept and counted, and its row left out too.
+
+{table(("word", "what it says of the row", "tables", "the row is used nevertheless"), rows)}
+"""
+
+
+def _word(flag: Quality) -> str:
+    return flag.word
 
 
 def kinds_page() -> str:
@@ -254,12 +289,14 @@ def observables_section() -> str:
 
 
 PAGES: Mapping[str, Callable[[], str]] = {
+    "docs/quality_words.md": quality_page,
     "docs/channel_kinds.md": kinds_page,
     "docs/conditions.md": conditions_page,
     "docs/observables.md": observables_page,
     "docs/effects.md": effects_page,
 }
 README_SECTIONS: Mapping[str, Callable[[], str]] = {
+    "quality words": quality_section,
     "channel kinds": kinds_section,
     "conditions": conditions_section,
     "observables": observables_section,

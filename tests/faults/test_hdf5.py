@@ -11,6 +11,7 @@ import pytest
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, TirelogError
 from tirelog.readers.hdf5.reader import open_hdf5
+from tirelog.vocabulary.quality import Quality
 
 GOOD = np.arange(20_000.0)
 
@@ -231,7 +232,7 @@ def test_a_flipped_bit_loses_its_chunk_and_no_other(chunked):
     assert lost[7000:8000].all()
     assert lost.sum() == 1000
     np.testing.assert_array_equal(values["c0"][~lost], whole[~lost])
-    assert flags == [("c0", 7000, 8000, "gap")]
+    assert flags == [("c0", 7000, 8000, Quality.GAP)]
     assert ["1000 samples" in loss for loss in report.losses] == [True]
 
 
@@ -282,7 +283,7 @@ def test_chunks_that_were_never_written_are_lost_not_zero(path):
     assert values["c0"].size == 6000
     assert np.isnan(values["c0"][2000:4000]).all()
     assert np.isfinite(np.delete(values["c0"], np.s_[2000:4000])).all()
-    assert {word for _, _, _, word in flags} == {"gap"}
+    assert {word for _, _, _, word in flags} == {Quality.GAP}
     assert len(report.losses) == 2
 
 

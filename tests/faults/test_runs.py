@@ -22,6 +22,7 @@ from tirelog.runs.chunks import CHUNK, FILTERS, fletcher32
 from tirelog.runs.ingest import open_recording, write_run
 from tirelog.runs.store import RunWriter, is_run, open_run
 from tirelog.runs.store_checks import DIGEST, check_columns, contents_digest
+from tirelog.vocabulary.quality import Quality
 
 SETUP = """[tire]
 rolling_radius_m = 0.305
@@ -42,7 +43,9 @@ def write(path: Path, times: np.ndarray | None = None) -> None:
     with RunWriter(path, parse_setup(SETUP), groups, compress=True) as writer:
         writer.append(
             RawBlock(
-                "g", {"s": np.round(rng.standard_normal(SIZE), 4)}, flags=(("s", 3, 5, "spike"),)
+                "g",
+                {"s": np.round(rng.standard_normal(SIZE), 4)},
+                flags=(("s", 3, 5, Quality.SPIKE),),
             )
         )
         writer.append(RawBlock("h", {"v": rng.random(2000)}))
@@ -54,7 +57,7 @@ def write(path: Path, times: np.ndarray | None = None) -> None:
             "repairs": {},
         }
         writer.finish(
-            {"g": TimeAxis.uniform(SIZE, 2500.0), "h": axis}, {"h": [(7, 9, "gap")]}, about
+            {"g": TimeAxis.uniform(SIZE, 2500.0), "h": axis}, {"h": [(7, 9, Quality.GAP)]}, about
         )
 
 

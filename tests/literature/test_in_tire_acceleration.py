@@ -13,6 +13,7 @@ import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.find import find_passages
+from tirelog.vocabulary.quality import Quality, having
 
 #: angle from the patch centre [degrees]: mean [g] with the patch shifted to 0, standard deviation
 #: between turns [g]
@@ -62,7 +63,7 @@ def test_every_passage_is_found_whichever_way_the_sensor_counts(sign, offset_g):
     assert len(found) == 10
     np.testing.assert_allclose(found.speed_m_s, speed, rtol=0.01)
     # the ringing of the edges is what the sensor sees in every turn, and no spike
-    assert sum("spike" in words for words in found.quality) <= 1
+    assert having(found.quality, Quality.SPIKE).sum() <= 1
 
 
 def test_a_spike_is_told_from_the_ringing():
@@ -81,5 +82,5 @@ def test_a_spike_is_told_from_the_ringing():
         ),
         RADIUS_M,
     )
-    assert "spike" in found.quality[7]
-    assert "spike" not in clean.quality[7]
+    assert having(found.quality, Quality.SPIKE)[7]
+    assert not having(clean.quality, Quality.SPIKE)[7]

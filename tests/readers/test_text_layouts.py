@@ -8,6 +8,7 @@ import pytest
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ReadError, SetupError
 from tirelog.runs.ingest import open_recording
+from tirelog.vocabulary.quality import Quality
 
 from .text_logs import read, setup_of
 
@@ -182,7 +183,7 @@ def test_one_second_stamps_with_line_numbers_count_by_line() -> None:
     np.testing.assert_array_equal(block.values["w"], 100 + np.arange(60) / 10)
     assert reader.report.counts["rows_with_error_codes"] == 2
     assert reader.report.counts["error_codes"] == 3
-    assert block.flags == (("w", 5, 7, "error_code"),)
+    assert block.flags == (("w", 5, 7, Quality.ERROR_CODE),)
 
 
 def test_zero_is_a_reading_where_no_peak_is_read() -> None:

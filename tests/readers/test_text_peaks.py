@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tirelog.errors import SetupError
+from tirelog.vocabulary.quality import Quality
 
 from .text_logs import read, setup_of
 
@@ -102,7 +103,7 @@ def test_spurious_and_double_peaks_are_refused_and_flagged(layout: dict) -> None
         flagged = np.zeros(N, bool)
         for channel, start, stop, word in block.flags:
             if channel == name:
-                assert word == "spurious_peak"
+                assert word == Quality.SPURIOUS_PEAK
                 flagged[start:stop] = True
         assert (flagged == strange[k])[~lost[k]].all()
 
@@ -114,7 +115,7 @@ def test_a_false_peak_alone_in_the_window_is_refused() -> None:
     one = setup_of({"g": {"source": "", "window_nm": [1548.3, 1551.7]}})
     _, block = read(log([[*r, [1560.0] * (i % 2)] for i, r in enumerate(rows)], counts=False), one)
     assert np.flatnonzero(np.isnan(block.values["g"])).tolist() == [50, 51]
-    assert block.flags == (("g", 50, 51, "spurious_peak"),)
+    assert block.flags == (("g", 50, 51, Quality.SPURIOUS_PEAK),)
 
 
 def test_a_grating_is_followed_out_of_its_window() -> None:

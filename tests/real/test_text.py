@@ -11,6 +11,7 @@ from tests.readers.text_logs import joined, read, setup_of
 from tirelog.data.recording import TimeAxis
 from tirelog.readers.text.reader import TextReader, open_text
 from tirelog.runs.clock import ClockFit
+from tirelog.vocabulary.quality import Quality
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real"
 FBGS, COMMA = REAL / "fbgs_illumisense", REAL / "comma2k19"
@@ -72,7 +73,7 @@ def test_readings_that_come_with_error_codes_are_kept_and_flagged() -> None:
     block = joined(list(reader.blocks()), reader)
     flagged = np.zeros(11_999, bool)
     for _, start, stop, word in block.flags:
-        assert word == "error_code"
+        assert word == Quality.ERROR_CODE
         flagged[start:stop] = True
     assert block.values["x"].min() < -1000.0
     assert flagged[block.values["x"] < -1000.0].all()

@@ -5,6 +5,7 @@ import pytest
 
 from tirelog.errors import ReadError, SetupError
 from tirelog.runs.clock import ClockFit
+from tirelog.vocabulary.quality import Quality
 
 N = 50_000
 
@@ -77,7 +78,7 @@ def test_gaps_are_found_at_their_sample(jitter: float) -> None:
     np.testing.assert_allclose(axis.time() * 2500.0, k, atol=max(0.01, 0.2 * jitter))
     assert made.repairs["gaps"] == 3
     assert made.repairs["lost_samples"] == 40_009
-    assert (19_999, 20_001, "gap") in made.flags
+    assert (19_999, 20_001, Quality.GAP) in made.flags
 
 
 def test_a_missing_sample_number_is_a_gap() -> None:
@@ -146,7 +147,7 @@ def test_a_clock_set_back_runs_on() -> None:
     made = fit(stamps, resolution_s=1e-4)
     np.testing.assert_allclose(made.axis().time(), np.arange(N) / 2500.0, atol=1e-9)
     assert made.repairs == {"clock_set_back": 1}
-    assert made.flags == [(2999, 3001, "clock_set_back")]
+    assert made.flags == [(2999, 3001, Quality.CLOCK_SET_BACK)]
 
 
 def test_a_repeated_row_stands_between_its_neighbours() -> None:
@@ -155,7 +156,7 @@ def test_a_repeated_row_stands_between_its_neighbours() -> None:
     times = made.axis().time()
     np.testing.assert_allclose(np.delete(times, 1000), np.arange(5000) / 2500.0, atol=1e-9)
     assert times[1000] == pytest.approx(999.5 / 2500.0)
-    assert made.flags == [(1000, 1001, "repeated_stamp")]
+    assert made.flags == [(1000, 1001, Quality.REPEATED_STAMP)]
 
 
 def test_unknown_stamps_are_bridged() -> None:
@@ -205,7 +206,7 @@ def test_irregular_stamps_of_a_long_log_are_read_in_pieces(monkeypatch: pytest.M
     np.testing.assert_array_equal(axis.time()[good], stamps[good])
     assert (np.diff(axis.time()) > 0).all()
     assert axis.rate_Hz == pytest.approx(1 / np.median(np.diff(stamps[good])), rel=0.05)
-    assert (12_344, 12_346, "gap") in made.flags
+    assert (12_344, 12_346, Quality.GAP) in made.flags
 
 
 def test_numbers_that_leap_all_the_time_are_not_used() -> None:

@@ -14,6 +14,8 @@ from tirelog.errors import ReadError, SetupError
 from tirelog.readers.base import Group, RawBlock
 from tirelog.runs.chunks import CHUNK
 from tirelog.runs.store import RunWriter, is_run, open_run
+from tirelog.runs.store_checks import contents_digest
+from tirelog.vocabulary.quality import Quality
 
 SETUP = """[tire]
 unloaded_radius_m = 0.3
@@ -57,12 +59,12 @@ def write(
     writer = RunWriter(path, parse_setup(SETUP), (group,), compress=compress)
     for start in range(0, SIZE, block):
         part = {name: v[start : start + block] for name, v in values.items()}
-        flags = (("s", 1, 3, "spurious_peak"),) if start == 0 else ()
+        flags = (("s", 1, 3, Quality.SPURIOUS_PEAK),) if start == 0 else ()
         writer.append(RawBlock("g", part, flags=flags))
     axis = TimeAxis(SIZE, 2500.0, np.array([0, 5000]), np.array([0.0, 3.0]), np.array([4e-4, 4e-4]))
     writer.finish(
         {"g": axis},
-        {"g": [(5000, 5001, "gap")]},
+        {"g": [(5000, 5001, Quality.GAP)]},
         {"sha256": "00", "remarks": ["a remark"], "losses": ["a loss"]},
     )
     writer.close()
@@ -83,7 +85,7 @@ def test_a_run_gives_back_the_source_in_si(tmp_path: Path, block: int) -> None:
         np.testing.assert_allclose(
             run.channels["v"].read(10, 20), values["v"][10:20] / 3.6, rtol=1e-15
         )
-        assert run.channels["s"].flags == ((1, 3, "spurious_peak"), (5000, 5001, "gap"))
+        assert run.channels["s"].flags == ((1, 3, Quality.SPURIOUS_PEAK), (5000, 5001, Quality.GAP))
         assert run.channels["s"].axis.gaps() == [(5000, pytest.approx(3.0 - 4999 * 4e-4))]
         assert run.channels["s"].resolution == pytest.approx(1.25e-4 / 1550)
         assert run.remarks == ("a remark",)
@@ -223,3 +225,20 @@ def test_a_number_at_the_end_of_floats_warns_nobody(tmp_path: Path, decimals: in
     with open_run(tmp_path / "r.h5", "r.h5") as run:
         assert np.isfinite(run.channels["s"].read()[9:100]).any()
         assert not np.isnan(run.channels["v"].read(8, 9)).any()
+
+
+def test_a_word_of_another_version_is_a_foreign_doubt(tmp_path: Path) -> None:
+    """Nothing is dropped in silence: its samples stay doubted, and the word is told."""
+    write(tmp_path / "r.h5", source(), block=CHUNK)
+    with h5py.File(tmp_path / "r.h5", "r+") as file:
+        words = file["flags/s/word"][:]
+        del file["flags/s/word"]
+        words = np.array([b"wobbly\x1b", *words[1:]])
+        file["flags/s"].create_dataset("word", data=words, chunks=True, fletcher32=True)
+        file.attrs["contents_sha256"] = np.bytes_(contents_digest(file))
+    with open_run(tmp_path / "r.h5", "r.h5") as run:
+        assert run.channels["s"].flags == ((1, 3, Quality.FOREIGN_DOUBT), (5000, 5001, Quality.GAP))
+        assert run.channels["t"].flags == ((5000, 5001, Quality.GAP),)
+        assert len(run.remarks) == 2
+        assert "wobbly" in run.remarks[1]
+        assert "foreign_doubt" in run.remarks[1]

@@ -17,14 +17,14 @@ from tirelog.strain.dissipation import dissipation, moving_average, steady_stret
 from tirelog.strain.dissipation_fit import regression
 from tirelog.strain.dissipation_table import by_speed, dissipation_of, regression_columns
 from tirelog.strain.passages.find import find_passages
-from tirelog.strain.speed import speed_words
+from tirelog.strain.speed import speed_quality
 
 CALM = {"height": 1.0, "drift": 0.0}
 
 
 def measured(channel, radius_m, **more):
     passages = find_passages(channel, radius_m)
-    return passages, dissipation(channel, passages, 1e-3, speed_words(passages), **more)
+    return passages, dissipation(channel, passages, 1e-3, speed_quality(passages), **more)
 
 
 @pytest.mark.parametrize("rate_Hz", [2500.0, 25_000.0])

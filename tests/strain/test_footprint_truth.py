@@ -14,6 +14,7 @@ from tirelog.dsp.lowpass import Cutoff
 from tirelog.strain.footprint.footprint import _told, footprint
 from tirelog.strain.footprint.plain_edges import find_edges
 from tirelog.strain.passages.find import find_passages
+from tirelog.vocabulary.quality import Quality, good, having
 
 CALM = {"height": 1.0, "drift": 0.0}
 
@@ -220,9 +221,9 @@ def slanted(xi_m, speed_m_s):
 def test_a_length_of_a_pulse_of_no_tire_is_not_ok(drive, radius_m, pulse):
     for noise_pm in (0.8, 8.0):
         made = drive([0, 20], [12, 12], seed=1480, pulse=pulse, noise_pm=noise_pm)
-        words = footprint(made.channel, find_passages(made.channel, radius_m)).quality
-        assert len(words) > 100
-        assert all({"form_unclear", "no_length"} & own for own in words)
+        quality = footprint(made.channel, find_passages(made.channel, radius_m)).quality
+        assert len(quality) > 100
+        assert having(quality, Quality.FORM_UNCLEAR | Quality.NO_LENGTH).all()
 
 
 @pytest.mark.parametrize(
@@ -231,5 +232,5 @@ def test_a_length_of_a_pulse_of_no_tire_is_not_ok(drive, radius_m, pulse):
 def test_a_tire_s_form_is_never_unclear(drive, radius_m, truth):
     for noise_pm in (0.8, 8.0):
         made = drive([0, 15], [8, 18], seed=1481, pulse=truth, noise_pm=noise_pm, **CALM)
-        words = footprint(made.channel, find_passages(made.channel, radius_m)).quality
-        assert sum(not own for own in words) > 0.95 * len(words)
+        quality = footprint(made.channel, find_passages(made.channel, radius_m)).quality
+        assert good(quality).mean() > 0.95

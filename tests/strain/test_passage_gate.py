@@ -11,6 +11,7 @@ import pytest
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_columns
+from tirelog.vocabulary.quality import Quality, having
 
 RATE_HZ = 1000.0
 TIME_S = np.arange(int(20 * RATE_HZ)) / RATE_HZ
@@ -82,7 +83,7 @@ def test_what_is_no_tire_pass_gives_no_speed(name, kind):
         assert "ok" not in columns["quality"]
         assert np.isnan(columns["speed_m_s"]).all()
         if len(found):
-            assert all("not_a_passage" in words for words in found.quality)
+            assert having(found.quality, Quality.NOT_A_PASSAGE).all()
             assert "not a patch signal?" in found.doubt
             assert not found.turn_after.any()
     assert rows > 0 or name in ("white", "ramp")
@@ -108,7 +109,7 @@ def test_a_rolling_tire_is_never_doubted(drive, radius_m, knots, speeds, noise_p
     )
     assert len(found) > 1
     assert found.doubt == ""
-    assert not any("not_a_passage" in words for words in found.quality)
+    assert not having(found.quality, Quality.NOT_A_PASSAGE).any()
 
 
 def test_lost_samples_between_many_passages_are_no_doubt(drive, radius_m):

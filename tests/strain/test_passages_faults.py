@@ -7,6 +7,8 @@ import pytest
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.passages.find import find_passages
+from tirelog.strain.passages.marks import _touched
+from tirelog.vocabulary.quality import Quality, good, having
 
 DRIVE = ([0, 2, 8, 16, 19, 24, 40], [6, 6, 25, 25, 12, 12, 20])
 
@@ -19,7 +21,7 @@ def steady(drive):
 def assert_all_found(found, truth, worst_s=2e-4):
     assert truth.nearest(found.time_s).tolist() == list(range(len(truth.time_s)))
     off = found.time_s - truth.time_s
-    clean = np.array([not words for words in found.quality])
+    clean = good(found.quality)
     assert np.abs(off - np.median(off))[clean].max(initial=0.0) < worst_s
 
 
@@ -40,7 +42,7 @@ def test_lost_samples_are_flagged_where_they_are(steady, radius_m, share):
     found = find_passages(steady.with_values(values), radius_m)
     assert_all_found(found, steady)
     window_s = found.window_rad / found.omega_rad_s
-    flagged = np.array(["lost_peak" in words for words in found.quality])
+    flagged = having(found.quality, Quality.LOST_PEAK)
     # at the very border of the window either answer will do
     assert flagged[rows_with_lost(values, steady, found.index, 0.97 * window_s)].all()
     assert not flagged[~rows_with_lost(values, steady, found.index, 1.03 * window_s)].any()
@@ -54,10 +56,10 @@ def test_a_passage_in_lost_samples_keeps_its_row(steady, radius_m):
     found = find_passages(steady.with_values(values), radius_m)
     assert_all_found(found, steady)
     assert np.flatnonzero(~found.measured).tolist() == [100, 150, 151]
-    assert all(found.quality[k] == {"lost_peak"} for k in (100, 150, 151))
+    assert (found.quality[[100, 150, 151]] == Quality.LOST_PEAK).all()
     assert np.abs(found.time_s - steady.time_s)[[100, 150, 151]].max() < 2e-3
     others = np.delete(np.arange(len(found)), [100, 150, 151])
-    assert all(not found.quality[k] for k in others)
+    assert not found.quality[others].any()
 
 
 def test_spikes_of_any_size_are_ignored_and_said(steady, radius_m):
@@ -72,7 +74,7 @@ def test_spikes_of_any_size_are_ignored_and_said(steady, radius_m):
     middle = np.array([np.abs(where / 2500.0 - t).min() for t in steady.time_s]) < 0.03 / np.abs(
         steady.speed_m_s
     )
-    assert all("spike" in found.quality[k] for k in np.flatnonzero(middle))
+    assert having(found.quality, Quality.SPIKE)[middle].all()
 
 
 @pytest.mark.parametrize("seed", [1103, 1104, 1105])
@@ -88,7 +90,7 @@ def test_mode_hops_as_high_as_the_patch_invent_nothing(steady, radius_m, seed):
 def test_clipped_patches_are_timed_by_their_flanks(steady, radius_m):
     found = find_passages(steady.with_values(np.maximum(steady.values, -6e-4)), radius_m)
     assert_all_found(found, steady)
-    assert all(words == {"clipped"} for words in found.quality)
+    assert (found.quality == Quality.CLIPPED).all()
     off = found.time_s - steady.time_s
     assert np.abs(off - np.median(off)).max() < 2e-5
 
@@ -99,7 +101,7 @@ def test_a_coarse_scale_is_not_clipping(steady, radius_m):
         steady.with_values(np.round(steady.values / step) * step, resolution=step), radius_m
     )
     assert_all_found(found, steady)
-    assert all("clipped" not in words for words in found.quality)
+    assert not having(found.quality, Quality.CLIPPED).any()
 
 
 @pytest.mark.parametrize("seconds", [0.04, 0.5, 10.0])
@@ -120,9 +122,8 @@ def test_gaps_break_the_turns_and_lose_only_what_they_hold(steady, radius_m, sec
     touched = (steady.time_s + reach > begin) & (steady.time_s - reach < end)
     assert set(np.flatnonzero(~touched)) <= set(steady.nearest(found.time_s))
     assert len(set(steady.nearest(found.time_s))) == len(found)
-    assert np.flatnonzero(found.break_after == "gap").size == (
-        1 if touched.any() and seconds > 0.1 else found.break_after.tolist().count("gap")
-    )
+    gaps = having(found.break_after, Quality.GAP).sum()
+    assert gaps == 1 if touched.any() and seconds > 0.1 else gaps <= 1
 
 
 def test_doubts_of_the_reader_reach_their_rows_only(steady, radius_m):
@@ -132,10 +133,10 @@ def test_doubts_of_the_reader_reach_their_rows_only(steady, radius_m):
         "strain",
         steady.values,
         steady.channel.axis,
-        flags=((middle, middle + 2, "duplicate_peak"),),
+        flags=((middle, middle + 2, Quality.SPURIOUS_PEAK),),
     )
     found = find_passages(channel, radius_m)
-    assert [k for k, words in enumerate(found.quality) if "duplicate_peak" in words] == [60]
+    assert np.flatnonzero(having(found.quality, Quality.SPURIOUS_PEAK)).tolist() == [60]
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2, 3, 5, 7, 100])
@@ -166,4 +167,14 @@ def test_a_jump_inside_the_patch_does_not_make_two_of_it(steady, radius_m, sampl
         values[middle - samples // 2 : middle - samples // 2 + samples] += 1.2e-3
     found = find_passages(steady.with_values(values), radius_m)
     assert_all_found(found, steady)
-    assert all("spike" in found.quality[k] for k in (20, 21, 90, 200))
+    assert having(found.quality, Quality.SPIKE)[[20, 21, 90, 200]].all()
+
+
+def test_a_window_is_marked_if_any_range_touches_it() -> None:
+    """Against all pairs, for ranges and windows in any order, of any length, points among them."""
+    rng = np.random.default_rng(1107)
+    for ranges in (0, 1, 2, 10, 40):
+        begin, low = rng.integers(0, 1000, 2000) * 1.0, rng.integers(0, 1000, ranges) * 1.0
+        end, high = begin + rng.integers(0, 30, 2000), low + rng.integers(0, 4, ranges) ** 4
+        pairs = (low <= end[:, None]) & (high >= begin[:, None])
+        np.testing.assert_array_equal(_touched(begin, end, low, high), pairs.any(axis=1))

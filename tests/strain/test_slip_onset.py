@@ -15,6 +15,7 @@ from tirelog.data.recording import Channel, TimeAxis
 from tirelog.strain.footprint.footprint import footprint
 from tirelog.strain.footprint.slip_onset import TOO_SMALL
 from tirelog.strain.passages.find import find_passages
+from tirelog.vocabulary.quality import good
 
 CALM = {"height": 1.0, "drift": 0.0}
 
@@ -87,7 +88,7 @@ def test_slip_too_small_to_tell_has_a_reason_and_stays_ok(drive, radius_m):
     found, slipping, _, _ = mixed(drive, radius_m, 14.0, 0.0003, 1610)
     assert not np.isfinite(found.slip.onset_m).any()
     assert set(found.slip.reason[slipping]) == {TOO_SMALL}
-    assert np.mean([not words for words in found.quality]) > 0.95
+    assert np.mean(good(found.quality)) > 0.95
 
 
 @pytest.mark.parametrize("speed", [6.0, 14.0, 24.0])

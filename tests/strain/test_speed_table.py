@@ -20,6 +20,7 @@ from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_columns, speed_tables
 from tirelog.strain.speed_radius import calibrate_radius, travelled
 from tirelog.vocabulary.columns import TABLES
+from tirelog.vocabulary.quality import Quality, having
 
 SETUP = '[tire]\n{radius}\n[channels.grating]\nkind = "strain"\nsource = "a"\n'
 
@@ -189,5 +190,5 @@ def test_an_error_without_bounds_is_blank_and_said(drive, radius_m, error):
     energy = dissipation(d.channel, wild, None, wild.quality)
     if error > 1e3:  # of the factor
         assert np.isnan(energy.factor_se_1_m[5])
-        assert "error_unknown" in energy.quality[5]
-    assert not any("error_unknown" in words for row, words in enumerate(energy.quality) if row != 5)
+        assert having(energy.quality, Quality.ERROR_UNKNOWN)[5]
+    assert not having(np.delete(energy.quality, 5), Quality.ERROR_UNKNOWN).any()

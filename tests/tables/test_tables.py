@@ -12,7 +12,7 @@ import pytest
 
 from tirelog.errors import OutputError, ReadError, UsageError
 from tirelog.storage.whole import whole_file
-from tirelog.tables.writer import FORMATS, TableWriter, quality_text, read_table
+from tirelog.tables.writer import FORMATS, TableWriter, read_table
 from tirelog.vocabulary.columns import COLUMNS, TABLES
 
 PART = {
@@ -107,11 +107,6 @@ def test_what_is_no_table(tmp_path: Path, name: str) -> None:
 
 def test_every_table_is_made_of_known_columns() -> None:
     assert {name for columns in TABLES.values() for name in columns} <= set(COLUMNS)
-
-
-def test_quality_words() -> None:
-    assert quality_text([]) == "ok"
-    assert quality_text(["spike", "gap", "spike"]) == "gap;spike"
 
 
 @pytest.mark.parametrize("format", FORMATS)

@@ -6,6 +6,7 @@ import pytest
 from tests.wheel.phase_truth import DYNAMIC, RADIUS_M, RAMP, Drive, Encoder, Tread, recording
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.errors import SetupError, UsageError
+from tirelog.vocabulary.quality import Quality, having
 from tirelog.wheel.calibration import calibrate, clean
 from tirelog.wheel.calibration_file import read_calibration, write_calibration
 from tirelog.wheel.phase_shift import measure
@@ -116,13 +117,13 @@ def test_a_log_without_a_zero_takes_the_calibrations(ramp):
     """
     fast = Drive((0, 10, 14, 24), (20, 20, 24, 24))
     found = passages(fast, tread(seed=23_100))
-    assert all("no_zero" in words for words in found.words)
+    assert having(found.quality, Quality.NO_ZERO).all()
     learnt = calibrate([ramp])
     given = with_zero(found, learnt)
     calm = (given.time_s < 9) | (given.time_s > 15)
     true = trend(given.speed_m_s)
     np.testing.assert_allclose(np.mean((given.shift_deg - true)[calm]), 0.0, atol=0.02)
-    assert not any(given.words)
+    assert not given.quality.any()
     assert "the calibration's" in given.said[-1]
     assert np.abs(np.mean(clean(given, learnt).shift_deg[calm])) < 0.02
 
@@ -130,7 +131,7 @@ def test_a_log_without_a_zero_takes_the_calibrations(ramp):
 def test_a_zero_that_cannot_be_had_is_said(ramp):
     beyond = passages(Drive((0, 20), (33, 33)), tread(seed=23_200))
     given = with_zero(beyond, calibrate([ramp]))
-    assert all("no_zero" in words for words in given.words)
+    assert having(given.quality, Quality.NO_ZERO).all()
     assert "within the calibration's range of speed" in given.said[-1]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tirelog.cli.phase_shift import _note_delay
+from tirelog.vocabulary.quality import none_of
 from tirelog.wheel.calibration import calibrate, clean
 from tirelog.wheel.calibration_file import read_calibration, write_calibration
 from tirelog.wheel.phase_shift import Passages
@@ -40,7 +41,7 @@ def ramp(seed, *, trend_deg_s_m=0.0, drive_s=24.0, coast_s=24.0, noise_deg=0.02,
     scattered = force + 5.0 * rng.standard_normal(v.size) if measured else None
     return Passages(
         "log", "acceleration", RADIUS_M, True, time, v, a, shift, shift, width, 2 * se, shift, se,
-        np.where(np.abs(a) < 0.01, 0, -1), [frozenset()] * v.size, 10.0,
+        np.where(np.abs(a) < 0.01, 0, -1), none_of(v.size), 10.0,
         forces_N={"longitudinal_force": scattered} if measured else {},
     )  # fmt: skip
 

@@ -14,6 +14,7 @@ from tests.wheel.phase_truth import (
     recording,
 )
 from tirelog.errors import DataLoss, SetupError, UsageError
+from tirelog.vocabulary.quality import Quality, having
 from tirelog.wheel.phase_shift import measure
 from tirelog.wheel.table import table
 
@@ -275,7 +276,7 @@ def test_saturated_accelerometer():
     drive, tread = Drive(*DYNAMIC), Tread()
     values = np.clip(tread.signal(drive), -120 * 9.81, 120 * 9.81)
     passages = next(measure(recording(drive, Encoder().signal(drive), values)))
-    clipped = np.array(["clipped" in w for w in passages.words])
+    clipped = having(passages.quality, Quality.CLIPPED)
     assert clipped[(passages.speed_m_s > 20)].all()
     assert not clipped[(passages.speed_m_s < 12)].any()
     assert any("clipped" in remark for remark in passages.remarks)
@@ -292,7 +293,7 @@ def test_a_level_at_the_limit_is_clipped_though_the_fronts_are_not():
             recording(drive, Encoder().signal(drive), np.clip(tread.signal(drive), -limit, limit))
         )
     )
-    clipped = np.array(["clipped" in w for w in passages.words])
+    clipped = having(passages.quality, Quality.CLIPPED)
     fast = passages.speed_m_s > 21.9
     assert fast.sum() > 50
     assert clipped[fast].all()
@@ -311,14 +312,14 @@ def test_radio_drop_outs(kind):
     good = passages.good[np.isfinite(passages.width_deg)]
     assert np.abs(shift[good]).max() < 0.12
     assert np.abs(width[good]).max() < 0.25
-    assert abs(len(passages.words) - round(drive.angle[-1] / (2 * np.pi))) <= 1
+    assert abs(len(passages.quality) - round(drive.angle[-1] / (2 * np.pi))) <= 1
     assert 0.6 < passages.good.mean() < 1.0
 
 
 def test_no_low_speed_stretch_for_the_zero():
     drive = Drive((0, 20, 30), (20, 20, 25))
     passages = run(drive, Tread())
-    assert all(w == {"no_zero"} for w in passages.words)
+    assert (passages.quality == Quality.NO_ZERO).all()
     assert np.isnan(passages.shift_deg).all()
     assert np.isfinite(passages.width_deg).all()
 
@@ -329,7 +330,7 @@ def test_standing_still_in_between():
         passages = run(drive, tread, Encoder(grows=grows))
         shift, _, speed = front_errors(passages, drive, tread)
         assert np.abs(shift[speed > 5]).max() < 0.15
-        assert any("standstill" in w for w in passages.words)
+        assert having(passages.quality, Quality.STANDSTILL).any()
 
 
 def test_missing_and_glitching_teeth():
@@ -353,5 +354,5 @@ def test_teeth_lost_in_a_hole_are_given_back(pitch_deg):
     passages = next(measure(recording(drive, signal, tread.signal(drive))))
     shift, _, _ = front_errors(passages, drive, tread)
     assert shift[passages.good[np.isfinite(passages.width_deg)]].std() < 0.02
-    assert any("gap" in w or "standstill" in w for w in passages.words)
+    assert having(passages.quality, Quality.GAP | Quality.STANDSTILL).any()
     assert any("whole teeth back" in remark for remark in passages.remarks) == (pitch_deg == 0)

@@ -23,7 +23,7 @@ def test_goals_at_10_m_s(noise_g, shift_deg, width_deg):
     true = simulated.truth["channels"]["acceleration"]["passages"]
     nearest = np.abs(np.array(true["time_s"])[:, None] - found.time_s).argmin(axis=1)
     assert found.good.mean() > 0.97
-    assert abs(len(found.words) - len(true["time_s"])) <= 1
+    assert abs(len(found.quality) - len(true["time_s"])) <= 1
     middle = (found.entry_deg + found.width_deg / 2)[nearest] - np.rad2deg(true["wheel_angle_rad"])
     middle = np.mod(middle - middle[0] + 180, 360)
     uncertain = 1 + 2 / np.sqrt(2 * middle.size)

@@ -14,6 +14,7 @@ from tests.wheel.phase_truth import (
     recording,
 )
 from tirelog.errors import DataLoss, SetupError
+from tirelog.vocabulary.quality import Quality
 from tirelog.wheel.angle import encoder_of, encoder_speed, rolling_radius
 
 
@@ -177,8 +178,8 @@ def test_an_uneven_tone_wheel_shows_that_it_rolls_backwards():
 def test_an_even_tone_wheel_does_not_and_that_is_said():
     wheel, _, _ = parking(0.0)
     assert any("direction_unknown" in remark for remark in wheel.remarks)
-    words = wheel.words(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
-    assert words == {1: {"direction_unknown"}}
+    quality = wheel.quality(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
+    assert quality.tolist() == [0, Quality.DIRECTION_UNKNOWN, 0]
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -189,8 +190,9 @@ def test_a_vehicle_speed_with_a_sign_tells_the_direction(sign):
         [10, 10, 0, 0, -3, -3, 0, 0, 8, 8],
     )
     wheel, _, _ = parking(0.0, speed=speed if sign < 0 else np.abs(speed))
-    words = wheel.words(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
-    assert words == {1: {"reversing"} if sign < 0 else {"direction_unknown"}}
+    quality = wheel.quality(np.array([5.0, 20.0, 35.0]), np.array([5.1, 20.1, 35.1]))
+    word = Quality.REVERSING if sign < 0 else Quality.DIRECTION_UNKNOWN
+    assert quality.tolist() == [0, word, 0]
 
 
 def test_a_dead_encoder_is_an_error():

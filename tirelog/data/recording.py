@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import ConditionValues
+from tirelog.vocabulary.quality import Doubt
 
 #: Samples a block, for whoever reads a channel piece by piece (1 MB of float64).
 BLOCK_SAMPLES = 1 << 17
@@ -160,7 +161,7 @@ class Channel:
     samples: Callable[[int, int], FloatArray]
     surface: str = "outer"
     resolution: float = 0.0
-    flags: tuple[tuple[int, int, str], ...] = ()
+    flags: tuple[Doubt, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property

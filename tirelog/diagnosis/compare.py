@@ -28,6 +28,7 @@ from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import OBSERVABLES, STRAIN
+from tirelog.vocabulary.quality import Quality, quality_text
 
 _SHOWN = 4
 _MAP_ROWS = 24
@@ -347,7 +348,8 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
             "revolution": int(stack.revolution[i]), "time_s": float(c.time_s[i]),
             "speed_m_s": float(c.speed_m_s[i]), "regime": str(stack.regime[i]),
             "manoeuvre": int(stack.manoeuvre[i]), "rmse": float(rmse[i]),
-            "noise_floor": float(floor[i]), "quality": "left_out" if left_out[i] else "ok",
+            "noise_floor": float(floor[i]),
+            "quality": quality_text(Quality.LEFT_OUT if left_out[i] else 0),
         }
         for i in range(len(stack))
     ]  # fmt: skip

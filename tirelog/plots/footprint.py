@@ -36,6 +36,7 @@ from tirelog.strain.footprint.plain_edges import along_tread, lowpassed
 from tirelog.strain.footprint.table import FootprintOfChannel
 from tirelog.strain.footprint.windows import PatchWindows, gather_windows
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import good
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -176,7 +177,7 @@ def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
     f, p = found.footprint, found.passages
     if not len(p):
         return []
-    clean = np.array([not words for words in f.quality]) & np.isfinite(f.length_m)
+    clean = good(f.quality) & np.isfinite(f.length_m)
     some = np.flatnonzero(clean) if clean.any() else np.arange(len(p))
     free = some[
         np.argsort(np.abs(np.nan_to_num(p.acceleration_m_s2[some])), kind="stable")[

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.setup import Setup
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality
 
 #: float64 values, or int32 counts
 Samples = FloatArray | NDArray[np.int32]
@@ -73,15 +74,15 @@ class RawBlock:
     `values[channel]` shape (n,), source unit: float64, NaN where lost, or int32 counts of
     10^-decimals (those of the group), LOST_COUNT where lost; `stamps_s` shape (n,) seconds from the
     first stamp of the log, or None where the file has no stamps; `number` shape (n,) the file's own
-    sample numbers (gaps in them are lost samples), or None; `flags` (channel, start, stop, word) in
-    samples of this block.
+    sample numbers (gaps in them are lost samples), or None; `flags` (channel, start, stop, word):
+    doubted samples of this block.
     """
 
     group: str
     values: Mapping[str, Samples]
     stamps_s: FloatArray | None = None
     number: FloatArray | None = None
-    flags: tuple[tuple[str, int, int, str], ...] = ()
+    flags: tuple[tuple[str, int, int, Quality], ...] = ()
 
 
 @dataclass

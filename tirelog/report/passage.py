@@ -33,6 +33,7 @@ from tirelog.strain.footprint.plain_edges import (
 from tirelog.strain.footprint.windows import gather_windows
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.quality import good_rows
 
 #: low-pass of the picture: P2's multiple of the wheel frequency
 CUTOFF = "40x"
@@ -67,7 +68,7 @@ def passage_figures(
         rows = footprint[
             (footprint["log"] == recording.log) & (footprint["channel"] == channel.name)
         ]
-        rows = rows[(rows["quality"] == "ok") & rows["length_m"].notna()]
+        rows = rows[good_rows(rows["quality"]) & rows["length_m"].notna()]
         if len(rows):
             row, acceleration = _chosen(rows, speed)
             passage = _measured(recording, channel, row, acceleration)

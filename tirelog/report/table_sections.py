@@ -20,6 +20,7 @@ from tirelog.errors import UsageError
 from tirelog.report.figures import Figure, dots, layout, line
 from tirelog.report.page import Section, Table
 from tirelog.report.sections import drawn_of, groups, quality, reach, short_names
+from tirelog.vocabulary.quality import good_rows
 
 _METHODS = (
     ("length_m", "best estimate"),
@@ -34,7 +35,7 @@ def footprint(
     table: pd.DataFrame, command: str, remarks: Sequence[str], passage: Sequence[Figure] = ()
 ) -> Section:
     """Contact lengths by the three methods against speed and time; one passage; slip onsets."""
-    good = table.loc[table["quality"] == "ok", [name for name in _DRAWN if name in table]]
+    good = table.loc[good_rows(table["quality"]), [name for name in _DRAWN if name in table]]
     best = reach(good["length_m"] * 1e3, "mm")
     figures = []
     for id, x, label in (
@@ -82,7 +83,7 @@ def dissipation(
     """P1 Figs. 9 to 11: specific power and factor in time, with their moving averages; averages
     against speed, with the regressions.
     """
-    good = table[table["quality"] == "ok"]
+    good = table[good_rows(table["quality"])]
     steady = good[good["steady"].astype(bool)]
     figures = []
     for quantity, column, mean, unit in (
@@ -194,7 +195,7 @@ def phase_shift(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Se
     """P4 Figs. 8 to 13: phase shift and patch width in time and against speed, raw and cleaned;
     forces where there is a map.
     """
-    good = table[table["quality"].isin(["ok", "delay_removed"])]  # a removed delay is no fault
+    good = table[good_rows(table["quality"])]
     figures = [
         Figure(
             "phase-speed",

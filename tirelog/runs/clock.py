@@ -38,6 +38,7 @@ from tirelog.data.recording import TimeAxis
 from tirelog.errors import ReadError, SetupError
 from tirelog.runs.stamps import Piece, Stamps
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Doubt, Quality
 
 #: share of a period by which a clock's stamps may stray, unless a rate is declared
 _JITTER = 0.1
@@ -67,7 +68,7 @@ class ClockFit:
         self.resolution_s, self.counted = resolution_s, counted
         self.size = 0
         self.repairs: dict[str, int] = {}
-        self.flags: list[tuple[int, int, str]] = []
+        self.flags: list[Doubt] = []
         self.remarks: list[str] = []
         self._stamps: Stamps | None = Stamps()
         self._missing: list[
@@ -251,7 +252,7 @@ class ClockFit:
                 self._gap(piece.first, round(step / period))
             elif step > -1.5 * period:
                 self._count("repeated_stamps", 1)
-                self.flags.append((piece.first, piece.first + 1, "repeated_stamp"))
+                self.flags.append((piece.first, piece.first + 1, Quality.REPEATED_STAMP))
                 level = out[-1].level(period) - 0.5 * period
                 out.append(Piece(piece.first, 0, 0.0, level))
                 shifted = replace(shifted, first=piece.first + 1)
@@ -259,7 +260,7 @@ class ClockFit:
                 shift -= step
                 shifted = replace(piece, mean_stamp_s=piece.mean_stamp_s + shift)
                 self._count("clock_set_back", 1)
-                self.flags.append((piece.first - 1, piece.first + 1, "clock_set_back"))
+                self.flags.append((piece.first - 1, piece.first + 1, Quality.CLOCK_SET_BACK))
             out.append(shifted)
         return [piece for piece in out if piece.first < self.size]
 
@@ -295,7 +296,7 @@ class ClockFit:
     def _gap(self, index: int, samples: int) -> None:
         self._count("gaps", 1)
         self._count("lost_samples", samples)
-        self.flags.append((index - 1, index + 1, "gap"))
+        self.flags.append((index - 1, index + 1, Quality.GAP))
 
     def _count_against_stamps(self, stamps: Stamps, period: float) -> None:
         """Samples that whole seconds should hold and do not, where every stamp of a coarse clock is

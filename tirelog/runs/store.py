@@ -32,7 +32,7 @@ import numpy as np
 
 from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
 from tirelog.data.setup import ChannelSetup, Setup, parse_setup
-from tirelog.errors import ReadError, SetupError
+from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
 from tirelog.runs.chunks import CHUNK, ChunkWriter, unfiltered
@@ -57,8 +57,11 @@ from tirelog.storage.documents import LARGEST_BYTES
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import KINDS
+from tirelog.vocabulary.quality import Doubt, Quality
 
 FORMAT_VERSION = 2
+#: of a foreign run's words for its doubts at most so many are named, and so many letters of each
+MOST_WORDS, MOST_LETTERS = 5, 40
 #: samples beyond a slice that are looked at for the readings of a twin grating on either side of a
 #: lost one
 _TWIN_REACH = 4096
@@ -88,7 +91,7 @@ class RunWriter(AbstractContextManager["RunWriter"]):
             for n in group.channels
         }
         self._rows = {group.name: 0 for group in groups}
-        self._flags: dict[str, list[tuple[int, int, str]]] = {name: [] for name in self._columns}
+        self._flags: dict[str, list[Doubt]] = {name: [] for name in self._columns}
 
     def append(self, block: RawBlock) -> int:
         """Append a block; the number of its samples."""
@@ -105,7 +108,7 @@ class RunWriter(AbstractContextManager["RunWriter"]):
     def finish(
         self,
         axes: Mapping[str, TimeAxis],
-        flags: Mapping[str, list[tuple[int, int, str]]],
+        flags: Mapping[str, list[Doubt]],
         provenance: Mapping[str, Any],
     ) -> None:
         """Write time axes, flags on whole groups, setup, provenance; the file is then complete."""
@@ -114,7 +117,7 @@ class RunWriter(AbstractContextManager["RunWriter"]):
             self._axis(group.name, axes[group.name])
             for name in group.channels:
                 self._columns[name].finish(group.name, self.setup.channels[name])
-                self._write_flags(name, sorted(self._flags[name] + list(flags.get(group.name, []))))
+                self._write_flags(name, self._flags[name] + list(flags.get(group.name, [])))
         self._text("setup", self.setup.text)
         self._text("provenance", json.dumps(provenance, default=str))
         if self.kept:
@@ -143,9 +146,10 @@ class RunWriter(AbstractContextManager["RunWriter"]):
         if self.kept:
             times.attrs[COLUMN_DIGEST] = np.bytes_(column_digest(times))
 
-    def _write_flags(self, name: str, flags: list[tuple[int, int, str]]) -> None:
-        if not flags:
+    def _write_flags(self, name: str, doubts: list[Doubt]) -> None:
+        if not doubts:
             return
+        flags = sorted((start, stop, flag.word) for start, stop, flag in doubts)
         place = self.file.create_group(f"flags/{name}")
         for key, values in (("start", [f[0] for f in flags]), ("stop", [f[1] for f in flags])):
             place.create_dataset(key, data=np.array(values, np.int64), chunks=True, fletcher32=True)
@@ -251,6 +255,7 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
     stored = _with_units(stored, file)
     setup = _with_units(setup, file) if setup else stored
     losses: list[str] = provenance["losses"]
+    foreign: set[str] = set()
     axes = {name: axis_at(file, name, own=own) for name in walk(file, "groups")}
     channels: dict[str, Channel] = {}
     held = walk(file, "channels")
@@ -270,7 +275,7 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
                     "mend the setup",
                     file=log,
                 )
-            flags = flags_at(file, name, axis.size, own=own)
+            flags = flags_at(file, name, axis.size, foreign, own=own)
             channels[name] = _channel(name, dataset, plain, used, axis, flags, losses)
     for name, used in setup.channels.items():
         twin = used.temperature_channel
@@ -286,8 +291,20 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
         {name: channels[name] for name in order},
         setup,
         provenance,
-        tuple(provenance.get("remarks", [])),
+        (*provenance.get("remarks", ()), *_about_foreign(foreign)),
         losses,
+    )
+
+
+def _about_foreign(words: set[str]) -> tuple[str, ...]:
+    """What is to be said of doubts whose words are not of the register."""
+    if not words:
+        return ()
+    some = ", ".join(printable(word[:MOST_LETTERS]) for word in sorted(words)[:MOST_WORDS])
+    return (
+        f"the run has doubts that this version of tirelog does not know ({some}); the rows about "
+        f"them are marked {Quality.FOREIGN_DOUBT.word}; read it with the version that wrote it, "
+        "or ingest the log again",
     )
 
 
@@ -314,7 +331,7 @@ def _channel(
     plain: FileIO | None,
     channel: ChannelSetup,
     axis: TimeAxis,
-    flags: tuple[tuple[int, int, str], ...],
+    flags: tuple[Doubt, ...],
     losses: list[str],
 ) -> Channel:
     """A channel whose samples are read, and scaled to SI, slice by slice; `plain`: as of

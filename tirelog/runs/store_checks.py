@@ -32,6 +32,7 @@ from tirelog.readers.hdf5.source import (
 )
 from tirelog.runs.chunks import CHUNK, recording_closed
 from tirelog.storage.documents import json_value
+from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
 DIGEST = "contents_sha256"
 COLUMN_DIGEST = "sha256"
@@ -264,9 +265,12 @@ def _explicit(file: h5py.File, path: str, size: int, rate: float, own: bool) -> 
 
 
 def flags_at(
-    file: h5py.File, name: str, size: int, *, own: bool = False
-) -> tuple[tuple[int, int, str], ...]:
-    """The flags of a channel of `size` samples; `own` as of `dataset_at`."""
+    file: h5py.File, name: str, size: int, foreign: set[str], *, own: bool = False
+) -> tuple[Doubt, ...]:
+    """The flags of a channel of `size` samples; `own` as of `dataset_at`.
+
+    A word that is not of the register comes to `foreign`, and is a foreign doubt.
+    """
     path = f"flags/{name}"
     if "flags" not in file or name not in walk(file, "flags"):
         return ()
@@ -276,9 +280,11 @@ def flags_at(
     )
     if not start.size == stop.size == words.size <= LARGEST_LIST:
         raise refuse(path, "has flags of several sizes", "one size", "ingest the log again")
+    texts = [word.decode("utf-8") for word in words[:]]
+    foreign |= {text for text in texts if flag_of(text) is None}
     found = tuple(
-        (int(a), int(b), w.decode("utf-8"))
-        for a, b, w in zip(start[:], stop[:], words[:], strict=True)
+        (int(a), int(b), flag_of(text) or Quality.FOREIGN_DOUBT)
+        for a, b, text in zip(start[:], stop[:], texts, strict=True)
     )
     if any(not 0 <= a <= b <= size for a, b, _ in found):
         raise refuse(

@@ -18,7 +18,6 @@ that its own bias is below 1e-3 (0.3e-3 on a stiff-treaded ring) as long as the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -29,9 +28,9 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.dsp.differentiator import bridged, differentiator
 from tirelog.strain.dissipation_kernels import FOUR, SCRATCH_ROWS, revolution_sums
 from tirelog.strain.passages.find import Passages
-from tirelog.strain.passages.marks import with_words
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 
 #: pass edge of the differentiator, in half lengths: wave number x half length
 PASS = 20.0
@@ -59,7 +58,7 @@ STEADY_STEP_M_S, AVERAGED = 0.08, 9
 class Dissipation:
     """One row a passage, shape (n,): factor p_d [1/m] with its standard error, specific power P_d
     [m^3/s^2] (NaN without an area), whether the speed is constant there, and the moving averages in
-    such stretches (NaN elsewhere); `stretch`: number of the stretch, -1 outside; `quality`: words.
+    such stretches (NaN elsewhere); `stretch`: number of the stretch, -1 outside; `quality`: flags.
     """
 
     factor_1_m: FloatArray
@@ -69,7 +68,7 @@ class Dissipation:
     factor_mean_1_m: FloatArray
     specific_power_mean_m3_s2: FloatArray
     stretch: IntArray
-    quality: tuple[frozenset[str], ...]
+    quality: QualityFlags
 
 
 @dataclass(frozen=True)
@@ -227,7 +226,7 @@ def dissipation(
     channel: Channel,
     passages: Passages,
     area_m2: float | None,
-    words: Sequence[frozenset[str]],
+    quality: QualityFlags,
     *,
     steady_step_m_s: float = STEADY_STEP_M_S,
     averaged: int = AVERAGED,
@@ -236,13 +235,13 @@ def dissipation(
     """The dissipation in each revolution of the strain `channel`; `area_m2` of the section (None:
     no specific power).
 
-    `words`: the quality words that the speeds already have; `averaged`: revolutions of a moving
+    `quality` (n,): the flags that the speeds already have; `averaged`: revolutions of a moving
     average.
     """
     n = len(passages)
     if not np.isfinite(passages.speed_m_s).any():
         nan = np.full(n, np.nan)
-        return Dissipation(nan, nan, nan, np.zeros(n, bool), nan, nan, np.full(n, -1), tuple(words))
+        return Dissipation(nan, nan, nan, np.zeros(n, bool), nan, nan, np.full(n, -1), quality)
     how = _filter(channel, passages)
     energy, bend, means = _energies(channel, passages, how, block_samples)
     speed = passages.speed_m_s
@@ -274,10 +273,10 @@ def dissipation(
             np.abs(factor), np.median(known) if known.size else np.inf
         )
     error = np.where(absurd, np.nan, error)
-    words = with_words(words, {k: {"error_unknown"} for k in np.flatnonzero(absurd).tolist()})
+    quality = quality | marked(absurd, Quality.ERROR_UNKNOWN)
     power = speed**2 * area_m2 * factor if area_m2 is not None else np.full(n, np.nan)
     stretch = steady_stretches(speed, passages.turn_after, steady_step_m_s)
-    clean = np.fromiter(map(len, words), np.int64, n) == 0
+    clean = good(quality)
     return Dissipation(
         factor,
         error,
@@ -286,5 +285,5 @@ def dissipation(
         moving_average(np.where(clean, factor, np.nan), stretch, averaged),
         moving_average(np.where(clean, power, np.nan), stretch, averaged),
         stretch,
-        tuple(row | {"cutoff"} for row in words) if how.limited else tuple(words),
+        quality | np.uint32(Quality.CUTOFF) if how.limited else quality,
     )

@@ -22,9 +22,9 @@ from tirelog.strain.channels import rotating
 from tirelog.strain.dissipation import AVERAGED, STEADY_STEP_M_S, Dissipation, dissipation
 from tirelog.strain.dissipation_fit import regression, regression_table
 from tirelog.strain.passages.find import Passages
-from tirelog.strain.speed import begin, speed_words
-from tirelog.tables.writer import quality_column
+from tirelog.strain.speed import begin, speed_quality
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import good, quality_column
 
 #: distance from the neutral axis, in heights of the strip, at which P1 (27) is right in pure
 #: bending: 12 (y/h)^2 = 1
@@ -74,7 +74,7 @@ def dissipation_of_channel(
         channel,
         passages,
         recording.setup.tire.area_m2,
-        speed_words(passages),
+        speed_quality(passages),
         steady_step_m_s=steady_step_m_s,
         averaged=averaged,
         block_samples=block_samples,
@@ -161,9 +161,8 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
 
 
 def clean(found: DissipationOfChannel) -> IntArray:
-    """The stretch of each row, -1 where the row has a quality word or its speed is not constant."""
-    good = np.array([not words for words in found.dissipation.quality], dtype=bool)
-    return np.where(good, found.dissipation.stretch, -1)
+    """The stretch of each row, -1 if a quality word spoils the row or its speed is not constant."""
+    return np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
 
 
 def regression_columns(log: str, found: DissipationOfChannel) -> dict[str, Any] | None:

@@ -13,6 +13,7 @@ from tirelog.errors import UsageError
 from tirelog.strain.channels import strain_channels
 from tirelog.strain.inflation import Inflation, Series, inflation
 from tirelog.strain.passages.find import find_passages
+from tirelog.vocabulary.quality import Quality, marked, quality_column
 
 #: whole turns from which a log is a drive: two may be a kink of the filling and its leaks
 FEWEST_TURNS = 3
@@ -64,8 +65,8 @@ def inflation_of(
             "strain_rate_1_s": found.rate_1_s,
             "nonlinearity": found.nonlinearity,
             "leak": found.leak,
-            "quality": np.array(
-                ["leak" if lost != 0 and lost == lost else "ok" for lost in found.leak], object
+            "quality": quality_column(
+                marked((found.leak != 0) & ~np.isnan(found.leak), Quality.LEAK)
             ),
         }
         yield InflationOfChannel(

@@ -10,7 +10,6 @@ for unequal steps, which is exact for constant acceleration, less what is left o
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -21,12 +20,11 @@ from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.kinematics import TURN_RAD
-from tirelog.strain.passages.marks import with_words
 from tirelog.strain.passages.surface import passages_of
 from tirelog.strain.speed_radius import calibrate_radius
-from tirelog.tables.writer import quality_column
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, quality_column
 
 #: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank;
 #: half of it would blank those of a wheel that is about to stand, twice as much would keep what no
@@ -34,18 +32,23 @@ from tirelog.vocabulary.kinds import STRAIN_KINDS
 LEAST_ERROR_M_S = 1.0
 
 
-def speed_words(passages: Passages) -> tuple[frozenset[str], ...]:
-    """The passages' words, with those on the speed: edge_of_log at the first and last, extrapolated
+def speed_quality(passages: Passages) -> QualityFlags:
+    """The passages' flags, with those on the speed: edge_of_log at the first and last, extrapolated
     where it is not centred, standstill and reversing beside such a break.
     """
-    more: defaultdict[int, set[str]] = defaultdict(set)
-    for k in np.flatnonzero(passages.sides < 2).tolist():
-        more[k].add("edge_of_log" if k in (0, len(passages) - 1) else "extrapolated")
-    for why in ("standstill", "reversing"):
-        for k in np.flatnonzero(passages.break_after == why).tolist():
-            more[k].add(why)
-            more[k + 1].add(why)
-    return with_words(passages.quality, more)
+    at_end = np.zeros(len(passages), bool)
+    at_end[:1] = at_end[-1:] = True
+    uncentred = passages.sides < 2
+    flags = (
+        passages.quality
+        | marked(uncentred & at_end, Quality.EDGE_OF_LOG)
+        | marked(uncentred & ~at_end, Quality.EXTRAPOLATED)
+    )
+    for why in (Quality.STANDSTILL, Quality.REVERSING):
+        before = having(passages.break_after, why)
+        flags |= marked(before, why)
+        flags[1:] |= marked(before[:-1], why)
+    return flags
 
 
 def period(passages: Passages) -> FloatArray:
@@ -79,14 +82,11 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
             passages.speed_se_m_s, radius_se_m / passages.radius_m * passages.speed_m_s
         )
         absurd = error > np.maximum(np.abs(passages.speed_m_s), LEAST_ERROR_M_S)
-    words = with_words(
-        speed_words(passages), {k: {"error_unknown"} for k in np.flatnonzero(absurd).tolist()}
-    )
     return begin(log, passages) | {
         "period_s": period(passages),
         "speed_se_m_s": np.where(absurd, np.nan, error),
         "acceleration_m_s2": passages.acceleration_m_s2,
-        "quality": quality_column(words),
+        "quality": quality_column(speed_quality(passages) | marked(absurd, Quality.ERROR_UNKNOWN)),
     }
 
 

@@ -18,7 +18,7 @@ import io
 import json
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -64,26 +64,6 @@ def table_format(output: Path | str | None, format: str | None) -> str:
             "rename it or give --format"
         )
     return _SUFFIXES[suffix]
-
-
-def quality_text(words: Iterable[str]) -> str:
-    """The quality column's text: 'ok', or the words in alphabetical order joined by ';'."""
-    return ";".join(sorted(set(words))) or "ok"
-
-
-class _Texts(dict[frozenset[str], str]):
-    """The text of each set of words, made when it is first asked for."""
-
-    def __missing__(self, words: frozenset[str]) -> str:
-        return self.setdefault(words, quality_text(words))
-
-
-def quality_column(rows: Sequence[frozenset[str]]) -> np.ndarray:
-    """The quality column of a table whose rows have these words, shape (n,); few sets of words are
-    different, so each is put once.
-    """
-    texts = _Texts()
-    return np.fromiter(map(texts.__getitem__, rows), object, len(rows))
 
 
 def _kind(name: str, values: np.ndarray) -> str:

@@ -11,7 +11,6 @@ square pulses, counters and angles are taken as they come.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,6 +28,7 @@ from tirelog.dsp.encoder.teeth import Teeth, count_teeth
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked, quality_column
 from tirelog.wheel.direction import untold_stretches, ways_of
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
@@ -62,9 +62,9 @@ class WheelAngle:
         """Wheel speed [rad/s], low-passed at 20 Hz, at times of shape (n,)."""
         return self.angle.mean_rate(time_s, SPEED_WINDOW_S)
 
-    def words(self, start_s: FloatArray, stop_s: FloatArray) -> dict[int, set[str]]:
-        """What is wrong with the angle within [start, stop], each shape (n,): standstill,
-        reversing, gap, direction_unknown; rows with nothing left out.
+    def quality(self, start_s: FloatArray, stop_s: FloatArray) -> QualityFlags:
+        """What is wrong with the angle within [start, stop], each shape (n,): flags of standstill,
+        reversing, gap, direction_unknown.
         """
         knots = self.angle.time_s
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
@@ -75,16 +75,12 @@ class WheelAngle:
         reversing = np.searchsorted(back, last, side="right") > np.searchsorted(back, first)
         gap = (self.angle.stretch[last] != self.angle.stretch[first]) & ~still
         untold = self.untold[self.angle.stretch[last]]
-        words: dict[int, set[str]] = defaultdict(set)
-        for word, rows in (
-            ("standstill", still),
-            ("gap", gap),
-            ("reversing", reversing),
-            ("direction_unknown", untold),
-        ):
-            for row in np.flatnonzero(rows):
-                words[int(row)].add(word)
-        return words
+        return (
+            marked(still, Quality.STANDSTILL)
+            | marked(gap, Quality.GAP)
+            | marked(reversing, Quality.REVERSING)
+            | marked(untold, Quality.DIRECTION_UNKNOWN)
+        )
 
 
 def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = None) -> WheelAngle:
@@ -396,7 +392,6 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
     rate = wheel.speed_rad_s(time)
     noise = np.sqrt(2.0) * wheel.angle.noise_rad / SPEED_WINDOW_S
     share = 0.0 if np.isnan(radius.se_m) else radius.se_m / radius.radius_m
-    words = wheel.words(start, stop)
     with np.errstate(
         divide="ignore", invalid="ignore", over="ignore"
     ):  # half a turn between two equal stamps
@@ -412,6 +407,6 @@ def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
         "period_s": stop - start,
         "speed_se_m_s": np.hypot(noise * radius.radius_m, share * rate * radius.radius_m),
         "acceleration_m_s2": np.where(np.isfinite(acceleration), acceleration, np.nan),
-        "quality": [";".join(sorted(words.get(row, ()))) or "ok" for row in range(time.size)],
+        "quality": quality_column(wheel.quality(start, stop)),
     }
     return columns, [*wheel.remarks, *([radius.remark] if radius.remark else [])]

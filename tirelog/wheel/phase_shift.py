@@ -19,10 +19,11 @@ import numpy as np
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, marked
 from tirelog.wheel.accelerometer import limits, without_held
 from tirelog.wheel.angle import Radius, WheelAngle, encoder_of, rolling_radius
 from tirelog.wheel.doubts import doubts, refuse_swapped
-from tirelog.wheel.fronts.fronts import Fronts, Words, find_fronts
+from tirelog.wheel.fronts.fronts import Fronts, find_fronts
 
 DEG = 180 / np.pi
 #: the zero is sought in stretches below this speed (P4: about 10 m/s)
@@ -40,7 +41,7 @@ class Passages:
 
     Angles in degrees: `entry_deg`, `exit_deg` within one turn, `width_deg`, `shift_deg` (NaN
     without a zero) and standard errors; `speed_m_s` low-passed at 20 Hz, `acceleration_m_s2` over
-    the turn; `words` what is wrong; `steady` (n,) in a constant-speed stretch; `zero_speed_m_s`
+    the turn; `quality` flags; `steady` (n,) in a constant-speed stretch; `zero_speed_m_s`
     where the zero was taken (NaN without one); `forces_N` means of the force channels around the
     passage. `without_zero` says why there is no zero, '' where there is one. `example` (3, m), for
     pictures: angles from the middle of one passage [deg], the signal there in levels outside, and
@@ -61,7 +62,7 @@ class Passages:
     shift_deg: FloatArray
     shift_se_deg: FloatArray
     steady: np.ndarray
-    words: Words
+    quality: QualityFlags
     zero_speed_m_s: float
     remarks: tuple[str, ...] = ()
     without_zero: str = ""
@@ -75,10 +76,8 @@ class Passages:
 
     @property
     def good(self) -> np.ndarray:
-        """Passages with nothing wrong (a zero that is missing apart), shape (n,)."""
-        return np.array(
-            [not (w - {"no_zero", "extrapolated"}) for w in self.words], bool
-        ) & np.isfinite(self.width_deg)
+        """Passages whose fronts are good (they need no zero), shape (n,)."""
+        return good(self.quality, Use.FRONTS) & np.isfinite(self.width_deg)
 
 
 def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> Iterator[Passages]:
@@ -136,25 +135,24 @@ def _passages(
     before, time, after = (wheel.angle.time_at(middle + shift) for shift in (-half, 0.0, half))
     speed = radius.radius_m * wheel.speed_rad_s(time)
     acceleration = _acceleration(before, time, after, radius.radius_m)
-    words = fronts.words
     margin = 15 / DEG
     low, high = (
         wheel.angle.time_at(middle - margin - 0.3),
         wheel.angle.time_at(middle + margin + 0.3),
     )
-    for row, others in wheel.words(
-        np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf)
-    ).items():
-        words[row] |= frozenset(others)
-    mark(words, ~found, "lost_peak")
+    quality = (
+        fronts.quality
+        | wheel.quality(np.nan_to_num(low, nan=-1.0), np.nan_to_num(high, nan=np.inf))
+        | marked(~found, Quality.LOST_PEAK)
+    )
     reading = np.where(found, middle, np.nan)
     turn, moved, strange = _one_turn(reading, wheel, time)
-    mark(words, strange, "reversing")
-    good = found & np.array([not w for w in words])
-    steady = steady_passages(speed, good)
-    offset, zero_speed = _zero(turn, speed, time, steady, good, zero)
+    quality |= marked(strange, Quality.REVERSING)
+    clean = found & good(quality)
+    steady = steady_passages(speed, clean)
+    offset, zero_speed = _zero(turn, speed, time, steady, clean, zero)
     if np.isnan(offset):
-        mark(words, np.ones(len(words), bool), "no_zero")
+        quality |= np.uint32(Quality.NO_ZERO)
     if moved:
         said = [
             *said,
@@ -175,21 +173,14 @@ def _passages(
     return Passages(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
         speed, acceleration, turn - width / 2, turn + width / 2, width, se, turn - offset, se / 2,
-        steady, words, zero_speed, tuple(said), without, means,
-        _example(channel, wheel, fronts, good),
+        steady, quality, zero_speed, tuple(said), without, means,
+        _example(channel, wheel, fronts, clean),
     )  # fmt: skip
 
 
-def mark(words: Words, rows: np.ndarray, word: str) -> None:
-    """Adds a word to the passages `rows` (n,); equal sets are one and the same."""
-    with_it: dict[frozenset[str], frozenset[str]] = {}
-    for k in np.flatnonzero(rows):
-        words[k] = with_it.setdefault(words[k], words[k] | {word})
-
-
-def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, good: np.ndarray) -> FloatArray:
+def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, clean: np.ndarray) -> FloatArray:
     """The samples within 45 degrees of one good passage; empty where there is none."""
-    rows = np.flatnonzero(good)
+    rows = np.flatnonzero(clean)
     if rows.size == 0:
         return np.zeros((3, 0))
     row = rows[rows.size // 2]
@@ -243,7 +234,7 @@ def _one_turn(
     return turn + centre, moved, strange
 
 
-def steady_passages(speed: FloatArray, good: np.ndarray) -> IntArray:
+def steady_passages(speed: FloatArray, clean: np.ndarray) -> IntArray:
     """Number of the constant-speed stretch of each passage, from 0 in order of time; -1 outside of
     one.
     """
@@ -251,7 +242,7 @@ def steady_passages(speed: FloatArray, good: np.ndarray) -> IntArray:
     small = np.zeros(n + 1, bool)
     small[1:-1] = np.abs(np.diff(speed)) < STEADY_STEP_M_S
     calm = small[1:] | small[:-1]
-    calm &= np.isfinite(speed) & good
+    calm &= np.isfinite(speed) & clean
     stretch, number, start = np.full(n, -1, np.int64), 0, 0
     while start < n:
         stop = start + 1
@@ -274,7 +265,7 @@ def _zero(
     speed: FloatArray,
     time: FloatArray,
     steady: IntArray,
-    good: np.ndarray,
+    clean: np.ndarray,
     zero: str,
 ) -> tuple[float, float]:
     """(middle [deg] that counts as zero, speed there); NaN where the log has no such stretch.
@@ -284,7 +275,7 @@ def _zero(
     rows = np.zeros(turn.size, bool)
     if ":" in zero:
         start, stop = _numbers(zero.split(":", 1), zero)
-        rows = good & (time >= start) & (time <= stop)
+        rows = clean & (time >= start) & (time <= stop)
     elif zero != "none":
         low, high = (
             (0.0, LOW_SPEED_M_S)
@@ -294,7 +285,7 @@ def _zero(
         for number in range(int(steady.max(initial=-1)) + 1):
             one = steady == number
             if low <= float(np.mean(speed[one])) <= high:
-                rows = one & good
+                rows = one & clean
                 break
     if not rows.any():
         return float("nan"), float("nan")

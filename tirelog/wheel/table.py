@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from tirelog.data.recording import Recording
-from tirelog.tables.writer import quality_text
+from tirelog.vocabulary.quality import Quality, marked, quality_column
 from tirelog.wheel.calibration import Calibration, Cleaned, clean, quasi_static
 from tirelog.wheel.forces import predict_force
-from tirelog.wheel.phase_shift import Passages, mark, measure
+from tirelog.wheel.phase_shift import Passages, measure
 
 #: quasi-static passages that a zero needs, within the calibration's range of speed
 LEAST_ZERO = 8
@@ -59,7 +59,7 @@ def with_zero(p: Passages, calibration: Calibration) -> Passages:
     return replace(
         p,
         shift_deg=middle - zero,
-        words=[own - {"no_zero"} for own in p.words],
+        quality=p.quality & ~np.uint32(Quality.NO_ZERO),
         zero_speed_m_s=calibration.reference_speed_m_s,
         remarks=(
             *p.remarks,
@@ -76,16 +76,16 @@ def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
     Rows from whose phase shift the calibration's telemetry delay was removed carry the word
     `delay_removed`.
     """
-    n, words = p.time_s.size, list(p.words)
+    n = p.time_s.size
     nothing = np.full(n, np.nan)
     cleaned = (
         clean(p, calibration)
         if calibration
         else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
     )
-    mark(words, cleaned.extrapolated, "extrapolated")
+    quality = p.quality | marked(cleaned.extrapolated, Quality.EXTRAPOLATED)
     if calibration and calibration.has_delay:
-        mark(words, np.isfinite(cleaned.shift_deg), "delay_removed")
+        quality |= marked(np.isfinite(cleaned.shift_deg), Quality.DELAY_REMOVED)
     columns: dict[str, object] = {
         "log": p.log,
         "channel": p.channel,
@@ -105,10 +105,10 @@ def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
     if calibration and calibration.vertical:
         force, se, outside = predict_force(calibration.vertical, cleaned.width_deg, p.width_se_deg)
         columns |= {"vertical_force_N": force, "vertical_force_se_N": se}
-        mark(words, outside, "extrapolated")
+        quality |= marked(outside, Quality.EXTRAPOLATED)
     if calibration and calibration.longitudinal:
         shift = cleaned.corrected_deg if np.isfinite(calibration.crosstalk) else cleaned.shift_deg
         force, se, outside = predict_force(calibration.longitudinal, shift, p.shift_se_deg)
         columns |= {"longitudinal_force_N": force, "longitudinal_force_se_N": se}
-        mark(words, outside, "extrapolated")
-    return {**columns, "quality": [quality_text(sorted(w)) for w in words]}
+        quality |= marked(outside, Quality.EXTRAPOLATED)
+    return {**columns, "quality": quality_column(quality)}

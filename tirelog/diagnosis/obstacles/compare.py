@@ -28,6 +28,7 @@ from tirelog.inference.obstacle_log import WINDOW_S, TransientLog, around
 from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import OK, Quality, quality_text
 
 #: Rows of the table by time [s], and edges of the bands [Hz] of the table by frequency: thirds of
 #: an octave above 20 Hz.
@@ -116,7 +117,8 @@ class HitResult:
             "samples": int(left.size), "rmse": rmse,
             "rmse_steady": float(np.sqrt(np.mean(self.steady))), "noise_floor": floor,
             "excess": excess_of(rmse, floor), "added": float(added), "missed": float(missed),
-            "covered": float(covered), "quality": "ok" if covered > _COVERED else "unlike",
+            "covered": float(covered),
+            "quality": quality_text(0 if covered > _COVERED else Quality.UNLIKE),
         }  # fmt: skip
 
     def time_rows(self) -> list[dict[str, Any]]:
@@ -234,7 +236,7 @@ def compare_transients(
             hit = fit_hit(near, model, float(rough), float(window))
             results.append(_result(near, ordinal, hit, model))
             remarks += [remark for remark in hit.remarks if remark not in remarks]
-            if results[-1].row()["quality"] != "ok":
+            if results[-1].row()["quality"] != OK:
                 remarks.append(
                     f"{log.log}: the model covers little of what happened at {hit.time_s:.4g} s; "
                     "the obstacle's dimensions, the model, or another event are to be doubted"

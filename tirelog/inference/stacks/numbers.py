@@ -8,8 +8,7 @@ Recording --estimators--> a row a passage, those with nothing wrong
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,16 +18,13 @@ from tirelog.data.recording import Channel, Recording, Stack
 from tirelog.errors import UsageError
 from tirelog.inference.stacks.manoeuvres import accelerations, regimes, segment
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, having
 
 if TYPE_CHECKING:
     from tirelog.strain.passages.find import Passages
 
 #: a passage this much later than its neighbours' periods starts a new manoeuvre
 _GAP = 3.0
-
-
-#: quality word of a length that may be off by the same share in every row: it is compared, and said
-_UNCLEAR = "form_unclear"
 
 
 def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tuple[Stack, str]:
@@ -56,7 +52,8 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     zero = np.zeros((n, 1))
     doubted = int(unclear[ordinal].sum())
     said = (
-        f"{doubted} of {n} lengths are marked {_UNCLEAR}: they may all be off by the same share"
+        f"{doubted} of {n} lengths are marked {Quality.FORM_UNCLEAR.word}: "
+        "they may all be off by the same share"
         if doubted
         else ""
     )
@@ -109,11 +106,11 @@ def dissipation_factors(recording: Recording, channel: Channel) -> Numbers:
 
 
 def _of_passages(
-    passages: Passages, radius_m: float, value: FloatArray, words: Sequence[AbstractSet[str]]
+    passages: Passages, radius_m: float, value: FloatArray, quality: QualityFlags
 ) -> Numbers:
-    good = np.array([not w - {_UNCLEAR} for w in words], bool)
-    unclear = np.array([_UNCLEAR in w for w in words], bool)
-    return passages.time_s, passages.speed_m_s, np.where(good, value, np.nan), radius_m, unclear
+    value = np.where(good(quality, Use.COMPARISON), value, np.nan)
+    unclear = having(quality, Quality.FORM_UNCLEAR)
+    return passages.time_s, passages.speed_m_s, value, radius_m, unclear
 
 
 def phase_shifts(recording: Recording, channel: Channel) -> Numbers:

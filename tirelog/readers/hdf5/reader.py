@@ -33,6 +33,7 @@ from tirelog.readers.hdf5.source import LIBRARY_ERRORS, Column, first_number
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
+from tirelog.vocabulary.quality import Quality
 
 #: values a block over all channels of a group
 BLOCK_VALUES = 1 << 20
@@ -260,7 +261,7 @@ class Hdf5Log:
         many stamps are.
         """
         values: dict[str, FloatArray] = {}
-        flags: list[tuple[str, int, int, str]] = []
+        flags: list[tuple[str, int, int, Quality]] = []
         gone = np.zeros(stop - start, bool)
         slabs = Slabs([c.column for c in clock.channels], start, stop)
         for channel in clock.channels:
@@ -271,7 +272,7 @@ class Hdf5Log:
             for first, last in missing:
                 numbers[first - start : last - start] = np.nan
                 gone[first - start : last - start] = True
-                flags.append((channel.name, first - start, last - start, "gap"))
+                flags.append((channel.name, first - start, last - start, Quality.GAP))
             values[channel.name] = numbers
         stamps, stamps_gone = self._stamps(clock, start, stop, slabs) if clock.time else (None, 0)
         return (

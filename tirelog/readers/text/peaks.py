@@ -28,6 +28,7 @@ from tirelog.data.setup import ChannelSetup
 from tirelog.errors import SetupError
 from tirelog.readers.text.parse import Parsed
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality
 
 #: how far strain moves a grating [nm]: half the widest window, and how far it is followed beyond a
 #: given one
@@ -39,7 +40,7 @@ _GATE_NM, _GROWTH = 1.0, 0.25
 _FORGOTTEN = 1000
 
 _FIBRE = re.compile(r"(?:ch(?:annel)?|fib(?:re|er)|port)\D{0,2}0*(\d+)", re.I)
-Flag = tuple[str, int, int, str]
+Flag = tuple[str, int, int, Quality]
 
 
 @dataclass
@@ -286,7 +287,7 @@ def _runs(refused: dict[str, list[int]]) -> list[Flag]:
                 at[np.concatenate([cuts, [at.size - 1]])] + 1,
             )
             out += [
-                (name, start, stop, "spurious_peak")
+                (name, start, stop, Quality.SPURIOUS_PEAK)
                 for start, stop in zip(starts.tolist(), stops.tolist())
             ]
     return out

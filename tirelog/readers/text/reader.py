@@ -43,6 +43,7 @@ from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
 from tirelog.readers.text.times import MISSING, month_first, unwrap_midnight
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality
 
 #: the name of the one group of a text log: all columns share the row's clock
 GROUP = "rows"
@@ -195,7 +196,7 @@ class TextReader:
         values: dict[str, Samples] = {
             channel: parsed.values[column] for channel, column in self.columns.values.items()
         }
-        flags: list[tuple[str, int, int, str]] = []
+        flags: list[tuple[str, int, int, Quality]] = []
         if self._tracker:
             found, flags = self._tracker.follow(parsed)
             values |= found
@@ -224,7 +225,7 @@ class TextReader:
         self._origin = int(ticks[0]) if self._origin is None else self._origin
         return np.asarray((ticks - int(self._origin)) * (factor / 1e9), np.float64)
 
-    def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, str]]:
+    def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, Quality]]:
         """Sample ranges whose rows carry error codes, for every channel: the codes do not say whose
         they are.
         """
@@ -234,7 +235,7 @@ class TextReader:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (codes > 0).astype(np.int8), [0]])))
         spans = zip(edges[::2].tolist(), edges[1::2].tolist())
         return [
-            (channel, start, stop, "error_code")
+            (channel, start, stop, Quality.ERROR_CODE)
             for start, stop in spans
             for channel in self.groups[0].channels
         ]

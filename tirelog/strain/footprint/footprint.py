@@ -26,6 +26,7 @@ from tirelog.strain.footprint.refine import REMARKABLE
 from tirelog.strain.footprint.slip_onset import SlipOnset
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 
 #: error of a length whose traction leaves a share of the misfit: this many times the share's root
 #: of what the traction has moved it
@@ -69,7 +70,7 @@ class Footprint:
     slip: SlipOnset
     cutoff_Hz: FloatArray
     learnt: Learnt | None
-    quality: tuple[frozenset[str], ...]
+    quality: QualityFlags
 
 
 def footprint(
@@ -205,7 +206,7 @@ def _assembled(
         work.slip,
         asked_Hz,
         learnt,
-        _words(passages, work, learnt, length, edges["length_d2_m"], asked_Hz, nyquist),
+        _quality(passages, work, learnt, length, edges["length_d2_m"], asked_Hz, nyquist),
     )
 
 
@@ -218,7 +219,7 @@ def _told(lengths_m: FloatArray, errors_m: FloatArray) -> tuple[FloatArray, Floa
     return np.where(told, lengths_m, np.nan), np.where(told, errors_m, np.nan)
 
 
-def _words(
+def _quality(
     passages: Passages,
     work: Measured,
     learnt: Learnt | None,
@@ -226,7 +227,7 @@ def _words(
     length_d2_m: FloatArray,
     asked_Hz: FloatArray,
     nyquist: float,
-) -> tuple[frozenset[str], ...]:
+) -> QualityFlags:
     """Quality words of the rows: the passages' own, and what the footprint adds."""
     with np.errstate(invalid="ignore"):
         cut = asked_Hz > nyquist
@@ -238,15 +239,11 @@ def _words(
         if learnt is None
         else learnt.unclear(passages.speed_m_s) & ~unknown
     )
-    words = list(passages.quality)
-    marks = (
-        ("cutoff", cut),
-        ("patch_short", short),
-        ("no_length", unknown),
-        ("edge_unclear", unclear),
-        ("form_unclear", formless),
+    return (
+        passages.quality
+        | marked(cut, Quality.CUTOFF)
+        | marked(short, Quality.PATCH_SHORT)
+        | marked(unknown, Quality.NO_LENGTH)
+        | marked(unclear, Quality.EDGE_UNCLEAR)
+        | marked(formless, Quality.FORM_UNCLEAR)
     )
-    for name, marked in marks:
-        for row in np.flatnonzero(marked):
-            words[row] |= {name}
-    return tuple(words)

@@ -24,6 +24,7 @@ from tirelog.strain.footprint.windows import gather_windows, joined
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import good
 
 #: window of averages and fits in half lengths
 WINDOW = 2.7
@@ -114,24 +115,24 @@ class Learnt:
 
 
 def _usable(passages: Passages, without: NDArray[np.bool_] | None) -> IntArray:
-    """Ordinals of passages without a quality word and with a neighbour at a turn on either side,
+    """Ordinals of passages that no quality word spoils, with a neighbour at a turn on either side,
     and not among `without` (n,).
     """
     wanted = (
         np.isfinite(passages.time_s) if without is None else np.isfinite(passages.time_s) & ~without
     )
-    clean = np.array([not words for words in passages.quality], dtype=bool) & wanted
+    clean = good(passages.quality) & wanted
     both = passages.turn_before & passages.turn_after & wanted
     with np.errstate(invalid="ignore"):
         sure = passages.speed_se_m_s < SURE_SPEED * passages.speed_m_s
-    for good in (
+    for choice in (
         clean & both & sure,
         clean & both,
         clean & (passages.turn_before | passages.turn_after),
         clean,
         wanted,
     ):
-        rows = np.flatnonzero(good & (passages.speed_m_s > 0.5))
+        rows = np.flatnonzero(choice & (passages.speed_m_s > 0.5))
         if rows.size:
             return rows
     return np.zeros(0, np.int64)

@@ -31,6 +31,7 @@ from tirelog.strain.footprint.slip_onset import (
 from tirelog.strain.footprint.windows import PatchWindows, gather_windows
 from tirelog.strain.passages.find import Passages
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import good
 
 #: a slower wheel's windows are not cut out (its passage takes seconds)
 LEAST_SPEED_M_S = 0.3
@@ -226,12 +227,10 @@ def find_onsets(look: Look, work: Measured) -> None:
 
 
 def _free(look: Look, rows: IntArray) -> IntArray:
-    """Those of `rows` without a quality word and at steady speed; all clean ones, or all of them,
-    if those are too few.
+    """Those of `rows` that no quality word spoils and at steady speed; all clean ones, or all of
+    them, if those are too few.
     """
-    clean = rows[
-        np.fromiter((not look.passages.quality[row] for row in rows.tolist()), bool, rows.size)
-    ]
+    clean = rows[good(look.passages.quality[rows])]
     steady = clean[np.abs(look.motions[1][clean]) < FREE_ROLLING_M_S2]
     return next((some for some in (steady, clean) if some.size >= ENOUGH_STEADY), rows)
 

@@ -19,8 +19,8 @@ from tirelog.strain.channels import rotating
 from tirelog.strain.footprint.footprint import Footprint, footprint
 from tirelog.strain.footprint.learn import Learnt, learn_reference
 from tirelog.strain.passages.find import Passages
-from tirelog.strain.speed import begin, speed_words
-from tirelog.tables.writer import quality_column
+from tirelog.strain.speed import begin, speed_quality
+from tirelog.vocabulary.quality import Quality, having, quality_column
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,6 @@ def footprint_of_channel(
             file=recording.log,
         )
     found = footprint(channel, passages, cutoff, block_samples, learnt)
-    words = [
-        own if own is more else own | more
-        for own, more in zip(found.quality, speed_words(passages), strict=True)
-    ]
     columns = begin(recording.log, passages) | {
         "length_m": found.length_m,
         "length_se_m": found.length_se_m,
@@ -87,7 +83,7 @@ def footprint_of_channel(
         "slip_onset_m": found.slip.onset_m,
         "slip_onset_se_m": found.slip.onset_se_m,
         "slip_onset_reason": found.slip.reason,
-        "quality": quality_column(words),
+        "quality": quality_column(found.quality | speed_quality(passages)),
     }
     channel = released(channel)
     remarks = (passages.doubt,) if passages.doubt else _remarks(recording, channel, found, cutoff)
@@ -114,11 +110,11 @@ def _remarks(
     if static is not None:
         text += f"; static footprint {1e3 * static:.1f} mm, dynamic / static {length / static:.3f}"
     remarks = [text]
-    doubted = sum("form_unclear" in words for words in found.quality)
+    doubted = int(having(found.quality, Quality.FORM_UNCLEAR).sum())
     if doubted:
         remarks.append(
-            f"{channel.name}: form_unclear: {doubted} passages are unlike any that a tire's "
-            "carcass makes on a flat road; their lengths may be wrong by half"
+            f"{channel.name}: {Quality.FORM_UNCLEAR.word}: {doubted} passages are unlike "
+            "any that a tire's carcass makes on a flat road; their lengths may be wrong by half"
         )
     if not found.learnt.free_rolling:
         remarks.append(

@@ -32,6 +32,7 @@ from tirelog.strain.passages.screen import one_turn
 from tirelog.strain.passages.search import search
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 
 #: fewer samples in a window are too few for a waveform
 FEWEST = 6
@@ -50,8 +51,8 @@ class Passages:
     time_se_s        standard error of the time from the noise
     turn_before, turn_after   bool: the neighbouring passage is exactly one turn away, and was
                               measured as this one was
-    break_after      '' or why the next passage is not known to be one turn away: gap, standstill,
-                     reversing
+    break_after      why the next passage is not known to be one turn away, as flags: gap,
+                     standstill, reversing; none where it is
     omega_rad_s      wheel speed at the passage, positive; where no neighbour is a turn away from
                      the pulse's stretch (NaN: not known)
     omega_se_rad_s   its standard error, the differencing in it
@@ -62,7 +63,7 @@ class Passages:
                      channel's unit; NaN where lost
     misfit           rms residual of the fit, channel's unit
     measured         bool: False where the passage lies in lost samples
-    quality          words inside the passage's window (empty: ok); not_a_passage in all rows where
+    quality          flags of the words inside the passage's window; not_a_passage in all rows if
                      there is a doubt
     doubt            '' or the sentence why these are no passages of a tire (`gate`); no row then
                      has a speed or a turn
@@ -83,7 +84,7 @@ class Passages:
     time_se_s: FloatArray
     turn_before: NDArray[np.bool_]
     turn_after: NDArray[np.bool_]
-    break_after: NDArray[np.str_]
+    break_after: QualityFlags
     omega_rad_s: FloatArray
     omega_se_rad_s: FloatArray
     alpha_rad_s2: FloatArray
@@ -92,7 +93,7 @@ class Passages:
     offset: FloatArray
     misfit: FloatArray
     measured: NDArray[np.bool_]
-    quality: tuple[frozenset[str], ...]
+    quality: QualityFlags
     doubt: str = ""
 
     def __len__(self) -> int:
@@ -191,13 +192,11 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
     alone = motion.sides == 0
     blind = matched.standing | (time_s.size < 3)
     index = matched.start.index + (time_s - matched.start.time_s) * channel.axis.rate_Hz
-    others = {
-        "standstill": matched.standing,
-        "reversing": matched.backwards,
-        "few_samples": (found.used < FEWEST) & (template is not None),
-    }
-    words = marks.window_words(
-        channel, found, others, index, window_rad / omega * channel.axis.rate_Hz
+    quality = (
+        marks.window_quality(channel, found, index, window_rad / omega * channel.axis.rate_Hz)
+        | marked(matched.standing, Quality.STANDSTILL)
+        | marked(matched.backwards, Quality.REVERSING)
+        | marked((found.used < FEWEST) & (template is not None), Quality.FEW_SAMPLES)
     )
     measured = Passages(
         channel=channel.name,
@@ -220,7 +219,7 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
         offset=found.offset,
         misfit=found.misfit,
         measured=np.ones(time_s.size, bool),
-        quality=words,
+        quality=quality,
     )
     why = doubt(channel, pulses, matched, noise, radius_m)
     if why:
@@ -241,7 +240,7 @@ def _doubted(found: Passages, said: str) -> Passages:
         omega_se_rad_s=nan,
         alpha_rad_s2=nan,
         sides=np.zeros(len(found), np.int64),
-        quality=tuple(words | {"not_a_passage"} for words in found.quality),
+        quality=found.quality | np.uint32(Quality.NOT_A_PASSAGE),
         doubt=said,
     )
 
@@ -250,7 +249,7 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
     """`measured` with a row for each passage that lies in lost samples, its time and speed from the
     passages around.
     """
-    times, speeds, ses, words = [], [], [], []
+    times, speeds, ses = [], [], []
     for k in np.flatnonzero(lost):
         count, around = int(lost[k]), slice(k, k + 2)
         t, omega = measured.time_s[around], measured.omega_rad_s[around]
@@ -258,7 +257,6 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
         even = t[0] + (t[1] - t[0]) * np.arange(1, count + 1) / (count + 1)
         ses.append(0.2 * np.abs(times[-1] - even) + 1e-3 * (t[1] - t[0]) / (count + 1))
         speeds.append(np.interp(times[-1], t, omega))
-        words += [frozenset({"lost_peak"})] * count
     place = np.repeat(np.arange(1, lost.size + 1), lost)
     time_s, omega = np.concatenate(times), np.concatenate(speeds)
     # the speed at a lost passage is only as good as the change over the turns around it
@@ -267,18 +265,16 @@ def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) ->
     )
     extra: dict[str, Any] = {
         "index": channel.axis.index(time_s), "time_s": time_s, "time_se_s": np.concatenate(ses),
-        "turn_before": False, "turn_after": False, "break_after": "", "omega_rad_s": omega,
+        "turn_before": False, "turn_after": False, "break_after": 0, "omega_rad_s": omega,
         "omega_se_rad_s": omega_se, "sides": 0, "measured": False,
+        "quality": np.uint32(Quality.LOST_PEAK),
     }  # fmt: skip
     columns: dict[str, Any] = {
         f.name: np.insert(value, place, extra.get(f.name, np.nan))
         for f in fields(Passages)
         if isinstance(value := getattr(measured, f.name), np.ndarray)
     }
-    quality = list(measured.quality)
-    for where, word in zip(place[::-1], words[::-1], strict=True):
-        quality.insert(int(where), word)
-    return replace(measured, quality=tuple(quality), **columns)
+    return replace(measured, **columns)
 
 
 def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passages:
@@ -289,8 +285,8 @@ def _none(channel: Channel, radius_m: float, sign: float, noise: float) -> Passa
         "turn_before": no,
         "turn_after": no,
         "measured": no,
-        "break_after": np.zeros(0, "U10"),
+        "break_after": none_of(0),
         "sides": np.zeros(0, np.int64),
     }
-    columns |= {"quality": (), "doubt": ""}
+    columns |= {"quality": none_of(0), "doubt": ""}
     return Passages(channel.name, radius_m, sign, noise, 0.0, None, **columns)

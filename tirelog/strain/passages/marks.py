@@ -8,9 +8,6 @@ shoulders on either side).
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,57 +15,44 @@ from tirelog.data.recording import Channel
 from tirelog.strain.passages.fit import Fit
 from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 
-NO_WORDS: frozenset[str] = frozenset()
 #: at most this many passages in a row are put in as lost
 MOST_LOST = 4
 #: share of a window's samples that must be lost before a passage counts as lost there
 LOST_SHARE = 0.3
 
 
-def window_words(
-    channel: Channel,
-    found: Fit,
-    others: Mapping[str, NDArray[np.bool_]],
-    index: FloatArray,
-    reach: FloatArray,
-) -> tuple[frozenset[str], ...]:
-    """Words for each row; `others`: words that are known already, and where; `index` and `reach`
-    [samples] say where its window lies.
-    """
-    words: defaultdict[int, set[str]] = defaultdict(set)
-    known = {
-        "lost_peak": found.lost,
-        "spike": found.spike,
-        "clipped": found.clipped,
-        "edge_of_log": found.outside,
-        **others,
-    }
-    for word, where in known.items():
-        for row in np.flatnonzero(where).tolist():
-            words[row].add(word)
-    gaps = [(float(first) - 0.5, float(first) - 0.5, "gap") for first in channel.axis.first[1:]]
-    doubts = [(float(start), float(stop - 1), word) for start, stop, word in channel.flags]
-    begin, end = index - reach, index + reach
-    # the rows are in order, and their windows nearly so: what comes into question stands together
-    furthest, nearest = np.maximum.accumulate(end), np.minimum.accumulate(begin[::-1])[::-1]
-    for low, high, word in gaps + doubts:
-        for row in range(
-            int(np.searchsorted(furthest, low)), int(np.searchsorted(nearest, high, side="right"))
-        ):
-            if end[row] >= low and begin[row] <= high:
-                words[row].add(word)
-    return with_words([NO_WORDS] * index.size, words)
+def window_quality(
+    channel: Channel, found: Fit, index: FloatArray, reach: FloatArray
+) -> QualityFlags:
+    """Quality words of each row's window, which lies within `reach` [samples] of `index`; (n,)."""
+    flags = (
+        marked(found.lost, Quality.LOST_PEAK)
+        | marked(found.spike, Quality.SPIKE)
+        | marked(found.clipped, Quality.CLIPPED)
+        | marked(found.outside, Quality.EDGE_OF_LOG)
+    )
+    gaps = np.asarray(channel.axis.first[1:], float) - 0.5
+    flags |= marked(_touched(index - reach, index + reach, gaps, gaps), Quality.GAP)
+    for word in {word for _, _, word in channel.flags}:
+        doubted = np.array([(a, b - 1) for a, b, own in channel.flags if own == word], float)
+        touched = _touched(index - reach, index + reach, *doubted.T)
+        flags |= marked(touched, word)
+    return flags
 
 
-def with_words(
-    rows: Sequence[frozenset[str]], more: Mapping[int, set[str]]
-) -> tuple[frozenset[str], ...]:
-    """`rows` with `more` words in some of them."""
-    result = list(rows)
-    for row, words in more.items():
-        result[row] = result[row] | words
-    return tuple(result)
+def _touched(
+    begin: FloatArray, end: FloatArray, low: FloatArray, high: FloatArray
+) -> NDArray[np.bool_]:
+    """Which of the windows [begin, end] (n,) share a place with one of the ranges [low, high] (m,)."""
+    if not low.size:
+        return np.zeros(begin.size, bool)
+    order = np.argsort(low)
+    furthest = np.maximum.accumulate(high[order])
+    # of the ranges that begin before a window ends, the one that ends last decides
+    before = np.searchsorted(low[order], end, side="right")
+    return (before > 0) & (furthest[np.maximum(before, 1) - 1] >= begin)
 
 
 def lost_between(
@@ -123,14 +107,17 @@ def breaks(
     turns: FloatArray,
     linked: NDArray[np.bool_],
     turned: NDArray[np.bool_],
-) -> NDArray[np.str_]:
-    """Why a passage and the next are not known to be one turn apart, shape (n,): '' where they are
-    (and for the last), else 'gap', 'reversing' (it came back before a turn was done, or passed the
-    other way round: `turned`) or 'standstill' (the wheel took longer than its speeds allow).
+) -> QualityFlags:
+    """Why a passage and the next are not known to be one turn apart, shape (n,): no word where they
+    are (and for the last), else gap, reversing (it came back before a turn was done, or passed the
+    other way round: `turned`) or standstill (the wheel took longer than its speeds allow).
     """
-    why = np.zeros(index.size, "U10")
-    gaps = channel.axis.first[1:]
-    for k in np.flatnonzero(~linked[:-1]):
-        gap = np.searchsorted(gaps, index[k]) != np.searchsorted(gaps, index[k + 1])
-        why[k] = "gap" if gap else ("standstill" if turns[k] > 1 and not turned[k] else "reversing")
-    return why
+    apart = ~linked[:-1]
+    gap = np.diff(np.searchsorted(channel.axis.first[1:], index)) != 0
+    still = (turns > 1) & ~turned
+    why = (
+        marked(apart & gap, Quality.GAP)
+        | marked(apart & ~gap & still, Quality.STANDSTILL)
+        | marked(apart & ~gap & ~still, Quality.REVERSING)
+    )
+    return np.append(why, np.uint32(0))

@@ -8,12 +8,11 @@ The cubic follows the flank's own shape, so nothing is assumed about it.
 
 from __future__ import annotations
 
-from collections import defaultdict
-
 import numpy as np
 
 from tirelog.data.recording import Channel
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
 from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.fronts.dips import DEGREE
 from tirelog.wheel.fronts.samples import Flanks, groups, normalised, ranges
@@ -38,13 +37,13 @@ def crossings(
     flanks: Flanks,
     windows: FloatArray,
     limits: tuple[float, float],
-) -> tuple[FloatArray, FloatArray, FloatArray, dict[int, set[str]]]:
-    """(angle of the half-level crossing, its standard error, the slope there [levels/rad], words)
-    of all fronts; words only where there are some.
+) -> tuple[FloatArray, FloatArray, FloatArray, QualityFlags]:
+    """(angle of the half-level crossing, its standard error, the slope there [levels/rad], quality)
+    of all fronts.
     """
     first, last = ranges(channel, wheel, flanks, windows + MARGIN * DEGREE)
     result = np.full((3, first.size), np.nan)
-    words: dict[int, set[str]] = defaultdict(set)
+    quality = none_of(first.size)
     for group, start, values in groups(channel, first, last):
         part = flanks.take(group)
         entries = group < flanks.passages
@@ -57,15 +56,13 @@ def crossings(
                 values, start, channel, wheel, part, windows[group], low, high, entries
             )
             part = part.moved(result[0, group])
-        for k in group[lost].tolist():
-            words[k].add("gap")
         beyond = np.concatenate([[0], np.cumsum((values <= limits[0]) | (values >= limits[1]))])
-        for k in group[beyond[last[group] - start] > beyond[first[group] - start]].tolist():
-            words[k].add("clipped")
+        clipped = beyond[last[group] - start] > beyond[first[group] - start]
+        quality[group] |= marked(lost, Quality.GAP) | marked(clipped, Quality.CLIPPED)
     short = last - first < 5
-    for k in np.flatnonzero(short).tolist():
-        words[k].add("edge_of_log" if first[k] < 1 or last[k] >= channel.size - 1 else "gap")
-    return result[0], result[1], result[2], words
+    at_end = (first < 1) | (last >= channel.size - 1)
+    quality |= marked(short & at_end, Quality.EDGE_OF_LOG) | marked(short & ~at_end, Quality.GAP)
+    return result[0], result[1], result[2], quality
 
 
 def _solve(

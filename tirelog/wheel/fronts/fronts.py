@@ -26,6 +26,7 @@ import numpy as np
 from tirelog.data.recording import Channel
 from tirelog.dsp.sliding import sliding_median
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.quality import Quality, QualityFlags, marked
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 from tirelog.wheel.angle import WheelAngle
 from tirelog.wheel.fronts.cubic import at_least, crossings
@@ -40,18 +41,13 @@ FLANK_SHARE, NARROW, WIDE, FIRST_GUESS = 1.5, 0.7, 6.0, 2.5
 LEARN_FROM = 150
 
 
-#: what is wrong with each passage; most share the one empty set
-Words = list[frozenset[str]]
-NOTHING: frozenset[str] = frozenset()
-
-
 @dataclass(frozen=True)
 class Fronts:
     """A row a passage, shape (n,), passages that were expected and not found included (NaN).
 
     `entry_rad`, `exit_rad` wheel angles of the fronts, `entry_se_rad`, `exit_se_rad` their standard
     errors from noise (accelerometer and wheel angle), `expected_rad` where the passage's middle was
-    looked for, `words` what is wrong with it. `sign` of the level outside as recorded, `level_m`
+    looked for, `quality` its flags. `sign` of the level outside as recorded, `level_m`
     its median over Omega^2, `gravity` True where the signal holds gravity, `turn_rad` is the wheel
     angle from passage to passage, 2 pi if the encoder's steps are right.
     """
@@ -61,7 +57,7 @@ class Fronts:
     exit_rad: FloatArray
     entry_se_rad: FloatArray
     exit_se_rad: FloatArray
-    words: Words
+    quality: QualityFlags
     sign: int
     level_m: float
     gravity: bool
@@ -127,21 +123,18 @@ def find_fronts(
             NARROW * DEGREE,
             WIDE * DEGREE,
         )
-    place, se, slope, words = crossings(
+    place, se, slope, quality = crossings(
         channel, wheel, flanks, at_least(channel, flanks, window), limits
     )
-    place, se = matched(channel, wheel, flanks, (place, se, slope), sorted(words))
+    place, se = matched(channel, wheel, flanks, (place, se, slope), np.flatnonzero(quality))
     form = _form(place[n:] - place[:n], np.hypot(se[:n], se[n:]))
     full = np.full((4, expected.size), np.nan)
     full[:, row] = place[:n], place[n:], se[:n] * form, se[n:] * form
-    marks: Words = [frozenset({"lost_peak"})] * expected.size
     saturated = np.abs(flanks.level[:n]) * flanks.rate[:n] ** 2 > 0.95 * min(-limits[0], limits[1])
-    for k, at in enumerate(row):
-        marks[at] = NOTHING
-        for found in (words.get(k, ()), words.get(n + k, ()), ("clipped",) if saturated[k] else ()):
-            marks[at] = marks[at].union(found) if found else marks[at]
+    flags = marked(np.ones(expected.size, bool), Quality.LOST_PEAK)
+    flags[row] = quality[:n] | quality[n:] | marked(saturated, Quality.CLIPPED)
     level = abs(float(np.median(dips.level)))
-    return Fronts(expected, full[0], full[1], full[2], full[3], marks, sign, level, gravity, turn)
+    return Fronts(expected, full[0], full[1], full[2], full[3], flags, sign, level, gravity, turn)
 
 
 def _turn(dips: Dips) -> float:

@@ -70,16 +70,16 @@ def matched(
     wheel: WheelAngle,
     flanks: Flanks,
     cubic: tuple[FloatArray, FloatArray, FloatArray],
-    worded: list[int],
+    spoilt: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
     """(places [rad], standard errors) of all fronts, shape (2 n,) as `flanks`; those of `cubic`
     (places, errors, slopes in levels/rad) where the log is too short for a form or a passage does
-    not fit it. `worded`: fronts with something wrong.
+    not fit it. `spoilt`: fronts with something wrong.
     """
     place, se, slope = cubic
     n = flanks.passages
     good = np.isfinite(place)
-    good[worded] = False
+    good[spoilt] = False
     good = np.tile(good[:n] & good[n:], 2)
     if good.sum() < 2 * LEAST:
         return place, se

@@ -1,0 +1,197 @@
+"""Property: the register of quality words is the only place that knows them."""
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tirelog.report import sections, table_sections
+from tirelog.tables.check import differences
+from tirelog.vocabulary.columns import TABLES
+from tirelog.vocabulary.quality import (
+    OK,
+    Quality,
+    Use,
+    flag_of,
+    good,
+    good_rows,
+    having,
+    marked,
+    none_of,
+    quality_column,
+    quality_text,
+)
+
+PACKAGE = Path(__file__).parents[2] / "tirelog"
+GOLDEN = Path(__file__).parents[1] / "golden"
+REGISTER = PACKAGE / "vocabulary" / "quality.py"
+#: other things of the same name: a column, an option, a regime of the simulation, a repair's count
+NAMESAKES = {
+    "leak": {"vocabulary/columns.py", "strain/inflation.py", "strain/inflation_table.py"},
+    "cutoff": {"products.py", "campaign/manifest.py"},
+    "standstill": {"simulation/scenario/schema.py", "simulation/scenario/drive.py"},
+    "clock_set_back": {"runs/clock.py"},
+}
+COMPARED = {"compare --by revolution", "compare --by hit"}
+
+
+@cache
+def sources() -> list[tuple[str, list[ast.AST]]]:
+    """Path and nodes of every module but the register that has a word or the column in its text."""
+    told = re.compile("uality|[\"'](" + "|".join([OK, *(flag.word for flag in Quality)]) + ")[\"']")
+    texts = {path: path.read_text() for path in PACKAGE.rglob("*.py") if path != REGISTER}
+    return [
+        (str(path.relative_to(PACKAGE)), list(ast.walk(ast.parse(text))))
+        for path, text in texts.items()
+        if told.search(text)
+    ]
+
+
+def random_flags(n: int, seed: int) -> np.ndarray:
+    """Rows with none to three words, after one row with each."""
+    rng = np.random.default_rng(seed)
+    flags = none_of(n)
+    for _ in range(3):
+        flags |= rng.choice([0, *Quality], n).astype(np.uint32)
+    flags[: len(Quality)] = list(Quality)
+    return flags
+
+
+@pytest.mark.parametrize("flag", Quality, ids=lambda flag: flag.word)
+def test_an_entry_is_complete(flag: Quality) -> None:
+    assert re.fullmatch("[a-z]+(_[a-z]+)*", flag.word)
+    assert flag_of(flag.word) is flag
+    assert flag.sentence[0].islower() or flag.sentence[0].isdigit()
+    assert not flag.sentence.endswith(".")
+    assert flag.tables
+    assert set(flag.tables) <= set(TABLES) | COMPARED
+
+
+def test_flags_are_one_bit_each_of_four_bytes() -> None:
+    values = [int(flag) for flag in Quality]
+    assert values == [1 << n for n in range(len(values))]
+    assert len(values) <= 32
+    assert random_flags(99, 1).dtype == marked(np.ones(99, bool), Quality.GAP).dtype == np.uint32
+
+
+def test_every_word_is_set_somewhere() -> None:
+    used = {
+        node.attr
+        for _, nodes in sources()
+        for node in nodes
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "Quality"
+    }
+    assert used == {flag.name for flag in Quality}
+
+
+def test_no_word_stands_as_a_text_elsewhere() -> None:
+    words = {flag.word for flag in Quality} | {OK}
+    found = {
+        (path, node.value)
+        for path, nodes in sources()
+        for node in nodes
+        if isinstance(node, ast.Constant) and node.value in words
+    }
+    assert {at for at in found if at[0] not in NAMESAKES.get(at[1], ())} == set()
+
+
+def test_a_quality_column_comes_from_the_register_only() -> None:
+    """Whatever the package writes into a column of that name is made by one of two functions."""
+    made = []
+    for path, nodes in sources():
+        for node in nodes:
+            values: list[ast.expr] = []
+            if isinstance(node, ast.Dict):
+                values = [
+                    value
+                    for key, value in zip(node.keys, node.values)
+                    if isinstance(key, ast.Constant) and key.value == "quality"
+                ]
+            elif isinstance(node, ast.Assign) and any(
+                isinstance(target, ast.Subscript)
+                and isinstance(target.slice, ast.Constant)
+                and target.slice.value == "quality"
+                for target in node.targets
+            ):
+                values = [node.value]
+            made += [(path, ast.unparse(value).split("(")[0]) for value in values]
+    # rows of flags in the passages, the page's own table of counts
+    own = {("strain/passages/find.py", "np.uint32"), ("strain/passages/find.py", "none_of")}
+    assert len(made) > 6
+    assert {function for at, function in made if (at, function) not in own} == {
+        "quality_column",
+        "quality_text",
+    }
+
+
+def test_texts_are_the_words_in_alphabetical_order() -> None:
+    assert quality_text(0) == OK == "ok"
+    assert quality_text(Quality.SPIKE | Quality.GAP) == "gap;spike"
+    flags = random_flags(500, 2)
+    column = quality_column(flags)
+    assert column.dtype == object
+    assert column.tolist() == [quality_text(int(one)) for one in flags]
+    for one, text in zip(flags.tolist(), column.tolist()):
+        words = [] if text == OK else text.split(";")
+        assert words == sorted({flag.word for flag in Quality if flag & one})
+    assert quality_column(none_of(0)).tolist() == []
+
+
+def test_a_flag_that_is_not_of_the_register_cannot_be_written() -> None:
+    unknown = 1 << len(Quality)
+    with pytest.raises(ValueError, match="no quality word"):
+        quality_column(np.array([0, unknown | Quality.GAP], np.uint32))
+
+
+@pytest.mark.parametrize("use", Use)
+def test_a_row_is_good_if_all_of_its_words_leave_it_so(use: Use) -> None:
+    flags = random_flags(500, 3)
+    harmless = {flag for flag in Quality if {use, Use.ANY} & set(flag.good_for)}
+    assert harmless
+    expected = [all(f in harmless for f in Quality if f & one) for one in flags.tolist()]
+    assert good(flags, use).tolist() == expected
+    assert having(flags, Quality.GAP | Quality.LEAK).tolist() == [
+        bool(one & Quality.GAP) or bool(one & Quality.LEAK) for one in flags.tolist()
+    ]
+
+
+@pytest.mark.parametrize("kind", ["object", "category"])
+def test_good_texts_are_those_of_good_flags(kind: str) -> None:
+    flags = np.append(random_flags(500, 4), np.array([0, Quality.DELAY_REMOVED], np.uint32))
+    column = pd.Series(quality_column(flags)).astype(kind)
+    assert good_rows(column).tolist() == good(flags).tolist()
+    foreign = pd.Series(["ok", "ok;wobbly", "wobbly", "", None, "delay_removed"]).astype(kind)
+    assert good_rows(foreign).tolist() == [True, False, False, False, False, True]
+
+
+def test_words_stand_in_the_tables_that_the_register_names() -> None:
+    for path in sorted(GOLDEN.glob("*.csv")):
+        name = path.stem.replace("phase_shift", "phase-shift").split("_")[0]
+        for text in pd.read_csv(path)["quality"].unique():
+            for word in str(text).split(";"):
+                flag = flag_of(word)
+                assert word == OK or (flag is not None and name in flag.tables), (path.name, word)
+
+
+def test_an_unknown_word_of_a_foreign_table_is_kept() -> None:
+    table = pd.DataFrame(
+        {
+            "log": ["a.csv"] * 4, "channel": ["x"] * 4, "revolution": range(4),
+            "time_s": [0.0, 1.0, 2.0, 3.0], "speed_m_s": 10.0, "length_m": 0.1,
+            "length_d2_m": 0.11, "length_d1_m": 0.09,
+            "quality": ["ok", "wobbly", "ok", "gap;wobbly"],
+        }
+    )  # fmt: skip
+    counts = sections.quality(table, "footprint").rows
+    assert sorted(counts) == [["gap;wobbly", "1"], ["ok", "2"], ["wobbly", "1"]]
+    section = table_sections.footprint(table, "tirelog footprint a.csv", [])
+    assert any("2 passages without a mark" in text for text in section.text)
+    assert not len(differences(table, table.copy(), {}))
+    moved = table.assign(quality=["ok", "ok", "ok", "gap;wobbly"])
+    assert len(differences(moved, table, {})) == 1
