@@ -144,7 +144,8 @@ def _some(channel: Channel) -> FloatArray:
         if channel.size
         else np.zeros(0)
     )
-    return some[np.isfinite(some)]
+    known: FloatArray = some[np.isfinite(some)]
+    return known
 
 
 def _refused(recording: Recording, channel: Channel, what: str, do: str) -> SetupError:

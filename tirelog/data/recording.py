@@ -94,10 +94,11 @@ class TimeAxis:
         segment = np.clip(np.searchsorted(self.start_s, time_s, side="right") - 1, 0, None)
         last = np.append(self.first[1:], self.size)[segment] - 1
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return np.minimum(
+            found: FloatArray = np.minimum(
                 self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment],
                 last,
             )
+            return found
 
     @property
     def duration_s(self) -> float:

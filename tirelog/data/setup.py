@@ -15,12 +15,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tirelog.data.plausibility import doubt_of_key, doubt_of_radius
 from tirelog.errors import SetupError, nearest
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.vocabulary import units
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 #: kind -> (quantities that its unit may have, SI unit, unit where the setup names none)
 KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
@@ -171,7 +174,7 @@ class Setup:
     file: str | None = None
 
 
-T = TypeVar("T")
+T = TypeVar("T", bound="DataclassInstance")
 
 
 class _Source:
@@ -248,7 +251,7 @@ def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
         raise source.error(
             f"{name} is not a table; allowed is [{name}] with keys under it; mend it", "", name
         )
-    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
+    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}
     for key in data:
         if key not in specs:
             raise source.error(

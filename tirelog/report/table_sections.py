@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -162,7 +163,7 @@ def dissipation(
     return Section("dissipation", "Dissipation", command, words, figures, tables)
 
 
-def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict]:
+def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict[str, Any]]:
     """The fitted straight lines of a quantity, channel by channel, from `dissipation --fit`."""
     if lines is None:
         return []

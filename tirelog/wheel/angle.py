@@ -135,7 +135,7 @@ def _noise(found: Probe, steps: int) -> float:
     """Standard deviation [rad] of one passage where the log is too short to show it: the noise over
     the slope, five samples.
     """
-    return found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0)
+    return float(found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0))
 
 
 def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:

@@ -131,8 +131,9 @@ def _parts(node: ast.AST, text: str) -> list[ast.expr]:
     """The operands of an allowed node."""
     if (
         isinstance(node, ast.Constant)
-        and type(node.value) in (int, float)
-        and abs(node.value) < 1e300  # type: ignore[arg-type]
+        and isinstance(node.value, int | float)
+        and not isinstance(node.value, bool)
+        and abs(node.value) < 1e300
     ):
         return []
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
@@ -163,8 +164,8 @@ def _parts(node: ast.AST, text: str) -> list[ast.expr]:
 
 
 def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    if isinstance(node, ast.Constant):
-        return np.float64(node.value)  # type: ignore[arg-type]
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return np.float64(node.value)
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else CONSTANTS[node.id]
     if isinstance(node, ast.BinOp):

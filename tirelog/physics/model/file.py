@@ -147,12 +147,12 @@ def _word(
     after: int = 0,
 ) -> str:
     value = table.get(key, default)
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         near = nearest(value, allowed) if isinstance(value, str) else ""
         raise source.error(
             f"{key} = {value!r}{near}; allowed are {', '.join(allowed)}; choose one", key, after
         )
-    return value  # type: ignore[return-value]
+    return value
 
 
 def _only(

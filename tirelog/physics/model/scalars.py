@@ -24,8 +24,8 @@ def scalar(task: Task, observable: str, lever_m: float) -> FloatArray:
     )
     if observable == "patch_width":
         value = value + 2.0 * site.half_length_m / site.radius_m
-    for a in task.having("regressor"):
-        value = value + a.effect.regressor(a.values, task.drive, site, observable)  # type: ignore[misc]
+    for added in task.hooks(lambda effect: effect.regressor).values():
+        value = value + added(site, observable)
     return value
 
 
@@ -34,4 +34,5 @@ def dissipation_factor(task: Task, lever_m: float) -> FloatArray:
     modes, _ = waveform(task, "strain", lever_m)
     R = task.base["radius_m"]
     slopes = (np.arange(MODES) / R) ** 2 * (modes.real**2 + modes.imag**2)
-    return 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
+    integral: FloatArray = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
+    return integral
