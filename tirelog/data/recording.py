@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.data.setup import Setup
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: Samples a block, for whoever reads a channel piece by piece (1 MB of float64).
@@ -192,8 +193,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Recording:
-    """One log in SI: its channels, its setup (`tirelog.data.setup.Setup`), where it came from and
-    what was repaired.
+    """One log in SI: its channels, its setup, where it came from and what was repaired.
 
     `log` is the path as the user gave it; `remarks` are sentences on the whole log that a command
     says once on standard error; `losses` are sentences on input that was lost (status 3); the list
@@ -202,7 +202,7 @@ class Recording:
 
     log: str
     channels: Mapping[str, Channel]
-    setup: Any
+    setup: Setup
     provenance: Mapping[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     losses: list[str] = field(default_factory=list)

@@ -17,7 +17,7 @@ from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tirelog.data.plausibility import doubt_of_key, doubt_of_radius
+from tirelog.data.bounds import doubt_of_key, doubt_of_radius
 from tirelog.errors import SetupError, nearest
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.vocabulary import units

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.plausibility import doubt_of_radius
+from tirelog.data.bounds import doubt_of_radius
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.encoder.counter import counter_knots
