@@ -362,8 +362,10 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
     encoders = recording.of_kind("wheel_encoder")
     if not encoders:
         raise SetupError(
-            f"{recording.log}: no wheel_encoder channel; the wheel angle needs one; "
-            "add it to the setup"
+            "no wheel_encoder channel",
+            allowed="the wheel angle needs one",
+            do="add it to the setup",
+            file=recording.log,
         )
     unit = (
         recording.setup.channels[encoders[0].name].source_unit
@@ -374,7 +376,7 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
         speeds = recording.of_kind("vehicle_speed")
         return encoders[0], wheel_angle(encoders[0], unit, speeds[0] if speeds else None)
     except (DataLoss, SetupError) as problem:
-        raise type(problem)(problem.message, file=recording.log) from None
+        raise problem.at(recording.log) from None
 
 
 def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:

@@ -61,9 +61,9 @@ def loads(task: Task) -> FloatArray:
         F = F + added()
     if not np.all(F > 0.0):
         raise ModelError(
-            f"load {float(np.min(F)):g} N does not press the tire on the road; a load above zero "
-            "is allowed; "
-            f"correct load_N or the effects on load"
+            f"load {float(np.min(F)):g} N does not press the tire on the road",
+            allowed="a load above zero is allowed",
+            do="correct load_N or the effects on load",
         )
     return F
 
@@ -82,8 +82,9 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     if np.any(half >= np.pi * R):
         raise ModelError(
             f"the patch of {2 * float(np.max(half)):.3g} m is longer than the circumference "
-            f"{2 * np.pi * R:.3g} m; "
-            f"a shorter one is allowed; correct patch_half_length_m, load or radius_m"
+            f"{2 * np.pi * R:.3g} m",
+            allowed="a shorter one is allowed",
+            do="correct patch_half_length_m, load or radius_m",
         )
     return Site(F, half, R), parabola(F, half, R), tilted_parabola(F, half, R) if tilted else None
 
@@ -146,9 +147,9 @@ def _pressure(task: Task) -> Pressed:
     carried = 2.0 * np.pi * site.radius_m * p[:, :1].real
     if not np.all(carried > 0.0):
         raise ModelError(
-            "the effects on the contact pressure lift the tire off the road; a pressure that "
-            "carries the load is allowed; "
-            "lower their strength"
+            "the effects on the contact pressure lift the tire off the road",
+            allowed="a pressure that carries the load is allowed",
+            do="lower their strength",
         )
     scale = site.load_N / carried
     return Pressed(
@@ -226,8 +227,9 @@ def _loss(k: FloatArray | float, loss: FloatArray | float) -> ComplexArray:
 def _positive_foundation(k: FloatArray | float) -> None:
     if not np.all(np.asarray(k) > 0.0):
         raise ModelError(
-            "the foundation's stiffness falls to zero or below under the effects; "
-            "a positive stiffness is allowed; lower their strength"
+            "the foundation's stiffness falls to zero or below under the effects",
+            allowed="a positive stiffness is allowed",
+            do="lower their strength",
         )
 
 

@@ -222,7 +222,7 @@ def load_road(path: str | Path) -> MeasuredRoad:
     try:
         return MeasuredRoad(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
     except ModelError as problem:
-        raise ModelError(problem.message, file=path) from None
+        raise problem.at(path) from None
 
 
 def check_climbable(road: Road, radius_m: float) -> None:
