@@ -99,31 +99,12 @@ Kernel = TypeVar("Kernel", bound=Callable[..., object])
 _SOURCES: dict[int, frozenset[Path]] = {}
 
 
-def _without_blas() -> None:
-    """Loads numba's array functions, as the first kernel would, without the linear algebra of scipy
-    that they look for and no kernel needs.
-
-    It takes a tenth of a second and 16 MB; a kernel that does need it (an inverse) has numba import
-    it then.
-    """
-    blas = "scipy.linalg.cython_blas"
-    if blas in sys.modules:
-        return
-    modules: dict[str, Any] = sys.modules  # None in the place of a module: not to be found
-    modules[blas] = None
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        del modules[blas]
-
-
 def compiled(kernel: Kernel) -> Kernel:
     """The kernel, compiled at its first call for the types it is called with; division by zero
     gives infinity or NaN, as in numpy.
     """
     from numba import njit
 
-    _without_blas()
     try:
         made = njit(cache=True, error_model="numpy", nogil=True)(kernel)
     except RuntimeError:  # no folder that could hold the cache: compiled anew in each process
