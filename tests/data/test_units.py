@@ -69,6 +69,6 @@ def test_one_gravity() -> None:
         and 9.75 < node.value < 9.85
     }
     assert found == {
-        ("units.py", STANDARD_GRAVITY_M_S2),
+        ("vocabulary/units.py", STANDARD_GRAVITY_M_S2),
         ("physics/effects/base.py", CATALOGUE_G_M_S2),
     }
