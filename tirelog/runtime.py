@@ -95,8 +95,8 @@ def _watch(parent: int) -> None:
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
-#: the source files that each kernel is compiled from, by the kernel's id
-_SOURCES: dict[int, frozenset[Path]] = {}
+#: what a compiled kernel carries: the source files that it is compiled from
+_SOURCES = "tirelog_sources"
 
 
 def compiled(kernel: Kernel) -> Kernel:
@@ -119,7 +119,7 @@ def _forget_outdated(kernel: Any, made: Any) -> None:
     own = Path(kernel.__code__.co_filename)
     called = (kernel.__globals__.get(name) for name in kernel.__code__.co_names)
     sources = frozenset({own}).union(*(_sources_of(other) for other in called))
-    _SOURCES[id(made)] = sources
+    setattr(made, _SOURCES, sources)
     if len(sources) == 1 or made.stats.cache_path is None:
         return
     for index in Path(made.stats.cache_path).glob(f"{own.stem}.{kernel.__qualname__}-*.nbi"):
@@ -133,4 +133,5 @@ def _sources_of(called: Any) -> frozenset[Path]:
     to compile.
     """
     plain = {Path(called.__code__.co_filename)} if hasattr(called, "__code__") else ()
-    return _SOURCES.get(id(called), frozenset(plain))
+    sources: frozenset[Path] = getattr(called, _SOURCES, frozenset(plain))
+    return sources
