@@ -171,7 +171,8 @@ class _Forms:
     def _first_before(self, number: int) -> Learnt | None:
         for before in range(number):
             with self._news:
-                self._news.wait_for(lambda before=before: before in self._learnt)  # type: ignore[misc]  # bound in each round
+                while before not in self._learnt:
+                    self._news.wait()
                 learnt = self._learnt[before]
             if learnt is not None:
                 return learnt

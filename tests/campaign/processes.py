@@ -79,7 +79,7 @@ def dying_once(task: Task) -> Entry:
 _PROGRAM = """
 import sys
 from tests.campaign import processes
-from tirelog import remote
+from tirelog.storage import remote
 from tirelog.campaign import runner
 from tirelog.cli import main
 remote.ANSWER_S = processes.PATIENCE_S

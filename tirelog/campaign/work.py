@@ -85,9 +85,10 @@ def make_tables(task: Task) -> Entry:
             entry.losses = list(recording.losses)
         entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
     except TirelogError as problem:
-        said = str(problem)  # a shared setup that does not fit this log names itself
+        # a shared setup that does not fit this log names itself alone
+        told = task.log in str(problem.file)
         entry.error, entry.exit_status = (
-            said if task.log in said else f"{task.log}: {said}",
+            str(problem) if told else f"{task.log}: {problem}",
             int(problem.exit_status),
         )
         entry.unwritable = isinstance(problem, OutputError)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.obstacles.learn import Learned
-    from tirelog.inference.fit.revolutions import FitResult
+    from tirelog.inference.fit.result import FitResult
     from tirelog.physics.effects import Effect
     from tirelog.physics.model.model import Model
     from tirelog.physics.parameters import Parameter

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.data.setup import Setup
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import ConditionValues
 from tirelog.vocabulary.quality import Doubt
@@ -96,10 +97,11 @@ class TimeAxis:
         segment = np.clip(np.searchsorted(self.start_s, time_s, side="right") - 1, 0, None)
         last = np.append(self.first[1:], self.size)[segment] - 1
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return np.minimum(
+            found: FloatArray = np.minimum(
                 self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment],
                 last,
             )
+            return found
 
     @property
     def duration_s(self) -> float:
@@ -193,8 +195,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Recording:
-    """One log in SI: its channels, its setup (`tirelog.data.setup.Setup`), where it came from and
-    what was repaired.
+    """One log in SI: its channels, its setup, where it came from and what was repaired.
 
     `log` is the path as the user gave it; `remarks` are sentences on the whole log that a command
     says once on standard error; `losses` are sentences on input that was lost (status 3); the list
@@ -203,7 +204,7 @@ class Recording:
 
     log: str
     channels: Mapping[str, Channel]
-    setup: Any
+    setup: Setup
     provenance: Mapping[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     losses: list[str] = field(default_factory=list)

@@ -17,12 +17,15 @@ from dataclasses import Field, dataclass, field, fields, make_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tirelog.data.plausibility import doubt_of_key, doubt_of_radius
+from tirelog.data.bounds import doubt_of_key, doubt_of_radius
 from tirelog.errors import SetupError, nearest
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.vocabulary import units
 from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 SURFACES = ("outer", "inner")
 ROADS = ("flat", "step", "cleat", "sine", "profile")
@@ -195,7 +198,7 @@ class Setup:
     file: str | None = None
 
 
-T = TypeVar("T")
+T = TypeVar("T", bound="DataclassInstance")
 
 
 class _Source:
@@ -280,7 +283,7 @@ def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
         raise source.error(
             f"{name} is not a table; allowed is [{name}] with keys under it; mend it", "", name
         )
-    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
+    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}
     for key in data:
         if key not in specs:
             raise source.error(

@@ -153,7 +153,8 @@ def _running_time(base: Base) -> FloatArray:
     ends = np.array(
         [c.conditions.time_s[c.log == log].max(initial=0.0) for log in range(int(c.log.max()) + 1)]
     )
-    return c.conditions.time_s + np.concatenate([[0.0], np.cumsum(ends)])[c.log]
+    time_s: FloatArray = c.conditions.time_s + np.concatenate([[0.0], np.cumsum(ends)])[c.log]
+    return time_s
 
 
 def _residual(base: Base) -> tuple[FloatArray, FloatArray]:

@@ -132,10 +132,11 @@ class Diagnosis:
             {name: getattr(c, name) for name in Candidate.__dataclass_fields__}
             for c in self.effects
         ]
-        return plain(
+        told: dict[str, Any] = plain(
             {name: getattr(self, name) for name in names}
             | {"effects": rows, "note": " ".join(self.notes)}
         )
+        return told
 
 
 def diagnose(

@@ -14,6 +14,7 @@ removal of the best family.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -292,9 +293,9 @@ def _exponent(
     the pressure rather than of the observable.
     """
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
-    kinds = (
-        [lambda: free] if free.shape[-1] == 1 else [lambda: pressure_columns(base), lambda: free]
-    )  # one after the other in memory
+    kinds: list[Callable[[], FloatArray]] = [lambda: free]  # one after the other in memory
+    if free.shape[-1] > 1:
+        kinds.insert(0, lambda: pressure_columns(base))
     explained = [_explained_by_exponent(base, taken, residual, kind(), speed) for kind in kinds]
     best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
     return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
@@ -348,7 +349,8 @@ def leading_shape(base: Base) -> FloatArray:
         strength[0] * np.abs(size[:, 0] / np.maximum(base.plain.weights.max(axis=1), 1e-300)).max()
     )
     sign = np.sign(size[np.argmax(np.abs(size[:, 0])), 0])
-    return sign * scale * shape[0]
+    shape_found: FloatArray = sign * scale * shape[0]
+    return shape_found
 
 
 def half_angle(base: Base) -> float:

@@ -372,7 +372,8 @@ def _channel(
 def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:
     """Stored numbers [start, stop); a chunk that fails its checksum is lost, and said once."""
     try:
-        return dataset[start:stop]
+        stored: np.ndarray = dataset[start:stop]
+        return stored
     except LIBRARY_ERRORS:
         missing = LOST_COUNT if dataset.dtype.kind == "i" else np.nan
         out = np.full(max(stop - start, 0), missing, dataset.dtype)

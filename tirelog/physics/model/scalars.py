@@ -42,8 +42,8 @@ def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float)
         task.drive.acceleration_m_s2
     )
     value = value + width_rad
-    for a in task.having("regressor"):
-        value = value + a.effect.regressor(a.values, task.drive, site, observable)  # type: ignore[misc]
+    for added in task.hooks(lambda effect: effect.regressor).values():
+        value = value + added(site, observable)
     return value
 
 
@@ -52,7 +52,8 @@ def dissipation_factor(task: Task, lever_m: float) -> FloatArray:
     modes, _ = waveform(task, "strain", lever_m)
     R = task.base["radius_m"]
     slopes = (np.arange(MODES) / R) ** 2 * (modes.real**2 + modes.imag**2)
-    return 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
+    integral: FloatArray = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
+    return integral
 
 
 #: observable of one number per revolution -> its law: (task, signed lever arm [m]) -> column

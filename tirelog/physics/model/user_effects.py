@@ -59,16 +59,18 @@ def effect_by_expression(
     """
     if acts_on not in EXPRESSION_ACTS_ON:
         raise ModelError(
-            f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}; "
-            f"allowed are {', '.join(EXPRESSION_ACTS_ON)}; choose one"
+            f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}",
+            allowed=EXPRESSION_ACTS_ON,
+            do="choose one",
         )
     taken = {*PLACES, *CONDITIONS, *FUNCTIONS, "pi", "e"}
     clash = [p.name for p in parameters if p.name in taken or not p.name.isidentifier()]
     if name in BY_ID or not name.replace("-", "_").isidentifier() or clash:
         raise ModelError(
             f"effect {name!r} with parameters {[p.name for p in parameters]}: "
-            f"{', '.join(clash) or name} is taken or no plain "
-            "name; allowed are names that are no effect, function or condition; rename it"
+            f"{', '.join(clash) or name} is taken or no plain name",
+            allowed="allowed are names that are no effect, function or condition",
+            do="rename it",
         )
     places = PLACES if acts_on in _WAVES else ()
     formula = parse(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
@@ -177,8 +179,9 @@ def effects_of_file(path: Path) -> dict[str, Effect]:
     except OSError as problem:
         if not _line(problem, path):  # the file itself
             raise ModelError(
-                f"cannot be read ({problem.strerror}); a Python file with effects is allowed; "
-                "give its path",
+                f"cannot be read ({problem.strerror})",
+                allowed="a Python file with effects is allowed",
+                do="give its path",
                 file=path,
             ) from None
         raise _failed(problem, path) from problem
@@ -195,7 +198,9 @@ def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
         else f"{type(problem).__name__}: {problem}"
     )
     return ModelError(
-        f"{what}{told}; Python that runs and returns is allowed; correct it",
+        f"{what}{told}",
+        allowed="Python that runs and returns is allowed",
+        do="correct it",
         file=path,
         line=_line(problem, path),
     )
@@ -260,19 +265,24 @@ def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
     for effect in effects:
         if not isinstance(effect, Effect):
             raise ModelError(
-                f"gives {type(effect).__name__}; tirelog.physics.Effect is allowed; correct it",
+                f"gives {type(effect).__name__}",
+                allowed="tirelog.physics.Effect is allowed",
+                do="correct it",
                 file=origin,
             )
         if effect.id in BY_ID or effect.id in found:
             raise ModelError(
-                f"effect {effect.id!r} exists already; a new name is allowed; rename it",
+                f"effect {effect.id!r} exists already",
+                allowed="a new name is allowed",
+                do="rename it",
                 file=origin,
             )
         found[effect.id] = _watched(effect.checked(), origin)
     if not found:
         raise ModelError(
-            "has no effect; at least one tirelog.physics.Effect at module level is needed; "
-            "define it",
+            "has no effect",
+            allowed="at least one tirelog.physics.Effect at module level is needed",
+            do="define it",
             file=origin,
         )
     return found

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -117,24 +118,28 @@ class Topic:
                 self._group(list(g.group.channels), 0, rate, g.group) for g in self.groups
             ]
         else:
+            places = {name: decimals_of(decimal, self.wants[name]) for name in kinds}
             self.groups = [
-                self._group(names, used + k, rate) for k, names in enumerate(members.values())
+                self._group(names, used + k, rate, places=places)
+                for k, names in enumerate(members.values())
             ]
         for group in self.groups:
             group.batched = kinds.get(group.group.channels[0]) is not None
-            group.group.decimals.update(
-                {
-                    name: decimals_of(decimal, self.wants[name])
-                    for name in group.group.channels
-                    if name in self.wants
-                }
-            )
 
     def _group(
-        self, names: list[str], number: int, rate: float | None, known: Group | None = None
+        self,
+        names: list[str],
+        number: int,
+        rate: float | None,
+        known: Group | None = None,
+        places: Mapping[str, int | None] = MappingProxyType({}),
     ) -> OrderedGroup:
+        """`places`: decimals of the channels, for those that are known when the group is made."""
         group = known or Group(
-            f"clock_{number + 1}", tuple(names), rate_Hz=rate, decimals=dict.fromkeys(names)
+            f"clock_{number + 1}",
+            tuple(names),
+            rate_Hz=rate,
+            decimals={name: places.get(name) for name in names},
         )
         own = (
             self.setup.channels[names[0]].sampling_rate_Hz
