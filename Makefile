@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test bench lint hidden fuzz docs
+.PHONY: demo test test-versions coverage bench lint hidden fuzz docs
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -21,6 +21,28 @@ demo: .venv/.demo
 
 test: .venv/.dev
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
+
+# the quick families on each Python that pyproject.toml allows and this machine has, each in its own
+# .venv-VERSION; a version that is not there is said, and is no failure
+VERSIONS := 3.11 3.12 3.13
+QUICK := tests/test_errors.py tests/test_layers.py tests/data tests/tables tests/readers tests/dsp
+
+test-versions:
+	@for version in $(VERSIONS); do \
+		if ! command -v python$$version > /dev/null || ! python$$version -c pass 2> /dev/null; then \
+			echo "Python $$version: not on this machine"; continue; \
+		fi; \
+		echo "Python $$version:"; \
+		test -x .venv-$$version/bin/python || python$$version -m venv .venv-$$version || exit 1; \
+		.venv-$$version/bin/python -m pip install --quiet --editable . pytest hypothesis || exit 1; \
+		.venv-$$version/bin/python -m pytest -q $(QUICK) || exit 1; \
+	done
+
+# which lines no test runs; kernels run as plain Python, or their lines would all seem not to be run
+coverage: .venv/.dev
+	$(BIN)/python -m pip install --quiet coverage
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m coverage run -m pytest $(QUICK) tests/physics tests/faults
+	$(BIN)/python -m coverage report
 
 bench: .venv/.dev
 	$(BIN)/python -m benchmarks

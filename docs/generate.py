@@ -9,13 +9,34 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
+from tirelog.physics.effects import CATALOGUE, Effect
+from tirelog.vocabulary.conditions import CONDITIONS
+from tirelog.vocabulary.kinds import KINDS
+from tirelog.vocabulary.observables import OBSERVABLES
 from tirelog.vocabulary.quality import OK, Quality
+from tirelog.vocabulary.units import UNITS
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTE = "<!-- made by `make docs` from {}; change that file -->"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+def words(names: Iterable[str]) -> str:
+    """Names as code, one after the other."""
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def unit_of(unit: str) -> str:
+    """A unit as a cell; a pure number has none."""
+    return "" if unit == "1" else unit
 
 
 def quality_section() -> str:
@@ -52,14 +73,234 @@ def _word(flag: Quality) -> str:
     return flag.word
 
 
-def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    """A Markdown table."""
-    lines = [head, ("---",) * len(head), *rows]
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+def kinds_page() -> str:
+    """docs/channel_kinds.md."""
+    rows = []
+    for kind in KINDS.values():
+        told = [o.name for o in OBSERVABLES.values() if kind.name in o.kinds]
+        told += [c.field for c in CONDITIONS.values() if kind.name in c.kinds]
+        units = [name for name, (quantity, _, _) in UNITS.items() if quantity in kind.quantities]
+        rows.append(
+            (
+                f"`{kind.name}`",
+                kind.meaning,
+                kind.source_unit,
+                " ".join(units),
+                kind.unit,
+                words(told),
+            )
+        )
+    return "\n".join(
+        [
+            NOTE.format("tirelog/vocabulary/kinds.py"),
+            "# Kinds of channel\n",
+            "`kind` and `unit` of a channel in a setup. Inside, everything is SI.\n",
+            table(
+                (
+                    "kind",
+                    "what it is",
+                    "unit if the setup names none",
+                    "allowed units",
+                    "inside",
+                    "observables and conditions that it gives",
+                ),
+                rows,
+            )
+            + "\n",
+        ]
+    )
 
 
-PAGES: Mapping[str, Callable[[], str]] = {"docs/quality_words.md": quality_page}
-README_SECTIONS: Mapping[str, Callable[[], str]] = {"quality words": quality_section}
+def conditions_page() -> str:
+    """docs/conditions.md."""
+    rows = []
+    for condition in CONDITIONS.values():
+        key = condition.setup
+        given = "" if key is None else f"{'from' if key.from_low else 'above'} {key.low:g}"
+        followers = [
+            effect.id
+            for effect in CATALOGUE
+            if condition.field in [name for name, _ in effect.followed]
+        ]
+        rows.append(
+            (
+                f"`{condition.field}`",
+                condition.meaning,
+                unit_of(condition.unit),
+                f"`{condition.symbol}`" if condition.in_expressions else "",
+                words(condition.kinds),
+                "" if key is None else f"{given} to {key.high:g}",
+                words(followers),
+            )
+        )
+    return "\n".join(
+        [
+            NOTE.format("tirelog/vocabulary/conditions.py"),
+            "# Conditions\n",
+            "What a revolution is driven under. A channel that measures a condition goes before "
+            "the setup's constant; speed,\nacceleration and time come from the passages of the "
+            "patch. A condition that nothing gives is not known, and an\neffect that needs it is "
+            "refused. A new one: [howto/condition.md](howto/condition.md).\n",
+            table(
+                (
+                    "condition",
+                    "what it is",
+                    "unit",
+                    "in an expression",
+                    "measured by channels of kind",
+                    "allowed in a setup's `[conditions]`",
+                    "effects that follow it",
+                ),
+                rows,
+            )
+            + "\n",
+        ]
+    )
+
+
+def observables_page() -> str:
+    """docs/observables.md."""
+    rows = [
+        (
+            f"`{o.name}`",
+            o.meaning,
+            "waveform" if o.waveform else "number per revolution",
+            unit_of(o.unit),
+            unit_of(o.shown_unit),
+            words(o.kinds),
+            words(effect.id for effect in CATALOGUE if o.name in effect.reaches),
+        )
+        for o in OBSERVABLES.values()
+    ]
+    return "\n".join(
+        [
+            NOTE.format("tirelog/vocabulary/observables.py"),
+            "# Observables\n",
+            "What a model predicts (`observable` in a model file) and a log measures. A new one: "
+            "[howto/observable.md](howto/observable.md).\n",
+            table(
+                ("observable", "what it is", "form", "unit", "shown in", "measured by", "effects"),
+                rows,
+            )
+            + "\n",
+        ]
+    )
+
+
+def effects_page() -> str:
+    """docs/effects.md."""
+    return (
+        "\n".join(
+            [
+                NOTE.format("tirelog/physics/effects/"),
+                "# Effects of the catalogue\n",
+                "A new one: [howto/effect.md](howto/effect.md). `compare`, `diagnose` and `ladder` "
+                "remark when a range is left.\n",
+                table(
+                    ("effect", "mechanism", "follows", "acts on", "valid for"),
+                    [
+                        (
+                            f"[`{e.id}`](#{e.id})",
+                            e.mechanism,
+                            e.follows_said,
+                            ", ".join(e.acts_on),
+                            "; ".join(ranges(e)),
+                        )
+                        for e in CATALOGUE
+                    ],
+                ),
+                *(effect_section(effect) for effect in CATALOGUE),
+            ]
+        )
+        + "\n"
+    )
+
+
+def ranges(effect: Effect) -> list[str]:
+    """The ranges of an effect in words."""
+    units = {p.name: p.unit for p in effect.parameters}
+    return [
+        f"{CONDITIONS[name].name if name in CONDITIONS else name} {low:g} to {high:g} "
+        f"{unit_of(CONDITIONS[name].unit if name in CONDITIONS else units[name])}".rstrip()
+        for name, (low, high) in effect.valid_range.items()
+    ]
+
+
+def effect_section(effect: Effect) -> str:
+    """All that the catalogue says of one effect."""
+    facts = [
+        ("observables", words(effect.reaches)),
+        ("needs", words(effect.needs) or "nothing beyond speed"),
+        *((f"option `{name}`", words(allowed)) for name, allowed in effect.options.items()),
+        ("signature", effect.signature),
+        ("valid", "; ".join([effect.valid, *ranges(effect)])),
+        ("source", effect.source),
+    ]
+    return "\n".join(
+        [
+            f"\n## {effect.id}\n",
+            f"{effect.mechanism[0].upper()}{effect.mechanism[1:]}.\n",
+            "".join(f"* {name}: {said}\n" for name, said in facts),
+            table(
+                ("parameter", "what it is", "unit", "start", "bounds"),
+                [
+                    (
+                        f"`{p.name}`",
+                        p.description + ("" if p.free else " (fixed)"),
+                        unit_of(p.unit),
+                        f"{p.value:g}",
+                        f"{p.min:g} to {p.max:g}",
+                    )
+                    for p in effect.parameters
+                ],
+            ),
+        ]
+    )
+
+
+def kinds_section() -> str:
+    """Kinds of channel, as README.md shows them."""
+    return table(
+        ("kind", "what it is", "unit if none is named"),
+        [(f"`{kind.name}`", kind.meaning, kind.source_unit) for kind in KINDS.values()],
+    )
+
+
+def conditions_section() -> str:
+    """Conditions that a setup or a channel gives, as README.md shows them."""
+    rows = [
+        (
+            c.name,
+            f"{c.meaning} [{c.unit}]",
+            f"`{c.field}`" if c.setup is not None else "",
+            words(c.kinds),
+        )
+        for c in CONDITIONS.values()
+        if c.setup is not None or c.kinds
+    ]
+    head = ("condition", "what it is", "key of `[conditions]`", "or a channel of kind")
+    return table(head, rows)
+
+
+def observables_section() -> str:
+    """What a model predicts, as README.md shows it."""
+    rows = [(f"`{o.name}`", o.meaning, o.unit, words(o.kinds)) for o in OBSERVABLES.values()]
+    return table(("`--observable`", "what it is", "unit", "measured by channels of kind"), rows)
+
+
+PAGES: Mapping[str, Callable[[], str]] = {
+    "docs/quality_words.md": quality_page,
+    "docs/channel_kinds.md": kinds_page,
+    "docs/conditions.md": conditions_page,
+    "docs/observables.md": observables_page,
+    "docs/effects.md": effects_page,
+}
+README_SECTIONS: Mapping[str, Callable[[], str]] = {
+    "quality words": quality_section,
+    "channel kinds": kinds_section,
+    "conditions": conditions_section,
+    "observables": observables_section,
+}
 
 
 def readme(text: str) -> str:

@@ -65,23 +65,3 @@ def test_a_kernel_whose_called_kernel_was_edited_is_compiled_anew(tmp_path):
     assert run(3.0) == "6.0 1"
     assert run(5.0) == "10.0 0"
     assert run(5.0) == "10.0 1"
-
-
-def test_scipy_waits_until_it_is_asked_for() -> None:
-    """A tenth of a second and 16 MB of every command; and what numba was not shown is there for
-    others.
-    """
-    asked = """
-import sys
-import numpy as np
-from tirelog.runs.in_memory import unpacked
-out = np.empty(3)
-unpacked(np.arange(3, dtype=np.uint16), 4, 2.0, 1.0, out)
-assert out.tolist()[1:] == [11.0, 13.0]
-print("scipy.linalg" in sys.modules)
-import scipy.linalg.cython_blas, scipy.optimize
-"""
-    found = subprocess.run(
-        [sys.executable, "-c", asked], capture_output=True, text=True, timeout=600
-    )
-    assert (found.stdout, found.returncode) == ("False\n", 0), found.stderr

@@ -4,7 +4,10 @@ Every error that a user can cause is a `TirelogError`; its class knows the exit 
 command line.
 
 A message has three parts, joined by semicolons: what is wrong; what is allowed; what to do. `file`
-and `line` say where.
+and `line` say where. Each part is a field, and code reads fields; the sentence is for people.
+
+    raise UsageError(f"unknown table {name!r}", allowed=TABLES, do="choose one")
+    unknown table 'x'; allowed are speed, footprint; choose one
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import difflib
 import re
 from collections.abc import Iterable
 from enum import IntEnum
+from typing import Self
 
 _USER = re.compile(r"\b([A-Za-z][A-Za-z0-9+.-]+:/{1,2})[^\s/?#]*@")
 _QUERY = re.compile(
@@ -67,9 +71,31 @@ class TirelogError(Exception):
 
     exit_status: ExitStatus = ExitStatus.UNUSABLE_REQUEST
 
-    def __init__(self, message: str, *, file: object = None, line: int | None = None) -> None:
-        self.message, self.file, self.line = without_credentials(message), file, line
+    def __init__(
+        self,
+        what: str,
+        *,
+        allowed: str | Iterable[str] = "",
+        do: str = "",
+        file: object = None,
+        line: int | None = None,
+    ) -> None:
+        """`allowed`: a clause as it is printed, or the words one of which may be chosen.
+
+        A whole sentence as `what` alone is taken too; its first clause then says what is wrong.
+        """
+        clause = allowed if isinstance(allowed, str) else f"allowed are {', '.join(allowed)}"
+        what, self.allowed, self.do = (without_credentials(part) for part in (what, clause, do))
+        self.what = what if clause or do else what.split(";")[0]
+        self.message = "; ".join(part for part in (what, self.allowed, self.do) if part)
+        self.file, self.line = file, line
         super().__init__(self.__str__())
+
+    def at(self, file: object, line: int | None = None) -> Self:
+        """The same error, told of a place in a file."""
+        there = type(self)(self.message, file=file, line=line)
+        there.what, there.allowed, there.do = self.what, self.allowed, self.do
+        return there
 
     def __str__(self) -> str:
         where = (

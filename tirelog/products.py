@@ -20,6 +20,7 @@ from threading import Condition
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 if TYPE_CHECKING:
     from tirelog.strain.footprint.learn import Learnt
@@ -66,13 +67,12 @@ def _phase_shift(recording: Recording, options: Options) -> Rows:
         yield table(passages, calibration), passages.said
 
 
-_STRAIN = ("fbg_strain", "strain")
 MAKERS: dict[str, Maker] = {
     "speed": Maker(
-        (*_STRAIN, "wheel_encoder", "radial_acceleration"), ("calibrate_radius",), _speed
+        (*STRAIN_KINDS, "wheel_encoder", "radial_acceleration"), ("calibrate_radius",), _speed
     ),
-    "footprint": Maker(_STRAIN, ("cutoff",)),
-    "dissipation": Maker(_STRAIN, ("steady_step", "average")),
+    "footprint": Maker(STRAIN_KINDS, ("cutoff",)),
+    "dissipation": Maker(STRAIN_KINDS, ("steady_step", "average")),
     "phase-shift": Maker(("wheel_encoder",), ("calibration", "zero"), _phase_shift),
 }
 
@@ -103,7 +103,7 @@ def _is_of_strain(recording: Recording, name: str, options: Options) -> bool:
     needs all channels at once.
     """
     if name == "speed":
-        return bool(recording.of_kind(*_STRAIN)) and not options.get("calibrate_radius", False)
+        return bool(recording.of_kind(*STRAIN_KINDS)) and not options.get("calibrate_radius", False)
     return MAKERS[name].whole is None
 
 
@@ -171,7 +171,8 @@ class _Forms:
     def _first_before(self, number: int) -> Learnt | None:
         for before in range(number):
             with self._news:
-                self._news.wait_for(lambda before=before: before in self._learnt)  # type: ignore[misc]  # bound in each round
+                while before not in self._learnt:
+                    self._news.wait()
                 learnt = self._learnt[before]
             if learnt is not None:
                 return learnt

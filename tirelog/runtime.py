@@ -95,26 +95,8 @@ def _watch(parent: int) -> None:
 
 Kernel = TypeVar("Kernel", bound=Callable[..., object])
 
-#: the source files that each kernel is compiled from, by the kernel's id
-_SOURCES: dict[int, frozenset[Path]] = {}
-
-
-def _without_blas() -> None:
-    """Loads numba's array functions, as the first kernel would, without the linear algebra of scipy
-    that they look for and no kernel needs.
-
-    It takes a tenth of a second and 16 MB; a kernel that does need it (an inverse) has numba import
-    it then.
-    """
-    blas = "scipy.linalg.cython_blas"
-    if blas in sys.modules:
-        return
-    modules: dict[str, Any] = sys.modules  # None in the place of a module: not to be found
-    modules[blas] = None
-    try:
-        import numba.np.arraymath  # noqa: F401
-    finally:
-        del modules[blas]
+#: what a compiled kernel carries: the source files that it is compiled from
+_SOURCES = "tirelog_sources"
 
 
 def compiled(kernel: Kernel) -> Kernel:
@@ -123,7 +105,6 @@ def compiled(kernel: Kernel) -> Kernel:
     """
     from numba import njit
 
-    _without_blas()
     try:
         made = njit(cache=True, error_model="numpy", nogil=True)(kernel)
     except RuntimeError:  # no folder that could hold the cache: compiled anew in each process
@@ -138,7 +119,7 @@ def _forget_outdated(kernel: Any, made: Any) -> None:
     own = Path(kernel.__code__.co_filename)
     called = (kernel.__globals__.get(name) for name in kernel.__code__.co_names)
     sources = frozenset({own}).union(*(_sources_of(other) for other in called))
-    _SOURCES[id(made)] = sources
+    setattr(made, _SOURCES, sources)
     if len(sources) == 1 or made.stats.cache_path is None:
         return
     for index in Path(made.stats.cache_path).glob(f"{own.stem}.{kernel.__qualname__}-*.nbi"):
@@ -152,4 +133,5 @@ def _sources_of(called: Any) -> frozenset[Path]:
     to compile.
     """
     plain = {Path(called.__code__.co_filename)} if hasattr(called, "__code__") else ()
-    return _SOURCES.get(id(called), frozenset(plain))
+    sources: frozenset[Path] = getattr(called, _SOURCES, frozenset(plain))
+    return sources

@@ -1,5 +1,7 @@
 """Closed form: what logs do not vary is said, with the effects that follow it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tirelog.data.recording import Conditions
@@ -36,3 +38,11 @@ def test_what_varies_and_what_nothing_follows_is_not_said() -> None:
     assert "load" in not_varied(
         conditions(load_N=np.array([3400.0, 3410.0, 3420.0, 3434.0])), [BY_ID["stiffening"]]
     )
+
+
+def test_an_effect_that_follows_the_inflation_pressure_is_named_by_any_of_its_names() -> None:
+    same = conditions(load_N=np.array([3000.0, 3400.0, 3500.0, 3600.0]))
+    for effect in (BY_ID["inflation"], replace(BY_ID["inflation"], follows="inflation pressure")):
+        assert not_varied(same, [effect]).startswith(
+            "The same throughout: inflation pressure 220000 Pa. What follows them (inflation)"
+        )

@@ -12,6 +12,7 @@ from tirelog.errors import ModelError
 from tirelog.physics import CATALOGUE, Model
 from tirelog.physics.effects.base import ACTS_ON
 from tirelog.physics.model.user_effects import EXPRESSION_ACTS_ON, effect_by_expression
+from tirelog.vocabulary.conditions import CONDITIONS
 
 PHI = np.linspace(-np.pi, np.pi, 97)[:-1] + 0.01
 N = 7
@@ -96,7 +97,13 @@ def test_its_data_are_complete(effect):
     assert effect.checked() is effect
     assert effect.strength
     assert set(effect.acts_on) <= set(ACTS_ON)
-    for text in (effect.mechanism, effect.follows, effect.source, effect.valid, effect.signature):
+    for text in (
+        effect.mechanism,
+        effect.follows_said,
+        effect.source,
+        effect.valid,
+        effect.signature,
+    ):
         assert text
     for p in effect.parameters:
         assert p.unit
@@ -104,6 +111,56 @@ def test_its_data_are_complete(effect):
         assert p.min <= p.probe <= p.max
         assert p.probe != 0.0
         assert p.min <= p.value <= p.max
+
+
+@by_id(CATALOGUE)
+def test_it_follows_the_conditions_that_it_says(effect):
+    """Beside speed and load, which every model reads."""
+    on = probed(base_for(effect).with_effect(effect), effect).resolved(DRIVE)
+    before = on.predict(DRIVE, PHI)
+    others = [name for name in CONDITIONS if name not in ("speed_m_s", "load_N")]
+    known = {name: np.nan_to_num(getattr(DRIVE, name)) for name in others}
+    moved = {name: replace(DRIVE, **{name: 1.1 * values + 0.01}) for name, values in known.items()}
+    read = {name for name in others if not np.array_equal(on.predict(moved[name], PHI), before)}
+    said = {name for name, _ in effect.followed}
+    either = {*effect.instead, *effect.instead.values()}  # one of the two is read
+    assert read <= said | either
+    assert said - read <= either | {"speed_m_s", "load_N"}
+
+
+def text_effect(follows, **more):
+    return replace(CATALOGUE[0], id="mine", follows=follows, **more)
+
+
+def test_a_text_of_what_is_followed_is_read():
+    said = text_effect("Speed of sound, speed^2, water depth, inflation pressure, distance^x")
+    assert said.followed == (
+        ("speed_m_s", 2.0),
+        ("water_depth_mm", 1.0),
+        ("inflation_pressure_Pa", 1.0),
+    )
+    assert said.follows_said == said.follows
+    assert text_effect("").checked().follows_said == "nothing"
+    assert text_effect((("water_depth_mm", 1), ("speed_m_s", 1.5))).follows_said == (
+        "water depth, speed^1.5"
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        ({"follows": (("sped_m_s", 2),)}, "'sped_m_s' is no condition"),
+        ({"follows": ("speed_m_s",)}, "pairs .condition, power."),
+        ({"follows": (("speed_m_s", float("nan")),)}, "finite powers"),
+        ({"follows": None}, "pairs .condition, power."),
+        ({"follows": (), "valid_range": {"water": (0, 1)}}, "'water' is no condition or parameter"),
+        ({"follows": (), "valid_range": {"speed_m_s": (40.0, 2.0)}}, "from 40 to 2"),
+        ({"follows": (), "valid_range": {"speed_m_s": ("slow", "fast")}}, "pair"),
+    ],
+)
+def test_data_that_say_nothing_are_refused(wrong, match):
+    with pytest.raises(ModelError, match=match):
+        text_effect(**wrong).checked()
 
 
 @by_id(CATALOGUE)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from tests.readers.text_logs import read, setup_of
-from tirelog.data.setup import KINDS, Setup
+from tirelog.data.setup import Setup
 from tirelog.errors import ReadError
 from tirelog.runs.ingest import open_recording, write_run
+from tirelog.vocabulary.kinds import KINDS
 
 COLUMNS = {"time": 0.0, "strain": 100.0, "temp": 200.0, "load": 300.0}
 
@@ -98,7 +99,7 @@ def test_the_header_s_unit_is_that_of_a_channel_without_one(kind: str, encoding:
         reader, _ = read(text.encode(encoding), setup_of({"x": {"kind": kind, "source": name}}))
         assert reader.setup.channels["x"].unit == unit
         assert reader.report.remarks == []
-    other = setup_of({"x": {"kind": kind, "source": source, "unit": KINDS[kind][2]}})
+    other = setup_of({"x": {"kind": kind, "source": source, "unit": KINDS[kind].source_unit}})
     reader, _ = read(text.encode(encoding), other)
     assert reader.setup.channels["x"].unit == other.channels["x"].unit
     assert "the setup's is used" in reader.report.remarks[0]

@@ -150,7 +150,7 @@ def _pieces(tasks: list[Task], observable: str, ledger: Ledger) -> tuple[Pieces,
     """Each log's share of pieces, and what to say of it."""
     from tirelog.inference.cells.gathering import chosen_logs, left_out, room, share_out
     from tirelog.inference.cells.pieces import joined_pieces
-    from tirelog.physics.carcass.numbers import SCALARS
+    from tirelog.vocabulary.observables import SCALARS
 
     most = room(1 if observable in SCALARS else 2)
     chosen = [tasks[i] for i in chosen_logs(len(tasks), most)]

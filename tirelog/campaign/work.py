@@ -85,9 +85,10 @@ def make_tables(task: Task) -> Entry:
             entry.losses = list(recording.losses)
         entry.exit_status = int(ExitStatus.INPUT_LOST if entry.losses else ExitStatus.DONE)
     except TirelogError as problem:
-        said = str(problem)  # a shared setup that does not fit this log names itself
+        # a shared setup that does not fit this log names itself alone
+        told = task.log in str(problem.file)
         entry.error, entry.exit_status = (
-            said if task.log in said else f"{task.log}: {said}",
+            str(problem) if told else f"{task.log}: {problem}",
             int(problem.exit_status),
         )
         entry.unwritable = isinstance(problem, OutputError)
@@ -175,10 +176,11 @@ def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
     from tirelog.campaign.pieces_file import pieces_bytes
     from tirelog.inference.cells.gathering import pieces_of_all
     from tirelog.inference.measured import measured
-    from tirelog.inference.stacks.cut import KINDS
+    from tirelog.vocabulary.observables import OBSERVABLES
 
     for observable in task.observables:
-        if not recording.of_kind(*KINDS.get(observable, ())):
+        known = OBSERVABLES.get(observable)
+        if known is None or not recording.of_kind(*known.kinds):
             entry.pieces[observable] = f"no channel for {observable}"
             continue
         try:

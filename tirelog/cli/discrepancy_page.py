@@ -8,6 +8,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from tirelog.vocabulary.observables import shown
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -21,13 +23,6 @@ def _console() -> Console:
     from tirelog.cli.common import page
 
     return page(_WIDTH)
-
-
-def shown(observable: str, unit: str) -> tuple[float, str]:
-    """Factor and unit in which a person reads the observable."""
-    from tirelog.diagnosis.wording import READ
-
-    return READ.get(observable, (1.0, unit))
 
 
 def _table(columns: list[str], rows: list[list[Any]]) -> Any:

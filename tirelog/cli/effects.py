@@ -85,20 +85,15 @@ def _draw(axes: Any, effect: Effect) -> None:
 
     from tirelog.data.recording import Conditions
     from tirelog.physics.model.model import Model
+    from tirelog.vocabulary.conditions import CONDITIONS
 
+    told = {name: c.example for name, c in CONDITIONS.items() if c.example is not None}
     drives = ((10.0, 0.0, "10 m/s"), (20.0, 0.0, "20 m/s"), (20.0, -3.0, "20 m/s, braking 3 m/s^2"))
     phi = np.linspace(-0.8, 0.8, 801)
     base = Model.new("beam")
     full = base.with_effect(effect)
     full = full.with_values({f"{effect.id}.{p.name}": p.probe for p in effect.parameters})
     for speed, acceleration, label in drives:
-        told = {
-            "distance_km": 20000.0,
-            "water_depth_mm": 1.0,
-            "time_s": 60.0,
-            "temperature_K": 10.0,
-            "inflation_pressure_Pa": 2.2e5,
-        }
         conditions = Conditions.of(1, speed_m_s=speed, acceleration_m_s2=acceleration, **told)
         change = (full.predict(conditions, phi) - base.predict(conditions, phi))[0]
         axes.plot(

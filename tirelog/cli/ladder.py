@@ -98,7 +98,7 @@ def ladder(
 
 def _bars(result: Ladder) -> None:
     """The held-out error as bars that shrink, the floor marked, on standard error."""
-    from tirelog.cli.discrepancy_page import shown
+    from tirelog.vocabulary.observables import shown
 
     factor, unit = shown(result.observable, result.unit)
     errors = [

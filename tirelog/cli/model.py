@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tirelog.cli.common import Format, Logs, ModelFile, Output, Quiet, Session, SetupFile, say
+from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.observables import WAVEFORMS, waveform_of
 
 if TYPE_CHECKING:
     from tirelog.data.setup import Setup
@@ -130,11 +132,7 @@ def check_pressure(pressure_Pa: float | None) -> None:
 def _measured(setup: Setup | None) -> str:
     """The waveform that a setup's channels measure: radial acceleration if no channel is strain."""
     kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
-    return (
-        "radial_acceleration"
-        if "radial_acceleration" in kinds and not kinds & {"fbg_strain", "strain"}
-        else "strain"
-    )
+    return waveform_of(kinds)
 
 
 def _invented(model: Model, given: dict[str, float]) -> list[str]:
@@ -254,9 +252,7 @@ def add(
 
 def _gauge_from_setup(model: Model, setup: Setup) -> Model:
     """The grating's length held at what the setup says, where its strain channels agree on one."""
-    lengths = {
-        c.gauge_length_m for c in setup.channels.values() if c.kind in ("fbg_strain", "strain")
-    }
+    lengths = {c.gauge_length_m for c in setup.channels.values() if c.kind in STRAIN_KINDS}
     length = lengths.pop() if len(lengths) == 1 else None
     if length is None:
         return model
@@ -309,7 +305,6 @@ def fit(
     from tirelog.cli.targets import refuse_unwritable
     from tirelog.diagnosis.obstacles.learn import learn
     from tirelog.inference.motion import motion_names
-    from tirelog.physics.carcass.numbers import WAVEFORMS
 
     refuse_unwritable(output)
     start = _load(model, effects)
@@ -390,9 +385,7 @@ def _observable(recordings: list[Any], name: str | None, model: Model) -> str:
     kinds = {
         recording.channels[name].kind for recording in recordings if name in recording.channels
     }
-    if model.observable in ("strain", "radial_acceleration") and kinds:
-        return "radial_acceleration" if kinds == {"radial_acceleration"} else "strain"
-    return model.observable
+    return waveform_of(kinds) if model.observable in WAVEFORMS and kinds else model.observable
 
 
 def _drivable(
@@ -489,6 +482,7 @@ def predict(
 
     from tirelog.data.recording import Conditions
     from tirelog.errors import UsageError
+    from tirelog.vocabulary.conditions import SETUP_KEYS
 
     if speed < 0 or not np.isfinite(speed):
         raise UsageError(
@@ -505,13 +499,10 @@ def predict(
         "slip": slip,
     }
     if given is not None:
-        names = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
-        known |= {name: getattr(given.conditions, name) for name in names}
+        known |= {name: getattr(given.conditions, name) for name in SETUP_KEYS}
         check_pressure(given.conditions.inflation_pressure_Pa)
         strain = [
-            c.surface
-            for c in given.channels.values()
-            if c.kind in ("fbg_strain", "strain") and c.surface
+            c.surface for c in given.channels.values() if c.kind in STRAIN_KINDS and c.surface
         ]
         surface = surface or (strain[0] if strain else None)
     conditions = Conditions.of(

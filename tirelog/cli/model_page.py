@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.obstacles.learn import Learned
-    from tirelog.inference.fit.revolutions import FitResult
+    from tirelog.inference.fit.result import FitResult
     from tirelog.physics.effects import Effect
     from tirelog.physics.model.model import Model
     from tirelog.physics.parameters import Parameter
@@ -155,7 +155,7 @@ def learned_page(learned: Learned) -> str:
 def effect_page(effect: Effect) -> str:
     """One effect of the catalogue."""
     rows: list[tuple[str, ...]] = [
-        ("follows", effect.follows),
+        ("follows", effect.follows_said),
         ("acts on", ", ".join(effect.acts_on)),
         ("for", ", ".join(effect.reaches)),
         ("needs", ", ".join(effect.needs) or "nothing beyond speed"),
@@ -190,7 +190,7 @@ def catalogue_page(effects: Iterable[Effect]) -> str:
     for e in effects:
         lines.append(f"{e.id}: {e.mechanism}")
         lines.append(
-            f"  acts on {', '.join(e.acts_on)}; follows {e.follows}; "
+            f"  acts on {', '.join(e.acts_on)}; follows {e.follows_said}; "
             f"{', '.join(p.name for p in e.parameters)}; {e.source}"
         )
     return "\n".join(lines)
@@ -202,7 +202,7 @@ def catalogue_rows(effects: Iterable[Effect]) -> dict[str, list[Any]]:
     return {
         "effect": [e.id for e in effects],
         "mechanism": [e.mechanism for e in effects],
-        "follows": [e.follows for e in effects],
+        "follows": [e.follows_said for e in effects],
         "acts_on": [" ".join(e.acts_on) for e in effects],
         "observables": [" ".join(e.reaches) for e in effects],
         "parameters": [" ".join(p.name for p in e.parameters) for e in effects],

@@ -1,77 +1,22 @@
-"""What a tire's setup and log can be.
+"""What a log can be: the one check that every command makes before it says anything.
 
-The one check that every command makes before it says anything else.
-
-    key of a setup, its number --`doubt_of_key`--> '' or why it is no tire's, with the probable unit
     Recording --`check`--> SetupError where a channel cannot be what its setup says; remarks where
                            it is only strange
 
-The bounds are wide: from a child's bicycle to an earth mover and an aircraft's main wheel. What
-lies outside is a wrong unit, a wrong column or a wrong grating nearly always, and every figure made
-of it would be wrong with it.
+What a setup can say is judged by `bounds`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from tirelog.data.bounds import LOAD, PRESSURE, Bounds
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import SetupError
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
-
-@dataclass(frozen=True)
-class Bounds:
-    """From `low` to `high` in SI; `units`: what else the number may have been given in, factor to
-    SI by name.
-    """
-
-    low: float
-    high: float
-    units: Mapping[str, float]
-
-    def holds(self, value: float) -> bool:
-        return self.low <= value <= self.high
-
-    def probable(self, value: float) -> str:
-        """`; 2.2 bar would be 220000` for each other unit in which the value lies inside the
-        bounds, or ''.
-        """
-        fits = [
-            f"{value:g} {name} would be {value * factor:g}"
-            for name, factor in self.units.items()
-            if self.holds(value * factor)
-        ]
-        return f"; {' or '.join(fits)}" if fits else ""
-
-
-_LENGTHS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
-#: inflation pressure above the air's [Pa]: sand and farm tires 0.3 bar, bicycles 12 bar, aircraft
-#: 17 bar.  Twice as wide on both sides would let MPa pass for bar
-PRESSURE = Bounds(2e4, 2e6, {"bar": 1e5, "psi": 6894.757, "kPa": 1e3, "MPa": 1e6, "hPa": 1e2})
-#: wheel load [N]: a child's bicycle 100 N, trucks 50 kN, aircraft 300 kN, the largest earth movers
-#: 1 MN.  Twice as low would not find more mistakes of a unit: kN and tonnes lie a factor of 100
-#: away
-LOAD = Bounds(10.0, 1e6, {"kN": 1e3, "kg": STANDARD_GRAVITY_M_S2, "t": 1e3 * STANDARD_GRAVITY_M_S2})
-#: key of the setup -> what a tire can have.  Radii [m]: push-chair 0.06, earth mover 2.1; widths:
-#: racing bicycle 0.02, earth mover 1.5
-OF_KEY: Mapping[str, Bounds] = {
-    "load_N": LOAD,
-    "inflation_pressure_Pa": PRESSURE,
-    "unloaded_radius_m": Bounds(0.04, 2.5, _LENGTHS),
-    "rolling_radius_m": Bounds(0.04, 2.5, _LENGTHS),
-    "width_m": Bounds(0.01, 2.0, _LENGTHS),
-    # gratings in silica are written from the visible to 2.1 um
-    "reference_wavelength_nm": Bounds(400.0, 2500.0, {"um": 1e3, "pm": 1e-3}),
-}
-#: rolling over unloaded radius.  A belted tire at its load: 0.94 to 0.99, a soft farm tire 0.9; a
-#: quarter of the load would move it by 0.01.  Twice as wide would let half of all mixed-up columns
-#: through
-ROLLING_TO_UNLOADED = (0.85, 1.05)
 #: a grating's median wavelength against its reference: 2 % are 31 nm at 1550 nm, or 25,000
 #: microstrain, or 3,000 K.  Gratings of one fibre lie 5 to 40 nm apart, so twice as much would let
 #: a neighbour pass for it
@@ -83,28 +28,6 @@ STRANGE_STRAIN, MOST_STRAIN = 0.01, 0.1
 FASTEST_M_S = 150.0
 #: a channel is judged by so many of its samples, in so many pieces from all over the log
 LOOKED_AT, PIECES = 4096, 8
-
-
-def doubt_of_key(key: str, value: float) -> str:
-    """'' or what is allowed for `key` of a setup, with the probable unit."""
-    bounds = OF_KEY.get(key)
-    if bounds is None or bounds.holds(value):
-        return ""
-    return f"allowed for a tire is {bounds.low:g} to {bounds.high:g}{bounds.probable(value)}"
-
-
-def doubt_of_radius(rolling_m: float, unloaded_m: float | None) -> str:
-    """'' or why a rolling radius cannot go with the unloaded one."""
-    low, high = ROLLING_TO_UNLOADED
-    if unloaded_m is None or low * unloaded_m <= rolling_m <= high * unloaded_m:
-        return ""
-    share = 100.0 * (rolling_m / unloaded_m - 1.0)
-    return (
-        f"a rolling radius of {rolling_m:.4g} m is {abs(share):.0f} % "
-        f"{'larger' if share > 0 else 'smaller'} "
-        f"than the unloaded {unloaded_m:.4g} m; allowed is {low:g} to {high:g} of it, "
-        f"{low * unloaded_m:.4g} to {high * unloaded_m:.4g} m"
-    )
 
 
 def check(recording: Recording) -> Recording:
@@ -145,7 +68,8 @@ def _some(channel: Channel) -> FloatArray:
         if channel.size
         else np.zeros(0)
     )
-    return some[np.isfinite(some)]
+    known: FloatArray = some[np.isfinite(some)]
+    return known
 
 
 def _refused(recording: Recording, channel: Channel, what: str, do: str) -> SetupError:
@@ -155,6 +79,8 @@ def _refused(recording: Recording, channel: Channel, what: str, do: str) -> Setu
 def _of_grating(recording: Recording, channel: Channel, some: FloatArray) -> str:
     setup = recording.setup.channels[channel.name]
     reference, middle = setup.reference_wavelength_nm, float(np.median(some))
+    if reference is None:  # a setup that was read has one for each grating
+        return ""
     gain = (
         setup.strain_gain
         if channel.kind == "fbg_strain"

@@ -21,7 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.data.setup import Setup
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.conditions import ConditionValues
 from tirelog.vocabulary.quality import Doubt
 
 #: Samples a block, for whoever reads a channel piece by piece (1 MB of float64).
@@ -95,10 +97,11 @@ class TimeAxis:
         segment = np.clip(np.searchsorted(self.start_s, time_s, side="right") - 1, 0, None)
         last = np.append(self.first[1:], self.size)[segment] - 1
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return np.minimum(
+            found: FloatArray = np.minimum(
                 self.first[segment] + (time_s - self.start_s[segment]) / self.period_s[segment],
                 last,
             )
+            return found
 
     @property
     def duration_s(self) -> float:
@@ -192,8 +195,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Recording:
-    """One log in SI: its channels, its setup (`tirelog.data.setup.Setup`), where it came from and
-    what was repaired.
+    """One log in SI: its channels, its setup, where it came from and what was repaired.
 
     `log` is the path as the user gave it; `remarks` are sentences on the whole log that a command
     says once on standard error; `losses` are sentences on input that was lost (status 3); the list
@@ -202,7 +204,7 @@ class Recording:
 
     log: str
     channels: Mapping[str, Channel]
-    setup: Any
+    setup: Setup
     provenance: Mapping[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     losses: list[str] = field(default_factory=list)
@@ -213,24 +215,8 @@ class Recording:
 
 
 @dataclass(frozen=True)
-class Conditions:
-    """What a revolution was driven under, one value a revolution: each field shape (n,), SI, NaN
-    where it is not known.
-
-    `speed_m_s` holds at the patch centre; `acceleration_m_s2` is constant over the revolution;
-    `time_s` counts from the start of the log; `temperature_K` is the change against the channel's
-    reference, from a temperature channel; `slip` is positive in braking.
-    """
-
-    speed_m_s: FloatArray
-    acceleration_m_s2: FloatArray
-    time_s: FloatArray
-    temperature_K: FloatArray
-    load_N: FloatArray
-    inflation_pressure_Pa: FloatArray
-    distance_km: FloatArray
-    water_depth_mm: FloatArray
-    slip: FloatArray
+class Conditions(ConditionValues):
+    """What revolutions were driven under: of each condition of the register an array (n,)."""
 
     @classmethod
     def of(cls, n: int, **values: Any) -> Conditions:

@@ -13,29 +13,20 @@ import math
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, make_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from tirelog.data.plausibility import doubt_of_key, doubt_of_radius
+from tirelog.data.bounds import doubt_of_key, doubt_of_radius
 from tirelog.errors import SetupError, nearest
 from tirelog.storage.documents import toml_tables, toml_text
 from tirelog.vocabulary import units
+from tirelog.vocabulary.conditions import SETUP_KEYS
+from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 
-#: kind -> (quantities that its unit may have, SI unit, unit where the setup names none)
-KINDS: dict[str, tuple[tuple[str, ...], str, str]] = {
-    "fbg_strain": (("length",), "", "nm"),
-    "fbg_temperature": (("length",), "K", "nm"),
-    "strain": (("strain",), "", "strain"),
-    "radial_acceleration": (("acceleration",), "m/s^2", "m/s^2"),
-    "wheel_encoder": (("voltage", "number", "angle"), "", "1"),
-    "vehicle_speed": (("speed",), "m/s", "m/s"),
-    "longitudinal_acceleration": (("acceleration",), "m/s^2", "m/s^2"),
-    "temperature": (("temperature",), "K", "K"),
-    "inflation_pressure": (("pressure",), "Pa", "Pa"),
-    "vertical_load": (("force",), "N", "N"),
-    "longitudinal_force": (("force",), "N", "N"),
-}
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 SURFACES = ("outer", "inner")
 ROADS = ("flat", "step", "cleat", "sine", "profile")
 
@@ -84,14 +75,26 @@ class Tire:
         return self.section_height_m * self.width_m
 
 
-@dataclass(frozen=True)
-class LogConditions:
-    """[conditions]: constant over the log, None where not given."""
+if TYPE_CHECKING:
 
-    load_N: float | None = _number(0.0, 1e6)
-    inflation_pressure_Pa: float | None = _number(0.0, 1e8)
-    distance_km: float | None = _number(0.0, 1e7, above=False)
-    water_depth_mm: float | None = _number(0.0, 1e3, above=False)
+    class _ConditionKeys:
+        def __getattr__(self, key: str) -> float | None: ...
+
+else:
+    _ConditionKeys = make_dataclass(
+        "_ConditionKeys",
+        [
+            (name, "float | None", _number(key.low, key.high, above=not key.from_low))
+            for name, key in SETUP_KEYS.items()
+        ],
+        frozen=True,
+    )
+
+
+@dataclass(frozen=True)
+class LogConditions(_ConditionKeys):
+    """[conditions]: constant over the log; the register's keys, None for what is not given."""
+
     driven: bool | None = None
 
 
@@ -118,7 +121,7 @@ class ChannelSetup:
 
     @property
     def source_unit(self) -> str:
-        return self.unit or KINDS[self.kind][2]
+        return self.unit or KINDS[self.kind].source_unit
 
 
 #: what may stand between the cells of a text log; " " stands for runs of blanks
@@ -195,7 +198,7 @@ class Setup:
     file: str | None = None
 
 
-T = TypeVar("T")
+T = TypeVar("T", bound="DataclassInstance")
 
 
 class _Source:
@@ -280,7 +283,7 @@ def _table(cls: type[T], data: Any, source: _Source, name: str) -> T:
         raise source.error(
             f"{name} is not a table; allowed is [{name}] with keys under it; mend it", "", name
         )
-    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
+    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}
     for key in data:
         if key not in specs:
             raise source.error(
@@ -314,10 +317,10 @@ def _channel(name: str, data: Any, source: _Source, names: list[str]) -> Channel
             table,
         )
     try:
-        units.to_si(channel.source_unit, *KINDS[channel.kind][0])
+        units.to_si(channel.source_unit, *KINDS[channel.kind].quantities)
     except SetupError as problem:
         raise source.error(problem.message, table, "unit") from None
-    if channel.kind.startswith("fbg_") and channel.reference_wavelength_nm is None:
+    if channel.kind in WAVELENGTH_KINDS and channel.reference_wavelength_nm is None:
         raise source.error(
             "no reference_wavelength_nm; a grating needs its wavelength at rest in nm; add it",
             table,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.leftover import half_angle
 from tirelog.diagnosis.results import Comparison, Map, Tables, Waveforms, excess_of
+from tirelog.diagnosis.validity import out_of_range
 from tirelog.errors import UsageError
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import cells_of
@@ -23,19 +24,12 @@ from tirelog.inference.cells.gathering import pieces_of_logs
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.floor import Plain, scatter_columns
 from tirelog.inference.motion import held
-from tirelog.physics.carcass.numbers import SCALARS
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import SETUP_KEYS
+from tirelog.vocabulary.observables import OBSERVABLES, STRAIN
 from tirelog.vocabulary.quality import Quality, quality_text
 
-UNITS = {
-    "strain": "1",
-    "radial_acceleration": "m/s^2",
-    "patch_length": "m",
-    "dissipation_factor": "1/m",
-    "phase_shift": "rad",
-    "patch_width": "rad",
-}
 _SHOWN = 4
 _MAP_ROWS = 24
 
@@ -87,10 +81,10 @@ def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
         base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum())
         + base.floor.within
     )
-    waveform = base.model.observable not in SCALARS
+    waveform = OBSERVABLES[base.model.observable].waveform
     return Comparison(
         observable=base.model.observable,
-        unit=UNITS[base.model.observable],
+        unit=OBSERVABLES[base.model.observable].unit,
         model=base.model,
         rmse=float(np.sqrt(max(base.square_fit, 0.0))),
         rmse_heldout=base.rmse_held,
@@ -132,7 +126,7 @@ def remarks_of(base: Base) -> list[str]:
     measured = np.nanmean(base.cells.values, axis=0)
     expected = np.nanmean(base.fit.prediction, axis=0)
     good = np.isfinite(measured) & np.isfinite(expected)
-    if good.sum() > 8 and base.model.observable == "strain":
+    if good.sum() > 8 and base.model.observable == STRAIN:
         skew = float(np.mean((measured[good] - measured[good].mean()) ** 3))
         wanted = "inner" if skew > 0 else "outer"
         if wanted != base.cells.surface:
@@ -150,7 +144,7 @@ def remarks_of(base: Base) -> list[str]:
             said.append(
                 f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it"
             )
-    return said
+    return said + out_of_range(base)
 
 
 def _running_time(base: Base) -> FloatArray:
@@ -159,7 +153,8 @@ def _running_time(base: Base) -> FloatArray:
     ends = np.array(
         [c.conditions.time_s[c.log == log].max(initial=0.0) for log in range(int(c.log.max()) + 1)]
     )
-    return c.conditions.time_s + np.concatenate([[0.0], np.cumsum(ends)])[c.log]
+    time_s: FloatArray = c.conditions.time_s + np.concatenate([[0.0], np.cumsum(ends)])[c.log]
+    return time_s
 
 
 def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
@@ -244,10 +239,9 @@ def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
 
 def _log_conditions(base: Base, cell: int) -> dict[str, Any]:
     c = base.cells.conditions
-    fields = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
     rows = base.cells.log == base.cells.log[cell]
     return {"log": base.cells.logs[base.cells.log[cell]]} | {
-        name: float(np.mean(getattr(c, name)[rows])) for name in fields
+        name: float(np.mean(getattr(c, name)[rows])) for name in SETUP_KEYS
     }
 
 

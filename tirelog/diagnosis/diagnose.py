@@ -27,7 +27,7 @@ import numpy as np
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.assessment import Assessed
-from tirelog.diagnosis.compare import UNITS, Measured, comparison_of, single_revolutions, start
+from tirelog.diagnosis.compare import Measured, comparison_of, single_revolutions, start
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import (
     Step,
@@ -44,10 +44,12 @@ from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.unvaried import not_varied
+from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, sentence_of, unexplained_sentence
 from tirelog.inference.base import Base, settled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import OBSERVABLES
 
 #: shares of the excess that the selected effects must remove
 EXPLAINED = 0.9
@@ -130,10 +132,11 @@ class Diagnosis:
             {name: getattr(c, name) for name in Candidate.__dataclass_fields__}
             for c in self.effects
         ]
-        return plain(
+        told: dict[str, Any] = plain(
             {name: getattr(self, name) for name in names}
             | {"effects": rows, "note": " ".join(self.notes)}
         )
+        return told
 
 
 def diagnose(
@@ -239,6 +242,9 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         if (said := not_varied(before.cells.conditions, candidate_effects(before.model)))
         else []
     )
+    if selected:
+        left_before = out_of_range(before)
+        notes += [f"{said}." for said in out_of_range(after) if said not in left_before]
     ranked = {c.effect for c in ranking}
     reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items() if k not in ranked}
     scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
@@ -253,7 +259,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
         "scatter": scatter,
         "observable": before.model.observable,
-        "unit": UNITS[before.model.observable],
+        "unit": OBSERVABLES[before.model.observable].unit,
         "chi2": before.reduced_chi2,
         "groups": groups,
         "unexplained": unexplained,

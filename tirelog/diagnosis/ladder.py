@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.diagnosis.compare import UNITS, Measured, measured_pieces, remarks_of, start
+from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
 from tirelog.diagnosis.diagnose import EXPLAINED, Found, Progress, search
 from tirelog.diagnosis.naming import Step
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES
+from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
 from tirelog.inference.base import Base
 from tirelog.inference.cells.cells import cells_of
@@ -30,6 +31,7 @@ from tirelog.inference.floor import Plain, at_mean_speed
 from tirelog.inference.metric.projection import Normal, solve_scaled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import OBSERVABLES
 
 #: every so many manoeuvres one is locked away, if at least so many remain
 _LOCK_EVERY = 7
@@ -56,7 +58,7 @@ def ladder(
     kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0
     return Ladder(
         observable=model.observable,
-        unit=UNITS[model.observable],
+        unit=OBSERVABLES[model.observable].unit,
         steps=tuple(_steps(found)),
         model=after.model,
         verdict=_verdict(found),
@@ -71,6 +73,7 @@ def ladder(
         manoeuvres_locked=kept_back,
         remarks=(
             *remarks_of(found.before),
+            *(said for said in out_of_range(after) if said not in out_of_range(found.before)),
             *([_said(base.cells.manoeuvres, kept_back)] if kept_back else []),
         ),
     )

@@ -14,6 +14,7 @@ removal of the best family.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,7 @@ from tirelog.inference.floor import held_out_losses, load_derivative
 from tirelog.inference.metric.offsets import Nuisance
 from tirelog.inference.metric.projection import per_manoeuvre, side_by_side
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS
 
 #: exponents of speed that are tested, and those that describe what was found
 EXPONENTS = (0.0, 1.0, 2.0)
@@ -68,6 +70,9 @@ _TOGETHER = 0.98
 _ONE_SHAPE = 0.5
 _FOLLOWS = 0.5
 _FOLLOWS_SIGMAS = 3.0
+#: a remainder is looked at over powers of the speed, and over the size of what has a sign
+SPEED = CONDITIONS["speed_m_s"].symbol
+_SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
 
 
 @dataclass(frozen=True)
@@ -128,8 +133,7 @@ def scattered(base: Base, floor_square: float) -> Scattered:
     least = max(_FOLLOWS, _FOLLOWS_SIGMAS / np.sqrt(max(cells.manoeuvres - 1, 1)))
     for factor, values in factors.items():
         mean = (
-            np.bincount(cells.manoeuvre, np.abs(values) if factor == "acceleration" else values)
-            / number
+            np.bincount(cells.manoeuvre, np.abs(values) if factor in _SIGNED else values) / number
         )
         if np.ptp(mean) > 0.0:
             rank = float(np.corrcoef(_ranks(size), _ranks(mean))[0, 1])
@@ -146,20 +150,15 @@ def _ranks(x: FloatArray) -> FloatArray:
 def _factors(base: Base) -> dict[str, FloatArray]:
     """What a cell is driven under, (C,) each, by name; what does not vary is left out."""
     c = base.cells.conditions
-    result = {f"speed^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
-    for name, values in (
-        ("acceleration", c.acceleration_m_s2),
-        ("time", c.time_s),
-        ("load", c.load_N),
-        ("pressure", c.inflation_pressure_Pa),
-        ("temperature", c.temperature_K),
-        ("distance", c.distance_km),
-        ("water", c.water_depth_mm),
-    ):
+    result = {f"{SPEED}^{e:g}": (c.speed_m_s / 20.0) ** e for e in EXPONENTS}
+    for name, condition in CONDITIONS.items():
+        values = getattr(c, name)
+        if condition.symbol == SPEED:
+            continue  # by its powers, above
         if np.isfinite(values).all() and np.ptp(values) > 1e-3 * np.abs(values).max():
-            result[name] = (values - (values.mean() if name != "acceleration" else 0.0)) / np.abs(
-                values
-            ).max()
+            result[condition.symbol] = (
+                values - (0.0 if condition.signed else values.mean())
+            ) / np.abs(values).max()
     logs = np.unique(base.cells.log)
     for number in logs[: MOST_LOGS if logs.size > 2 else logs.size - 1]:
         result[f"log {number}"] = (base.cells.log == number) - float(
@@ -189,12 +188,12 @@ def _alike(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
     any of them.
     """
     mine = factors[name]
-    if name.startswith("speed") or np.ptp(mine) == 0.0:
+    if name.startswith(SPEED) or np.ptp(mine) == 0.0:
         return ()
     others = [
         n
         for n, x in factors.items()
-        if n != name and not n.startswith(("speed", "log ")) and np.ptp(x) > 0.0
+        if n != name and not n.startswith((SPEED, "log ")) and np.ptp(x) > 0.0
     ]
     return tuple(n for n in others if abs(float(np.corrcoef(mine, factors[n])[0, 1])) > _TOGETHER)
 
@@ -251,7 +250,7 @@ def describe(base: Base) -> Leftover:
         return Leftover(False, float(p[best]), size, None, None, None, None, None, shape, phi)
     free = _shapes(base)
     exponent, in_pressure = (
-        _exponent(base, taken, residual, free) if name.startswith("speed") else (None, False)
+        _exponent(base, taken, residual, free) if name.startswith(SPEED) else (None, False)
     )
     if cells.phi.shape[1] == 1:
         return Leftover(
@@ -294,9 +293,9 @@ def _exponent(
     the pressure rather than of the observable.
     """
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
-    kinds = (
-        [lambda: free] if free.shape[-1] == 1 else [lambda: pressure_columns(base), lambda: free]
-    )  # one after the other in memory
+    kinds: list[Callable[[], FloatArray]] = [lambda: free]  # one after the other in memory
+    if free.shape[-1] > 1:
+        kinds.insert(0, lambda: pressure_columns(base))
     explained = [_explained_by_exponent(base, taken, residual, kind(), speed) for kind in kinds]
     best = max(range(len(kinds)), key=lambda kind: max(explained[kind]))
     return FINE_EXPONENTS[int(np.argmax(explained[best]))], len(kinds) > 1 and best == 0
@@ -350,7 +349,8 @@ def leading_shape(base: Base) -> FloatArray:
         strength[0] * np.abs(size[:, 0] / np.maximum(base.plain.weights.max(axis=1), 1e-300)).max()
     )
     sign = np.sign(size[np.argmax(np.abs(size[:, 0])), 0])
-    return sign * scale * shape[0]
+    shape_found: FloatArray = sign * scale * shape[0]
+    return shape_found
 
 
 def half_angle(base: Base) -> float:

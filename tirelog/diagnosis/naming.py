@@ -214,7 +214,7 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
         try:
             tried.append(Refitted(candidate, refit_candidate(base, few, candidate)))
         except ModelError as failed:
-            reasons[candidate.id] = failed.message.split(";")[0]
+            reasons[candidate.id] = failed.what
     if not tried:
         return []
     tried = [replace(r, sigmas=strength_sigmas(r.base, r.id)) for r in tried]

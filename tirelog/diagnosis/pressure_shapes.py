@@ -39,7 +39,7 @@ def _probe(centre: float) -> Effect:
     return Effect(
         id="probe",
         mechanism="a bell of pressure",
-        follows="nothing",
+        follows=(),
         acts_on=("contact_pressure",),
         parameters=(
             Parameter(

@@ -126,9 +126,10 @@ class Comparison:
             "excess",
             "excess_heldout",
         ]
-        return plain(
+        told: dict[str, Any] = plain(
             {name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)}
         )
+        return told
 
 
 @dataclass(frozen=True)
@@ -223,7 +224,10 @@ class Ladder:
             "manoeuvres_locked",
             "remarks",
         )
-        return plain({name: getattr(self, name) for name in names} | {"steps": steps})
+        told: dict[str, Any] = plain(
+            {name: getattr(self, name) for name in names} | {"steps": steps}
+        )
+        return told
 
 
 def in_unit(error: float | None, factor: float) -> str:

@@ -10,8 +10,8 @@ parted by driving, and that is said.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from tirelog.inference.metric.projection import orthonormal
 from tirelog.inference.stacks.manoeuvres import CRUISE_M_S2
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS
 
 #: separation that is aimed at, revolutions of a planned stretch, angles of the plan
 WANTED_SIGMA = 3.0
@@ -42,17 +43,16 @@ _LONG_S = 60.0
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """Something a driver can be asked for: speeds [m/s] passed through, acceleration [m/s^2],
-    factors on the load and so on.
+    """Something a driver can be asked for: speeds [m/s] passed through, acceleration [m/s^2], a
+    factor on the load, values of other conditions by field.
     """
 
     name: str
     speed_m_s: tuple[float, float]
     acceleration_m_s2: float = 0.0
     load: float = 1.0
-    distance_km: float | None = None
-    water_depth_mm: float | None = None
     time_s: float = 30.0
+    values: Mapping[str, float] = field(default_factory=dict)
 
 
 ALLOWED = (
@@ -64,8 +64,11 @@ ALLOWED = (
     Manoeuvre("brake 25 to 9 m/s at 4 m/s^2", (25.0, 9.0), -4.0),
     Manoeuvre("cruise at 15 m/s with 40 % more load", (15.0, 15.0), load=1.4),
     Manoeuvre("cruise at 15 m/s after ten minutes", (15.0, 15.0), time_s=600.0),
-    Manoeuvre("cruise at 20 m/s in 2 mm of water", (20.0, 20.0), water_depth_mm=2.0),
-    Manoeuvre("cruise at 15 m/s on a tread of 40000 km", (15.0, 15.0), distance_km=40000.0),
+    *(
+        Manoeuvre(asked.name, (asked.speed_m_s, asked.speed_m_s), values={name: asked.value})
+        for name, condition in CONDITIONS.items()
+        if (asked := condition.proposed) is not None
+    ),
 )
 
 
@@ -76,21 +79,15 @@ def planned(base: Base, manoeuvre: Manoeuvre) -> Conditions:
     load = float(np.mean(c.load_N)) * manoeuvre.load
     if not np.isfinite(load):
         load = base.model.values.get("load_N", np.nan) * manoeuvre.load
-    return Conditions.of(
-        _SPEEDS,
-        speed_m_s=speed,
-        acceleration_m_s2=manoeuvre.acceleration_m_s2,
-        time_s=manoeuvre.time_s,
-        temperature_K=float(np.mean(c.temperature_K)),
-        load_N=load,
-        inflation_pressure_Pa=float(np.mean(c.inflation_pressure_Pa)),
-        distance_km=float(np.mean(c.distance_km))
-        if manoeuvre.distance_km is None
-        else manoeuvre.distance_km,
-        water_depth_mm=float(np.mean(c.water_depth_mm))
-        if manoeuvre.water_depth_mm is None
-        else manoeuvre.water_depth_mm,
-    )
+    asked = {
+        "speed_m_s": speed,
+        "acceleration_m_s2": manoeuvre.acceleration_m_s2,
+        "time_s": manoeuvre.time_s,
+        "load_N": load,
+        **manoeuvre.values,
+    }
+    kept = {name: float(np.mean(getattr(c, name))) for name in CONDITIONS if name not in asked}
+    return Conditions.of(_SPEEDS, **kept, **asked)
 
 
 def driven(base: Base, manoeuvre: Manoeuvre) -> bool:
@@ -98,14 +95,12 @@ def driven(base: Base, manoeuvre: Manoeuvre) -> bool:
     c, number = base.cells.conditions, base.cells.manoeuvre
     if manoeuvre.time_s > _LONG_S and not np.any(c.time_s >= manoeuvre.time_s):
         return False
-    wanted = {
-        "load_N": manoeuvre.load * float(np.median(c.load_N)) if manoeuvre.load != 1.0 else None
-    }
-    wanted |= {name: getattr(manoeuvre, name) for name in ("distance_km", "water_depth_mm")}
+    wanted = dict(manoeuvre.values)
+    if manoeuvre.load != 1.0:
+        wanted["load_N"] = manoeuvre.load * float(np.median(c.load_N))
     alike = np.ones(len(base.cells), bool)
     for name, value in wanted.items():
-        if value is not None:
-            alike &= np.abs(getattr(c, name) - value) <= SAME * max(abs(value), 1e-9)
+        alike &= np.abs(getattr(c, name) - value) <= SAME * max(abs(value), 1e-9)
     low, high = sorted(manoeuvre.speed_m_s)
     for one in np.unique(number[alike]):
         cells = alike & (number == one)

@@ -127,5 +127,5 @@ def all_signatures(
         try:
             found += signatures_of(problem, model, effect, prediction)
         except ModelError as refused:
-            reasons[effect.id] = refused.message.split(";")[0]
+            reasons[effect.id] = refused.what
     return found, reasons

@@ -14,14 +14,8 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.physics.effects import Effect
+from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 
-#: the catalogue's word -> field of the conditions, words and unit to say it with
-_FOLLOWED = {
-    "load": ("load_N", "load", "N"),
-    "pressure": ("inflation_pressure_Pa", "inflation pressure", "Pa"),
-    "distance": ("distance_km", "tread distance", "km"),
-    "water depth": ("water_depth_mm", "water depth", "mm"),
-}
 #: a range below this share of the largest value is none
 _SAME = 0.02
 
@@ -32,18 +26,17 @@ def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
     unknown: list[str] = []
     who: list[str] = []
     candidates = list(effects)
-    for word, (field, name, unit) in _FOLLOWED.items():
+    for field in SETUP_KEYS:
         followers = [
-            effect.id
-            for effect in candidates
-            if word in [part.strip() for part in effect.follows.split(",")]
+            effect.id for effect in candidates if field in [name for name, _ in effect.followed]
         ]
         values = getattr(conditions, field)
         known = bool(np.isfinite(values).all())
         if not followers or (known and np.ptp(values) > _SAME * np.abs(values).max()):
             continue
+        condition = CONDITIONS[field]
         (same if known else unknown).append(
-            f"{name} {np.mean(values):.6g} {unit}" if known else name
+            f"{condition.name} {np.mean(values):.6g} {condition.unit}" if known else condition.name
         )
         who += [name for name in followers if name not in who]
     if not who:

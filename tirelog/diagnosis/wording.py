@@ -10,6 +10,7 @@ from typing import Any
 
 from tirelog.diagnosis.sign_flips import least_p
 from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import shown
 
 _WHERE = {
     "entry": "at the entry edge",
@@ -20,13 +21,6 @@ _WHERE = {
 _SHAPELESS = "does not repeat from manoeuvre to manoeuvre, or is too small to matter"
 #: wrong conditions look like missing physics, and are likelier
 CONDITIONS = "First check what the setups say of load, pressure, water depth and radius."
-#: factor and unit in which a person reads an observable
-READ: Mapping[str, tuple[float, str]] = {
-    "strain": (1e6, "microstrain"),
-    "patch_length": (1e3, "mm"),
-    "phase_shift": (57.29577951308232, "deg"),
-    "patch_width": (57.29577951308232, "deg"),
-}
 #: more logs than these are not spelled out in a command
 _MOST_LOGS = 12
 _PARITY = {
@@ -128,7 +122,7 @@ def probability(p: float, manoeuvres: int) -> str:
 def _scatter(facts: Mapping[str, Any]) -> str:
     """What does not repeat: how much, against what, and what it goes with."""
     scatter = facts["scatter"]
-    factor, unit = READ.get(facts["observable"], (1.0, facts["unit"]))
+    factor, unit = shown(facts["observable"], facts["unit"])
     floors = (facts["before"] / facts["floor"]) ** 0.5 if facts["floor"] > 0 else 0.0
     looks = " It looks like a load that changes." if scatter["like_load"] else ""
     follows = scatter["follows"]

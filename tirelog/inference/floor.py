@@ -189,7 +189,8 @@ def trend_columns(cells: Cells) -> FloatArray:
 
     def mean(x: FloatArray) -> FloatArray:
         level = np.bincount(cells.manoeuvre, cells.revolutions * x, M) / number
-        return (level - level.mean()) / (level.std() + 1e-12)
+        scaled: FloatArray = (level - level.mean()) / (level.std() + 1e-12)
+        return scaled
 
     c = cells.conditions
     v, a, t = mean(c.speed_m_s), mean(c.acceleration_m_s2), mean(c.time_s)

@@ -22,7 +22,7 @@ from tirelog.inference.obstacle_log import TransientLog, steady_revolutions, tra
 from tirelog.inference.stacks.cut import STRETCH, observe_channel, stacks_from_logs, stretches_of
 from tirelog.inference.stacks.outward import outward
 from tirelog.inference.stacks.spooled import Stacks, joined
-from tirelog.physics.carcass.numbers import WAVEFORMS
+from tirelog.vocabulary.observables import WAVEFORMS, waveform_of
 
 
 @dataclass(frozen=True)
@@ -122,5 +122,5 @@ def _waveforms(recording: Recording, source: Channel, stack: Stack) -> Stack:
     """
     if stack.observable in WAVEFORMS:
         return stack
-    observable = "radial_acceleration" if source.kind == "radial_acceleration" else "strain"
+    observable = waveform_of([source.kind])
     return joined(stretches_of(recording, source, observable))

@@ -248,9 +248,10 @@ def _hits(log: TransientLog) -> FloatArray:
             "revolutions is needed; give time_s or position_m, or leave [road] out",
             file=log.log,
         )
-    return found[
+    kept: FloatArray = found[
         np.unique(np.linspace(0, found.size - 1, min(found.size, _MOST_HITS)).round().astype(int))
     ]
+    return kept
 
 
 def _outbursts(log: TransientLog) -> FloatArray:

@@ -47,17 +47,20 @@ def powers(angle: FloatArray) -> ComplexArray:
     """
     fine = np.exp(1j * angle * np.arange(_BLOCK))
     coarse = np.exp(1j * angle * (_BLOCK * np.arange(MODES // _BLOCK)))
-    return (coarse[:, :, None] * fine[:, None, :]).reshape(angle.shape[0], MODES)
+    phases: ComplexArray = (coarse[:, :, None] * fine[:, None, :]).reshape(angle.shape[0], MODES)
+    return phases
 
 
 def to_grid(coefficients: ComplexArray) -> FloatArray:
     """Values on the grid, (..., K) to (..., GRID)."""
-    return irfft(coefficients, GRID, axis=-1, norm="forward")
+    values: FloatArray = irfft(coefficients, GRID, axis=-1, norm="forward")
+    return values
 
 
 def to_modes(values: FloatArray) -> ComplexArray:
     """Coefficients from values on the grid, (..., GRID) to (..., K)."""
-    return rfft(values, axis=-1, norm="forward")[..., :MODES]
+    coefficients: ComplexArray = rfft(values, axis=-1, norm="forward")[..., :MODES]
+    return coefficients
 
 
 class Angles:
@@ -109,7 +112,8 @@ class Angles:
 def _gather(grid: FloatArray, index: NDArray[np.int64]) -> FloatArray:
     """grid (n or 1, GRID) at index (n or 1, m) -> (n, m)."""
     if grid.shape[0] == 1:
-        return grid[0][index]
+        taken: FloatArray = grid[0][index]
+        return taken
     if index.shape[0] == 1:
         return grid[:, index[0]]
     return np.take(grid.reshape(-1), index + GRID * np.arange(grid.shape[0])[:, None])

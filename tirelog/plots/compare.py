@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tirelog.vocabulary.observables import drawn
+
 if TYPE_CHECKING:
     from tirelog.diagnosis.results import Comparison, Map
 
-_SHOWN = {"strain": (1e6, "microstrain")}
 #: the map's colours end at this quantile of the residual, and whitened ones at so many standard
 #: errors
 _QUANTILE = 99.5
@@ -26,7 +27,7 @@ def figure(result: Comparison) -> Any:
 
     from tirelog.diagnosis.results import in_unit
 
-    factor, unit = _SHOWN.get(result.observable, (1.0, result.unit))
+    factor, unit = drawn(result.observable, result.unit)
     canvas = Figure(figsize=(12.0, 9.5), layout="constrained")
     grid = canvas.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 1.0))
     _waveforms(canvas.add_subplot(grid[0, :]), result, factor, unit)

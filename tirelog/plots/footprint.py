@@ -141,8 +141,8 @@ def _lengths(
         onset = np.isfinite(f.slip.onset_m)
         over_time.plot(p.time_s[onset], 1e3 * f.length_m[onset], "o", mfc="none", mec=MARK, ms=6)
     limits = robust_range(*values)
-    statics = {recording.setup.tire.static_footprint_length_m for recording, _ in kept} - {None}
-    for static in statics:
+    statics = (recording.setup.tire.static_footprint_length_m for recording, _ in kept)
+    for static in {length for length in statics if length is not None}:
         for axes in (over_time, over_speed):
             axes.axhline(
                 1e3 * static, color="black", ls=":", lw=1.2, label=f"static {1e3 * static:.0f} mm"

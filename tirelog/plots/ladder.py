@@ -5,17 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tirelog.vocabulary.observables import drawn
+
 if TYPE_CHECKING:
     from tirelog.diagnosis.results import Ladder
-
-_SHOWN = {"strain": (1e6, "microstrain")}
 
 
 def figure(result: Ladder) -> Any:
     """A matplotlib figure of a ladder."""
     from matplotlib.figure import Figure
 
-    factor, unit = _SHOWN.get(result.observable, (1.0, result.unit))
+    factor, unit = drawn(result.observable, result.unit)
     canvas = Figure(figsize=(8.0, 4.5), layout="constrained")
     axes = canvas.add_subplot()
     steps = [s for s in result.steps if not s.decision.startswith("not added")]

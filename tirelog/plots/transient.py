@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.plots.style import COLOURS, MICRO, label, page, write
+from tirelog.plots.style import COLOURS, label, page, write
+from tirelog.vocabulary.observables import drawn
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.obstacles.compare import HitResult, TransientComparison
@@ -21,7 +22,7 @@ _SHOWN_S = 0.25
 
 def figure(result: TransientComparison) -> Any:
     """A matplotlib figure of the first hits."""
-    factor, unit = (MICRO, "microstrain") if result.observable == "strain" else (1.0, result.unit)
+    factor, unit = drawn(result.observable, result.unit)
     shown = result.hits[:_MOST]
     canvas = page(13.0, 3.2 * len(shown) + 0.6)
     grid = canvas.add_gridspec(len(shown), 2, width_ratios=(1.7, 1.0))

@@ -64,7 +64,7 @@ class Group:
     rate_Hz: float | None = None
     stamp_resolution_s: float = 0.0
     counted: bool = False
-    decimals: dict[str, int | None] = field(default_factory=dict)
+    decimals: Mapping[str, int | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tirelog.data.setup import KINDS, ChannelSetup, Setup
+from tirelog.data.setup import ChannelSetup, Setup
 from tirelog.vocabulary import units
+from tirelog.vocabulary.kinds import KINDS
 
 
 def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:
@@ -28,7 +29,7 @@ def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, l
 
 
 def _fits(unit: str, channel: ChannelSetup) -> bool:
-    return units.UNITS[unit][0] in KINDS[channel.kind][0]
+    return units.UNITS[unit][0] in KINDS[channel.kind].quantities
 
 
 def _contradiction(channel: ChannelSetup, spelt: str, unit: str | None) -> str:
@@ -37,9 +38,11 @@ def _contradiction(channel: ChannelSetup, spelt: str, unit: str | None) -> str:
     """
     used = channel.source_unit
     if channel.unit is None:
-        if unit == "1" and units.UNITS[used][1] == 1.0 and KINDS[channel.kind][1] == "":
+        if unit == "1" and units.UNITS[used][1] == 1.0 and KINDS[channel.kind].unit == "":
             return ""  # [-] over strain
-        wrong = f"is none of {' or '.join(KINDS[channel.kind][0])}" if unit else "is not known"
+        wrong = (
+            f"is none of {' or '.join(KINDS[channel.kind].quantities)}" if unit else "is not known"
+        )
         return (
             f"the file gives the unit {spelt!r}, which {wrong}; {used!r} is taken; "
             "write unit in the setup"

@@ -15,13 +15,14 @@ import numpy as np
 
 from tirelog.report.figures import Figure, axis, band, bars, dots, heat, layout, line
 from tirelog.report.page import Section, Table
+from tirelog.vocabulary.observables import drawn
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
     from tirelog.diagnosis.results import Comparison, Map, Waveforms
 
-#: observable -> factor and unit on the page
-_SHOWN = {"strain": (1e6, "µm/m"), "radial_acceleration": (1.0, "m/s²")}
+#: units as the page writes them
+_WRITTEN = {"microstrain": "µm/m", "m/s^2": "m/s²"}
 #: half lengths of the patch that a waveform or map shows at first
 _REACH = 6.0
 _ZONES = {
@@ -36,7 +37,8 @@ GREY_BAR = "#6b6b6b"
 
 def shown(observable: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which the page shows the observable."""
-    return _SHOWN.get(observable, (1.0, unit))
+    factor, unit = drawn(observable, unit)
+    return factor, _WRITTEN.get(unit, unit)
 
 
 def number(value: Any) -> str:

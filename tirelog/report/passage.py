@@ -32,6 +32,7 @@ from tirelog.strain.footprint.plain_edges import (
 )
 from tirelog.strain.footprint.windows import gather_windows
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import good_rows
 
 #: low-pass of the picture: P2's multiple of the wheel frequency
@@ -63,7 +64,7 @@ def passage_figures(
     """The figures of one passage of the recording's first grating with rows; none where there is no
     row without a mark.
     """
-    for channel in recording.of_kind("fbg_strain", "strain"):
+    for channel in recording.of_kind(*STRAIN_KINDS):
         rows = footprint[
             (footprint["log"] == recording.log) & (footprint["channel"] == channel.name)
         ]

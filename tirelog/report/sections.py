@@ -17,6 +17,7 @@ from tirelog.data.recording import Recording
 from tirelog.report.figures import SCATTER_POINTS, Figure, decimated, dots, layout, line
 from tirelog.report.page import Section, Table
 from tirelog.runs.overview import channel_rows
+from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
 #: gratings drawn over time; a page cannot carry many more, and a person cannot read them
 DRAWN_CHANNELS = 6
@@ -149,8 +150,8 @@ def _signals(recording: Recording, number: int, log: str) -> list[Figure]:
     """Recorded strain [µm/m] or acceleration over time, decimated so that no peak vanishes."""
     figures = []
     for kinds, label, factor in (
-        (("fbg_strain", "strain"), "strain [µm/m]", 1e6),
-        (("radial_acceleration",), "radial acceleration [m/s²]", 1.0),
+        (STRAIN_KINDS, "strain [µm/m]", 1e6),
+        (ACCELERATION_KINDS, "radial acceleration [m/s²]", 1.0),
     ):
         channels = recording.of_kind(*kinds)[:DRAWN_CHANNELS]
         if not channels:

@@ -172,7 +172,7 @@ def _cell(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict]:
+def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict[str, Any]]:
     """The fitted straight lines of a quantity, channel by channel, from `dissipation --fit`."""
     if lines is None:
         return []

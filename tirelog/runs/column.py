@@ -16,10 +16,11 @@ import hashlib
 import h5py
 import numpy as np
 
-from tirelog.data.setup import KINDS, ChannelSetup
+from tirelog.data.setup import ChannelSetup
 from tirelog.readers.base import LOST_COUNT, Samples, counted_floats, lost_samples
 from tirelog.runs.chunks import CHUNK, ChunkWriter
 from tirelog.runs.convert import to_si
+from tirelog.vocabulary.kinds import KINDS
 
 #: whole chunks that are worth a write
 _CHUNKS_AT_ONCE = 4
@@ -149,7 +150,7 @@ class Column:
         factor, offset = to_si(channel)
         counts = self.dataset.dtype.kind == "i"
         power = self._power if counts else 1.0
-        unit, digest = KINDS[channel.kind][1], self._digest.hexdigest()
+        unit, digest = KINDS[channel.kind].unit, self._digest.hexdigest()
         words = {"group": group, "kind": channel.kind, "unit": unit, "source": channel.source}
         words |= {"source_unit": channel.source_unit}
         words |= {"sha256": digest} if self.chunks.options else {}

@@ -9,8 +9,9 @@ channel, and is subtracted where samples are read.
 
 from __future__ import annotations
 
-from tirelog.data.setup import KINDS, ChannelSetup
+from tirelog.data.setup import ChannelSetup
 from tirelog.vocabulary import units
+from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 
 
 def to_si(channel: ChannelSetup) -> tuple[float, float]:
@@ -19,8 +20,8 @@ def to_si(channel: ChannelSetup) -> tuple[float, float]:
     fbg_strain: strain_gain (lambda - lambda_0) / lambda_0 (P1 (1), without its thermal term).
     fbg_temperature: T - T_0 = (lambda - lambda_0) / temperature_sensitivity, in K (P2 section 2).
     """
-    factor, offset = units.to_si(channel.source_unit, *KINDS[channel.kind][0])
-    if channel.kind not in ("fbg_strain", "fbg_temperature"):
+    factor, offset = units.to_si(channel.source_unit, *KINDS[channel.kind].quantities)
+    if channel.kind not in WAVELENGTH_KINDS:
         return factor, offset
     to_nm = factor * 1e9
     reference = channel.reference_wavelength_nm

@@ -31,7 +31,7 @@ import h5py
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording, Scaled, TimeAxis
-from tirelog.data.setup import KINDS, ChannelSetup, Setup, parse_setup
+from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
@@ -56,6 +56,7 @@ from tirelog.runs.store_checks import (
 from tirelog.storage.documents import LARGEST_BYTES
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.quality import Doubt, Quality
 
 FORMAT_VERSION = 2
@@ -319,7 +320,7 @@ def _with_units(setup: Setup, file: h5py.File) -> Setup:
         about = walk(file, f"channels/{name}")
         if text_in(about, "kind") == channel.kind:
             unit = text_in(about, "source_unit")
-            units.to_si(unit, *KINDS[channel.kind][0])
+            units.to_si(unit, *KINDS[channel.kind].quantities)
             channels[name] = replace(channel, unit=unit)
     return replace(setup, channels=channels)
 
@@ -358,7 +359,7 @@ def _channel(
     return Channel(
         name,
         channel.kind,
-        KINDS[channel.kind][1],
+        KINDS[channel.kind].unit,
         axis,
         samples,
         channel.surface or "outer",
@@ -371,7 +372,8 @@ def _channel(
 def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[str]) -> np.ndarray:
     """Stored numbers [start, stop); a chunk that fails its checksum is lost, and said once."""
     try:
-        return dataset[start:stop]
+        stored: np.ndarray = dataset[start:stop]
+        return stored
     except LIBRARY_ERRORS:
         missing = LOST_COUNT if dataset.dtype.kind == "i" else np.nan
         out = np.full(max(stop - start, 0), missing, dataset.dtype)

@@ -259,7 +259,8 @@ def _explicit(file: h5py.File, path: str, size: int, rate: float, own: bool) -> 
 
     def explicit(start: int, stop: int) -> np.ndarray:
         check_open(times)
-        return times[start:stop].astype(np.float64)
+        stored: np.ndarray = times[start:stop].astype(np.float64)
+        return stored
 
     return TimeAxis(size, rate, none.astype(np.int64), none, none, explicit)
 

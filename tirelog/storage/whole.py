@@ -93,12 +93,10 @@ def failed_writes(path: Path | str) -> Iterator[None]:
 def _machine() -> str:
     """Eight digits for this machine and its processes: elsewhere their numbers mean nothing."""
     told = [os.uname().nodename]
-    for read in (
-        lambda: Path("/etc/machine-id").read_text(),
-        lambda: os.readlink("/proc/self/ns/pid"),
-    ):
-        with suppress(OSError, UnicodeDecodeError):
-            told.append(read())
+    with suppress(OSError, UnicodeDecodeError):
+        told.append(Path("/etc/machine-id").read_text())
+    with suppress(OSError, UnicodeDecodeError):
+        told.append(os.readlink("/proc/self/ns/pid"))
     return hashlib.sha256("\n".join(told).encode("utf-8", "surrogateescape")).hexdigest()[:8]
 
 

@@ -9,7 +9,7 @@ from tirelog.errors import UsageError
 from tirelog.runs.in_memory import held
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.surface import passages_of
-from tirelog.strain.speed import STRAIN_KINDS
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 
 def strain_channels(recording: Recording) -> list[Channel]:

@@ -23,13 +23,13 @@ from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.strain.passages.surface import passages_of
 from tirelog.strain.speed_radius import calibrate_radius
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import STRAIN_KINDS
 from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, quality_column
 
 #: a standard error above the speed itself, and above this [m/s], tells nothing and is left blank;
 #: half of it would blank those of a wheel that is about to stand, twice as much would keep what no
 #: reader can use
 LEAST_ERROR_M_S = 1.0
-STRAIN_KINDS = ("fbg_strain", "strain")
 
 
 def speed_quality(passages: Passages) -> QualityFlags:

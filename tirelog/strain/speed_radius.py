@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.data.plausibility import doubt_of_radius
+from tirelog.data.bounds import doubt_of_radius
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from tirelog.data.plausibility import doubt_of_radius
+from tirelog.data.bounds import doubt_of_radius
 from tirelog.data.recording import Channel, Recording
 from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.encoder.counter import counter_knots
@@ -132,7 +132,7 @@ def _noise(found: Probe, steps: int) -> float:
     """Standard deviation [rad] of one passage where the log is too short to show it: the noise over
     the slope, five samples.
     """
-    return found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0)
+    return float(found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0))
 
 
 def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
@@ -357,8 +357,10 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
     encoders = recording.of_kind("wheel_encoder")
     if not encoders:
         raise SetupError(
-            f"{recording.log}: no wheel_encoder channel; the wheel angle needs one; "
-            "add it to the setup"
+            "no wheel_encoder channel",
+            allowed="the wheel angle needs one",
+            do="add it to the setup",
+            file=recording.log,
         )
     unit = (
         recording.setup.channels[encoders[0].name].source_unit
@@ -369,7 +371,7 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
         speeds = recording.of_kind("vehicle_speed")
         return encoders[0], wheel_angle(encoders[0], unit, speeds[0] if speeds else None)
     except (DataLoss, SetupError) as problem:
-        raise type(problem)(problem.message, file=recording.log) from None
+        raise problem.at(recording.log) from None
 
 
 def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:

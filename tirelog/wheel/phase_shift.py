@@ -90,8 +90,10 @@ def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> I
     accelerometers = recording.of_kind("radial_acceleration")
     if not accelerometers:
         raise SetupError(
-            f"{recording.log}: no radial_acceleration channel; phase-shift needs one and a "
-            "wheel_encoder; add it to the setup"
+            "no radial_acceleration channel",
+            allowed="phase-shift needs one and a wheel_encoder",
+            do="add it to the setup",
+            file=recording.log,
         )
     try:
         encoder, wheel = encoder_of(recording)

@@ -217,7 +217,10 @@ class TransientComparison:
         numbers["covered"] = 1.0 - max(numbers["missed"] ** 2 - floor, 0.0) / max(
             numbers["added"] ** 2 - floor, 1e-300
         )
-        return plain({**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows})
+        told: dict[str, Any] = plain(
+            {**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows}
+        )
+        return told
 
 
 def compare_transients(
@@ -287,7 +290,8 @@ def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
             log.wheel.speed_rad_s(log.time_s) * log.radius_m / conditions.speed_m_s[0]
         ) ** 2 + frame
     error: FloatArray = log.values - wave
-    return error - error[log.calm].mean()
+    level: FloatArray = error - error[log.calm].mean()
+    return level
 
 
 def _by_angle(squares: FloatArray, bins: NDArray[np.int64]) -> FloatArray:

@@ -133,7 +133,8 @@ def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
     speed = part.conditions.speed_m_s
     nearest = np.abs(speed[:, None] - speed[kept]).argmin(axis=1)
     nearest[kept] = np.arange(kept.size)
-    return before + nearest[part.cell]
+    gathered: IntArray = before + nearest[part.cell]
+    return gathered
 
 
 def pieces_of_all(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
@@ -270,7 +271,8 @@ def _without_trend(x: FloatArray, along: FloatArray) -> FloatArray:
     """x (k, 3) about its line along (k,), of so few about its mean."""
     k = along.size
     design = np.stack([np.ones(k), along - along.mean()], axis=1)[:, : 2 if k >= 4 else 1]
-    return x - design @ np.linalg.lstsq(design, x, rcond=None)[0]
+    left: FloatArray = x - design @ np.linalg.lstsq(design, x, rcond=None)[0]
+    return left
 
 
 def _scattered(coefficients: FloatArray) -> FloatArray:
@@ -280,4 +282,5 @@ def _scattered(coefficients: FloatArray) -> FloatArray:
     """
     k = len(coefficients)
     left = _without_trend(coefficients, np.arange(float(k)))
-    return left * np.sqrt(k / max(k - (2 if k >= 4 else 1), 1))
+    scaled: FloatArray = left * np.sqrt(k / max(k - (2 if k >= 4 else 1), 1))
+    return scaled

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from tirelog.data.recording import Stack
 from tirelog.errors import ModelError
-from tirelog.physics.carcass.numbers import SCALARS, WAVEFORMS
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import SCALARS, WAVEFORMS
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,9 @@ import numpy as np
 from tirelog.data.recording import Stack
 from tirelog.inference.fit.design import load_bend_on, load_slope_on, parts_on, slopes_on
 from tirelog.inference.metric.revolutions import Metric, estimate_scatter, scatter_shapes
-from tirelog.physics.carcass.numbers import STRAIN, WAVEFORMS
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import STRAIN, WAVEFORMS
 
 LEVER = "lever_arm_m"
 #: Share of the revolutions that may be set aside, and how much worse than the median they must be.

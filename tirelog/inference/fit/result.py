@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tirelog.inference.fit.problem import LEVER, Point, Problem
-from tirelog.physics.carcass.numbers import STRAIN
 from tirelog.physics.model.model import Model
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import STRAIN
 
 #: Singular values below this share of the largest mark a combination that the data do not
 #: determine.

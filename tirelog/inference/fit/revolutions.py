@@ -24,9 +24,9 @@ from tirelog.errors import ModelError
 from tirelog.inference.fit.design import observable_of
 from tirelog.inference.fit.problem import LEVER, Point, Problem
 from tirelog.inference.fit.result import FitResult, summarise
-from tirelog.physics.carcass.numbers import STRAIN
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import STRAIN
 
 #: Revolutions on which starts are compared.
 SCOUTS = 24

@@ -207,13 +207,14 @@ class Levelled:
             2.0 * offset * ((self.cross * theta).sum(axis=1) - self.right) + offset**2 * self.size
         )
         quadratic = np.einsum("mi,mij,mj->m", theta, self.normal.gram, theta)
-        return np.maximum(
+        sums: FloatArray = np.maximum(
             self.normal.square
             - 2.0 * (theta * self.normal.right).sum(axis=1)
             + quadratic
             + crossed,
             0.0,
         )
+        return sums
 
 
 def _sums(x: FloatArray, group: IntArray) -> FloatArray:

@@ -31,14 +31,14 @@ def orthonormal(columns: FloatArray) -> FloatArray:
 
     Free shapes are many columns: beside them there are never more than two arrays of their size.
     """
-    flat = columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
+    flat: FloatArray = columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
     norm = np.linalg.norm(flat, axis=0)
     flat = flat[:, norm > 0] / norm[norm > 0]
     if not flat.shape[1]:
         return flat
     values, vectors = np.linalg.eigh(flat.T @ flat)
     keep = values > RANK * values[-1]
-    basis = flat @ (vectors[:, keep] / np.sqrt(values[keep]))
+    basis: FloatArray = flat @ (vectors[:, keep] / np.sqrt(values[keep]))
     del flat
     basis -= basis @ (0.5 * (basis.T @ basis - np.eye(basis.shape[1])))
     return basis

@@ -24,8 +24,8 @@ import numpy as np
 
 from tirelog.data.recording import Stack
 from tirelog.errors import ModelError
-from tirelog.physics.carcass.numbers import SCALARS, WAVEFORMS
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import SCALARS, WAVEFORMS
 
 #: Nuisances of each revolution that can be taken out.
 NUISANCES = ("offset", "amplitude", "shift")
@@ -182,7 +182,10 @@ class _Whitener:
         flat = x.reshape(-1, *x.shape[-2:])
         along = np.einsum("nmk,pnm->npk", self._basis, flat)
         back = np.einsum("nkl,npl->npk", self._gain, self._sum(along))[self._group]
-        return (flat + np.einsum("nmk,npk->pnm", self._basis, back)).reshape(x.shape)
+        whitened: FloatArray = (flat + np.einsum("nmk,npk->pnm", self._basis, back)).reshape(
+            x.shape
+        )
+        return whitened
 
 
 def estimate_scatter(
@@ -235,4 +238,5 @@ def _excess(b: FloatArray, error: FloatArray) -> FloatArray:
         likely = np.einsum("nkl,nl->nk", gain, b)
         found = (likely.T @ likely + (found - gain @ found).sum(axis=0)) / b.shape[0]
         found = 0.5 * (found + found.T)
-    return found * np.outer(unit, unit)
+    covariance: FloatArray = found * np.outer(unit, unit)
+    return covariance

@@ -46,14 +46,15 @@ class WheelAngle:
         """Angle [rad] at times [s], any shape."""
         first, last = self.centre_s[0], self.centre_s[-1]
         inside = np.clip(time_s, first, last)
-        theta = self.spline(inside)
+        theta: FloatArray = self.spline(inside)
         beyond = inside != time_s
         if beyond.any():
             theta[beyond] += (time_s[beyond] - inside[beyond]) * self.spline(inside[beyond], 1)
         return theta
 
     def speed_rad_s(self, time_s: FloatArray) -> FloatArray:
-        return self.spline(np.clip(time_s, self.centre_s[0], self.centre_s[-1]), 1)
+        rate: FloatArray = self.spline(np.clip(time_s, self.centre_s[0], self.centre_s[-1]), 1)
+        return rate
 
 
 def split_turns(theta: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:

@@ -6,13 +6,7 @@ import numpy as np
 
 from tirelog.data.recording import Channel, Conditions, Recording
 from tirelog.vocabulary.arrays import FloatArray
-
-_CONDITION_KINDS = {
-    "vertical_load": "load_N",
-    "inflation_pressure": "inflation_pressure_Pa",
-    "temperature": "temperature_K",
-    "fbg_temperature": "temperature_K",
-}
+from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 
 
 def conditions_of(
@@ -24,13 +18,14 @@ def conditions_of(
     given = recording.setup.conditions
     values: dict[str, FloatArray | float] = {
         name: float("nan") if getattr(given, name) is None else getattr(given, name)
-        for name in ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm")
+        for name in SETUP_KEYS
     }
-    for kind, name in _CONDITION_KINDS.items():
-        for channel in recording.of_kind(kind)[:1]:
-            mean = _channel_mean(channel, centre_s)
-            if np.isfinite(mean).all():
-                values[name] = mean - mean[0] if kind == "temperature" else mean
+    for name, condition in CONDITIONS.items():
+        for kind in condition.kinds:
+            for channel in recording.of_kind(kind)[:1]:
+                mean = _channel_mean(channel, centre_s)
+                if np.isfinite(mean).all():
+                    values[name] = mean - mean[0] if kind in condition.from_start else mean
     return Conditions.of(
         centre_s.size,
         speed_m_s=speed_m_s,

@@ -31,23 +31,18 @@ from tirelog.errors import UsageError
 from tirelog.inference.stacks.align import WheelAngle, refine, turned
 from tirelog.inference.stacks.conditions import conditions_of
 from tirelog.inference.stacks.manoeuvres import accelerations, regimes, segment
-from tirelog.inference.stacks.numbers import SCALARS, SOURCES, scalar_stack
+from tirelog.inference.stacks.numbers import scalar_stack
 from tirelog.inference.stacks.outward import outward, with_level
 from tirelog.inference.stacks.samples import Chunk, Samples
 from tirelog.inference.stacks.spooled import Stacks
 from tirelog.runs.in_memory import held
 from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
+from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
 ANGLES = 256
 #: revolutions that are in memory at a time, 8 kB each
 STRETCH = 1024
-#: observable -> kinds of channel that measure it
-KINDS = {
-    "strain": ("fbg_strain", "strain"),
-    "radial_acceleration": ("radial_acceleration",),
-    **SOURCES,
-}
 _SHORTEST_RUN = 5
 
 
@@ -71,7 +66,8 @@ def observe_channel(recording: Recording, observable: str, name: str | None = No
 
     UsageError: there is none.
     """
-    kinds = KINDS.get(observable, (observable,))
+    known = OBSERVABLES.get(observable)
+    kinds = (observable,) if known is None else known.kinds
     found = recording.of_kind(*kinds)
     if name is not None and name in recording.channels:
         channel = recording.channels[name]

@@ -37,7 +37,8 @@ def accelerations(time_s: FloatArray, speed_m_s: FloatArray) -> FloatArray:
     t, v, tt, tv = (s[high] - s[low] for s in sums)
     count = high - low
     spread = tt - t * t / count
-    return (tv - t * v / count) / np.where(spread > 0, spread, 1.0)
+    slope: FloatArray = (tv - t * v / count) / np.where(spread > 0, spread, 1.0)
+    return slope
 
 
 def regimes(acceleration_m_s2: FloatArray) -> NDArray[np.str_]:

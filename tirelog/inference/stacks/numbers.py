@@ -8,6 +8,9 @@ Recording --estimators--> a row a passage, those with nothing wrong
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,16 +18,11 @@ from tirelog.data.recording import Channel, Recording, Stack
 from tirelog.errors import UsageError
 from tirelog.inference.stacks.manoeuvres import accelerations, regimes, segment
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.vocabulary.quality import Quality, Use, good, having
+from tirelog.vocabulary.quality import Quality, QualityFlags, Use, good, having
 
-SCALARS = ("patch_length", "dissipation_factor", "phase_shift", "patch_width")
-#: kinds of channel from which each number comes
-SOURCES = {
-    "patch_length": ("fbg_strain", "strain"),
-    "dissipation_factor": ("fbg_strain", "strain"),
-    "phase_shift": ("radial_acceleration",),
-    "patch_width": ("radial_acceleration",),
-}
+if TYPE_CHECKING:
+    from tirelog.strain.passages.find import Passages
+
 #: a passage this much later than its neighbours' periods starts a new manoeuvre
 _GAP = 3.0
 
@@ -36,11 +34,7 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     """
     from tirelog.inference.stacks.conditions import conditions_of
 
-    if observable in ("patch_length", "dissipation_factor"):
-        time_s, speed, value, radius, unclear = _of_strain(recording, channel, observable)
-    else:
-        time_s, speed, value, radius = _of_fronts(recording, channel, observable)
-        unclear = np.zeros(value.size, bool)
+    time_s, speed, value, radius, unclear = MEASURED[observable](recording, channel)
     ordinal = np.flatnonzero(np.isfinite(value) & np.isfinite(speed) & np.isfinite(time_s))
     n = ordinal.size
     if n < 10:
@@ -84,46 +78,70 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
     return stack, said
 
 
-def _of_strain(
-    recording: Recording, channel: Channel, observable: str
-) -> tuple[FloatArray, FloatArray, FloatArray, float, NDArray[np.bool_]]:
-    """Times, speeds and values of every passage, NaN if something is wrong with it; the rolling
-    radius; lengths of unclear form.
-    """
-    from tirelog.strain.dissipation import dissipation
+#: times [s], speeds [m/s] and values of every passage, (n,), NaN if something is wrong with it; the
+#: rolling radius [m]; where the value is of unclear form, (n,)
+Numbers = tuple[FloatArray, FloatArray, FloatArray, float, NDArray[np.bool_]]
+
+
+def patch_lengths(recording: Recording, channel: Channel) -> Numbers:
+    """The patch length [m] of every passage of a strain channel."""
     from tirelog.strain.footprint.footprint import footprint
     from tirelog.strain.passages.find import find_passages
 
     radius = recording.setup.tire.radius_m
     passages = find_passages(channel, radius)
-    if observable == "patch_length":
-        found = footprint(channel, passages)
-        value, quality = found.length_m, found.quality
-    else:
-        energy = dissipation(channel, passages, None, passages.quality)
-        value, quality = energy.factor_1_m, energy.quality
+    found = footprint(channel, passages)
+    return _of_passages(passages, radius, found.length_m, found.quality)
+
+
+def dissipation_factors(recording: Recording, channel: Channel) -> Numbers:
+    """The dissipation factor [1/m] of every passage of a strain channel."""
+    from tirelog.strain.dissipation import dissipation
+    from tirelog.strain.passages.find import find_passages
+
+    radius = recording.setup.tire.radius_m
+    passages = find_passages(channel, radius)
+    found = dissipation(channel, passages, None, passages.quality)
+    return _of_passages(passages, radius, found.factor_1_m, found.quality)
+
+
+def _of_passages(
+    passages: Passages, radius_m: float, value: FloatArray, quality: QualityFlags
+) -> Numbers:
     value = np.where(good(quality, Use.COMPARISON), value, np.nan)
     unclear = having(quality, Quality.FORM_UNCLEAR)
-    return passages.time_s, passages.speed_m_s, value, radius, unclear
+    return passages.time_s, passages.speed_m_s, value, radius_m, unclear
 
 
-def _of_fronts(
-    recording: Recording, channel: Channel, observable: str
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """The same from the fronts of an accelerometer against the encoder."""
+def phase_shifts(recording: Recording, channel: Channel) -> Numbers:
+    """The phase shift [rad] of every passage of an accelerometer against the encoder."""
+    return _of_fronts(recording, channel, "shift_deg")
+
+
+def patch_widths(recording: Recording, channel: Channel) -> Numbers:
+    """The patch width [rad] of every passage of an accelerometer against the encoder."""
+    return _of_fronts(recording, channel, "width_deg")
+
+
+def _of_fronts(recording: Recording, channel: Channel, field: str) -> Numbers:
     from tirelog.wheel.phase_shift import measure
 
     for found in measure(recording):
         if found.channel == channel.name:
-            value = found.shift_deg if observable == "phase_shift" else found.width_deg
-            return (
-                found.time_s,
-                found.speed_m_s,
-                np.where(found.good, np.deg2rad(value), np.nan),
-                found.radius_m,
-            )
+            value = np.where(found.good, np.deg2rad(getattr(found, field)), np.nan)
+            unclear = np.zeros(value.size, bool)
+            return found.time_s, found.speed_m_s, value, found.radius_m, unclear
     raise UsageError(
         f"no fronts in channel {channel.name}; an accelerometer with a patch is needed; "
         "give another",
         file=recording.log,
     )
+
+
+#: observable of one number per revolution -> what measures it
+MEASURED: Mapping[str, Callable[[Recording, Channel], Numbers]] = {
+    "patch_length": patch_lengths,
+    "dissipation_factor": dissipation_factors,
+    "phase_shift": phase_shifts,
+    "patch_width": patch_widths,
+}

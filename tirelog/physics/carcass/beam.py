@@ -118,4 +118,5 @@ def exact_displacement(
 
 def _moment(r: complex, xi: FloatArray, s: FloatArray, L: float) -> FloatArray:
     """The antiderivative of exp(r (xi - s)) (L^2 - s^2) by s."""
-    return -np.exp(r * (xi - s)) * ((L**2 - s**2) / r - 2.0 * s / r**2 - 2.0 / r**3)
+    moment: FloatArray = -np.exp(r * (xi - s)) * ((L**2 - s**2) / r - 2.0 * s / r**2 - 2.0 / r**3)
+    return moment

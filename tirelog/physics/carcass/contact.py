@@ -62,7 +62,8 @@ def _yield_matrix(carcass: RingCarcass) -> FloatArray:
     c, s = np.cos(_PHI), np.sin(_PHI)
     yielding = np.outer(c, c) * d[difference] + np.outer(s, s) * a[difference]
     yielding += (np.outer(c, s) - np.outer(s, c)) * b[difference]
-    return yielding * (carcass.R * STEP)
+    matrix: FloatArray = yielding * (carcass.R * STEP)
+    return matrix
 
 
 @lru_cache(maxsize=512)

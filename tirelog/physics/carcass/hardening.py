@@ -65,4 +65,7 @@ def _hurried(
     gram = np.einsum("nkm,nlm->nkl", turns, turns)
     gram += (1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-300)[:, None, None] * np.eye(len(past))
     share = np.linalg.solve(gram, np.einsum("nkm,nm->nk", turns, change)[..., None])[..., 0]
-    return new - np.einsum("nk,nkm->nm", share, np.stack([new - old for old, _ in past], axis=1))
+    mixed: FloatArray = new - np.einsum(
+        "nk,nkm->nm", share, np.stack([new - old for old, _ in past], axis=1)
+    )
+    return mixed

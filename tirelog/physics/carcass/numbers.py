@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tirelog.physics.parameters import Parameter
+from tirelog.vocabulary.observables import OBSERVABLES
 
-STRAIN, ACCELERATION = "strain", "radial_acceleration"
-WAVEFORMS = (STRAIN, ACCELERATION)
-SCALARS = ("patch_length", "dissipation_factor", "phase_shift", "patch_width")
-OBSERVABLES = (*WAVEFORMS, *SCALARS)
 CARCASSES = ("beam", "ring", "coupled_ring")
 CONTACTS = ("prescribed", "flat_road")
 
@@ -170,7 +167,7 @@ _ROLLS_WITH = 60.0
 _TREAD = (
     _p("tread_stiffness_N_m2", "N/m^2", "k_t, radial stiffness of the tread", 8.75e7, 1e6, 1e10),
 )
-#: For `phase_shift` and `patch_width`: the level, and what follows the force (P4 III).
+#: For numbers with regressors: the level, and what follows the force (P4 III).
 _LEVEL = tuple(
     replace(p, probe=0.01)
     for p in (
@@ -191,18 +188,19 @@ def carcass_parameters(carcass: str, observable: str, *, flat_road: bool) -> tup
     """The parameters of a model without effects, in the order of the file."""
     structure = _BEAM if carcass == "beam" else _RING if carcass == "ring" else _coupled()
     patch = _TREAD if flat_road else _PATCH
-    level = _LEVEL if observable in ("phase_shift", "patch_width") else ()
+    stages = OBSERVABLES[observable].reads
+    level = _LEVEL if "regressors" in stages else ()
     chosen = (*structure, *patch, *_LOAD, *level)
-    if observable in (STRAIN, "dissipation_factor"):
+    if "lever_arm" in stages:
         return chosen
-    # neither of these reads the lever arm; the scalars of geometry do not read the structure either
+    # the others do not read the lever arm; the numbers of geometry not even the structure
     reads = (
         "patch_half_length_m",
         "tread_stiffness_N_m2",
         "offset_rad",
         "per_acceleration_rad_s2_m",
     )
-    held = (p if observable == ACCELERATION or p.name in reads else p.fixed() for p in chosen)
+    held = (p if "structure" in stages or p.name in reads else p.fixed() for p in chosen)
     return tuple(p.fixed() if p.name == "lever_arm_m" else p for p in held)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from tirelog.physics.effects.base import Drive, Effect, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES
 
 
 def _load(v: Values, drive: Drive) -> FloatArray:
@@ -14,7 +15,7 @@ def _load(v: Values, drive: Drive) -> FloatArray:
 EFFECT = Effect(
     id="aero_load",
     mechanism="load follows speed squared, and the patch length follows the load",
-    follows="speed^2",
+    follows=(("speed_m_s", 2),),
     acts_on=("load",),
     parameters=(
         Parameter("coefficient", "1", "a in F (1 + a (v/30)^2)", 0.0, -0.9, 2.0, probe=0.05),
@@ -23,13 +24,6 @@ EFFECT = Effect(
     source="P4 IV",
     valid="the wheel stays on the road",
     signature="even; the waveform grows and widens with speed squared",
-    observables=(
-        "strain",
-        "radial_acceleration",
-        "patch_length",
-        "dissipation_factor",
-        "patch_width",
-        "phase_shift",
-    ),
+    observables=tuple(OBSERVABLES),
     load=_load,
 )

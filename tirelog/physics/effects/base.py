@@ -7,16 +7,19 @@ for all revolutions; modes (n or 1, K).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.errors import ModelError
+from tirelog.errors import ModelError, nearest
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import ComplexArray, grid_angles, wave_numbers
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.conditions import CONDITIONS, ConditionValues, condition_named
+from tirelog.vocabulary.observables import OBSERVABLES, computed_from
 
 Values = Mapping[str, float]
 #: The 9.81 in the forms "a acceleration/9.81" of the catalogue: a scale by convention, not gravity
@@ -28,27 +31,29 @@ ACTS_ON = (
     "load", "contact_pressure", "structure", "baseline", "sensor", "regressors",
     "foundation_stiffness", "strain", "radial_acceleration",
 )  # fmt: skip
-_WAVES = ("strain", "radial_acceleration", "dissipation_factor")
-_PRESSURE, _ALL = (
-    ("contact_pressure", _WAVES),
-    (*_WAVES, "patch_length", "phase_shift", "patch_width"),
-)
-#: Hook -> (the stage it enters, the observables that are computed from that stage).
-REACH: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "load": ("load", _ALL),
-    "added_load": ("load", _ALL),
+_LOAD, _PRESSURE = ("load", "load"), ("contact_pressure", "contact_pressure")
+#: Observables of the tire alone; those with regressors of their own an effect has to ask for.
+WITHOUT_REGRESSORS = tuple(name for name in OBSERVABLES if name not in computed_from("regressors"))
+#: Hook -> (the stage it enters in a model file's words, what of it an observable `reads`).
+ENTERS: Mapping[str, tuple[str, str]] = {
+    "load": _LOAD,
+    "added_load": _LOAD,
     "pressure": _PRESSURE,
     "tilt": _PRESSURE,
     "kernel": _PRESSURE,
     "traction": _PRESSURE,
-    "structure": ("structure (foundation_stiffness)", _WAVES),
-    "transfer": ("sensor", _WAVES),
-    "gain": ("sensor", _WAVES),
-    "lever": ("sensor", ("strain", "dissipation_factor")),
-    "baseline": ("baseline", ("strain",)),
-    "strain": ("strain", ("strain",)),
-    "acceleration": ("radial_acceleration", ("radial_acceleration",)),
-    "regressor": ("regressors", ("phase_shift", "patch_width")),
+    "structure": ("structure (foundation_stiffness)", "structure"),
+    "transfer": ("sensor", "sensor"),
+    "gain": ("sensor", "sensor"),
+    "lever": ("sensor", "lever_arm"),
+    "baseline": ("baseline", "baseline"),
+    "strain": ("strain", "strain"),
+    "acceleration": ("radial_acceleration", "radial_acceleration"),
+    "regressor": ("regressors", "regressors"),
+}
+#: Hook -> (the stage it enters, the observables that are computed from that stage).
+REACH: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    hook: (stage, computed_from(read)) for hook, (stage, read) in ENTERS.items()
 }
 
 
@@ -58,20 +63,10 @@ def acting_on(observable: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(ConditionValues):
     """The conditions as columns: each (n, 1), or (1, 1) where all revolutions share the value; NaN
     where it is not known.
     """
-
-    speed_m_s: FloatArray
-    acceleration_m_s2: FloatArray
-    time_s: FloatArray
-    temperature_K: FloatArray
-    load_N: FloatArray
-    inflation_pressure_Pa: FloatArray
-    distance_km: FloatArray
-    water_depth_mm: FloatArray
-    slip: FloatArray
 
     @classmethod
     def of(cls, conditions: Conditions) -> Drive:
@@ -145,6 +140,8 @@ class Structure:
         )
 
 
+#: what an effect follows: (condition's field, power), ...
+Follows = tuple[tuple[str, float], ...]
 #: (values, drive) -> column; (values, drive, site) -> column or modes.
 DriveHook = Callable[[Values, Drive], FloatArray]
 SiteHook = Callable[[Values, Drive, Site], "FloatArray | ComplexArray"]
@@ -154,7 +151,9 @@ SiteHook = Callable[[Values, Drive, Site], "FloatArray | ComplexArray"]
 class Effect:
     """One physical mechanism.
 
-    id, mechanism, follows     as in the catalogue
+    id, mechanism              as in the catalogue
+    follows                    the conditions by which it grows, each (field, power of it), ()
+                               for none; a text ("speed^2, water depth") is read as such
     acts_on                    the stages it enters
     parameters                 numbers with unit, bounds, start; `strength` names those that are all
                                zero when it is off
@@ -164,6 +163,8 @@ class Effect:
     instead                    a field of `needs` -> another that serves as well
     options                    words a model file may choose from, the first by default
     source, valid, signature   where it comes from, where it holds, what it looks like in a waveform
+    valid_range                what of `valid` is a number: condition's field or parameter ->
+                               (lowest, highest), in its unit; comparisons remark when it is left
     hooks                      load: relative change of F; added_load [N]; pressure: modes to add
                                [N/m]; tilt: a in p (1 - a xi/L); kernel: transfer of a convolution
                                of p; traction: modes of tau [N/m] and its lever [m]; structure;
@@ -175,23 +176,19 @@ class Effect:
 
     id: str
     mechanism: str
-    follows: str
+    follows: Follows | str
     acts_on: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     strength: tuple[str, ...]
     source: str
     valid: str
     signature: str
+    valid_range: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     needs: tuple[str, ...] = ()
     also_at_zero: tuple[str, ...] = ()
     instead: Mapping[str, str] = field(default_factory=dict)
     options: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    observables: tuple[str, ...] = (
-        "strain",
-        "radial_acceleration",
-        "patch_length",
-        "dissipation_factor",
-    )
+    observables: tuple[str, ...] = WITHOUT_REGRESSORS
     load: DriveHook | None = None
     added_load: DriveHook | None = None
     tilt: DriveHook | None = None
@@ -206,6 +203,32 @@ class Effect:
     strain: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
     acceleration: Callable[[Values, Drive, Site, FloatArray], FloatArray] | None = None
     regressor: Callable[[Values, Drive, Site, str], FloatArray] | None = None
+
+    @property
+    def followed(self) -> Follows:
+        """The conditions that it follows as (field, power), also those that a text names."""
+        if isinstance(self.follows, str):
+            return _named_in(self.follows)
+        return tuple((name, float(power)) for name, power in self.follows)
+
+    @property
+    def follows_said(self) -> str:
+        """What it follows, in words: `speed^2, water depth`, `nothing`."""
+        if isinstance(self.follows, str):
+            return self.follows or "nothing"
+        followed, parts = dict(self.followed), []
+        for name, power in followed.items():
+            other = CONDITIONS.get(self.instead.get(name, ""))
+            parts.append(
+                CONDITIONS[name].word
+                + ("" if power == 1 else f"^{power:g}")
+                + (
+                    f" ({other.word}, where it is measured)"
+                    if other is not None and other.field not in followed
+                    else ""
+                )
+            )
+        return ", ".join(parts) or "nothing"
 
     @property
     def reaches(self) -> tuple[str, ...]:
@@ -249,4 +272,51 @@ class Effect:
             )
         for parameter in self.parameters:
             parameter.checked(f"{self.id}.{parameter.name}")
+        self._refuse_unknown_conditions(names)
         return self
+
+    def _refuse_unknown_conditions(self, parameters: list[str]) -> None:
+        """ModelError where `follows` or `valid_range` is no data that a comparison could use."""
+        try:
+            followed = dict(self.followed)
+            ranges = {
+                name: (float(low), float(high)) for name, (low, high) in self.valid_range.items()
+            }
+        except (AttributeError, TypeError, ValueError):
+            raise ModelError(
+                f"effect {self.id}: follows {self.follows!r}, valid_range {self.valid_range!r}; "
+                'allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a pair '
+                '(lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}; correct the effect'
+            ) from None
+        for names, known, what in (
+            (followed, [*CONDITIONS], "condition"),
+            (ranges, [*CONDITIONS, *parameters], "condition or parameter"),
+        ):
+            for name in names:
+                if name not in known:
+                    raise ModelError(
+                        f"effect {self.id}: {name!r} is no {what}{nearest(str(name), known)}; "
+                        f"allowed are {', '.join(known)}; correct the effect"
+                    )
+        if not np.isfinite(list(followed.values())).all():
+            raise ModelError(
+                f"effect {self.id}: follows {self.follows!r}; allowed are finite powers; "
+                "correct the effect"
+            )
+        for name, (low, high) in ranges.items():
+            if not low <= high:
+                raise ModelError(
+                    f"effect {self.id}: valid_range of {name} is from {low:g} to {high:g}; "
+                    "allowed is (lowest, highest); correct the effect"
+                )
+
+
+def _named_in(text: str) -> Follows:
+    """The conditions that a text such as `speed^2, water depth` names; other words are left."""
+    found = []
+    for part in text.split(","):
+        name, _, power = part.partition("^")
+        condition = condition_named(name)
+        if condition is not None and re.fullmatch(r"\s*(\d+(\.\d*)?)?\s*", power):
+            found.append((condition.field, float(power) if power.strip() else 1.0))
+    return tuple(found)

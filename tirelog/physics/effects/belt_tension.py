@@ -32,7 +32,7 @@ def _baseline(v: Values, drive: Drive) -> FloatArray:
 EFFECT = Effect(
     id="belt_tension",
     mechanism="pre-tension T kappa^2 from inflation and rotation, with the belt's uniform stretch",
-    follows="pressure, speed^2",
+    follows=(("inflation_pressure_Pa", 1), ("speed_m_s", 2)),
     acts_on=("structure", "baseline"),
     parameters=(
         Parameter(

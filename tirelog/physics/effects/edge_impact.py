@@ -18,7 +18,7 @@ def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
 EFFECT = Effect(
     id="edge_impact",
     mechanism="momentum of the tread arriving: a pressure pulse at the entry edge",
-    follows="speed",
+    follows=(("speed_m_s", 1),),
     acts_on=("contact_pressure",),
     parameters=(
         Parameter(

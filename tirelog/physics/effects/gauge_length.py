@@ -16,7 +16,7 @@ def _transfer(v: Values, drive: Drive, site: Site) -> FloatArray:
 EFFECT = Effect(
     id="gauge_length",
     mechanism="a grating averages over its length",
-    follows="nothing",
+    follows=(),
     acts_on=("sensor",),
     # even in the length: a fit must start away from zero
     parameters=(

@@ -13,7 +13,7 @@ def _structure(v: Values, drive: Drive) -> Structure:
 EFFECT = Effect(
     id="hysteresis",
     mechanism="rate-independent loss, k (1 + i eta sign(kappa))",
-    follows="nothing (same at every speed)",
+    follows=(),
     acts_on=("structure",),
     parameters=(
         Parameter(
@@ -23,6 +23,7 @@ EFFECT = Effect(
     strength=("loss_factor",),
     source="P1 1, 3.2",
     valid="loss factors of rubber, up to about 0.5",
+    valid_range={"loss_factor": (0.0, 0.5)},
     signature="odd about the patch centre like viscous damping, but the same at every speed",
     structure=_structure,
 )

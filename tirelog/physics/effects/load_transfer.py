@@ -5,6 +5,7 @@ from __future__ import annotations
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES
 
 
 def _load(v: Values, drive: Drive) -> FloatArray:
@@ -14,7 +15,7 @@ def _load(v: Values, drive: Drive) -> FloatArray:
 EFFECT = Effect(
     id="load_transfer",
     mechanism="load follows the longitudinal acceleration, and the patch length follows the load",
-    follows="acceleration",
+    follows=(("acceleration_m_s2", 1),),
     acts_on=("load",),
     parameters=(
         Parameter(
@@ -26,13 +27,6 @@ EFFECT = Effect(
     valid="the wheel stays on the road; positive on a rear wheel, negative on a front wheel",
     signature="even; the waveform grows and widens with acceleration",
     needs=("acceleration_m_s2",),
-    observables=(
-        "strain",
-        "radial_acceleration",
-        "patch_length",
-        "dissipation_factor",
-        "patch_width",
-        "phase_shift",
-    ),
+    observables=tuple(OBSERVABLES),
     load=_load,
 )

@@ -12,8 +12,9 @@ import numpy as np
 from tirelog.physics.effects.base import CATALOGUE_G_M_S2, Drive, Effect, Site, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import computed_from
 
-_BOTH = ("phase_shift", "patch_width")
+_BOTH = computed_from("regressors")
 _PHASE = ("phase_shift",)
 #: Inflation pressure [Pa] that the regressor `inflation` counts from (P4: 2.0 bar nominal).
 NOMINAL_PRESSURE_PA = 2.0e5
@@ -52,7 +53,7 @@ def _inflation(v: Values, drive: Drive, site: Site, observable: str) -> FloatArr
 SPEED_TREND = Effect(
     id="speed_trend",
     mechanism="second-order polynomial of speed: rolling resistance and aerodynamic force",
-    follows="speed",
+    follows=(("speed_m_s", 1),),
     acts_on=("regressors",),
     parameters=(
         _angle("linear_rad", "a in a (v/20) + b (v/20)^2"),
@@ -61,6 +62,7 @@ SPEED_TREND = Effect(
     strength=("linear_rad", "quadratic_rad"),
     source="P4 IV, Fig. 9",
     valid="the speeds of the ramp it was learnt on (10 to 25 m/s)",
+    valid_range={"speed_m_s": (10.0, 25.0)},
     signature="phase shift and width follow speed in quasi-static driving",
     observables=_BOTH,
     regressor=_speed,
@@ -68,7 +70,7 @@ SPEED_TREND = Effect(
 LOAD_CROSSTALK = Effect(
     id="load_crosstalk",
     mechanism="phase shift that follows the vertical load",
-    follows="load",
+    follows=(("load_N", 1),),
     acts_on=("regressors",),
     parameters=(
         _angle("per_relative_load_rad", "a in a (F / F_nominal - 1)"),
@@ -84,7 +86,7 @@ LOAD_CROSSTALK = Effect(
 TELEMETRY_DELAY = Effect(
     id="telemetry_delay",
     mechanism="constant delay between encoder and radio-linked sensor, Omega x delay",
-    follows="speed",
+    follows=(("speed_m_s", 1),),
     acts_on=("regressors",),
     parameters=(
         Parameter(
@@ -101,7 +103,7 @@ TELEMETRY_DELAY = Effect(
 TOOTH_PITCH = Effect(
     id="tooth_pitch",
     mechanism="pitch error of the tone wheel, periodic from tooth to tooth",
-    follows="wheel angle (through the phase shift itself)",
+    follows=(("acceleration_m_s2", 1),),
     acts_on=("regressors",),
     parameters=(
         _angle("amplitude_rad", "cosine part over one tooth", 0.1),
@@ -128,12 +130,15 @@ TOOTH_PITCH = Effect(
 INFLATION = Effect(
     id="inflation",
     mechanism="a softer tire has a longer patch and winds up more",
-    follows="inflation pressure",
+    follows=(("inflation_pressure_Pa", 1),),
     acts_on=("regressors",),
     parameters=(_angle("per_relative_pressure_rad", "a in a (p / 2.0 bar - 1)"),),
     strength=("per_relative_pressure_rad",),
     source="P4 V (1.6 and 2.0 bar)",
     valid="0.5 bar around nominal",
+    valid_range={
+        "inflation_pressure_Pa": (NOMINAL_PRESSURE_PA - 0.5e5, NOMINAL_PRESSURE_PA + 0.5e5)
+    },
     signature="a step from log to log with inflation pressure",
     needs=("inflation_pressure_Pa",),
     observables=_BOTH,

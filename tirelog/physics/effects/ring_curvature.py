@@ -18,7 +18,7 @@ def _structure(v: Values, drive: Drive) -> Structure:
 EFFECT = Effect(
     id="ring_curvature",
     mechanism="a closed ring in place of the straight beam",
-    follows="geometry",
+    follows=(),
     acts_on=("structure",),
     parameters=(
         Parameter(

@@ -18,7 +18,7 @@ def _kernel(v: Values, drive: Drive, site: Site) -> FloatArray:
 EFFECT = Effect(
     id="rough_contact",
     mechanism="asperities that smear the edges of the pressure",
-    follows="nothing",
+    follows=(),
     acts_on=("contact_pressure",),
     # the response is even in s: at zero a fit has no slope to follow, so it starts away from it
     parameters=(

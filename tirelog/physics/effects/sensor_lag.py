@@ -21,7 +21,7 @@ def _transfer(v: Values, drive: Drive, site: Site) -> ComplexArray:
 EFFECT = Effect(
     id="sensor_lag",
     mechanism="first-order lag or delay of interrogator or telemetry",
-    follows="speed",
+    follows=(("speed_m_s", 1),),
     acts_on=("sensor",),
     parameters=(Parameter("lag_s", "s", "tau in 1/(1 + i omega tau)", 0.0, 0.0, 0.05, probe=2e-4),),
     strength=("lag_s",),

@@ -13,7 +13,7 @@ def _structure(v: Values, drive: Drive) -> Structure:
 EFFECT = Effect(
     id="stiffening",
     mechanism="foundation that hardens with deflection, k (1 + k3 w^2)",
-    follows="load",
+    follows=(("load_N", 1),),
     acts_on=("structure",),
     parameters=(
         Parameter("cubic_1_m2", "1/m^2", "k3 in k (1 + k3 w^2)", 0.0, 0.0, 1e5, probe=3e3),

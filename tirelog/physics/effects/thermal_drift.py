@@ -28,7 +28,7 @@ EFFECT = Effect(
     id="thermal_drift",
     mechanism="warming, first order in time or by a temperature "
     "channel: baseline strain and stiffness",
-    follows="time, temperature",
+    follows=(("time_s", 1), ("temperature_K", 1)),
     acts_on=("baseline", "structure"),
     parameters=(
         Parameter(

@@ -30,7 +30,7 @@ def _traction(v: Values, drive: Drive, site: Site) -> tuple[ComplexArray, float]
 EFFECT = Effect(
     id="traction",
     mechanism="brush friction under drive and brake torque, with its slip onset",
-    follows="acceleration (slip, where it is measured)",
+    follows=(("acceleration_m_s2", 1),),
     acts_on=("contact_pressure",),
     parameters=(
         Parameter(
@@ -59,6 +59,7 @@ EFFECT = Effect(
     source="P2 (13)-(18), C_x by (17); errata: the jump at x_s, either sign of the lever",
     valid="slip up to 1; friction 0.8 sticking, 0.6 sliding; on a ring the shear also pulls the "
     "belt along",
+    valid_range={"slip": (-1.0, 1.0)},
     signature="odd, changes sign with the acceleration, a kink where adhesion ends",
     needs=("acceleration_m_s2",),
     instead={"acceleration_m_s2": "slip"},

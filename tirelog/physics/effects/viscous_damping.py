@@ -16,7 +16,7 @@ def _structure(v: Values, drive: Drive) -> Structure:
 EFFECT = Effect(
     id="viscous_damping",
     mechanism="damping of the foundation, 2 mu omega_d dw/dt",
-    follows="speed",
+    follows=(("speed_m_s", 1),),
     acts_on=("structure",),
     parameters=(
         Parameter(

@@ -18,7 +18,7 @@ def _pressure(v: Values, drive: Drive, site: Site) -> ComplexArray:
 EFFECT = Effect(
     id="water_film",
     mechanism="hydrodynamic wedge ahead of the entry edge",
-    follows="speed^2, water depth",
+    follows=(("speed_m_s", 2), ("water_depth_mm", 1)),
     acts_on=("contact_pressure",),
     parameters=(
         Parameter(

@@ -26,7 +26,7 @@ def _lever(v: Values, drive: Drive) -> FloatArray:
 EFFECT = Effect(
     id="wear",
     mechanism="shallower tread: exit side carries more, shorter lever arm",
-    follows="distance",
+    follows=(("distance_km", 1),),
     acts_on=("contact_pressure", "sensor"),
     parameters=(
         Parameter(
@@ -47,6 +47,7 @@ EFFECT = Effect(
     strength=("amplitude", "lever_loss"),
     source="P3 Figs. 5, 6 (no equation is given there; errata)",
     valid="up to the tread's life, about 40,000 km",
+    valid_range={"distance_km": (0.0, LIFE_KM)},
     signature="exit side heavier than the entry side, the "
     "same at every speed, growing with distance",
     needs=("distance_km",),

@@ -78,8 +78,9 @@ class Expression:
             result = np.asarray(_compute(self.tree, values), dtype=np.float64)
         if not np.isfinite(result).all():
             raise ModelError(
-                f"expression {self.text!r} is not finite everywhere; a finite number at every xi "
-                "and condition is allowed; guard it with where(), clip() or a comparison"
+                f"expression {self.text!r} is not finite everywhere",
+                allowed="a finite number at every xi and condition is allowed",
+                do="guard it with where(), clip() or a comparison",
             )
         return result
 
@@ -90,14 +91,17 @@ def parse(text: str, allowed: frozenset[str] | set[str]) -> Expression:
     """
     if len(text) > LONGEST:
         raise ModelError(
-            f"expression of {len(text)} characters; up to {LONGEST} are allowed; shorten it"
+            f"expression of {len(text)} characters",
+            allowed=f"up to {LONGEST} are allowed",
+            do="shorten it",
         )
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
         raise ModelError(
-            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)}); "
-            "numbers, names, operators and calls are allowed; correct it"
+            f"expression {text!r} is not a formula ({getattr(problem, 'msg', problem)})",
+            allowed="numbers, names, operators and calls are allowed",
+            do="correct it",
         ) from None
     names: set[str] = set()
     _check(tree, text, allowed, names, 0)
@@ -110,15 +114,17 @@ def _check(
     """Refuses every node that is not on the list; collects names."""
     if depth > DEEPEST:
         raise ModelError(
-            f"expression {text!r} is nested deeper than {DEEPEST}; a flatter one is allowed; "
-            "split it"
+            f"expression {text!r} is nested deeper than {DEEPEST}",
+            allowed="a flatter one is allowed",
+            do="split it",
         )
     if isinstance(node, ast.Name):
         if node.id not in allowed and node.id not in CONSTANTS:
             raise ModelError(
-                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}; "
-                f"allowed here are {', '.join(sorted(allowed))}, "
-                f"pi, e and the functions {', '.join(FUNCTIONS)}; use one of them"
+                f"expression {text!r} uses the name {node.id!r}{nearest(node.id, allowed)}",
+                allowed=f"allowed here are {', '.join(sorted(allowed))}, pi, e and the functions "
+                f"{', '.join(FUNCTIONS)}",
+                do="use one of them",
             )
         names.add(node.id)
         return
@@ -130,8 +136,9 @@ def _parts(node: ast.AST, text: str) -> list[ast.expr]:
     """The operands of an allowed node."""
     if (
         isinstance(node, ast.Constant)
-        and type(node.value) in (int, float)
-        and abs(node.value) < 1e300  # type: ignore[arg-type]
+        and isinstance(node.value, int | float)
+        and not isinstance(node.value, bool)
+        and abs(node.value) < 1e300
     ):
         return []
     if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
@@ -149,21 +156,23 @@ def _parts(node: ast.AST, text: str) -> list[ast.expr]:
         if len(node.args) not in ARGUMENTS[called]:
             many = " or ".join(map(str, ARGUMENTS[called]))
             raise ModelError(
-                f"expression {text!r} gives {called}() {len(node.args)} arguments; "
-                f"allowed are {many}; correct it"
+                f"expression {text!r} gives {called}() {len(node.args)} arguments",
+                allowed=f"allowed are {many}",
+                do="correct it",
             )
         return node.args  # a starred argument is refused as a node of its own
     what = called or type(node).__name__
     raise ModelError(
-        f"expression {text!r} uses {what}, which is not allowed; allowed are finite numbers, "
-        "names, + - * / ** %, comparisons, and/or/not, "
-        f"a if c else b, and the functions {', '.join(FUNCTIONS)}; write it with these"
+        f"expression {text!r} uses {what}, which is not allowed",
+        allowed="allowed are finite numbers, names, + - * / ** %, comparisons, and/or/not, a if "
+        f"c else b, and the functions {', '.join(FUNCTIONS)}",
+        do="write it with these",
     )
 
 
 def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    if isinstance(node, ast.Constant):
-        return np.float64(node.value)  # type: ignore[arg-type]
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return np.float64(node.value)
     if isinstance(node, ast.Name):
         return values[node.id] if node.id in values else CONSTANTS[node.id]
     if isinstance(node, ast.BinOp):
@@ -199,8 +208,9 @@ def _compute(node: ast.expr, values: Mapping[str, Any]) -> Any:
         return FUNCTIONS[call.func.id](*arguments)
     except (TypeError, ValueError):
         raise ModelError(
-            f"{call.func.id}() does not take {len(arguments)} arguments; as many as numpy's "
-            f"{call.func.id} takes are allowed; correct the expression"
+            f"{call.func.id}() does not take {len(arguments)} arguments",
+            allowed=f"as many as numpy's {call.func.id} takes are allowed",
+            do="correct the expression",
         ) from None
 
 

@@ -19,7 +19,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from tirelog.errors import ModelError, nearest
-from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, OBSERVABLES, carcass_parameters
+from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_parameters
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import COUPLED_STANDS, Model
@@ -31,6 +31,7 @@ from tirelog.physics.model.user_effects import (
 from tirelog.physics.parameters import Parameter
 from tirelog.storage.documents import LARGEST_BYTES, toml_tables, toml_text
 from tirelog.storage.whole import whole_file
+from tirelog.vocabulary.observables import OBSERVABLES
 
 _NUMBER_KEYS = ("value", "min", "max", "se", "fixed")
 
@@ -41,10 +42,20 @@ class _Text:
     def __init__(self, text: str, path: Path | None) -> None:
         self.lines, self.path = text.splitlines(), path
 
-    def error(self, message: str, key: str | None = None, after: int = 0) -> ModelError:
-        return ModelError(
-            message, file=self.path or "model", line=self.line(key, after) if key else None
-        )
+    def error(
+        self,
+        what: str,
+        key: str | None = None,
+        after: int = 0,
+        *,
+        allowed: str | Iterable[str] = "",
+        do: str = "",
+    ) -> ModelError:
+        return self.here(ModelError(what, allowed=allowed, do=do), key, after)
+
+    def here(self, problem: ModelError, key: str | None, after: int = 0) -> ModelError:
+        """The error at the line of `key`, the first one after `after`."""
+        return problem.at(self.path or "model", self.line(key, after) if key else None)
 
     def line(self, key: str, after: int = 0) -> int | None:
         pattern = re.compile(
@@ -79,7 +90,9 @@ def parse(
         document = tomlkit.parse(text).unwrap()
     except (TOMLKitError, RecursionError) as problem:
         raise ModelError(
-            f"is not TOML ({problem}); see `tirelog model new`; correct it",
+            f"is not TOML ({problem})",
+            allowed="see `tirelog model new`",
+            do="correct it",
             file=path or "model",
             line=getattr(problem, "line", None),
         ) from None
@@ -91,12 +104,13 @@ def parse(
     )
     if not (isinstance(head, dict) and isinstance(numbers, dict) and isinstance(effects, list)):
         raise source.error(
-            "[model] and [parameters] are tables, [[effects]] a list of tables; no other form is "
-            "allowed; correct it"
+            "[model] and [parameters] are tables, [[effects]] a list of tables",
+            allowed="no other form is allowed",
+            do="correct it",
         )
     _only(head, ("observable", "carcass", "contact"), source, "[model]")
     carcass = _word(head, "carcass", CARCASSES, None, source)
-    observable = _word(head, "observable", OBSERVABLES, None, source)
+    observable = _word(head, "observable", tuple(OBSERVABLES), None, source)
     contact = _contact(head, numbers, carcass, source)
     known = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
     base = _base(numbers, known, source)
@@ -106,15 +120,17 @@ def parse(
     for table in effects:
         if not isinstance(table, dict) or not isinstance(table.get("name"), str):
             raise source.error(
-                'an effect has no name; [[effects]] with name = "..." is allowed; name it',
+                "an effect has no name",
                 "effects",
+                allowed='[[effects]] with name = "..." is allowed',
+                do="name it",
             )
         after = source.line(table["name"], after) or after
         effect = _effect(table, catalogue, source, after)
         try:
             model = model.with_effect(effect)
         except ModelError as problem:
-            raise source.error(problem.message, table["name"], after - 1) from None
+            raise source.here(problem, table["name"], after - 1) from None
     return model
 
 
@@ -128,8 +144,10 @@ def _contact(
     contact = _word(numbers if "contact" in numbers else head, "contact", CONTACTS, default, source)
     if carcass == "beam" and contact == "flat_road":
         raise source.error(
-            'contact = "flat_road" needs a ring; "prescribed" is allowed for a beam; correct it',
+            'contact = "flat_road" needs a ring',
             "contact",
+            allowed='"prescribed" is allowed for a beam',
+            do="correct it",
         )
     if carcass == "coupled_ring" and contact == "prescribed":
         raise source.error(
@@ -147,12 +165,16 @@ def _word(
     after: int = 0,
 ) -> str:
     value = table.get(key, default)
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         near = nearest(value, allowed) if isinstance(value, str) else ""
         raise source.error(
-            f"{key} = {value!r}{near}; allowed are {', '.join(allowed)}; choose one", key, after
+            f"{key} = {value!r}{near}",
+            key,
+            after,
+            allowed=allowed,
+            do="choose one",
         )
-    return value  # type: ignore[return-value]
+    return value
 
 
 def _only(
@@ -162,10 +184,11 @@ def _only(
     for key in table:
         if key not in allowed:
             raise source.error(
-                f"unknown key {key!r} in {where}{nearest(key, allowed)}; "
-                f"allowed are {', '.join(allowed)}; correct it",
+                f"unknown key {key!r} in {where}{nearest(key, allowed)}",
                 key,
                 after,
+                allowed=allowed,
+                do="correct it",
             )
 
 
@@ -179,8 +202,9 @@ def _base(
     lacking = [p.name for p in known if p.free and p.name not in given]
     if lacking:
         raise source.error(
-            f"[parameters] lacks {', '.join(lacking)}; a number or {{ value, min, max }} is "
-            "allowed; add it"
+            f"[parameters] lacks {', '.join(lacking)}",
+            allowed="a number or { value, min, max } is allowed",
+            do="add it",
         )
     return tuple(
         _number(given[p.name], p, source, p.name) if p.name in given else p.fixed() for p in known
@@ -199,11 +223,11 @@ def _number(value: Any, known: Parameter, source: _Text, label: str, after: int 
         )
         if wrong or (key not in ("fixed", "se") and not math.isfinite(number)):
             raise source.error(
-                f"{label}: {key} = {number!r}; "
-                f"a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed; "
-                "correct it",
+                f"{label}: {key} = {number!r}",
                 label,
                 after,
+                allowed=f"a finite number{' (fixed: true or false)' * (key == 'fixed')} is allowed",
+                do="correct it",
             )
     free = isinstance(value, dict) and not table.get("fixed", False)
     low, high = (float(table.get(key, getattr(known, key))) for key in ("min", "max"))
@@ -220,7 +244,7 @@ def _number(value: Any, known: Parameter, source: _Text, label: str, after: int 
     try:
         return parameter.checked(label)
     except ModelError as problem:
-        raise source.error(problem.message, label, after) from None
+        raise source.here(problem, label, after) from None
 
 
 def _effect(
@@ -233,11 +257,11 @@ def _effect(
         given, own = table.get("parameters", {}), {k: table[k] for k in ("acts_on", "expression")}
     elif name not in catalogue:
         raise source.error(
-            f"unknown effect {name!r}{nearest(name, catalogue)}; "
-            f"allowed are {', '.join(catalogue)}, "
-            "or one with an expression; for one of your own in Python give --effects FILE",
+            f"unknown effect {name!r}{nearest(name, catalogue)}",
             name,
             after - 1,
+            allowed=f"allowed are {', '.join(catalogue)}, or one with an expression",
+            do="for one of your own in Python give --effects FILE",
         )
     else:
         effect = catalogue[name]
@@ -265,9 +289,11 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
     given = table.get("parameters", {})
     if not isinstance(table["expression"], str) or not isinstance(given, dict):
         raise source.error(
-            "expression is a text and parameters a table; no other form is allowed; correct it",
+            "expression is a text and parameters a table",
             "expression",
             after - 1,
+            allowed="no other form is allowed",
+            do="correct it",
         )
     parameters = tuple(
         _number(value, _unknown(key, value), source, key, after - 1) for key, value in given.items()
@@ -279,7 +305,7 @@ def _by_expression(table: Mapping[str, Any], source: _Text, after: int) -> Effec
     try:
         return effect_by_expression(table["name"], place, table["expression"], parameters)
     except ModelError as problem:
-        raise source.error(problem.message, table["name"], after - 1) from None
+        raise source.here(problem, table["name"], after - 1) from None
 
 
 def _unknown(key: str, value: Any) -> Parameter:
@@ -300,8 +326,9 @@ def save_model(model: Model, path: str | Path) -> None:
     path = Path(path)
     if not _may_be_replaced(path):
         raise ModelError(
-            "is there and is no model file; a model takes a new name, or the place of a model; "
-            "give another -o",
+            "is there and is no model file",
+            allowed="a model takes a new name, or the place of a model",
+            do="give another -o",
             file=path,
         )
     text = as_toml(model)

@@ -16,7 +16,6 @@ from tirelog.errors import ModelError, nearest
 from tirelog.physics.carcass.numbers import (
     CARCASSES,
     CONTACTS,
-    OBSERVABLES,
     carcass_parameters,
     steady_carcass,
 )
@@ -25,6 +24,7 @@ from tirelog.physics.effects.base import acting_on
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.parameters import Parameter
+from tirelog.vocabulary.observables import OBSERVABLES
 
 COUPLED_STANDS = (
     'a coupled ring stands on its tread; contact = "flat_road" is allowed; leave contact out, or '
@@ -65,13 +65,14 @@ class Model(Predicting):
         A ring stands on a flat road unless `contact` says otherwise.
         """
         _one_of("carcass", carcass, CARCASSES)
-        _one_of("observable", observable, OBSERVABLES)
+        _one_of("observable", observable, tuple(OBSERVABLES))
         contact = contact or ("prescribed" if carcass == "beam" else "flat_road")
         _one_of("contact", contact, CONTACTS)
         if carcass == "beam" and contact == "flat_road":
             raise ModelError(
-                'contact = "flat_road" needs the geometry of a ring; "prescribed" is allowed for '
-                'a beam; take carcass = "ring"'
+                'contact = "flat_road" needs the geometry of a ring',
+                allowed='"prescribed" is allowed for a beam',
+                do='take carcass = "ring"',
             )
         if carcass == "coupled_ring" and contact == "prescribed":
             raise ModelError(COUPLED_STANDS)
@@ -117,8 +118,9 @@ class Model(Predicting):
         if isinstance(effect, str):
             if effect not in BY_ID:
                 raise ModelError(
-                    f"unknown effect {effect!r}{nearest(effect, BY_ID)}; "
-                    f"allowed are {', '.join(BY_ID)}; see `tirelog effects`"
+                    f"unknown effect {effect!r}{nearest(effect, BY_ID)}",
+                    allowed=BY_ID,
+                    do="see `tirelog effects`",
                 )
             effect = BY_ID[effect]
         added = effect if isinstance(effect, ModelEffect) else ModelEffect.of(effect)
@@ -131,30 +133,34 @@ class Model(Predicting):
         if effect not in [e.id for e in self.effects]:
             held = ", ".join(e.id for e in self.effects) or "none"
             raise ModelError(
-                "the model has no effect "
-                f"{effect!r}{nearest(effect, [e.id for e in self.effects])}; it has: {held}; "
-                "name one of them"
+                f"the model has no effect {effect!r}"
+                f"{nearest(effect, [e.id for e in self.effects])}",
+                allowed=f"it has: {held}",
+                do="name one of them",
             )
         return replace(self, effects=tuple(e for e in self.effects if e.id != effect))
 
     def _accept(self, added: ModelEffect) -> None:
         if added.id in [e.id for e in self.effects]:
             raise ModelError(
-                f"the model has the effect {added.id!r} already; each effect once is allowed; "
-                "change its parameters instead"
+                f"the model has the effect {added.id!r} already",
+                allowed="each effect once is allowed",
+                do="change its parameters instead",
             )
         effect = added.effect
         if self.observable not in effect.reaches:
             own = f"acts on {', '.join(effect.acts_on)} and does nothing to {self.observable}"
             serves = f"for {', '.join(effect.reaches)}" if effect.reaches else "for no observable"
             raise ModelError(
-                f"effect {added.id!r} {own}, it is {serves}; what acts on {self.observable}: "
-                f"{', '.join(acting_on(self.observable))}; choose one of them, or another effect"
+                f"effect {added.id!r} {own}, it is {serves}",
+                allowed=f"what acts on {self.observable}: {', '.join(acting_on(self.observable))}",
+                do="choose one of them, or another effect",
             )
         if added.id == "ring_curvature" and steady_carcass(self.carcass) == "ring":
             raise ModelError(
-                'the carcass is a ring already; ring_curvature is for carcass = "beam"; '
-                "leave it out"
+                "the carcass is a ring already",
+                allowed='ring_curvature is for carcass = "beam"',
+                do="leave it out",
             )
 
     def resolved(self, conditions: Conditions) -> Model:
@@ -191,14 +197,16 @@ class Model(Predicting):
         for name in names:
             if name not in self.parameters:
                 raise ModelError(
-                    f"the model has no parameter {name!r}{nearest(name, self.parameters)}; "
-                    f"it has {', '.join(self.parameters)}; use one of them"
+                    f"the model has no parameter {name!r}{nearest(name, self.parameters)}",
+                    allowed=f"it has {', '.join(self.parameters)}",
+                    do="use one of them",
                 )
 
 
 def _one_of(what: str, word: str, allowed: Sequence[str]) -> None:
     if word not in allowed:
         raise ModelError(
-            f"unknown {what} {word!r}{nearest(word, allowed)}; allowed are {', '.join(allowed)}; "
-            "choose one of them"
+            f"unknown {what} {word!r}{nearest(word, allowed)}",
+            allowed=allowed,
+            do="choose one of them",
         )

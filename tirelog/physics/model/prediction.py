@@ -17,13 +17,14 @@ import numpy as np
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
-from tirelog.physics.carcass.numbers import SCALARS, steady_carcass
+from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import Drive
 from tirelog.physics.model.scalars import scalar
 from tirelog.physics.model.stages import hub_forces, loaded_site, waveform
 from tirelog.physics.model.task import Active, Task
 from tirelog.physics.spectral import MODES, Angles
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import SCALARS
 
 if TYPE_CHECKING:
     from tirelog.physics.model.entry import ModelEffect
@@ -248,8 +249,9 @@ class Predicting:
     def _angles(self, phi_rad: FloatArray | None, phi_variance: FloatArray | None) -> Angles:
         if phi_rad is None:
             raise ModelError(
-                f"a waveform ({self.observable}) needs angles; phi_rad of shape (m,) or (n, m) "
-                "is allowed; give it"
+                f"a waveform ({self.observable}) needs angles",
+                allowed="phi_rad of shape (m,) or (n, m) is allowed",
+                do="give it",
             )
         return Angles(phi_rad, phi_variance)
 
@@ -274,12 +276,15 @@ class Predicting:
         for effect, lacking in self.missing_conditions(conditions).items():
             if effect in on:
                 raise ModelError(
-                    f"effect {effect!r} needs {', '.join(lacking)}; the log must know it; "
-                    "give it in the setup's [conditions] or as a channel"
+                    f"effect {effect!r} needs {', '.join(lacking)}",
+                    allowed="the log must know it",
+                    do="give it in the setup's [conditions] or as a channel",
                 )
         if len(conditions) and not conditions.known("speed_m_s"):
             raise ModelError(
-                "a revolution has no speed; every revolution needs one; leave it out of the stack"
+                "a revolution has no speed",
+                allowed="every revolution needs one",
+                do="leave it out of the stack",
             )
         drive = Drive.of(conditions)
         for start in range(0, len(conditions), BLOCK):
@@ -309,7 +314,9 @@ class Predicting:
         """
         if steady_carcass(self.carcass) != "ring":
             raise ModelError(
-                'a beam has no hub; hub forces are for carcass = "ring"; make such a model'
+                "a beam has no hub",
+                allowed='hub forces are for carcass = "ring"',
+                do="make such a model",
             )
         out = np.empty((2, len(conditions)))
         for rows, task in self._tasks(conditions, self.values):
@@ -320,7 +327,9 @@ class Predicting:
 def _lever(task: Task, surface: str) -> float:
     if surface not in ("outer", "inner"):
         raise ModelError(
-            f"unknown surface {surface!r}; allowed are outer, inner; choose one of them"
+            f"unknown surface {surface!r}",
+            allowed="allowed are outer, inner",
+            do="choose one of them",
         )
     return task.base["lever_arm_m"] if surface == "inner" else -task.base["lever_arm_m"]
 

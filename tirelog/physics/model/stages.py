@@ -56,14 +56,15 @@ def loads(task: Task) -> FloatArray:
     load do.
     """
     F = np.where(np.isfinite(task.drive.load_N), task.drive.load_N, task.base["load_N"])
-    for a in task.having("load"):
-        F = F * (1.0 + a.effect.load(a.values, task.drive))  # type: ignore[misc]
-    for a in task.having("added_load"):
-        F = F + a.effect.added_load(a.values, task.drive)  # type: ignore[misc]
+    for change in task.hooks(lambda effect: effect.load).values():
+        F = F * (1.0 + change())
+    for added in task.hooks(lambda effect: effect.added_load).values():
+        F = F + added()
     if not np.all(F > 0.0):
         raise ModelError(
-            f"load {float(np.min(F)):g} N does not press the tire on the road; a load above zero "
-            "is allowed; correct load_N or the effects on load"
+            f"load {float(np.min(F)):g} N does not press the tire on the road",
+            allowed="a load above zero is allowed",
+            do="correct load_N or the effects on load",
         )
     return F
 
@@ -82,8 +83,9 @@ def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
     if np.any(half >= np.pi * R):
         raise ModelError(
             f"the patch of {2 * float(np.max(half)):.3g} m is longer than the circumference "
-            f"{2 * np.pi * R:.3g} m; "
-            "a shorter one is allowed; correct patch_half_length_m, load or radius_m"
+            f"{2 * np.pi * R:.3g} m",
+            allowed="a shorter one is allowed",
+            do="correct patch_half_length_m, load or radius_m",
         )
     return Site(F, half, R), parabola(F, half, R), tilted_parabola(F, half, R) if tilted else None
 
@@ -125,28 +127,30 @@ def _pressure(task: Task) -> Pressed:
     site, p, tilted = loaded_site(task)
     if not task.having(*PRESSURE_HOOKS):
         return Pressed(p)
-    for a in task.having("tilt"):
-        p = p - a.effect.tilt(a.values, task.drive) * tilted  # type: ignore[misc,operator]
-    for a in task.having("pressure"):
-        p = p + a.effect.pressure(a.values, task.drive, site)  # type: ignore[misc]
+    if tilted is not None:
+        for tilt in task.hooks(lambda effect: effect.tilt).values():
+            p = p - tilt() * tilted
+    for added in task.hooks(lambda effect: effect.pressure).values():
+        p = p + added(site)
     tau: ComplexArray | None = None
     couple: ComplexArray | None = None
-    for a in task.having("traction"):
-        pulled = a.effect.traction(a.values, task.drive, site)  # type: ignore[misc]
+    for traction in task.hooks(lambda effect: effect.traction).values():
+        pulled = traction(site)
         if pulled is not None:
             own, lever = pulled
             across = (1j * lever * site.q) * own
             tau, couple = (
                 (own, across) if tau is None or couple is None else (tau + own, couple + across)
             )
-    for a in task.having("kernel"):
-        smeared = a.effect.kernel(a.values, task.drive, site)  # type: ignore[misc]
+    for kernel in task.hooks(lambda effect: effect.kernel).values():
+        smeared = kernel(site)
         p, couple = p * smeared, None if couple is None else couple * smeared
     carried = 2.0 * np.pi * site.radius_m * p[:, :1].real
     if not np.all(carried > 0.0):
         raise ModelError(
-            "the effects on the contact pressure lift the tire off the road; a pressure that "
-            "carries the load is allowed; lower their strength"
+            "the effects on the contact pressure lift the tire off the road",
+            allowed="a pressure that carries the load is allowed",
+            do="lower their strength",
         )
     scale = site.load_N / carried
     return Pressed(
@@ -172,8 +176,8 @@ def load_on_carcass(task: Task) -> ComplexArray:
 def structure(task: Task) -> Structure:
     """The sum of what effects do to the carcass."""
     total = Structure()
-    for a in task.having("structure"):
-        total = total + a.effect.structure(a.values, task.drive)  # type: ignore[misc]
+    for added in task.hooks(lambda effect: effect.structure).values():
+        total = total + added()
     return total
 
 
@@ -198,8 +202,8 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
         _positive_foundation(k)
         if s.ring < 1.0:
             beam.refuse_supercritical(c, hoop, EI, k, mu)
-        Z = beam.impedance(q, EI, k, hoop, 2.0 * mu * c * s.damping_rate)
-        return _with_loss(Z, k, s.loss)
+        Z: FloatArray | ComplexArray = beam.impedance(q, EI, k, hoop, 2.0 * mu * c * s.damping_rate)
+        return Z + _loss(k, s.loss) if np.any(s.loss) else Z
     n = np.arange(MODES, dtype=np.float64)
     n[0] = 1.0  # the mode that an inextensible belt does not have; its load is zero
     k_w = b["radial_stiffness_N_m2"] * (1.0 + s.stiffening) + s.added_stiffness
@@ -213,22 +217,20 @@ def impedance(task: Task, s: Structure) -> FloatArray | ComplexArray:
     )
     if np.any(drag):
         Z = Z + 1j * drag
-    return _with_loss(Z, k_w + k_v / n**2, s.loss)
+    return Z + _loss(k_w + k_v / n**2, s.loss) if np.any(s.loss) else Z
 
 
-def _with_loss(Z: Any, k: FloatArray | float, loss: FloatArray | float) -> Any:
-    """Z with the foundation's k (1 + i eta); the mean deflection (n = 0) is not cycled."""
-    if not np.any(loss):
-        return Z
-    lost = 1j * loss * k * (np.arange(MODES) > 0)
-    return Z + lost
+def _loss(k: FloatArray | float, loss: FloatArray | float) -> ComplexArray:
+    """What a foundation's loss adds to Z, i eta k; the mean deflection (n = 0) is not cycled."""
+    return np.asarray(1j * loss * k * (np.arange(MODES) > 0), np.complex128)
 
 
 def _positive_foundation(k: FloatArray | float) -> None:
     if not np.all(np.asarray(k) > 0.0):
         raise ModelError(
-            "the foundation's stiffness falls to zero or below under the effects; "
-            "a positive stiffness is allowed; lower their strength"
+            "the foundation's stiffness falls to zero or below under the effects",
+            allowed="a positive stiffness is allowed",
+            do="lower their strength",
         )
 
 
@@ -324,8 +326,8 @@ def waveform(
         return load * r.displacement, 0.0
     if observable == "strain":
         modes = sensed(task, load * (lever_m * r.curvature))
-        for a in task.having("lever"):
-            modes = modes * a.effect.lever(a.values, task.drive)  # type: ignore[misc]
+        for lever in task.hooks(lambda effect: effect.lever).values():
+            modes = modes * lever()
         return modes * gain(task), baseline(task)
     spin = task.drive.speed_m_s**2
     curved = (
@@ -358,32 +360,28 @@ def frame_acceleration(task: Task) -> ComplexArray:
 def gain(task: Task) -> FloatArray | float:
     """What effects on the sensor multiply its whole reading by, (n or 1, 1)."""
     factor: FloatArray | float = 1.0
-    for a in task.having("gain"):
-        factor = factor * a.effect.gain(a.values, task.drive)  # type: ignore[misc]
+    for own in task.hooks(lambda effect: effect.gain).values():
+        factor = factor * own()
     return factor
 
 
 def sensed(task: Task, modes: ComplexArray) -> ComplexArray:
     """The waveform as grating and interrogator hand it on."""
-    sensors = task.having("transfer")
+    sensors = task.hooks(lambda effect: effect.transfer)
     if not sensors:
         return modes
     site = loaded_site(task)[0]
-    for a in sensors:
+    for name, transfer in sensors.items():
         key = task.key(("radius_m",), "transfer")
-        modes = modes * task.once(
-            f"sensor {a.effect.id}",
-            key,
-            partial(a.effect.transfer, a.values, task.drive, site),  # type: ignore[arg-type,misc]
-        )
+        modes = modes * task.once(f"sensor {name}", key, partial(transfer, site))
     return modes
 
 
 def baseline(task: Task) -> FloatArray | float:
     """Strain (n or 1, 1) that is the same all around the revolution."""
     total: FloatArray | float = 0.0
-    for a in task.having("baseline"):
-        total = total + a.effect.baseline(a.values, task.drive)  # type: ignore[misc]
+    for added in task.hooks(lambda effect: effect.baseline).values():
+        total = total + added()
     return total
 
 

@@ -7,9 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 from tirelog.physics.effects.base import Drive, Effect, Values
+
+More = ParamSpec("More")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,21 @@ class Task:
             a for a in self.active if any(getattr(a.effect, hook) is not None for hook in hooks)
         ]
 
+    def hooks(
+        self, hook: Callable[[Effect], Callable[Concatenate[Values, Drive, More], Result] | None]
+    ) -> dict[str, Callable[More, Result]]:
+        """One hook of the effects that have it, by their ids, given their values and conditions.
+
+        `hook` names it by what it takes from an effect, as in `task.hooks(lambda e: e.gain)`: so
+        its type is checked where it is called. What remains to be given is the site and what
+        follows it.
+        """
+        return {
+            a.effect.id: partial(found, a.values, self.drive)
+            for a in self.active
+            if (found := hook(a.effect)) is not None
+        }
+
     def key(self, names: Sequence[str] | None, *hooks: str) -> tuple[Any, ...]:
         """What a stage reads: the named base values (all for None) and the values of the effects
         with these hooks.
@@ -50,8 +69,8 @@ class Task:
         )
         return base, tuple((a.effect.id, *a.values.values()) for a in self.having(*hooks))
 
-    def once(self, stage: str, key: tuple[Any, ...], compute: Callable[[], Any]) -> Any:
+    def once(self, stage: str, key: tuple[Any, ...], compute: Callable[[], Result]) -> Result:
         """The stage's result, from the memo where the same values were read before."""
         if (stage, key) not in self.memo:
             self.memo[stage, key] = compute()
-        return self.memo[stage, key]
+        return cast(Result, self.memo[stage, key])

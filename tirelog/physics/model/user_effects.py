@@ -26,25 +26,18 @@ from typing import Any
 import numpy as np
 
 from tirelog.errors import ModelError, TirelogError, nearest
-from tirelog.physics.carcass.numbers import OBSERVABLES
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
 from tirelog.physics.model.expression import FUNCTIONS, Expression, parse
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import grid_angles, to_modes
+from tirelog.vocabulary import conditions
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES
 
 ENTRY_POINTS = "tirelog.effects"
 #: name in an expression -> field of the conditions
-CONDITIONS = {
-    "speed": "speed_m_s",
-    "acceleration": "acceleration_m_s2",
-    "time": "time_s",
-    "temperature": "temperature_K",
-    "pressure": "inflation_pressure_Pa",
-    "distance": "distance_km",
-    "water": "water_depth_mm",
-}
+CONDITIONS = {c.symbol: c.field for c in conditions.CONDITIONS.values() if c.in_expressions}
 PLACES = ("xi", "phi", "L", "R", "load")
 EXPRESSION_ACTS_ON = (
     "contact_pressure",
@@ -66,30 +59,32 @@ def effect_by_expression(
     """
     if acts_on not in EXPRESSION_ACTS_ON:
         raise ModelError(
-            f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}; "
-            f"allowed are {', '.join(EXPRESSION_ACTS_ON)}; choose one"
+            f"effect {name!r} acts on {acts_on!r}{nearest(acts_on, EXPRESSION_ACTS_ON)}",
+            allowed=EXPRESSION_ACTS_ON,
+            do="choose one",
         )
     taken = {*PLACES, *CONDITIONS, *FUNCTIONS, "pi", "e"}
     clash = [p.name for p in parameters if p.name in taken or not p.name.isidentifier()]
     if name in BY_ID or not name.replace("-", "_").isidentifier() or clash:
         raise ModelError(
             f"effect {name!r} with parameters {[p.name for p in parameters]}: "
-            f"{', '.join(clash) or name} is taken or no plain "
-            "name; allowed are names that are no effect, function or condition; rename it"
+            f"{', '.join(clash) or name} is taken or no plain name",
+            allowed="allowed are names that are no effect, function or condition",
+            do="rename it",
         )
     places = PLACES if acts_on in _WAVES else ()
     formula = parse(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
     return Effect(
         id=name,
         mechanism=f"by expression: {expression}",
-        follows=", ".join(sorted(formula.names & set(CONDITIONS))) or "nothing",
+        follows=tuple((CONDITIONS[n], 1.0) for n in sorted(formula.names & set(CONDITIONS))),
         acts_on=(_STAGE.get(acts_on, acts_on),),
         parameters=parameters,
         strength=_strength(formula, parameters),
         source="the model file",
         valid="as its author says",
         signature="as its author says",
-        observables=OBSERVABLES,
+        observables=tuple(OBSERVABLES),
         needs=tuple(CONDITIONS[n] for n in sorted(formula.names & set(CONDITIONS)) if n != "speed"),
         **_hook(acts_on, formula),
     ).checked()
@@ -184,8 +179,9 @@ def effects_of_file(path: Path) -> dict[str, Effect]:
     except OSError as problem:
         if not _line(problem, path):  # the file itself
             raise ModelError(
-                f"cannot be read ({problem.strerror}); a Python file with effects is allowed; "
-                "give its path",
+                f"cannot be read ({problem.strerror})",
+                allowed="a Python file with effects is allowed",
+                do="give its path",
                 file=path,
             ) from None
         raise _failed(problem, path) from problem
@@ -202,7 +198,9 @@ def _failed(problem: BaseException, path: object, what: str = "") -> ModelError:
         else f"{type(problem).__name__}: {problem}"
     )
     return ModelError(
-        f"{what}{told}; Python that runs and returns is allowed; correct it",
+        f"{what}{told}",
+        allowed="Python that runs and returns is allowed",
+        do="correct it",
         file=path,
         line=_line(problem, path),
     )
@@ -267,19 +265,24 @@ def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
     for effect in effects:
         if not isinstance(effect, Effect):
             raise ModelError(
-                f"gives {type(effect).__name__}; tirelog.physics.Effect is allowed; correct it",
+                f"gives {type(effect).__name__}",
+                allowed="tirelog.physics.Effect is allowed",
+                do="correct it",
                 file=origin,
             )
         if effect.id in BY_ID or effect.id in found:
             raise ModelError(
-                f"effect {effect.id!r} exists already; a new name is allowed; rename it",
+                f"effect {effect.id!r} exists already",
+                allowed="a new name is allowed",
+                do="rename it",
                 file=origin,
             )
         found[effect.id] = _watched(effect.checked(), origin)
     if not found:
         raise ModelError(
-            "has no effect; at least one tirelog.physics.Effect at module level is needed; "
-            "define it",
+            "has no effect",
+            allowed="at least one tirelog.physics.Effect at module level is needed",
+            do="define it",
             file=origin,
         )
     return found

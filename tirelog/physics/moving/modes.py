@@ -32,7 +32,7 @@ import numpy as np
 from tirelog.errors import ModelError
 from tirelog.physics.carcass import contact
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.spectral import ComplexArray
+from tirelog.physics.spectral import STEP, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
 _RIGID = (
@@ -205,7 +205,7 @@ def _road(tire: CoupledRing, load_N: float) -> FloatArray:
     # a node's height is C_z - w cos phi + v sin phi;  v = 2 Re V e, w = 2 Re (-i n V e)
     gradient[_RINGS::2] = -n * sin * np.cos(phi) + cos * np.sin(phi)
     gradient[_RINGS + 1 :: 2] = -n * cos * np.cos(phi) - sin * np.sin(phi)
-    return (tire.k_t * tire.R * contact.STEP) * gradient @ gradient.T
+    return (tire.k_t * tire.R * STEP) * gradient @ gradient.T
 
 
 def _with_bristles(

@@ -11,6 +11,7 @@ is higher than the tire can climb.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -95,13 +96,16 @@ class MeasuredRoad:
                 "road profile whose distance does not grow; growing distances are allowed; "
                 "sort the rows, one height each"
             )
-        slopes = np.diff(h) / np.diff(x)
-        _climbable(float(np.max(np.abs(slopes))))
-        object.__setattr__(self, "_slopes", np.concatenate([[0.0], slopes, [0.0]]))
+        _climbable(float(np.max(np.abs(self._slopes))))
+
+    @cached_property
+    def _slopes(self) -> FloatArray:
+        """dh/dx before the first point, between the points, and after the last."""
+        slopes = np.diff(self.height_m) / np.diff(self.distance_m)
+        return np.concatenate([[0.0], slopes, [0.0]])
 
     def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        slopes: FloatArray = self._slopes  # type: ignore[attr-defined]
-        return np.interp(x_m, self.distance_m, self.height_m), slopes[
+        return np.interp(x_m, self.distance_m, self.height_m), self._slopes[
             np.searchsorted(self.distance_m, x_m, side="right")
         ]
 
@@ -220,7 +224,7 @@ def load_road(path: str | Path) -> MeasuredRoad:
     try:
         return MeasuredRoad(tuple(r[0] for r in rows), tuple(r[1] for r in rows))
     except ModelError as problem:
-        raise ModelError(problem.message, file=path) from None
+        raise problem.at(path) from None
 
 
 def check_climbable(road: Road, radius_m: float) -> None:

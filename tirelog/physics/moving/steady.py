@@ -20,15 +20,12 @@ from tirelog.errors import ModelError
 from tirelog.physics.carcass import contact
 from tirelog.physics.carcass.ring import modal_impedance
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.spectral import ComplexArray
+from tirelog.physics.spectral import STEP, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
 #: The spin is sought within this share of v / R.
 _SPIN_RANGE = 0.05
-_PHI = (
-    np.arange(-int(contact.REACH / contact.STEP), int(contact.REACH / contact.STEP) + 1)
-    * contact.STEP
-)
+_PHI = np.arange(-int(contact.REACH / STEP), int(contact.REACH / STEP) + 1) * STEP
 
 
 @dataclass(frozen=True)
@@ -74,7 +71,7 @@ def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArr
     j)), the rigid ring held.
     """
     n, cos, sin = tire.n[:, None], np.cos(_PHI), np.sin(_PHI)
-    load = np.exp(-1j * n * _PHI) * (contact.STEP / (2.0 * np.pi)) * (sin - 1j * n * cos)
+    load = np.exp(-1j * n * _PHI) * (STEP / (2.0 * np.pi)) * (sin - 1j * n * cos)
     unit = load / modal_impedance(tire.n, tire.carcass, omega)[:, None]
     lift = 2.0 * np.exp(1j * n * _PHI) * (sin + 1j * n * cos)
     return unit, (lift.T @ unit).real
@@ -86,7 +83,7 @@ def _balance(
     """(nodes that press, their pressure [N/m], drop [m] of the ring's centre below its height
     unloaded).
     """
-    shape, h = tire.R * (1.0 - np.cos(_PHI)), tire.R * contact.STEP
+    shape, h = tire.R * (1.0 - np.cos(_PHI)), tire.R * STEP
     active = np.abs(_PHI) <= 0.15
     for _ in range(100):
         on = np.flatnonzero(active)
@@ -114,14 +111,12 @@ def _free_spin(
     bend = 2.0 * (turn @ ((tire.n**2 - 1.0) * V)).real
     lead = tire.R * np.cos(phi) + bend * np.sin(phi)
     limit = tire.mu * p / tire.c_x if tire.c_x > 0.0 else 0.0 * p
-    pitch = tire.R * contact.STEP
+    pitch = tire.R * STEP
     drag = tire.belt_drag(V, np.zeros_like(V), 1.0) - tire.c_s * abs(a) ** 2
 
     def torque(omega: float) -> float:
         u, held = 0.0, np.empty_like(p)
-        for i, (slide, most) in enumerate(
-            zip((omega * lead - speed_m_s) * (contact.STEP / omega), limit)
-        ):
+        for i, (slide, most) in enumerate(zip((omega * lead - speed_m_s) * (STEP / omega), limit)):
             u = min(max(u + slide, -most), most)
             held[i] = u
         tau = tire.c_x * held

@@ -205,14 +205,14 @@ class Transient:
         for a in self.task.active:
             if a.effect.id == "gauge_length":
                 modes = modes * np.sinc(n / m.tire.R * (a.values["length_m"] / (2.0 * np.pi)))
-        late = [a for a in self.task.having("transfer") if a.effect.id != "gauge_length"]
+        late = self.task.hooks(lambda effect: effect.transfer)
+        late.pop("gauge_length", None)
         if late:
             turned = np.exp(1j * np.outer(m.psi_rad, n))
             belt = modes * turned
-            for a in late:
-                site = loaded_site(self.task)[0]
-                transfer = a.effect.transfer(a.values, self.task.drive, site)  # type: ignore[misc]
-                belt = self._lagged(belt, np.asarray(transfer)[0])
+            site = loaded_site(self.task)[0]
+            for transfer in late.values():
+                belt = self._lagged(belt, np.asarray(transfer(site))[0])
             modes = belt * turned.conj()
         smooth: Any = CubicSpline(m.time_s, modes)
         return smooth
@@ -306,11 +306,11 @@ def rolling_radius(model: Model, conditions: Conditions) -> float:
 def tire_of(task: Task) -> CoupledRing:
     """The tire that moves: the model's numbers with what its effects do to the structure."""
     s = structure(task)
-    for a in task.having("structure"):
-        own = a.effect.structure(a.values, task.drive)  # type: ignore[misc]
-        if np.any(own.loss) or np.any(own.cubic):
+    for effect, own in task.hooks(lambda effect: effect.structure).items():
+        done = own()
+        if np.any(done.loss) or np.any(done.cubic):
             raise ModelError(
-                f"effect {a.effect.id!r} has no linear motion in time; viscous_damping and "
+                f"effect {effect!r} has no linear motion in time; viscous_damping and "
                 "stiffness that does not follow the "
                 "deflection are allowed for transients; leave it out with `tirelog model remove`"
             )

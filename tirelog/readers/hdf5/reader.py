@@ -32,6 +32,7 @@ from tirelog.readers.hdf5.slabs import SLAB_BYTES, Slabs
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, Column, first_number
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Quality
 
 #: values a block over all channels of a group
@@ -40,8 +41,6 @@ BLOCK_VALUES = 1 << 20
 CACHE_BYTES = 1 << 20
 #: a first stamp above this (1990) counts from 1970
 EARLIEST_DATE_S = 631152000.0
-#: a wavelength of 0 or below is a lost peak
-WAVELENGTHS = ("fbg_strain", "fbg_temperature")
 
 
 @dataclass(frozen=True)
@@ -268,7 +267,7 @@ class Hdf5Log:
         for channel in clock.channels:
             stored, missing = self._read(channel.column, start, stop, slabs)
             numbers = channel.scale.apply(stored)
-            if channel.kind in WAVELENGTHS:
+            if channel.kind in WAVELENGTH_KINDS:
                 numbers[~(numbers > 0.0)] = np.nan
             for first, last in missing:
                 numbers[first - start : last - start] = np.nan

@@ -71,7 +71,8 @@ class Column:
     @property
     def dtype(self) -> np.dtype[Any]:
         dtype = self.dataset.dtype if self.field is None else self.dataset.dtype[self.field]
-        return dtype.base
+        base: np.dtype[Any] = dtype.base
+        return base
 
     @property
     def chunk(self) -> int:
@@ -88,7 +89,8 @@ class Column:
         """
         source = self.dataset if self.field is None else self.dataset.fields(self.field)
         values = source[self.selection(start, stop)]
-        return values[(slice(None), *self.element)] if self.element else values
+        own: NDArray[Any] = values[(slice(None), *self.element)] if self.element else values
+        return own
 
 
 def refuse(path: str, what: str, allowed: str, action: str) -> ReadError:

@@ -41,12 +41,19 @@ def open_mcap(
     """
     if isinstance(source, Path | str):
         try:
-            return McapLog(open(source, "rb"), setup, log_name, Path(source))
+            stream = open(source, "rb")  # noqa: SIM115  # closed with its last block
+            try:
+                log = McapLog(stream, setup, log_name, Path(source))
+            except BaseException:
+                stream.close()
+                raise
         except OSError as problem:
             raise ReadError(
                 f"cannot be opened ({problem.strerror}); a log is a readable file; mend the path",
                 file=log_name,
             ) from None
+        log.owned = stream
+        return log
     return McapLog(source, setup, log_name, path)
 
 
@@ -59,6 +66,8 @@ class McapLog:
         self.topics = self._topics()
         self.records = Records(stream, self.report, log_name)
         self.decoders: dict[int, ChannelDecoder | None] = {}
+        self.owned: BinaryIO | None = None  # a file to close at the end: it was opened here
+        self.undecodable: set[str] = set()  # topics of which that was said
         self.unknown: dict[int, int] = {}
         self.origin_ns: int | None = None
         self.samples = 0
@@ -173,6 +182,7 @@ class McapLog:
                 )
             except ReadError as problem:
                 self.report.losses.append(problem.message)
+                self.undecodable.add(channel.topic)
                 self.decoders[number] = None
         return self.decoders[number]
 
@@ -194,11 +204,15 @@ class McapLog:
 
     def blocks(self) -> Iterator[RawBlock]:
         """Blocks of every group, in the order of log time within each."""
-        while self._feed_chunk():
-            if any(group.full for topic in self.topics.values() for group in topic.groups):
-                yield from self._emit(everything=False)
-        yield from self._emit(everything=True)
-        self._finish()
+        try:
+            while self._feed_chunk():
+                if any(group.full for topic in self.topics.values() for group in topic.groups):
+                    yield from self._emit(everything=False)
+            yield from self._emit(everything=True)
+            self._finish()
+        finally:
+            if self.owned is not None:
+                self.owned.close()
 
     def _feed_chunk(self) -> bool:
         """Feed the next chunk to its topics, and let go of it; False at the end of the log."""
@@ -257,10 +271,7 @@ class McapLog:
         """Say which topics of the setup the log does not have."""
         known = sorted({channel.topic for channel in self.records.channels.values()})
         for topic in self.topics.values():
-            if topic.started or any(
-                loss.startswith(("topic", "the schema")) and f"{topic.name!r}" in loss
-                for loss in self.report.losses
-            ):
+            if topic.started or topic.name in self.undecodable:
                 continue
             names = ", ".join(topic.wants)
             has = f"; the log has {', '.join(known[:20])}" if known else ""

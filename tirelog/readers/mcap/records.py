@@ -335,7 +335,8 @@ def decompress(compression: str, stored: memoryview, size: int) -> bytes:
         import lz4.frame
 
         try:
-            return lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+            whole: bytes = lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+            return whole
         except RuntimeError as problem:
             raise ValueError(str(problem)) from None
     raise ValueError(f"compression {compression!r}; allowed are none, lz4, zstd")

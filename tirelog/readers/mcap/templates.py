@@ -113,7 +113,7 @@ def _numbers(bytes_: NDArray[np.uint8], place: Place) -> FloatArray:
     width = np.dtype(place.dtype).itemsize
     view: NDArray[Any] = np.ndarray(
         (n, place.count), place.dtype, bytes_, place.offset, (bytes_.shape[1], place.step or width)
-    )  # type: ignore[arg-type]
+    )
     return view.astype(np.float64)
 
 
@@ -123,4 +123,5 @@ def _varint(bytes_: NDArray[np.uint8], place: Place) -> FloatArray:
     signed = value.view(np.int64)
     if place.zigzag:
         signed = (value >> np.uint64(1)).view(np.int64) ^ -(signed & 1)
-    return signed.astype(np.float64)[:, None]
+    numbers: FloatArray = signed.astype(np.float64)[:, None]
+    return numbers

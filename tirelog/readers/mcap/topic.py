@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from tirelog.readers.mcap.walk import Table
 from tirelog.readers.rates import RATES, rate_Hz
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 
 #: pairs of fields (seconds, nanoseconds) that hold a stamp, in the order in which they are looked
 #: for
@@ -46,7 +48,6 @@ STAMPS = tuple(
 ONE_CLOCK_NS = 3_600_000_000_000
 #: more decimals than this are the digits of a binary number
 MOST_DECIMALS = 9
-WAVELENGTHS = ("fbg_strain", "fbg_temperature")
 
 
 @dataclass(frozen=True)
@@ -117,24 +118,28 @@ class Topic:
                 self._group(list(g.group.channels), 0, rate, g.group) for g in self.groups
             ]
         else:
+            places = {name: decimals_of(decimal, self.wants[name]) for name in kinds}
             self.groups = [
-                self._group(names, used + k, rate) for k, names in enumerate(members.values())
+                self._group(names, used + k, rate, places=places)
+                for k, names in enumerate(members.values())
             ]
         for group in self.groups:
             group.batched = kinds.get(group.group.channels[0]) is not None
-            group.group.decimals.update(
-                {
-                    name: decimals_of(decimal, self.wants[name])
-                    for name in group.group.channels
-                    if name in self.wants
-                }
-            )
 
     def _group(
-        self, names: list[str], number: int, rate: float | None, known: Group | None = None
+        self,
+        names: list[str],
+        number: int,
+        rate: float | None,
+        known: Group | None = None,
+        places: Mapping[str, int | None] = MappingProxyType({}),
     ) -> OrderedGroup:
+        """`places`: decimals of the channels, for those that are known when the group is made."""
         group = known or Group(
-            f"clock_{number + 1}", tuple(names), rate_Hz=rate, decimals=dict.fromkeys(names)
+            f"clock_{number + 1}",
+            tuple(names),
+            rate_Hz=rate,
+            decimals={name: places.get(name) for name in names},
         )
         own = (
             self.setup.channels[names[0]].sampling_rate_Hz
@@ -247,7 +252,7 @@ class Topic:
                 values[:, k] = column.values
             else:
                 values[spread(starts, own), k] = column.values
-            if self.setup.channels[group.group.channels[k]].kind in WAVELENGTHS:
+            if self.setup.channels[group.group.channels[k]].kind in WAVELENGTH_KINDS:
                 values[~(values[:, k] > 0.0), k] = np.nan
         within = (
             spread(np.zeros(keys.size, np.int64), lengths)

@@ -132,7 +132,8 @@ class _Rows:
         short = size < width
         if self.plan.layout.kinds[width - 1] == "blank":
             short = size < width - 1
-        return ~short & (beyond == 0)
+        short_rows: NDArray[np.bool_] = ~short & (beyond == 0)
+        return short_rows
 
     def _column(self, rows: IntArray, k: int, wide: NDArray[np.bool_]) -> FloatArray:
         """Column k of these rows, NaN where the row has no such cell or the wrong width."""

@@ -96,10 +96,11 @@ def _after_blanks(data: Bytes, at: Whole, separator: int) -> Whole:
 def _is_lost(data: Bytes, start: Whole, stop: Whole) -> bool:
     """True for a blank cell and for `nan` in any case."""
     if stop - start == 3:
-        return (
+        spelt: bool = (
             data[start] | 32 == 110 and data[start + 1] | 32 == 97 and data[start + 2] | 32 == 110
         )
-    return stop == start
+        return spelt
+    return bool(stop == start)
 
 
 @compiled
@@ -122,8 +123,10 @@ def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
     if not 1 <= whole <= 8:
         return False
     if what == COUNT:
-        return whole + places <= 9 and behind <= places
-    return what == FLOAT and whole + behind <= 15
+        fits: bool = whole + places <= 9 and behind <= places
+    else:
+        fits = what == FLOAT and whole + behind <= 15
+    return fits
 
 
 @compiled

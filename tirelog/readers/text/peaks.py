@@ -227,7 +227,8 @@ def _fibres(parsed: Parsed, row: IntArray) -> IntArray | None:
     if parsed.counts is None:
         return None
     place = np.arange(row.size) - parsed.first[row]
-    return (place[:, None] >= np.cumsum(parsed.counts, axis=1)[row]).sum(axis=1)
+    which: IntArray = (place[:, None] >= np.cumsum(parsed.counts, axis=1)[row]).sum(axis=1)
+    return which
 
 
 def _plain(

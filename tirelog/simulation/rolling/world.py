@@ -94,7 +94,8 @@ class RolledWorld(World):
         for step in steps:
             share = np.clip((time_s - step.time_s) / step.rise_s, 0.0, 1.0)
             ordered = ordered + (step.load_N - ordered) * (0.5 - 0.5 * np.cos(np.pi * share))
-        return load * ordered / self.scenario.conditions.load_N
+        stepped: FloatArray = load * ordered / self.scenario.conditions.load_N
+        return stepped
 
     def distance(self, time_s: FloatArray) -> FloatArray:
         """The hub's way forward from the log's start [m]."""

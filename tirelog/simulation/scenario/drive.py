@@ -96,10 +96,12 @@ class Drive:
 
     def speed_at(self, time_s: FloatArray) -> FloatArray:
         """Speed of the tread through the patch [m/s], never negative."""
-        return np.maximum(self.speed(np.clip(time_s, 0.0, self.time_s[-1])), 0.0)
+        speed: FloatArray = np.maximum(self.speed(np.clip(time_s, 0.0, self.time_s[-1])), 0.0)
+        return speed
 
     def acceleration_at(self, time_s: FloatArray) -> FloatArray:
-        return self.speed(np.clip(time_s, 0.0, self.time_s[-1]), 1)
+        acceleration: FloatArray = self.speed(np.clip(time_s, 0.0, self.time_s[-1]), 1)
+        return acceleration
 
     def angle_at(self, time_s: FloatArray) -> FloatArray:
         """Wheel angle [rad], growing in the direction of rolling; before and after the log it goes
@@ -108,7 +110,8 @@ class Drive:
         end = self.time_s[-1]
         inside = np.clip(time_s, 0.0, end)
         over = np.asarray(time_s) - inside
-        return self.angle(inside) + over * self.speed_at(inside) / self.radius_m
+        angle: FloatArray = self.angle(inside) + over * self.speed_at(inside) / self.radius_m
+        return angle
 
     def load_factor_at(self, time_s: FloatArray) -> FloatArray:
         return np.interp(time_s, self.time_s, self.load_factor)
@@ -117,7 +120,8 @@ class Drive:
     def pitch_acceleration(self) -> FloatArray:
         """The acceleration behind the body's pitch: a first-order lag [m/s^2], on the grid."""
         share = STEP_S / (PITCH_S + STEP_S)
-        return lfilter([share], [1.0, share - 1.0], self.acceleration_at(self.time_s))
+        lagged: FloatArray = lfilter([share], [1.0, share - 1.0], self.acceleration_at(self.time_s))
+        return lagged
 
     def times_of_angle(self, angle_rad: FloatArray) -> FloatArray:
         """Times [s] at which the wheel angle is `angle_rad` (within the log), to 1e-9 s."""

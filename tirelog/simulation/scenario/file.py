@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import Field, fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tirelog.errors import UsageError, nearest
 from tirelog.simulation.scenario.planted import PLANTABLE, Planted
@@ -31,7 +31,10 @@ from tirelog.simulation.scenario.schema import (
 )
 from tirelog.storage.documents import toml_tables, toml_text
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 
 def _number(value: Any) -> bool:
@@ -83,7 +86,7 @@ def _table(cls: type[T], data: Any, table: str, file: str | None) -> T:
         raise UsageError(
             f"{table} is not a table; allowed is [{table}] with keys under it; mend it", file=file
         )
-    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
+    specs: dict[str, Field[Any]] = {f.name: f for f in fields(cls)}
     for key in data:
         if key not in specs:
             allowed = ", ".join(specs)
@@ -167,7 +170,7 @@ def _plain(key: str, value: Any, file: str | None) -> Any:
         or not low <= value <= high
         or (whole and value != int(value))
         or (key == "grid_points" and value % 2)
-    ):  # type: ignore[operator]
+    ):
         even = ", even" if key == "grid_points" else ""
         raise UsageError(
             f"{key} = {value!r}; allowed is a number from {low:g} to {high:g}{even}; mend it",

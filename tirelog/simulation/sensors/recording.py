@@ -7,14 +7,17 @@ Simulated --setup_text--> TOML --parse_setup--> Setup;  channels in SI on their 
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from tirelog.data.recording import Channel, Recording, TimeAxis
-from tirelog.data.setup import KINDS, parse_setup
-from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, Sensor
+from tirelog.data.setup import LogConditions, parse_setup
+from tirelog.simulation.scenario.schema import SOURCE_UNITS, Scenario, Sensor, TrueConditions
 from tirelog.simulation.sensors.sampling import PER_SI
 from tirelog.simulation.simulate import Simulated
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import KINDS
 
 #: keys of a channel's setup that are the simulator's own, by kind
 _CHANNEL_KEYS = {
@@ -49,7 +52,10 @@ _ROAD_KEYS = (
     "file",
     "spacing_m",
 )
-_CONDITION_KEYS = ("load_N", "inflation_pressure_Pa", "distance_km", "water_depth_mm", "driven")
+#: what a setup says of the conditions, of those that the simulator knows
+_CONDITION_KEYS = tuple(
+    f.name for f in fields(TrueConditions) if f.name in {f.name for f in fields(LogConditions)}
+)
 
 
 def _toml(value: object) -> str:
@@ -126,7 +132,7 @@ def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
             sensor.kind,
             values,
             axis,
-            unit=KINDS[sensor.kind][1],
+            unit=KINDS[sensor.kind].unit,
             surface=sensor.surface,
             settings=settings,
         )

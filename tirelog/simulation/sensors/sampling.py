@@ -24,9 +24,10 @@ from tirelog.simulation.sensors.wheel import (
 from tirelog.simulation.steady.knots import LOAD_STEP, chunks
 from tirelog.simulation.steady.waveforms import World, family
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
 #: kinds that ride on the tread and read a waveform
-RIDING = ("fbg_strain", "strain", "radial_acceleration")
+RIDING = (*STRAIN_KINDS, *ACCELERATION_KINDS)
 #: values of the unit in the file per SI unit, where they are not one
 PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / GRAVITY_M_S2}
 #: points around the sample in the angle's interpolation

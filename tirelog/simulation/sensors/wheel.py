@@ -59,7 +59,10 @@ def tread_angle(world: World, sensor: Sensor, time_s: FloatArray) -> FloatArray:
     """Angle [rad] of the sensor's place in the road's frame, not wrapped: zero, and every whole
     turn, at the patch centre.
     """
-    return world.drive.angle_at(time_s) - np.radians(sensor.angle_deg) - phase_shift(world, time_s)
+    angle: FloatArray = (
+        world.drive.angle_at(time_s) - np.radians(sensor.angle_deg) - phase_shift(world, time_s)
+    )
+    return angle
 
 
 def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
@@ -88,7 +91,8 @@ def pitch_table(world: World, sensor: Sensor) -> FloatArray:
     )
     error = error + 0.35 * random.standard_normal(sensor.steps)
     error -= error.mean()
-    return error * (largest / max(np.abs(error).max(), 1e-12))
+    scaled: FloatArray = error * (largest / max(np.abs(error).max(), 1e-12))
+    return scaled
 
 
 def encoder_signal(
@@ -115,7 +119,7 @@ def encoder_signal(
             np.floor(tooth + sensor.steps * np.round((angle - turn) / (2 * np.pi))), float
         )
     if sensor.signal == "square":
-        return sensor.offset + sensor.amplitude * (wave > 0)  # type: ignore[return-value]
+        return np.asarray(sensor.offset + sensor.amplitude * (wave > 0), float)
     speed = world.drive.speed_at(time_s)
     amplitude = sensor.amplitude * speed / (speed + 3.0) * (1.0 + 0.15 * np.cos(turn + 0.7))
     return np.asarray(sensor.offset + amplitude * wave, float)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import gzip
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from tirelog.simulation.sensors.recording import setup_text
 from tirelog.simulation.simulate import Simulated
 from tirelog.storage.whole import all_or_none, whole_file
 from tirelog.vocabulary.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
 
 SUFFIXES = (".csv", ".txt", ".mcap", ".h5", ".hdf5")
 #: digits behind the point by kind, in the file's unit; gratings are written to 0.01 pm
@@ -136,15 +140,15 @@ def _write_mcap(simulated: Simulated, path: Path, zipped: bool) -> str:
     return setup_text(simulated.scenario, {**_sources(simulated), **made})
 
 
-def _write_topic(simulated: Simulated, writer: object, topic: str, names: list[str]) -> None:
+def _write_topic(simulated: Simulated, writer: Writer, topic: str, names: list[str]) -> None:
     """The messages of one topic; a lost sample is null."""
     fields = {name: {"type": ["number", "null"]} for name in names}
-    schema = writer.register_schema(  # type: ignore[attr-defined]
+    schema = writer.register_schema(
         name=topic.strip("/"),
         encoding="jsonschema",
         data=json.dumps({"type": "object", "properties": fields}).encode(),
     )
-    channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=schema)  # type: ignore[attr-defined]
+    channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=schema)
     digits = [_digits(simulated.scenario.channels[name]) for name in names]
     texts = [
         _json_numbers(simulated.channels[name], d) for name, d in zip(names, digits, strict=True)
@@ -152,7 +156,7 @@ def _write_topic(simulated: Simulated, writer: object, topic: str, names: list[s
     stamps = np.round(simulated.stamp_s[names[0]] * 1e9).astype(np.int64).tolist()
     for number, (stamp, *values) in enumerate(zip(stamps, *texts, strict=True)):
         body = ",".join(f'"{name}":{value}' for name, value in zip(names, values, strict=True))
-        writer.add_message(channel, stamp, f"{{{body}}}".encode(), stamp, number)  # type: ignore[attr-defined]
+        writer.add_message(channel, stamp, f"{{{body}}}".encode(), stamp, number)
 
 
 def _json_numbers(values: FloatArray, digits: int) -> list[str]:

@@ -118,7 +118,7 @@ class FlatRoad:
             for kernel in (body.radial[0], body.tangential[0], body.radial[0] * along, v_q)
         )
         # a road force f pushes inwards with f cos phi and along with f sin phi
-        rise = self.cos[:, None] * (w_p * self.cos + w_q * self.sin)
+        rise: FloatArray = self.cos[:, None] * (w_p * self.cos + w_q * self.sin)
         rise += self.sin[:, None] * (v_p * self.cos + v_q * self.sin)
         return rise
 

@@ -71,14 +71,15 @@ class Ring:
         half = weights.size // 2
         for offset, weight in zip(range(-half, half + 1), weights, strict=True):
             column[-offset % self.points] += weight
-        spectrum = fft.rfft(column)
+        spectrum: ComplexArray = fft.rfft(column)
         if abs(weights.sum()) < 1e-9 * np.abs(weights).sum():
             spectrum[0] = 0.0
         return spectrum
 
     def kernel(self, values: FloatArray) -> ComplexArray:
         """Transform of the smoothing by an even `values` sampled at xi_m, made to sum to one."""
-        return fft.rfft(np.fft.ifftshift(values / values.sum()))
+        smoothing: ComplexArray = fft.rfft(np.fft.ifftshift(values / values.sum()))
+        return smoothing
 
     @cached_property
     def quarter_turn(self) -> ComplexArray:
@@ -91,11 +92,13 @@ class Ring:
 
     def transform(self, values: FloatArray) -> ComplexArray:
         """Discrete Fourier transform along the last axis."""
-        return fft.rfft(values, axis=-1)
+        spectrum: ComplexArray = fft.rfft(values, axis=-1)
+        return spectrum
 
     def inverse(self, spectrum: ComplexArray) -> FloatArray:
         """Values on the grid from a transform, along the last axis."""
-        return fft.irfft(spectrum, n=self.points, axis=-1)
+        values: FloatArray = fft.irfft(spectrum, n=self.points, axis=-1)
+        return values
 
     @cached_property
     def borders_m(self) -> FloatArray:

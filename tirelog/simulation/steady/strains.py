@@ -46,7 +46,8 @@ def _splice(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> Fl
             1j * (2.0 * np.pi * ring.xi_m / ring.circumference_m - np.radians(effect["angle_deg"]))
         )
     )
-    return np.exp(-0.5 * (off / np.radians(effect["width_deg"])) ** 2)[None, :]
+    bump: FloatArray = np.exp(-0.5 * (off / np.radians(effect["width_deg"])) ** 2)[None, :]
+    return bump
 
 
 def _torsion(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) -> FloatArray:

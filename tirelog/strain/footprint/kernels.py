@@ -104,7 +104,7 @@ def own_inverse(
     share what there is.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
-    rough = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
+    rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
     prior = (sigma / (odd_sd * rough)) ** 2
     scale = np.empty(OWN)
     for i in range(OWN):
@@ -155,7 +155,7 @@ def bend(moved: float, height: float, rough: float) -> float:
 @compiled
 def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
     """Squared residual that the coefficients `whole` (wide,) leave."""
-    left = gram[wide, wide]
+    left: float = gram[wide, wide]
     for i in range(wide):
         left -= 2.0 * whole[i] * gram[i, wide]
         for j in range(wide):

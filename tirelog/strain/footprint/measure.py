@@ -85,9 +85,10 @@ class Forms:
 
     def nearest(self, speed_m_s: FloatArray) -> IntArray:
         """Number of the form for each speed."""
-        return np.argmin(
+        number: IntArray = np.argmin(
             np.abs(np.nan_to_num(speed_m_s[:, None]) ** 2 - self.reference.speed_m_s**2), axis=1
         )
+        return number
 
     def traction(self, number: int) -> Tractions:
         """What slip onsets are looked for with at knot `number`."""

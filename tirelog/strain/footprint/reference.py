@@ -208,7 +208,8 @@ class _Problem:
         spectrum = self.family.spectrum(self.shape(theta, number)) * np.exp(
             -1j * self.family.kappa_1_m * shift
         )
-        return height * (self.bases[number] @ spectrum).real + offset
+        waveform: FloatArray = height * (self.bases[number] @ spectrum).real + offset
+        return waveform
 
     def settled(self, theta: FloatArray) -> FloatArray:
         """`theta` with the height and offset at each speed that fit best: linear, and leaving them

@@ -127,7 +127,10 @@ def traction_spectrum(
     ) / kappa**2
     sliding = -2.0 * SLIDING / L * first_moment
     point = (SLIDING - STATIC) * (L - onset_m**2 / L) * at_onset
-    return family.receptance(shape)[:, None] * (adhering + sliding + point) / L
+    answer: NDArray[np.complex128] = (
+        family.receptance(shape)[:, None] * (adhering + sliding + point) / L
+    )
+    return answer
 
 
 def traction_table(reference: Reference, number: int, half_window_m: float) -> FloatArray:

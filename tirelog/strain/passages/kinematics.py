@@ -138,7 +138,8 @@ def _local_mean(values: FloatArray, reach: int) -> FloatArray:
     """Mean over the finite values within `reach` passages."""
     some = np.array([_near(values, k) for k in range(-reach, reach + 1)])
     finite = np.isfinite(some)
-    return np.where(finite, some, 0.0).sum(0) / np.maximum(finite.sum(0), 1)
+    mean: FloatArray = np.where(finite, some, 0.0).sum(0) / np.maximum(finite.sum(0), 1)
+    return mean
 
 
 def _corrected(

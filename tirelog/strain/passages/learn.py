@@ -115,4 +115,5 @@ def _scatter(windows: Windows, template: Template, found: Fit, alpha: FloatArray
     padded = np.pad(np.sqrt(np.maximum(sigma**2 - noise**2, 0.0)), 1)
     widest = np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
     middles = ((np.arange(SCATTER_PARTS) + 0.5) / SCATTER_PARTS * 2.0 - 1.0) * template.window_rad
-    return np.interp(template.phi_rad, middles, widest)
+    scatter: FloatArray = np.interp(template.phi_rad, middles, widest)
+    return scatter

@@ -52,7 +52,8 @@ def _touched(
     furthest = np.maximum.accumulate(high[order])
     # of the ranges that begin before a window ends, the one that ends last decides
     before = np.searchsorted(low[order], end, side="right")
-    return (before > 0) & (furthest[np.maximum(before, 1) - 1] >= begin)
+    reached: NDArray[np.bool_] = furthest[np.maximum(before, 1) - 1] >= begin
+    return (before > 0) & reached
 
 
 def lost_between(

@@ -193,4 +193,5 @@ def _form(width: FloatArray, se: FloatArray) -> FloatArray:
         return np.ones(width.size)
     scatter = np.nan_to_num(scatter, nan=1.0)
     usual = sliding_median(scatter, min(101, scatter.size))
-    return np.maximum(np.concatenate([usual[:1], usual, usual[-1:]]), 1.0)
+    smooth: FloatArray = np.maximum(np.concatenate([usual[:1], usual, usual[-1:]]), 1.0)
+    return smooth

@@ -1,0 +1,138 @@
+"""Property: who follows the how-tos for a condition and an observable has them everywhere.
+
+The pages' own blocks are put into a copy of the package, in the files that they name and no others;
+a fresh process then uses the new condition, effect and observable.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tirelog.physics.model.user_effects import effects_of_file
+
+ROOT = Path(__file__).parents[2]
+BLOCK = re.compile(r"^<!-- (\S+), (?:new|before `([^`]+)`) -->\n```\w+\n(.*?)^```$", re.M | re.S)
+
+USED = """
+import runpy
+from types import SimpleNamespace
+import numpy as np
+import tirelog
+from tirelog.data.recording import Conditions, Recording
+from tirelog.data.setup import parse_setup
+from tirelog.diagnosis.leftover import _factors
+from tirelog.diagnosis.separation import ALLOWED
+from tirelog.diagnosis.unvaried import not_varied
+from tirelog.errors import ModelError, SetupError
+from tirelog.inference.stacks.conditions import conditions_of
+from tirelog.inference.stacks.numbers import MEASURED
+from tirelog.physics import BY_ID, Model
+from tirelog.physics.model.user_effects import effect_by_expression
+from tirelog.vocabulary.observables import SCALARS, shown
+
+assert tirelog.__file__.startswith(FOLDER), tirelog.__file__
+setup = "[conditions]\\ncamber_deg = %s\\n[channels.s]\\nkind = 'strain'\\nsource = 's'\\n"
+assert parse_setup(setup % 3).conditions.camber_deg == 3.0
+log = Recording("a.csv", {}, parse_setup(setup % 3))
+revolutions = conditions_of(log, np.arange(3.0), np.ones(3), np.zeros(3))
+assert np.array_equal(revolutions.camber_deg, [3.0, 3.0, 3.0])
+two = Conditions.of(2, speed_m_s=10.0, camber_deg=[0.0, 5.0])
+cells = SimpleNamespace(conditions=two, log=np.zeros(2, int))
+assert "camber" in _factors(SimpleNamespace(cells=cells))
+try:
+    parse_setup(setup % 30)
+except SetupError as problem:
+    assert "from -20 to 20" in str(problem), problem
+else:
+    raise AssertionError("30 degrees are allowed")
+
+phi = np.linspace(-3.0, 3.0, 50)
+beam = Model.new("beam")
+leans = beam.with_effect("camber_load", per_degree=0.01)
+conditions = Conditions.of(2, speed_m_s=10.0, camber_deg=[0.0, 5.0])
+upright, leaning = leans.predict(conditions, phi) / beam.predict(conditions, phi)
+assert np.allclose(upright, 1.0) and not np.allclose(leaning, 1.0)
+try:
+    leans.predict(Conditions.of(2, speed_m_s=10.0), phi)
+except ModelError as problem:
+    assert "needs camber_deg" in str(problem), problem
+else:
+    raise AssertionError("predicted without its condition")
+said = not_varied(Conditions.of(2, camber_deg=3.0), [BY_ID["camber_load"]])
+assert said.startswith("The same throughout: camber 3 deg. What follows them (camber_load)"), said
+assert any("camber" in manoeuvre.name for manoeuvre in ALLOWED)
+own = effect_by_expression("own", "baseline", "camber * 1e-6", ())
+assert own.followed == (("camber_deg", 1.0),) and own.needs == ("camber_deg",)
+pages = runpy.run_path(DOCS)
+assert "camber_load" in pages["conditions_page"]() and "camber 0" not in pages["effects_page"]()
+
+timed = Model.new("beam", "contact_time")
+length = Model.new("beam", "patch_length").predict(conditions)
+assert np.allclose(timed.predict(conditions), length / 10.0)
+assert shown("contact_time", "") == (1e3, "ms")
+assert set(SCALARS) == set(MEASURED)
+assert "contact_time" in BY_ID["camber_load"].reaches
+"""
+
+
+def follow(page: str, copy: Path) -> set[str]:
+    """Make the changes of a how-to in the copy; the files that it touched."""
+    text = (ROOT / "docs" / "howto" / page).read_text(encoding="utf-8")
+    touched = set()
+    for name, anchor, code in BLOCK.findall(text):
+        path = copy / name
+        if not anchor:
+            assert not path.exists()
+            path.write_text(code)
+        else:
+            before, found = path.read_text(), anchor.replace("\\n", "\n")
+            assert before.count(found) == 1, (name, anchor)
+            path.write_text(before.replace(found, code + found))
+        assert f"`{name}`" in text.replace(f"<!-- {name}", "")
+        touched.add(name)
+    return touched
+
+
+def test_a_condition_with_its_effect_and_an_observable_are_three_files_each(
+    tmp_path: Path,
+) -> None:
+    shutil.copytree(
+        ROOT / "tirelog", tmp_path / "tirelog", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    assert len(follow("condition.md", tmp_path)) == 3
+    assert len(follow("observable.md", tmp_path)) == 3
+    script = USED.replace("FOLDER", repr(str(tmp_path))).replace(
+        "DOCS", repr(str(ROOT / "docs" / "generate.py"))
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_the_readme_s_own_effect_is_read(tmp_path: Path) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    [code] = re.findall(r"^```python\n(from tirelog\.physics import.*?)^```$", text, re.M | re.S)
+    (tmp_path / "mine.py").write_text(code)
+    [effect] = effects_of_file(tmp_path / "mine.py").values()
+    assert effect.follows_said == "speed"
+    assert effect.valid_range == {"speed_m_s": (0.0, 40.0)}
+
+
+@pytest.mark.parametrize("page", ["effect.md", "condition.md", "observable.md"])
+def test_every_file_that_a_howto_names_is_there(page: str) -> None:
+    text = (ROOT / "docs" / "howto" / page).read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:tirelog|tests|docs)/[\w/]+\.py)", text))
+    new = {"tirelog/physics/effects/NAME.py", "tirelog/physics/effects/camber_load.py"}
+    assert len(named) >= 3
+    assert [name for name in named - new if not (ROOT / name).exists()] == []

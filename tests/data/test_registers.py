@@ -1,0 +1,42 @@
+"""Property: the registers agree with each other and with what is made from them."""
+
+import pytest
+
+from tirelog.inference.stacks.numbers import MEASURED
+from tirelog.physics.effects.base import ENTERS
+from tirelog.physics.model.scalars import LAWS
+from tirelog.vocabulary import units
+from tirelog.vocabulary.kinds import KINDS
+from tirelog.vocabulary.observables import OBSERVABLES, SCALARS, shown, waveform_of
+
+
+def test_a_kind_s_own_unit_is_one_of_its_quantities() -> None:
+    for kind in KINDS.values():
+        assert units.UNITS[kind.source_unit][0] in kind.quantities
+        assert kind.unit == "" or units.UNITS[kind.unit][1:] == (1.0, 0.0)  # SI
+
+
+def test_every_number_per_revolution_has_a_law_and_a_measurement() -> None:
+    assert set(LAWS) == set(SCALARS)
+    assert set(MEASURED) == set(SCALARS)
+
+
+def test_observables_name_kinds_and_stages_that_there_are() -> None:
+    entered = {read for _, read in ENTERS.values()}
+    for observable in OBSERVABLES.values():
+        assert set(observable.kinds) <= set(KINDS)
+        assert set(observable.reads) <= entered
+    assert entered == {stage for o in OBSERVABLES.values() for stage in o.reads}
+
+
+def test_shown_units_are_the_units_table_s() -> None:
+    for observable in OBSERVABLES.values():
+        factor, unit = shown(observable.name, "?")
+        if unit in units.UNITS:  # 1/m is none
+            assert factor * units.UNITS[unit][1] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_the_waveform_of_mixed_channels_is_strain() -> None:
+    assert waveform_of(["radial_acceleration"]) == "radial_acceleration"
+    assert waveform_of(["radial_acceleration", "fbg_strain"]) == "strain"
+    assert waveform_of([]) == "strain"

@@ -1,0 +1,73 @@
+"""Property: an error's sentence is made of its fields, and its fields are what code reads."""
+
+import ast
+import pickle
+from pathlib import Path
+
+import pytest
+
+from tirelog.errors import ModelError, SetupError, UsageError
+from tirelog.physics.model.file import parse
+
+PACKAGE = Path(__file__).parents[1] / "tirelog"
+
+
+def test_the_sentence_is_made_of_the_parts() -> None:
+    words = UsageError("unknown table 'x'", allowed=("speed", "footprint"), do="choose one")
+    assert str(words) == "unknown table 'x'; allowed are speed, footprint; choose one"
+    clause = SetupError("no radius", allowed="a radius is needed", do="add it", file="a", line=3)
+    assert str(clause) == "a:3: no radius; a radius is needed; add it"
+    assert (clause.what, clause.allowed, clause.do) == (
+        "no radius",
+        "a radius is needed",
+        "add it",
+    )
+    assert str(UsageError("no log", do="give one")) == "no log; give one"
+
+
+def test_a_whole_sentence_says_what_is_wrong_by_its_first_clause() -> None:
+    whole = ModelError("no speed; every revolution needs one; leave it out")
+    assert whole.what == "no speed"
+    assert str(whole) == whole.message == "no speed; every revolution needs one; leave it out"
+
+
+def test_parts_may_hold_what_separates_them() -> None:
+    """A user's text may have a semicolon; the field keeps it, a cut sentence would not."""
+    assert ModelError("expression 'a; b' is no formula", do="correct it").what.endswith("formula")
+
+
+def test_an_error_told_elsewhere_keeps_its_parts() -> None:
+    here = ModelError("no speed", allowed=("one",), do="give it")
+    there = here.at("m.toml", 4)
+    assert str(there) == f"m.toml:4: {here}"
+    assert (there.what, there.allowed, there.do) == (here.what, here.allowed, here.do)
+    travelled = pickle.loads(pickle.dumps(there))
+    assert (str(travelled), travelled.what) == (str(there), there.what)
+
+
+def test_no_part_shows_a_secret() -> None:
+    secret = ModelError("s3://me:pw@host/a", allowed=("s3://me:pw@host/b",), do="s3://me:pw@host")
+    assert "pw" not in f"{secret}{secret.what}{secret.allowed}{secret.do}{secret.message}"
+
+
+def test_an_error_in_a_model_file_has_fields_place_and_sentence() -> None:
+    with pytest.raises(ModelError) as caught:
+        parse('[model]\ncarcass = "baem"\nobservable = "strain"\n')
+    problem = caught.value
+    assert problem.what == "carcass = 'baem' (nearest: beam)"
+    assert (problem.line, problem.do) == (2, "choose one")
+    assert str(problem) == f"model:2: {problem.what}; {problem.allowed}; choose one"
+
+
+def test_no_code_reads_an_error_s_sentence() -> None:
+    """`.message` is made and printed; what is looked for in it has a field."""
+    readers = [
+        f"{path.relative_to(PACKAGE)}:{node.lineno}"
+        for path in PACKAGE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Attribute)
+        and node.value.attr == "message"
+        and node.attr in ("split", "startswith", "endswith", "partition", "find")
+    ]
+    assert readers == []

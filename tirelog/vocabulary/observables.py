@@ -1,0 +1,129 @@
+"""Every observable that a model predicts and a log measures, once.
+
+What it is, in which unit, how a person reads it, which channels measure it, and which stages of the
+model it is computed from. A new observable is one entry here, its law in `physics.model.scalars`
+and its measurement in `inference.stacks.numbers` (docs/howto/observable.md); the README's table and
+docs/observables.md are made from this register.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
+
+
+@dataclass(frozen=True)
+class Observable:
+    """What is compared with a model.
+
+    unit         SI unit of its values in models, stacks and JSON
+    shown_unit   unit in which a person reads it, `shown_factor` of them in one SI unit
+    kinds        kinds of channel that measure it
+    waveform     True if it is a waveform over the angle, False if one number per revolution
+    reads        stages of the model that it is computed from; an effect that enters none of them
+                 does not act on it
+    meaning      a sentence
+    """
+
+    name: str
+    unit: str
+    shown_unit: str
+    shown_factor: float
+    kinds: tuple[str, ...]
+    waveform: bool
+    reads: tuple[str, ...]
+    meaning: str
+
+
+STRAIN, ACCELERATION = "strain", "radial_acceleration"
+_DEGREES = 57.29577951308232
+_WAVE = ("load", "contact_pressure", "structure", "sensor")
+_ALL = (
+    Observable(
+        STRAIN,
+        "1",
+        "microstrain",
+        1e6,
+        STRAIN_KINDS,
+        True,
+        (*_WAVE, "lever_arm", "baseline", "strain"),
+        "strain along the tread at the sensor, over one revolution",
+    ),
+    Observable(
+        ACCELERATION,
+        "m/s^2",
+        "m/s^2",
+        1.0,
+        ACCELERATION_KINDS,
+        True,
+        (*_WAVE, "radial_acceleration"),
+        "specific force that an accelerometer in the tread reads, outwards, over one revolution",
+    ),
+    Observable(
+        "patch_length",
+        "m",
+        "mm",
+        1e3,
+        STRAIN_KINDS,
+        False,
+        ("load",),
+        "length of the contact patch, from its entry edge to its exit edge",
+    ),
+    Observable(
+        "dissipation_factor",
+        "1/m",
+        "1/m",
+        1.0,
+        STRAIN_KINDS,
+        False,
+        (*_WAVE, "lever_arm"),
+        "integral of the squared strain slope along the tread over one revolution (P1)",
+    ),
+    Observable(
+        "phase_shift",
+        "rad",
+        "deg",
+        _DEGREES,
+        ACCELERATION_KINDS,
+        False,
+        ("load", "regressors"),
+        "wheel angle at the middle of the patch against its zero, growing in the direction of rolling",
+    ),
+    Observable(
+        "patch_width",
+        "rad",
+        "deg",
+        _DEGREES,
+        ACCELERATION_KINDS,
+        False,
+        ("load", "regressors"),
+        "wheel angle from the patch's entry edge to its exit edge (P4)",
+    ),
+)
+OBSERVABLES: Mapping[str, Observable] = {observable.name: observable for observable in _ALL}
+WAVEFORMS = tuple(o.name for o in _ALL if o.waveform)
+SCALARS = tuple(o.name for o in _ALL if not o.waveform)
+
+
+def computed_from(stage: str) -> tuple[str, ...]:
+    """The observables that are computed from a stage of the model."""
+    return tuple(o.name for o in _ALL if stage in o.reads)
+
+
+def waveform_of(kinds: Iterable[str]) -> str:
+    """The waveform that channels of these kinds measure; strain if they measure several or none."""
+    given = set(kinds)
+    return next((o.name for o in _ALL if o.waveform and given & set(o.kinds)), STRAIN)
+
+
+def shown(name: str, unit: str) -> tuple[float, str]:
+    """Factor and unit in which a page shows an observable; `unit` itself for an unknown one."""
+    known = OBSERVABLES.get(name)
+    return (known.shown_factor, known.shown_unit) if known is not None else (1.0, unit)
+
+
+def drawn(name: str, unit: str) -> tuple[float, str]:
+    """Factor and unit in pictures and reports: waveforms as on pages, numbers in SI."""
+    return shown(name, unit) if name in WAVEFORMS else (1.0, unit)
