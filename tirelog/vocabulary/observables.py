@@ -89,7 +89,7 @@ _ALL = (
         ACCELERATION_KINDS,
         False,
         ("load", "regressors"),
-        "wheel angle at the middle of the patch against its zero, growing in the direction of rolling",
+        "wheel angle at the middle of the patch against its zero, growing in the rolling direction",
     ),
     Observable(
         "patch_width",
