@@ -148,6 +148,39 @@ def test_a_channel_that_cannot_be_what_its_setup_says(
     assert do in err
 
 
+TWIN = """
+temperature_channel = "twin"
+thermal_expansion_1_K = 2e-05
+[channels.twin]
+kind = "fbg_temperature"
+source = "wavelength"
+unit = "nm"
+reference_wavelength_nm = 1550.0
+temperature_sensitivity_nm_K = 0.010
+"""
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_a_wrong_twin_is_told_before_the_strain_that_it_corrects(
+    command: Command, both: bool
+) -> None:
+    """The strain reads the twin's temperature, so with a wrong unit it reads nonsense that is none
+    of its own.
+    """
+    unit = 'unit = "nm"\nreference_wavelength_nm = 1550.0\nsurface = "outer"'
+    wrong = TWIN.replace('"nm"', '"pm"')
+    status, _, err = command(
+        "info", old=unit, new=(unit.replace('"nm"', '"pm"') if both else unit) + wrong
+    )
+    assert status == 2
+    assert (
+        "channel twin: wavelengths of 1.55 nm (median) against reference_wavelength_nm = 1550"
+        in err
+    )
+    assert 'write unit = "nm"' in err
+    assert "strain_1: wavelengths" not in err
+
+
 def test_a_run_of_it_is_not_written(command: Command, folder: Path) -> None:
     status, _, err = command("ingest", "-o", "run.h5", old='unit = "nm"', new='unit = "pm"')
     assert status == 2

@@ -3,9 +3,14 @@ two bins' angles are.
 """
 
 import numpy as np
+import pytest
 
 from tests.diagnosis.toy import waveform
+from tirelog.data.recording import Channel, TimeAxis
 from tirelog.inference.cells.pieces import one_waveform
+from tirelog.inference.stacks.align import refine
+from tirelog.inference.stacks.samples import Samples
+from tirelog.vocabulary.arrays import FloatArray
 
 
 def locked_revolutions(
@@ -41,3 +46,41 @@ def test_two_bins_at_one_place_do_not_make_a_slope():
         )
         steepest = np.abs(np.gradient(waveform(part.phi), part.phi)).max()
         assert np.abs(part.shift).max() < 1.3 * steepest
+
+
+def constant_wheel(
+    samples_per_turn: float, turns: int = 60, rate_Hz: float = 2500.0
+) -> tuple[FloatArray, FloatArray]:
+    """Values of a wheel at constant speed, and its passage times."""
+    period = samples_per_turn / rate_Hz
+    time = np.arange(int(turns * samples_per_turn)) / rate_Hz
+    values = waveform(2.0 * np.pi * (time / period - 0.3))
+    values += 1e-4 * np.random.default_rng(1).standard_normal(time.size)
+    return values, period * (0.3 + np.arange(turns))
+
+
+def toy_samples(values: FloatArray, rate_Hz: float = 2500.0) -> Samples:
+    return Samples(
+        Channel.of_array("toy", "strain", values, TimeAxis.uniform(values.size, rate_Hz))
+    )
+
+
+@pytest.mark.parametrize(("samples_per_turn", "classes"), [(199.5, 2), (184.0 + 2.0 / 3.0, 3)])
+def test_turns_whose_samples_lie_between_those_of_others_are_not_shifted_against_them(
+    samples_per_turn, classes
+):
+    values, truth = constant_wheel(samples_per_turn)
+    shifted = truth + 3e-5 * (np.arange(truth.size) % classes == 0)
+    error = (refine(toy_samples(values), shifted) - truth)[2:-2]
+    assert np.ptp(error) < 3e-6
+
+
+@pytest.mark.parametrize("wrong", [0, 30, 59])
+def test_a_passage_with_half_of_its_front_lost_lies_on_the_course_of_the_others(wrong):
+    values, truth = constant_wheel(311.7)
+    at = int(truth[wrong] * 2500.0)
+    values[at - 26 : at + 9] = np.nan
+    rough = truth.copy()
+    rough[wrong] += 0.0055
+    error = refine(toy_samples(values), rough) - truth
+    assert np.ptp(error[max(0, wrong - 3) : wrong + 4]) < 5e-5

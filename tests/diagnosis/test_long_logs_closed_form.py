@@ -16,7 +16,14 @@ from tirelog.inference.cells.gathering import pieces_of_all
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Levelled
 from tirelog.inference.stacks import samples as samples_of
-from tirelog.inference.stacks.align import WheelAngle, front_fit, refine, split_turns, template
+from tirelog.inference.stacks.align import (
+    WheelAngle,
+    front_fit,
+    knots_for,
+    refine,
+    split_turns,
+    template,
+)
 from tirelog.inference.stacks.conditions import _channel_mean
 from tirelog.inference.stacks.cut import stacks_from_logs
 from tirelog.inference.stacks.samples import Samples
@@ -29,12 +36,13 @@ def refined_at_once(time, values, centre, rounds=3):
     """The matched filter on all samples together."""
     good = np.isfinite(values)
     time, values = time[good], values[good]
+    knots = knots_for(centre, 2500.0)
     for _ in range(rounds):
         angle = WheelAngle.through(centre)
         turn, phi = split_turns(angle.theta(time))
         whole = (turn >= 0) & (turn < centre.size)
         turn, phi, y = turn[whole], phi[whole], values[whole]
-        shift = front_fit(turn, phi, y, template(phi, y), centre.size)[0]
+        shift = front_fit(turn, phi, y, template(phi, y, knots), centre.size)[0]
         centre = centre + (shift - np.median(shift)) / angle.speed_rad_s(centre)
     return centre
 

@@ -10,11 +10,11 @@ import pytest
 from benchmarks.cases import Case, case, planted
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis import diagnose as diagnosis
-from tirelog.diagnosis.compare import start
+from tirelog.diagnosis.compare import remarks_of, start
 from tirelog.diagnosis.diagnose import conclude, search
 from tirelog.diagnosis.separation import ALLOWED, driven
 from tirelog.diagnosis.sign_flips import least_p
-from tirelog.diagnosis.wording import probability, sentence_of
+from tirelog.diagnosis.wording import probability, rounding_sentences, sentence_of
 from tirelog.inference.fit.cells import Problem, finish
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.stacks.cut import stacks_from_logs
@@ -237,3 +237,39 @@ def test_a_probability_at_its_least_is_at_most_that():
     assert probability(2.0**-8, 8) == "<= 0.0039"
     assert probability(1.0 / 16384, 40) == "<= 6.1e-05"
     assert probability(0.02, 40) == "0.02"
+
+
+def coarse(step_nm, noise_nm):
+    """The remarks of the true model on a log in steps."""
+    log = case(
+        (), seed=3, how=Case(plan="short", logs=1, duration=0.6, noise_nm=noise_nm, roughness=0.0)
+    )[0]
+    channels = {
+        name: replace(sensor, quantisation=step_nm) for name, sensor in log.channels.items()
+    }
+    base = fitted([replace(log, channels=channels)], angles=128)
+    return base, remarks_of(base)
+
+
+def test_an_error_below_what_rounding_leaves_is_said():
+    base, said = coarse(step_nm=0.02, noise_nm=1e-6)
+    assert 0.0 < base.square_held < 0.9 * base.square_rounding
+    assert any("the steps in which the values come leave" in remark for remark in said)
+    assert any("the steps in which the values come leave" in note for note in diagnosed(base).notes)
+
+
+def test_fine_steps_are_not_said():
+    base, said = coarse(step_nm=1e-4, noise_nm=8e-4)
+    assert 0.0 < base.square_rounding < 0.01 * base.floor.square
+    assert not any("steps in which" in remark for remark in said)
+
+
+def test_a_floor_that_is_mostly_rounding_is_said():
+    said = rounding_sentences("strain", "1", held=1.0e-12, floor=1.0e-12, rounding=0.7e-12)
+    assert len(said) == 1
+    assert said[0].startswith(
+        "70.0 % of the floor's mean square is rounding: the steps in which the values come leave "
+        "0.837 microstrain"
+    )
+    assert not rounding_sentences("strain", "1", held=1.0e-12, floor=1.0e-12, rounding=0.3e-12)
+    assert not rounding_sentences("strain", "1", held=-1.0e-14, floor=1.0e-12, rounding=0.0)

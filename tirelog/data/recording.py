@@ -265,6 +265,8 @@ class Stack:
     log, manoeuvre, revolution  (n,) integers: which log (index in `logs`), which manoeuvre (unique
                                 over all logs), ordinal of the passage
     regime        (n,)    'cruise', 'drive', 'coast' or 'brake'
+    step, step_from       the channel's values are whole steps from `step_from`, SI; a step of 0
+                          where they are not seen to be
     """
 
     observable: str
@@ -283,6 +285,8 @@ class Stack:
     revolution: IntArray
     regime: NDArray[np.str_]
     logs: tuple[str, ...]
+    step: float = 0.0
+    step_from: float = 0.0
 
     def __len__(self) -> int:
         return int(self.values.shape[0])

@@ -17,6 +17,7 @@ from tirelog.data.recording import Stack
 from tirelog.diagnosis.leftover import half_angle
 from tirelog.diagnosis.results import Comparison, Map, Tables, Waveforms, excess_of
 from tirelog.diagnosis.validity import out_of_range
+from tirelog.diagnosis.wording import rounding_sentences
 from tirelog.errors import UsageError
 from tirelog.inference.base import Base, prepare
 from tirelog.inference.cells.cells import cells_of
@@ -117,7 +118,7 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
 
 def remarks_of(base: Base) -> list[str]:
     """What a person should know of the fit before believing it."""
-    said = list(base.cells.notes)
+    said = [*base.cells.notes, *of_rounding(base)]
     if base.cells.manoeuvres < 2:
         said.append(
             "one manoeuvre: none can be held out from the fit, so there is no held-out error; "
@@ -145,6 +146,12 @@ def remarks_of(base: Base) -> list[str]:
                 f"{name} stands at its bound {p.value:g} {p.unit}; give wider bounds or fix it"
             )
     return said + out_of_range(base)
+
+
+def of_rounding(base: Base) -> list[str]:
+    """What rounding to the source's steps makes of the errors, if it matters."""
+    held = base.square_held if base.cells.manoeuvres > 1 else base.square_fit
+    return rounding_sentences(base.model.observable, held, base.floor.square, base.square_rounding)
 
 
 def _running_time(base: Base) -> FloatArray:

@@ -27,7 +27,13 @@ import numpy as np
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.assessment import Assessed
-from tirelog.diagnosis.compare import Measured, comparison_of, single_revolutions, start
+from tirelog.diagnosis.compare import (
+    Measured,
+    comparison_of,
+    of_rounding,
+    single_revolutions,
+    start,
+)
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import (
     Step,
@@ -237,6 +243,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         left, found, ranking, excess_after, excess_before, floor.square, bool(selected)
     )
     advice, notes = _advice(found, verdict)
+    notes += of_rounding(before)
     notes += (
         [said]
         if (said := not_varied(before.cells.conditions, candidate_effects(before.model)))

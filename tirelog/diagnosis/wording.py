@@ -10,7 +10,7 @@ from typing import Any
 
 from tirelog.diagnosis.sign_flips import least_p
 from tirelog.physics.model.model import Model
-from tirelog.vocabulary.observables import shown
+from tirelog.vocabulary.observables import OBSERVABLES, shown
 
 _WHERE = {
     "entry": "at the entry edge",
@@ -21,6 +21,11 @@ _WHERE = {
 _SHAPELESS = "does not repeat from manoeuvre to manoeuvre, or is too small to matter"
 #: wrong conditions look like missing physics, and are likelier
 CONDITIONS = "First check what the setups say of load, pressure, water depth and radius."
+#: an error is below what rounding leaves from this share of its mean square on: 5 % in size, more
+#: than chance does on a short log. Half of it would pass copied values by
+BELOW_ROUNDING = 0.9
+#: share of the floor's mean square from which on rounding is said; doubling it would say it never
+MUCH_ROUNDING = 0.5
 #: more logs than these are not spelled out in a command
 _MOST_LOGS = 12
 _PARITY = {
@@ -117,6 +122,29 @@ def probability(p: float, manoeuvres: int) -> str:
     that.
     """
     return f"<= {p:.2g}" if p <= 2.0 * least_p(manoeuvres) else f"{p:.2g}"
+
+
+def rounding_sentences(observable: str, held: float, floor: float, rounding: float) -> list[str]:
+    """What is to be said of mean squares beside that which rounding alone leaves in single values,
+    if anything.
+    """
+    factor, unit = OBSERVABLES[observable].shown_factor, OBSERVABLES[observable].shown_unit
+    size = f"{rounding**0.5 * factor:.3g} {unit}"
+    if rounding > 0.0 and min(held, floor) < BELOW_ROUNDING * rounding:
+        return [
+            f"the error held out is {max(held, 0.0) ** 0.5 * factor:.3g} {unit} at a floor of "
+            f"{floor**0.5 * factor:.3g}, and the steps in "
+            f"which the values come leave {size} already: steps and samples are not independent, "
+            "as when the noise is far below a step, or values were copied, interpolated or "
+            "made; the error is no measure of the model then; log finer steps"
+        ]
+    if rounding > MUCH_ROUNDING * floor:
+        return [
+            f"{percent(rounding / floor)} of the floor's mean square is rounding: "
+            f"the steps in which the values come leave {size}; "
+            "what is smaller is not seen; log finer steps"
+        ]
+    return []
 
 
 def _scatter(facts: Mapping[str, Any]) -> str:

@@ -75,6 +75,13 @@ class Base:
         return self.floor.within + self.plain.mean_square(self.held_plain)
 
     @property
+    def square_rounding(self) -> float:
+        """Mean square error that rounding to the source's steps leaves in a revolution's value; 0
+        where no step is seen.
+        """
+        return float((self.plain.weights**2 * self.cells.rounding).sum()) / self.plain.weight
+
+    @property
     def rmse_held(self) -> float | None:
         """Error on manoeuvres left out; None if there is only one, since none can be left out."""
         return float(np.sqrt(max(self.square_held, 0.0))) if self.cells.manoeuvres > 1 else None

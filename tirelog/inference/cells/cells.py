@@ -23,6 +23,22 @@ from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.cells.pieces import Pieces, pieces_of
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
+ComplexArray = NDArray[np.complex128]
+
+#: harmonics of the staircase: the others are 2 % of a step's variance without noise, and nothing
+#: with 0.1 steps of it
+_HARMONICS = np.arange(1.0, 9.0)
+#: a wave of this size [steps] is none
+_LEAST_WAVE = 1e-4
+#: variance of noise [step^2] from which on a mean moves with its value by half of it everywhere,
+#: and so tells its place between two steps: 0.26 steps of noise.  Doubling it takes the mean square
+#: over all places for what is known, half tells places that are not
+_PLACE_IS_TOLD = float(np.log(4.0)) / (2.0 * np.pi**2)
+#: variances below it that are tried, and as many above, between them by a line; rounds until the
+#: place is known to 3 % of the error
+_TRIED = 12
+_ROUNDS = 5
+
 
 @dataclass(frozen=True)
 class Cells:
@@ -30,7 +46,10 @@ class Cells:
 
     values, phi, phi_variance (C, m)  mean waveform, at the mean angle and variance of its samples;
                                       NaN where no sample fell
-    sd             (C, m)  standard error of the mean from independent noise; inf where empty
+    sd             (C, m)  standard error of the mean from independent noise and from rounding; inf
+                   where empty
+    rounding       (C, m)  mean square that rounding to steps leaves in one revolution's value at
+                   least; 0 where no step is seen
     random         (C, m, 3)  columns of the random effects, all relative: amplitude (P), width (phi
                    P'), baseline (rms of P)
     random_cov     (C, 3, 3)  covariance of their means
@@ -55,6 +74,7 @@ class Cells:
     phi: FloatArray
     phi_variance: FloatArray
     sd: FloatArray
+    rounding: FloatArray
     random: FloatArray
     random_cov: FloatArray
     shift: FloatArray
@@ -102,8 +122,18 @@ def cells_of(pieces: Pieces) -> Cells:
     number, random, sample = pieces.number, pieces.random, pieces.count
     spread = np.einsum("cmi,ij,cmj->cm", random, covariance[0], random) if m > 1 else 0.0
     per_revolution = np.maximum(sample / number[:, None], 1e-9)
+    standing = _standing_error(pieces, noise)
+    rounding = np.where(
+        sample > 0,
+        standing + (pieces.step[:, None] ** 2 / 12.0 - standing) / np.maximum(per_revolution, 1.0),
+        0.0,
+    )
     with np.errstate(divide="ignore"):
-        sd = np.sqrt(noise[None, :] / sample) if m > 1 else scatter / np.sqrt(number)[:, None]
+        sd = (
+            np.sqrt(noise[None, :] / sample + standing)
+            if m > 1
+            else scatter / np.sqrt(number)[:, None]
+        )
     return Cells(
         observable=pieces.observable,
         surface=pieces.surface,
@@ -112,6 +142,7 @@ def cells_of(pieces: Pieces) -> Cells:
         phi=pieces.phi,
         phi_variance=pieces.variance,
         sd=np.where(sample > 0, sd, np.inf),
+        rounding=rounding,
         random=random,
         random_cov=covariance[1][None] / number[:, None, None],
         shift=pieces.shift,
@@ -120,7 +151,9 @@ def cells_of(pieces: Pieces) -> Cells:
         log=pieces.log,
         manoeuvre=np.unique(pieces.manoeuvre, return_inverse=True)[1],
         regime=pieces.regime,
-        within=(noise[None, :] / per_revolution + spread) if m > 1 else (sd**2 * number[:, None]),
+        within=(noise[None, :] / per_revolution + standing + spread)
+        if m > 1
+        else (sd**2 * number[:, None]),
         speed_mean=pieces.speed_mean,
         speed_square=pieces.speed_square,
         moved=np.zeros(len(pieces)),
@@ -128,6 +161,108 @@ def cells_of(pieces: Pieces) -> Cells:
         logs=pieces.logs,
         notes=pieces.notes,
     )
+
+
+def _standing_error(pieces: Pieces, noise: FloatArray) -> FloatArray:
+    """Mean square of each mean's rounding error that stays however many revolutions it has, (P, m).
+
+    With y in steps, rounding y + noise has the mean error  b(y) = sum over k of (-1)^k/(pi k) sin(2
+                                                            pi k y) exp(-2 (pi k sigma)^2).
+    Noise makes it small, and so does a y that differs between the samples of a mean: |still|^(k^2)
+    of it is left.
+    `noise` (m,) is the variance of one sample about the mean, that is after rounding.
+    """
+    standing = np.zeros(pieces.mean.shape)
+    for step in np.unique(pieces.step[pieces.step > 0.0]):
+        rows = (pieces.step == step) & (pieces.still != 0.0).any(axis=1)
+        if rows.any():
+            count = np.maximum(pieces.count[rows], 1.0)
+            standing[rows] = step**2 * _Staircase.of(pieces.still[rows], count).standing(
+                noise / step**2
+            )
+    return standing
+
+
+@dataclass(frozen=True)
+class _Staircase:
+    """Means of rounded values, in steps: `place` between two steps (P, m), what their spread leaves
+    of each harmonic, signed (K, P, m), and samples (P, m).
+    """
+
+    place: FloatArray
+    left: FloatArray
+    count: FloatArray
+
+    @classmethod
+    def of(cls, still: ComplexArray, count: FloatArray) -> _Staircase:
+        # of places at random, one over their number is left
+        share = np.clip(
+            (count * np.abs(still) ** 2 - 1.0) / np.maximum(count - 1.0, 1.0), 0.0, 1.0
+        ) * (count > 1.0)
+        k = _HARMONICS[:, None, None]
+        return cls(np.angle(still) / (2.0 * np.pi), (-1.0) ** k * share ** (0.5 * k**2), count)
+
+    def true_place(self, variance: FloatArray | float) -> FloatArray:
+        """Where the values are whose means stand at `place` under noise of a `variance`, (P, m)."""
+        place = self.place
+        for _ in range(_ROUNDS):
+            place = self.place - self.error(variance, place)
+        return place
+
+    def error(self, variance: FloatArray | float, place: FloatArray) -> FloatArray:
+        """Mean error of rounding values at `place` under noise of a `variance`, (P, m)."""
+        error = np.zeros(place.shape)
+        for k, left in zip(_HARMONICS, self.left, strict=True):
+            damped = _damped(variance, k)
+            if damped.max() < _LEAST_WAVE:
+                break
+            error += damped * left * np.sin(2.0 * np.pi * k * place) / (np.pi * k)
+        return error
+
+    def anywhere(self, variance: FloatArray | float) -> FloatArray:
+        """Mean square of that error over all places, (P, m)."""
+        waves = [
+            (_damped(variance, k) * left / (np.pi * k)) ** 2
+            for k, left in zip(_HARMONICS, self.left, strict=True)
+        ]
+        return np.asarray(0.5 * np.sum(waves, axis=0), dtype=np.float64)
+
+    def seen(self, variance: float) -> FloatArray:
+        """Variance of rounded samples about their mean under noise of a `variance`, pooled over the
+        pieces and neighbours, (m,).
+        """
+        whole = np.full(self.place.shape, variance + 1.0 / 12.0)
+        if variance > _PLACE_IS_TOLD:
+            place = self.true_place(variance)
+            for k, left in zip(_HARMONICS[:3], self.left, strict=False):
+                cosine = _damped(variance, k) * left * np.cos(2.0 * np.pi * k * place)
+                whole += cosine * (4.0 * variance + 1.0 / (np.pi * k) ** 2)
+            whole -= self.error(variance, place) ** 2
+        else:
+            whole -= self.anywhere(variance)
+        return _smoothed(self.count * whole) / _smoothed(self.count)
+
+    def standing(self, noise: FloatArray) -> FloatArray:
+        """Mean square of the error that stays, (P, m), if single samples have the variance `noise`
+        (m,).
+        """
+        tried = np.append(
+            np.geomspace(1e-3, 0.9 * _PLACE_IS_TOLD, _TRIED),
+            np.geomspace(1.001 * _PLACE_IS_TOLD, 1.0, _TRIED),
+        )
+        seen = np.stack([self.seen(float(variance)) for variance in tried])
+        seen = np.minimum.accumulate(seen[::-1], axis=0)[::-1]  # more noise shows as more
+        variance = np.array([np.interp(noise[j], seen[:, j], tried) for j in range(noise.size)])
+        return np.where(
+            variance > _PLACE_IS_TOLD,
+            self.error(variance, self.true_place(variance)) ** 2,
+            self.anywhere(variance),
+        )
+
+
+def _damped(variance: FloatArray | float, k: float) -> FloatArray:
+    """What noise of a `variance` [step^2] leaves of a harmonic, its shape."""
+    return np.asarray(np.exp(-2.0 * np.pi**2 * k**2 * np.asarray(variance)), dtype=np.float64)
 
 
 def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
@@ -143,15 +278,15 @@ def _noise_profile(pieces: Pieces) -> FloatArray:
     """Variance of one sample by angle (m,), pooled over the pieces and smoothed over neighbouring
     bins.
     """
-    ss, freedom = pieces.residual_ss.sum(axis=0), pieces.freedom.sum(axis=0)
-    half = max(1, ss.size // 64)
-    kernel = np.ones(2 * half + 1)
-
-    def wrapped(x: FloatArray) -> FloatArray:
-        return np.convolve(np.r_[x[-half:], x, x[:half]], kernel, mode="valid")
-
-    profile = wrapped(ss) / np.maximum(wrapped(freedom), 1e-9)
+    profile = _smoothed(pieces.residual_ss) / np.maximum(_smoothed(pieces.freedom), 1e-9)
     return np.asarray(np.maximum(profile, 1e-3 * np.median(profile) + 1e-30), dtype=np.float64)
+
+
+def _smoothed(x: FloatArray) -> FloatArray:
+    """Sums of x (P, m) over the pieces and neighbouring bins, (m,)."""
+    x = x.sum(axis=0)
+    half = max(1, x.size // 64)
+    return np.convolve(np.r_[x[-half:], x, x[:half]], np.ones(2 * half + 1), mode="valid")
 
 
 def _coefficient_covariance(pieces: Pieces) -> tuple[FloatArray, FloatArray]:

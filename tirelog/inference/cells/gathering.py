@@ -247,6 +247,7 @@ def _together(pieces: Pieces, rows: IntArray, coefficients: Sequence[FloatArray]
     changed: dict[str, Any] = {
         "residual_ss": part.residual_ss + pieces.residual_ss[rows].sum(axis=0),
         "freedom": part.freedom + pieces.freedom[rows].sum(axis=0),
+        "still": (share * pieces.still[rows]).sum(axis=0),
         "speed_mean": (share * (mean + about)).sum(axis=0),
         "speed_square": (share * (square + 2.0 * about * mean + about**2)).sum(axis=0),
     }

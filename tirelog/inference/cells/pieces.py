@@ -27,6 +27,8 @@ from scipy.interpolate import CubicSpline
 from tirelog.data.recording import Conditions, Stack
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
+ComplexArray = NDArray[np.complex128]
+
 #: width [m/s] of a cell's band of speed, fewest revolutions in it, most bands in a manoeuvre
 BAND_M_S = 1.6
 FEWEST = 3
@@ -41,6 +43,9 @@ CLOSEST = 0.3
 LEAST_COUNT = 0.1
 _NEIGHBOUR = 1.5
 _FEWEST_KNOTS = 8
+#: noise of one sample, in steps, from which on rounding errors average out to 2e-8 steps^2; half of
+#: it would leave 0.002
+DITHERED = 0.6
 #: fields of Pieces that are not a row a piece
 _APART = (
     "observable",
@@ -71,6 +76,10 @@ class Pieces:
                                  deviation, with one angle only
     speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the
                                      piece's mean speed [m/s], [m^2/s^2]
+    step           (P,)  in which the channel's values come, 0 where it is not seen
+    still          (P, m)  mean of exp(2 pi i y) over the samples, y their values without noise in
+                   steps: of size 1 where all of them are rounded at one place between two steps, so
+                   that their errors do not average out; complex, 0 where it cannot matter
     number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces
     conditions, log, manoeuvre, regime  a value a piece;  cell (n,) the piece of each revolution of
                                         the stack, empty where it is not known
@@ -92,6 +101,8 @@ class Pieces:
     scatter: FloatArray
     speed_mean: FloatArray
     speed_square: FloatArray
+    still: ComplexArray
+    step: FloatArray
     number: IntArray
     coefficients: FloatArray
     conditions: Conditions
@@ -211,6 +222,7 @@ def pieces_of(stack: Stack) -> Pieces:
         channel=stack.channel,
         surface=stack.surface,
         radius_m=stack.radius_m,
+        step=np.full(len(parts), stack.step),
         number=np.array([rows_of_one.size for rows_of_one in rows_of]),
         coefficients=np.concatenate([part.coefficients for part in parts]),
         conditions=_mean_conditions(stack.conditions, cell, len(parts)),
@@ -239,6 +251,7 @@ class _Part:
     scatter: FloatArray
     speed_mean: FloatArray
     speed_square: FloatArray
+    still: ComplexArray
 
 
 def _curve(phi: FloatArray, values: FloatArray, count: FloatArray) -> CubicSpline:
@@ -301,9 +314,13 @@ def _one_piece(stack: Stack, rows: IntArray) -> _Part:
     if stack.phi_rad.size == 1:
         return _one_number(stack.values[rows])
     speed = stack.conditions.speed_m_s[rows]
-    return one_waveform(
-        stack.values[rows], stack.phi_mean[rows], stack.phi_variance[rows], stack.count[rows], speed
+    revolutions = (
+        stack.values[rows],
+        stack.phi_mean[rows],
+        stack.phi_variance[rows],
+        stack.count[rows],
     )
+    return one_waveform(*revolutions, speed, step=stack.step, step_from=stack.step_from)
 
 
 def one_waveform(
@@ -313,12 +330,15 @@ def one_waveform(
     count: NDArray[Any],
     speed: FloatArray,
     weight: IntArray | None = None,
+    step: float = 0.0,
+    step_from: float = 0.0,
 ) -> _Part:
     """The piece of k revolutions: bin means, mean angles, variances and counts (k, m) and speeds
     (k,).
 
     The same of k pieces: `weight` (k,) are their revolutions then. The coefficients of all
-    revolutions together are zero in the mean.
+    revolutions together are zero in the mean. Their values are whole steps from `step_from`, if the
+    `step` is not 0.
     """
     count = np.where(np.isfinite(values), count, 0).astype(float)
     corrected = values
@@ -340,6 +360,14 @@ def one_waveform(
     mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
     residual = np.where(count > 0, excess - taken, 0.0)
     residual_ss, freedom = _scatter(residual, count, speed)
+    still = np.zeros(mean.size, np.complex128)
+    if step > 0.0 and np.any(residual_ss < (DITHERED**2 + 1.0 / 12.0) * step**2 * freedom):
+        still = _still(
+            np.where(count > 0, values - residual - step_from, 0.0),
+            columns[..., 2] ** 2 * variance,
+            count,
+            step,
+        )
     own = _columns(curve, np.where(total > 0, angle, 0.0))
     about = (speed - np.average(speed, weights=weight))[:, None]
     share = count / np.maximum(total, 1e-12)
@@ -356,7 +384,21 @@ def one_waveform(
         np.zeros(0),
         (share * about).sum(axis=0),
         (share * about**2).sum(axis=0),
+        still,
     )
+
+
+def _still(smooth: FloatArray, spread: FloatArray, count: FloatArray, step: float) -> ComplexArray:
+    """Mean of exp(2 pi i y / step) over the samples of each bin, (m,).
+
+    Values without noise `smooth` (k, m), and their variance within each revolution's bin `spread`
+    (k, m).
+    """
+    turning = (
+        2.0j * np.pi * smooth / step - 2.0 * np.pi**2 * np.where(count > 0, spread, 0.0) / step**2
+    )
+    total = np.maximum(count.sum(axis=0), 1e-12)
+    return np.asarray((count * np.exp(turning)).sum(axis=0) / total, dtype=np.complex128)
 
 
 def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:
@@ -400,7 +442,7 @@ def _one_number(values: FloatArray) -> _Part:
     zero = np.zeros(1)
     return _Part(
         mean, zero, zero, good.sum(axis=0).astype(float), np.zeros((1, 3)), zero,
-        np.zeros((len(values), 3)), zero, zero, scatter, zero, zero,
+        np.zeros((len(values), 3)), zero, zero, scatter, zero, zero, np.zeros(1, np.complex128),
     )  # fmt: skip
 
 

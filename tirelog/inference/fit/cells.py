@@ -342,7 +342,7 @@ def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     """Some of the cells."""
     names = (
         "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions",
-        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square",
+        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square", "rounding",
     )  # fmt: skip
     return replace(
         cells,

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline
 
 from tirelog.inference.stacks.samples import Chunk, Samples
 from tirelog.vocabulary.arrays import FloatArray
@@ -26,6 +26,20 @@ from tirelog.vocabulary.arrays import FloatArray
 #: angles [rad] that the matched filter looks at, and the template's grid
 FRONT_RAD = 1.0
 _TEMPLATE_POINTS = 512
+#: knots of the matched filter's template per sample of a turn.  At a constant speed the odd turns'
+#: samples lie between those of the even ones; a template that bends between them follows any shift
+#: of the odd turns, and none is seen.  Half and 0.9 find the same passages; from 1 on the template
+#: can bend so.  And never fewer knots than a front has corners for
+_KNOTS_PER_SAMPLE = 0.7
+_FEWEST_KNOTS = 128
+#: share of the turns that may be shorter than the one whose samples are counted
+_SHORTER_TURNS = 0.05
+#: weight of the third differences against the samples: it decides only between samples that lie
+#: farther apart than knots
+_STIFFNESS = 1e-7
+#: passages with a fitted front that a course is drawn through; twice as many would leave short runs
+#: with their wrong passages
+FEWEST_FITTED = 4
 
 
 @dataclass(frozen=True)
@@ -90,20 +104,51 @@ class TemplateSums:
         self._angle += np.bincount(bins, phi, _TEMPLATE_POINTS)
         self._value += np.bincount(bins, values, _TEMPLATE_POINTS)
 
-    def curve(self) -> CubicSpline:
-        """A periodic spline through bin means at the bins' mean angles."""
+    def curve(self, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
+        """A periodic spline through bin means at the bins' mean angles, or nearest to them with
+        fewer `knots`.
+        """
         full = self._count > 0
         angle, mean = self._angle[full] / self._count[full], self._value[full] / self._count[full]
+        if knots < _TEMPLATE_POINTS:
+            return _nearest_curve(angle, mean, self._count[full], knots)
         return CubicSpline(
             np.append(angle, angle[0] + 2.0 * np.pi), np.append(mean, mean[0]), bc_type="periodic"
         )
 
 
-def template(phi: FloatArray, values: FloatArray) -> CubicSpline:
+def _nearest_curve(
+    angle: FloatArray, mean: FloatArray, count: NDArray[np.int64], knots: int
+) -> CubicSpline:
+    """The periodic spline with even `knots` nearest to bin means (k,), angles (k,) in [-pi, pi)."""
+    width = 2.0 * np.pi / knots
+    grid = -np.pi + width * np.arange(-3, knots + 4)
+    columns = BSpline.design_matrix(angle, grid, 3).toarray()
+    columns[:, :3] += columns[:, knots:]  # once round
+    columns = columns[:, :knots]
+    weighted = columns * (count / count.mean())[:, None]
+    bend = np.diff(np.eye(knots), 3, axis=0, append=np.eye(knots)[:3])
+    gram = weighted.T @ columns
+    gram += _STIFFNESS * np.trace(gram) / knots * (bend.T @ bend)
+    coefficients = np.linalg.solve(gram, weighted.T @ mean)
+    at_knots = BSpline(grid, np.append(coefficients, coefficients[:3]), 3)(grid[3:-3])
+    at_knots[-1] = at_knots[0]
+    return CubicSpline(grid[3:-3], at_knots, bc_type="periodic")
+
+
+def template(phi: FloatArray, values: FloatArray, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
     """Mean waveform of samples (N,) at angles (N,)."""
     sums = TemplateSums()
     sums.add(phi, values)
-    return sums.curve()
+    return sums.curve(knots)
+
+
+def knots_for(centre_s: FloatArray, rate_Hz: float) -> int:
+    """How many knots a template of turns with these passages (n,) may have, as samples of one of
+    them follow it.
+    """
+    samples = rate_Hz * float(np.quantile(np.diff(centre_s), _SHORTER_TURNS))
+    return int(np.clip(_KNOTS_PER_SAMPLE * samples, _FEWEST_KNOTS, _TEMPLATE_POINTS))
 
 
 def front_fit(
@@ -135,26 +180,41 @@ def front_fit(
 def refine(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
     """Passage times (n,) after matched filtering.
 
-    A passage whose front cannot be fitted keeps its time.
+    A passage whose front cannot be fitted lies between its neighbours.
     """
     chunks = samples.chunks(centre_s, 0, centre_s.size)
+    knots = knots_for(centre_s, samples.channel.axis.rate_Hz)
     for _ in range(rounds):
         angle = WheelAngle.through(centre_s)
         sums = TemplateSums()
         for chunk in chunks:
             _, phi, values = turned(samples, angle, chunk)
             sums.add(phi, values)
-        shape = sums.curve()
+        shape = sums.curve(knots)
         shift = np.concatenate(
             [
                 front_fit(*turned(samples, angle, chunk), shape, chunk.stop - chunk.first)[0]
                 for chunk in chunks
             ]
         )
-        shift = np.where(
-            np.isfinite(shift),
-            shift - np.nanmedian(shift) if np.isfinite(shift).any() else 0.0,
-            0.0,
-        )
-        centre_s = centre_s + shift / angle.speed_rad_s(centre_s)
+        fitted = np.isfinite(shift)
+        shift = np.where(fitted, shift - np.nanmedian(shift) if fitted.any() else 0.0, 0.0)
+        centre_s = _between_neighbours(centre_s + shift / angle.speed_rad_s(centre_s), fitted)
+    return centre_s
+
+
+def _between_neighbours(centre_s: FloatArray, fitted: NDArray[np.bool_]) -> FloatArray:
+    """Passage times (n,), those not `fitted` moved onto the course through the others.
+
+    Half a front lost can move a passage by a fifth of the patch, and the wheel's angle with it.
+    """
+    known = np.flatnonzero(fitted)
+    if known.size < max(FEWEST_FITTED, fitted.size // 2):
+        return centre_s
+    moved = np.flatnonzero(~fitted)
+    moved = moved[
+        (moved >= known[0] - 1) & (moved <= known[-1] + 1)
+    ]  # one turn beyond the course at most
+    centre_s = centre_s.copy()
+    centre_s[moved] = CubicSpline(known, centre_s[known])(moved)
     return centre_s

@@ -33,7 +33,7 @@ from tirelog.inference.stacks.conditions import conditions_of
 from tirelog.inference.stacks.manoeuvres import accelerations, regimes, segment
 from tirelog.inference.stacks.numbers import scalar_stack
 from tirelog.inference.stacks.outward import outward, with_level
-from tirelog.inference.stacks.samples import Chunk, Samples
+from tirelog.inference.stacks.samples import Chunk, Samples, step_of
 from tirelog.inference.stacks.spooled import Stacks
 from tirelog.runs.in_memory import held
 from tirelog.strain.passages.find import Passages, find_passages
@@ -173,6 +173,7 @@ def _course(
     centre, speed = np.concatenate(times), np.concatenate(speeds)
     n = centre.size
     none = np.empty((n, 0))
+    step, step_from = step_of(channel)
     return Stack(
         observable=observable,
         channel=channel.name,
@@ -192,6 +193,8 @@ def _course(
         revolution=np.concatenate([run.ordinal[1:-1] for run in runs]),
         regime=regime,
         logs=(recording.log,),
+        step=step,
+        step_from=step_from,
     )
 
 

@@ -1,0 +1,97 @@
+"""Values in steps: what rounding leaves of a mean however many revolutions it has, against made-up
+means with known truth.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.toy import stack, waveform
+from tirelog.data.recording import Channel, Stack, TimeAxis
+from tirelog.inference.cells.cells import make_cells
+from tirelog.inference.stacks.samples import step_of
+
+
+def locked(noise, seed, level=0.5):
+    """Revolutions in steps of one whose samples are always at the same angles, and the true
+    waveform of each manoeuvre (C, m).
+    """
+    random = np.random.default_rng(seed)
+    made = stack(seed, manoeuvres=4, revolutions=75, m=128)
+    phi = np.repeat(
+        made.phi_rad + random.uniform(-0.4, 0.4, (4, 128)) * 2 * np.pi / 128, 75, axis=0
+    )
+    truth = 3000.0 * (waveform(phi) + level * np.cos(phi))
+    values = np.round(truth + noise * random.standard_normal(truth.shape))
+    whole: Stack = replace(
+        made,
+        values=values,
+        phi_mean=phi,
+        phi_variance=np.zeros_like(phi),
+        count=np.ones(phi.shape, np.int64),
+        step=1.0,
+    )
+    return whole, truth[::75]
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.2, 0.3, 0.6])
+def test_means_of_locked_samples_have_the_error_that_is_said(noise):
+    ratio = []
+    for seed in range(3):
+        revolutions, truth = locked(noise, seed)
+        cells = make_cells(revolutions)
+        far = np.abs(revolutions.phi_rad) > 1.2
+        error = (cells.values - truth)[:, far]
+        ratio.append(np.mean((error / cells.sd[:, far]) ** 2))
+    assert 0.8 < np.mean(ratio) < 1.25
+
+
+def test_a_level_between_two_steps_has_no_error_of_rounding_where_the_noise_tells_it():
+    revolutions, _ = locked(0.35, seed=1, level=0.0)
+    cells, blind = make_cells(revolutions), make_cells(replace(revolutions, step=0.0))
+    far = np.abs(revolutions.phi_rad) > 1.5
+    assert np.mean(cells.sd[:, far] ** 2) < 1.1 * np.mean(blind.sd[:, far] ** 2)
+
+
+def test_a_single_revolution_is_never_nearer_than_its_steps():
+    revolutions, _ = locked(0.05, seed=2)
+    cells = make_cells(revolutions)
+    assert np.mean(cells.within) > 0.9 / 12.0
+    assert np.mean(make_cells(replace(revolutions, step=0.0)).within) < 0.5 / 12.0
+    np.testing.assert_allclose(cells.rounding, 1.0 / 12.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("step", [1e-3, 1e-4])
+def test_the_step_of_a_grating_is_found(step):
+    random = np.random.default_rng(3)
+    wavelength = (
+        np.round(
+            (
+                1550.0
+                + 1.5 * waveform(np.arange(20_000) * 0.013)
+                + 3e-4 * random.standard_normal(20_000)
+            )
+            / step
+        )
+        * step
+    )
+    wavelength[500:600] = np.nan
+    strain = 1.27 * (wavelength / 1550.0 - 1.0)
+    axis = TimeAxis.uniform(strain.size, 2500.0)
+    found, level = step_of(Channel.of_array("a", "strain", strain, axis))
+    assert found == pytest.approx(1.27 * step / 1550.0, rel=1e-6)
+    steps = (strain[np.isfinite(strain)] - level) / found
+    np.testing.assert_allclose(steps, np.round(steps), atol=0.02)
+    smooth = strain + 1e-7 * random.standard_normal(strain.size)
+    assert step_of(Channel.of_array("a", "strain", smooth, axis)) == (0.0, 0.0)
+
+
+def test_values_that_are_few_or_lost_have_no_step():
+    axis = TimeAxis.uniform(1000, 2500.0)
+    for values in (np.full(1000, np.nan), np.zeros(1000), np.arange(1000) % 5.0):
+        assert step_of(Channel.of_array("a", "strain", values, axis)) == (0.0, 0.0)
+    assert step_of(Channel.of_array("a", "strain", np.zeros(0), TimeAxis.uniform(0, 2500.0))) == (
+        0.0,
+        0.0,
+    )
