@@ -2,6 +2,7 @@
 was set apart.
 """
 
+import gzip
 import json
 import shutil
 from dataclasses import replace
@@ -147,6 +148,37 @@ def test_fit_and_compare_of_a_number_per_revolution_are_one_fit(tmp_path, capfd)
         assert p.value == pytest.approx(said["parameters"][name]["value"], rel=1e-6)
         if p.free and p.se is not None:
             assert p.se == pytest.approx(said["parameters"][name]["se"], rel=1e-3)
+
+
+def test_several_channels_are_fitted_together_by_command(cleat, beam, compared, tmp_path, capfd):
+    """The same strain twice: the parameters of one, and errors as if it were measured twice."""
+    lines = gzip.decompress((SAMPLES / "cleat.csv.gz").read_bytes()).decode().splitlines()
+    begin = next(i for i, line in enumerate(lines) if line.startswith("time_s"))
+    rows = [line + "," + line.split(",")[1] for line in lines[begin + 1 :]]
+    log = tmp_path / "two.csv"
+    log.write_text("\n".join([*lines[:begin], lines[begin] + ",CH2_FBG1", *rows]))
+    setup = (SAMPLES / "cleat.toml").read_text()
+    own = setup[setup.index("[channels.strain_1]") : setup.index("[channels.acceleration]")]
+    again = own.replace("strain_1", "strain_2").replace("CH1", "CH2")
+    log.with_suffix(".toml").write_text(f"{setup}\n{again}")
+    model, fitted = tmp_path / "m.toml", tmp_path / "f.toml"
+    save_model(beam, model)
+    words = ["model", "fit", str(log), "--model", str(model), "-o", str(fitted)]
+    assert run([*words, "--channel", "strain_1", "--channel", "strain_2"]) == 0
+    said = capfd.readouterr()
+    assert "14 revolutions" in said.out
+    assert "2 channels are fitted together" in said.err
+    for name in ("patch_half_length_m", "lever_arm_m"):
+        p, alone = load_model(fitted).parameters[name], compared.parameters[name]
+        assert p.free
+        assert p.value == pytest.approx(alone["value"], rel=1e-4)
+        assert p.se * 2**0.5 == pytest.approx(alone["se"], rel=0.05)
+    assert run([*words, "--channel", "strain_2", "--nuisances", "offset shift"]) == 0
+    said = capfd.readouterr()
+    assert "7 revolutions" in said.out
+    assert "taken out of each mean of like revolutions: offset, shift" in said.err
+    assert run([*words, "--nuisances", "gain"]) == 2
+    assert "unknown nuisance 'gain'; allowed are offset, amplitude" in capfd.readouterr().err
 
 
 def test_one_manoeuvre_has_no_error_held_out(cleat, beam, compared):

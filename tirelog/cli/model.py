@@ -14,8 +14,7 @@ from tirelog.vocabulary.observables import WAVEFORMS, waveform_of
 
 if TYPE_CHECKING:
     from tirelog.data.setup import Setup
-    from tirelog.inference.fit.result import FitResult
-    from tirelog.inference.obstacle_log import TransientLog
+    from tirelog.inference.measured import MeasuredLogs
     from tirelog.physics.model.model import Model
 
 app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
@@ -288,7 +287,8 @@ def fit(
     nuisances: Annotated[
         str,
         typer.Option(
-            help="Taken out of every revolution: offset, amplitude, shift (words, or none)."
+            help="Taken out of each mean of like revolutions: offset, amplitude (by some 10 %), "
+            "shift (words, or none)."
         ),
     ] = "shift",
     effects: EffectsFile = None,
@@ -297,12 +297,13 @@ def fit(
     """Fit a model's free parameters to the logs as `compare` does, and write the model with values
     and standard errors.
 
-    Several channels, or other nuisances than the shift, are fitted revolution by revolution, which
-    `compare` does not do. Masses, damping and bristles of a coupled ring are fitted to the
+    Several channels are fitted at once, each with its own noise, scatter and offset of each log.
+    Masses, damping and bristles of a coupled ring are fitted to the
     obstacles of logs whose setup has a [road].
     """
     from tirelog.cli.model_page import fit_page, learned_page
     from tirelog.cli.targets import refuse_unwritable
+    from tirelog.diagnosis.fitted import fit_channels_measured
     from tirelog.diagnosis.obstacles.learn import learn
     from tirelog.inference.motion import motion_names
 
@@ -314,10 +315,9 @@ def fit(
         else ["shift"]
     )
     with Session(setup, quiet) as session:
-        if len(channel) < 2 and words == ["shift"]:
-            result, obstacles, remarks = _as_compare(session, logs, start, channel)
-        else:
-            result, obstacles, remarks = _by_revolution(session, logs, start, channel, words)
+        channels = _channels(session, logs, start, channel)
+        result, remarks = fit_channels_measured([found.stacks for found in channels], start, words)
+        obstacles = [obstacle for found in channels for obstacle in found.obstacles]
         for remark in remarks:
             session.note(remark)
         fitted = result.model.with_parameters(
@@ -338,47 +338,21 @@ def fit(
                 )
 
 
-def _as_compare(
+def _channels(
     session: Session, logs: list[str], start: Model, channel: list[str]
-) -> tuple[FitResult, list[TransientLog], list[str]]:
-    """The fit of `compare`, the obstacles, and remarks."""
-    from tirelog.diagnosis.fitted import fit_measured
+) -> list[MeasuredLogs]:
+    """The measured revolutions of each channel; one channel's logs are read one after the other."""
     from tirelog.inference.measured import measured
 
-    found = measured(session.recordings(logs), start.observable, channel[0] if channel else None)
-    result, remarks = fit_measured(found.stacks, start)
-    return result, list(found.obstacles), list(remarks)
-
-
-def _by_revolution(
-    session: Session, logs: list[str], start: Model, channel: list[str], nuisances: list[str]
-) -> tuple[FitResult, list[TransientLog], list[str]]:
-    """The fit to single revolutions of several channels or with nuisances of one's own, the
-    obstacles, and remarks.
-    """
-    from tirelog.inference.fit.revolutions import fit as fit_model
-    from tirelog.inference.measured import measured
-    from tirelog.inference.motion import held
-    from tirelog.inference.stacks.spooled import joined
-
+    names = list(dict.fromkeys(channel))
+    if len(names) < 2:
+        name = names[0] if names else None
+        return [measured(session.recordings(logs), start.observable, name)]
     recordings = session.all_recordings(logs)
-    stacks: list[Any] = []
-    obstacles: list[TransientLog] = []
-    remarks = [
-        "fitted revolution by revolution; `compare` has other weights, so its parameters, errors "
-        "and chi-square differ somewhat"
-    ]
-    for name in channel or (None,):
-        found = measured(recordings, _observable(recordings, name, start), name)
-        stacks += [
-            joined(found.stacks.of_log(number)) for number in range(len(found.stacks.logs))
-        ]  # the fit takes a log as a whole
-        obstacles += found.obstacles
-        remarks += found.stacks.notes
-    return fit_model(held(start), stacks, nuisances=nuisances, scatter=True), obstacles, remarks
+    return [measured(recordings, _observable(recordings, name, start), name) for name in names]
 
 
-def _observable(recordings: list[Any], name: str | None, model: Model) -> str:
+def _observable(recordings: list[Any], name: str, model: Model) -> str:
     """What a named channel measures (strain and radial acceleration fit one tire together), else
     what the model predicts.
     """

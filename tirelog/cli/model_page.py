@@ -105,24 +105,22 @@ def difference_page(rows: dict[str, list[Any]]) -> str:
 
 def fit_page(result: FitResult) -> str:
     """What a fit found."""
-    names = [name.split(".")[-1] for name in result.names]
     parameters = [result.model.parameters[name] for name in result.names]
     rows = [
         (
             full,
             f"{value:.6g}",
-            f"+- {se:.2g}" if se < float("inf") else "not determined",
+            f"+- {se:.2g}"
+            if se < float("inf")
+            else "no error"
+            if full in result.at_bound
+            else "not determined",
             _unit(p.unit),
         )
-        for full, value, se, p, _ in zip(result.names, result.values, result.se, parameters, names)
+        for full, value, se, p in zip(result.names, result.values, result.se, parameters)
     ]
-    aside = f" ({result.set_aside} of them set aside as outliers)" if result.set_aside else ""
-    of = (
-        " of single revolutions" if result.residuals else ""
-    )  # else of means of like revolutions, as `compare` has it
     lines = [
-        f"{result.revolutions} revolutions{aside}, reduced chi-square{of} "
-        f"{result.reduced_chi2:.3f}",
+        f"{result.revolutions} revolutions, reduced chi-square {result.reduced_chi2:.3f}",
         _aligned(rows),
     ]
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]

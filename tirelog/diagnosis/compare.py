@@ -19,7 +19,7 @@ from tirelog.diagnosis.results import Comparison, Map, Tables, Waveforms, excess
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import rounding_sentences
 from tirelog.errors import UsageError
-from tirelog.inference.base import Base, prepare
+from tirelog.inference.base import Base, FittedChannel, prepare
 from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.gathering import pieces_of_logs
 from tirelog.inference.cells.pieces import Pieces
@@ -59,13 +59,18 @@ def start(measured: Measured, model: Model) -> Base:
     """
     pieces = measured_pieces(measured)
     if pieces.observable != model.observable:
-        raise UsageError(
-            f"the model predicts {model.observable}, the log gives {pieces.observable}; "
-            "both must be the same; take a model for "
-            f"{pieces.observable} (model new) or another log",
-            file=pieces.logs[0],
-        )
+        raise other_observable(pieces, model)
     return prepare(cells_of(pieces), held(model))
+
+
+def other_observable(pieces: Pieces, model: Model) -> UsageError:
+    """The error that says that a model and a log do not fit together."""
+    return UsageError(
+        f"the model predicts {model.observable}, the log gives {pieces.observable}; "
+        "both must be the same; take a model for "
+        f"{pieces.observable} (model new) or another log",
+        file=pieces.logs[0],
+    )
 
 
 def compare(measured: Measured, model: Model) -> Comparison:
@@ -116,7 +121,7 @@ def parameters_of(model: Model) -> dict[str, dict[str, Any]]:
     }
 
 
-def remarks_of(base: Base) -> list[str]:
+def remarks_of(base: FittedChannel) -> list[str]:
     """What a person should know of the fit before believing it."""
     said = [*base.cells.notes, *of_rounding(base)]
     if base.cells.manoeuvres < 2:
@@ -127,7 +132,7 @@ def remarks_of(base: Base) -> list[str]:
     measured = np.nanmean(base.cells.values, axis=0)
     expected = np.nanmean(base.fit.prediction, axis=0)
     good = np.isfinite(measured) & np.isfinite(expected)
-    if good.sum() > 8 and base.model.observable == STRAIN:
+    if good.sum() > 8 and base.cells.observable == STRAIN:
         skew = float(np.mean((measured[good] - measured[good].mean()) ** 3))
         wanted = "inner" if skew > 0 else "outer"
         if wanted != base.cells.surface:
@@ -148,7 +153,7 @@ def remarks_of(base: Base) -> list[str]:
     return said + out_of_range(base)
 
 
-def of_rounding(base: Base) -> list[str]:
+def of_rounding(base: FittedChannel) -> list[str]:
     """What rounding to the source's steps makes of the errors, if it matters."""
     held = base.square_held if base.cells.manoeuvres > 1 else base.square_fit
     return rounding_sentences(base.model.observable, held, base.floor.square, base.square_rounding)
@@ -344,7 +349,8 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
         np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan
     )
     direction = base.plain.direction[cell]
-    left = left - direction * np.nansum(left * direction, axis=1, keepdims=True)
+    size = np.nansum(left[..., None] * direction, axis=1, keepdims=True)
+    left = left - (direction * size).sum(axis=-1)
     rmse = np.where(left_out, np.nan, np.sqrt(np.nanmean(left**2, axis=1)))
     floor = np.where(
         left_out, np.nan, np.sqrt(np.nanmean(base.cells.within, axis=1) + base.floor.between)[cell]

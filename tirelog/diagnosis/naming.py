@@ -26,7 +26,8 @@ from tirelog.diagnosis.sign_flips import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, gain
 from tirelog.diagnosis.signatures import all_signatures, candidate_effects, with_candidate
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit, settled, thinned
-from tirelog.inference.fit.cells import NULL, Problem, descend, free_names
+from tirelog.inference.fit.cells import Problem, descend_together, free_names
+from tirelog.inference.fit.errors import NULL
 from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Offsets
 from tirelog.physics.effects import Effect
@@ -166,7 +167,7 @@ def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
         if p.name in linear
     }
     shape = dict(candidate.signature.shape)
-    problem, found = Problem(few.cells, few.white), []
+    problems, found = [Problem(few.cells, few.white)], []
     models = [base.model]
     if (
         base.fit.held and base.given is not None
@@ -180,7 +181,8 @@ def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
             start = with_candidate(model, effect, {**shape, **strengths}).resolved(
                 base.cells.conditions
             )
-            found.append(descend(problem, start, free_names(start, few.cells), steps=_TRIAL_STEPS))
+            names = free_names(start, few.cells)
+            found.append(descend_together(problems, start, names, steps=_TRIAL_STEPS))
         except ModelError:
             continue
     if not found:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.inference.base import Base
+from tirelog.inference.base import FittedChannel
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.vocabulary.conditions import CONDITIONS
 
 
-def out_of_range(base: Base) -> list[str]:
+def out_of_range(base: FittedChannel) -> list[str]:
     """A remark for each range of an effect of the fitted model that is left; none if it is off.
 
     A log's conditions are judged by the means of like revolutions, which is what is fitted; one

@@ -2,16 +2,21 @@
 
 Stack, Model -> cells -> fit in the cells' own metric -> scatter between manoeuvres
     -> metric with it -> fit again (a few steps)
+
+Several channels of one tire are fitted together: each has its metric, its scatter and its offsets,
+all have the parameters.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tirelog.data.recording import Conditions
 from tirelog.inference.cells.cells import Cells
-from tirelog.inference.fit.cells import Fit, fit_model, take_cells
+from tirelog.inference.fit.cells import Fit, fit_channels, fit_model, take_cells
 from tirelog.inference.floor import (
     Floor,
     Plain,
@@ -32,10 +37,9 @@ _LEAST_DISCREPANCY = 0.02
 
 
 @dataclass(frozen=True)
-class Base:
-    """A fitted model on its cells: metrics `white` (significance) and `plain` (size), the floor,
-    and held-out losses by manoeuvre (M,). `given`: the model as it came, with the values that the
-    search started from.
+class FittedChannel:
+    """A fitted model on the cells of one channel: metrics `white` (significance) and `plain`
+    (size), the floor; `discrepancy` [unit^2], the mean square that the model misses.
     """
 
     cells: Cells
@@ -43,25 +47,43 @@ class Base:
     plain: Plain
     floor: Floor
     fit: Fit
-    held_white: FloatArray
-    held_plain: FloatArray
-    discrepancy: float = 0.0
-    raw: Cells | None = None
-    given: Model | None = None
+    discrepancy: float
 
     @property
-    def reduced_chi2(self) -> float:
-        """Of the fitted point, against noise and random effects alone."""
+    def model(self) -> Model:
+        return self.fit.model
+
+    @property
+    def noise_chi2(self) -> float:
+        """Chi-square of the fitted point, against noise and random effects alone."""
         scatter = np.array([self.floor.load_sd, self.floor.baseline_sd])
         noise = whitener(self.cells).with_manoeuvres(
             self.cells.manoeuvre, scatter_columns(self.cells, self.fit), scatter
         )
         residual = noise(self.cells.values - self.fit.prediction - self.offset_of_cell[:, None])
-        return float((residual**2).sum()) / self.fit.freedom
+        return float((residual**2).sum())
 
     @property
-    def model(self) -> Model:
-        return self.fit.model
+    def reduced_chi2(self) -> float:
+        """The same per degree of freedom."""
+        return self.noise_chi2 / self.fit.freedom
+
+    @property
+    def offset_of_cell(self) -> FloatArray:
+        """The offset of each cell's log, (C,)."""
+        return _offset_of_cell(self.cells, self.fit)
+
+
+@dataclass(frozen=True)
+class Base(FittedChannel):
+    """A fitted channel with held-out losses by manoeuvre (M,). `given`: the model as it came, with
+    the values that the search started from.
+    """
+
+    held_white: FloatArray
+    held_plain: FloatArray
+    raw: Cells | None = None
+    given: Model | None = None
 
     @property
     def square_fit(self) -> float:
@@ -91,13 +113,6 @@ class Base:
         """Held-out mean square above the floor; may be slightly negative by chance."""
         return self.square_held - self.floor.square
 
-    @property
-    def offset_of_cell(self) -> FloatArray:
-        """The offset of each cell's log, (C,)."""
-        if not self.fit.offsets.size:
-            return np.zeros(len(self.cells))
-        return self.fit.offsets[np.searchsorted(np.unique(self.cells.log), self.cells.log)]
-
 
 def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     """The base model fitted, with its floor.
@@ -105,47 +120,98 @@ def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     ModelError where it cannot be computed at these speeds.
     """
     model = model.resolved(cells.conditions)
-    rough = (_FIRST_DISCREPANCY**2) * float(np.nanmean(cells.values**2))
-    fit = fit_model(cells, whitener(cells, rough), model, several=several)
-    return replace(_with_scatter(fit.cells, fit, rough), given=model)
+    (fitted,), (raw,) = _fitted([cells], model, several)
+    return replace(_held_out(fitted, raw), given=model)
 
 
-def _with_scatter(raw: Cells, fit: Fit, discrepancy: float) -> Base:
-    """Cells at their mean speeds by this fit; metric and floor with the scatter between manoeuvres
-    and the discrepancy that this fit leaves, and the model fitted in them; twice.
+def fit_together(
+    channels: Sequence[Cells], model: Model, *, several: bool = True
+) -> list[FittedChannel]:
+    """The model fitted to all channels at once; of one channel the fit of `prepare`.
+
+    ModelError where it cannot be computed at these speeds.
     """
-    cells = at_mean_speed(raw, fit)
-    plain = Plain.of(cells)
+    conditions = Conditions.concatenate([cells.conditions for cells in channels])
+    return _fitted(channels, model.resolved(conditions), several)[0]
+
+
+def _fitted(
+    channels: Sequence[Cells], model: Model, several: bool
+) -> tuple[list[FittedChannel], list[Cells]]:
+    """The channels with their scatter, and the cells as the first fit centred them."""
+    rough = [_FIRST_DISCREPANCY**2 * float(np.nanmean(cells.values**2)) for cells in channels]
+    whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
+    fits = fit_channels(list(zip(channels, whites, strict=True)), model, several=several)
+    raw = [fit.cells for fit in fits]
+    return _with_scatter(raw, fits, rough), raw
+
+
+def _with_scatter(
+    raw: Sequence[Cells], fits: Sequence[Fit], missed: Sequence[float]
+) -> list[FittedChannel]:
+    """Cells of each channel at their mean speeds by this fit; metric and floor with the scatter
+    between manoeuvres and the discrepancy that this fit leaves, and the model fitted in them;
+    twice.
+    """
+    cells = [at_mean_speed(*channel) for channel in zip(raw, fits, strict=True)]
+    plain = [Plain.of(channel) for channel in cells]
     for _ in range(2):
-        own = whitener(cells, discrepancy)
-        columns = scatter_columns(cells, fit)
-        load_sd, baseline_sd = scatter_between(cells, own, fit, columns)
-        floor = measure_floor(cells, plain, columns, load_sd, baseline_sd)
-        discrepancy = _discrepancy(cells, plain, fit, floor)
-        white = whitener(cells, discrepancy).with_manoeuvres(
-            cells.manoeuvre, columns, np.array([load_sd, baseline_sd])
+        known = [_in_scatter(*channel) for channel in zip(cells, plain, fits, missed, strict=True)]
+        fits = fit_channels(
+            [(channel.cells, channel.white) for channel in known], fits[0].model, several=False
         )
-        fit = fit_model(cells, white, fit.model, several=False)
-        cells = fit.cells
-    held_white, held_plain = held_out_losses(cells, white, plain, fit)
-    return Base(cells, white, plain, floor, fit, held_white, held_plain, discrepancy, raw)
+        cells, missed = [fit.cells for fit in fits], [channel.discrepancy for channel in known]
+    return [
+        replace(channel, cells=fit.cells, fit=fit) for channel, fit in zip(known, fits, strict=True)
+    ]
+
+
+def _in_scatter(cells: Cells, plain: Plain, fit: Fit, missed: float) -> FittedChannel:
+    """A channel in the metric with the scatter and the discrepancy that the fit leaves, which was
+    made with another, `missed` [unit^2].
+    """
+    own = whitener(cells, missed)
+    columns = scatter_columns(cells, fit)
+    load_sd, baseline_sd = scatter_between(cells, own, fit, columns)
+    floor = measure_floor(cells, plain, columns, load_sd, baseline_sd)
+    discrepancy = _discrepancy(cells, plain, fit, floor)
+    white = whitener(cells, discrepancy).with_manoeuvres(
+        cells.manoeuvre, columns, np.array([load_sd, baseline_sd])
+    )
+    return FittedChannel(cells, white, plain, floor, fit, discrepancy)
+
+
+def _held_out(channel: FittedChannel, raw: Cells) -> Base:
+    """The channel with its losses on manoeuvres left out."""
+    held_white, held_plain = held_out_losses(
+        channel.cells, channel.white, channel.plain, channel.fit
+    )
+    return Base(
+        channel.cells,
+        channel.white,
+        channel.plain,
+        channel.floor,
+        channel.fit,
+        channel.discrepancy,
+        held_white,
+        held_plain,
+        raw,
+    )
+
+
+def _offset_of_cell(cells: Cells, fit: Fit) -> FloatArray:
+    """The offset of each cell's log, (C,)."""
+    if not fit.offsets.size:
+        return np.zeros(len(cells))
+    return fit.offsets[np.searchsorted(np.unique(cells.log), cells.log)]
 
 
 def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
     """Mean square [unit^2] that the fit leaves above the floor; nothing where it is too small to
     matter.
     """
-    offsets = (
-        fit.offsets[np.searchsorted(np.unique(cells.log), cells.log)]
-        if fit.offsets.size
-        else np.zeros(len(cells))
-    )
-    left = (
-        plain.mean_square(
-            (plain(np.nan_to_num(cells.values - fit.prediction - offsets[:, None])) ** 2).sum()
-        )
-        - floor.between
-    )
+    residual = cells.values - fit.prediction - _offset_of_cell(cells, fit)[:, None]
+    left = plain.mean_square((plain(np.nan_to_num(residual)) ** 2).sum()) - floor.between
     return left if left > _LEAST_DISCREPANCY * floor.square else 0.0
 
 
@@ -153,11 +219,9 @@ def settled(base: Base) -> Base:
     """The same model with the scatter between manoeuvres measured anew: once an effect is in, less
     is taken for scatter.
     """
-    raw = base.raw or base.cells
-    anew = _with_scatter(
-        replace(raw, phi=base.cells.phi, moved=base.cells.moved), base.fit, base.discrepancy
-    )
-    return replace(anew, given=base.given)
+    raw = replace(base.raw or base.cells, phi=base.cells.phi, moved=base.cells.moved)
+    (anew,) = _with_scatter([raw], [base.fit], [base.discrepancy])
+    return replace(_held_out(anew, raw), given=base.given)
 
 
 def refit(base: Base, model: Model) -> Base:

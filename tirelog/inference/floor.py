@@ -37,8 +37,8 @@ _SOME_CELLS = 64
 
 @dataclass(frozen=True)
 class Plain:
-    """The metric of size: shift removed, each cell weighted by its revolutions, so that sums of
-    squares are mean squares times `weight`.
+    """The metric of size: what is free in a cell (its shift) removed, along `direction` (C, m, k),
+    each cell weighted by its revolutions, so that sums of squares are mean squares times `weight`.
     """
 
     cells: Cells
@@ -52,12 +52,11 @@ class Plain:
         good = np.isfinite(cells.values) & np.isfinite(cells.sd)
         number = np.maximum(good.sum(axis=1), 1)
         weights = np.where(good, np.sqrt(cells.revolutions / number)[:, None], 0.0)
-        shift = cells.shift * (weights > 0)
-        norm = np.linalg.norm(shift, axis=1, keepdims=True)
-        direction = np.divide(shift, norm, out=np.zeros_like(shift), where=norm > 0)
-        spread = np.einsum("cmi,cij,cmj->cm", cells.random, cells.random_cov, cells.random)
+        direction = _orthonormal_in_cells(np.where(good[..., None], cells.taken, 0.0))
+        spread = np.einsum("cmi,cij,cmj->cm", cells.scattering, cells.random_cov, cells.scattering)
         noise = np.where(good, cells.sd, 0.0) ** 2
-        bias = (weights**2 * (noise + spread)).sum() - (weights**2 * noise * direction**2).sum()
+        taken = (direction**2).sum(axis=-1)
+        bias = (weights**2 * (noise + spread)).sum() - (weights**2 * noise * taken).sum()
         return cls(cells, weights, direction, float(cells.revolutions.sum()), float(bias))
 
     def __call__(self, x: FloatArray) -> FloatArray:
@@ -67,7 +66,7 @@ class Plain:
         return x[..., 0] if flat else x
 
     def _of_cells(self, rows: slice, x: FloatArray) -> FloatArray:
-        weights, direction = self.weights[rows, :, None], self.direction[rows, :, None]
+        weights, direction = self.weights[rows, :, None], self.direction[rows]
         x = np.where(weights > 0, x, 0.0)
         return (x - direction @ (np.swapaxes(direction, 1, 2) @ x)) * weights
 
@@ -80,6 +79,18 @@ class Plain:
         cell means.
         """
         return (float(np.sum(losses)) - self.bias) / self.weight
+
+
+def _orthonormal_in_cells(columns: FloatArray) -> FloatArray:
+    """The columns (C, m, k) of each cell made orthogonal and of length one; zero where they are."""
+    result = np.zeros_like(columns)
+    for i in range(columns.shape[-1]):
+        column, before = columns[..., i], result[..., :i]
+        if i:
+            column = column - (before @ (np.swapaxes(before, 1, 2) @ column[..., None]))[..., 0]
+        norm = np.linalg.norm(column, axis=1, keepdims=True)
+        result[..., i] = np.divide(column, norm, out=np.zeros_like(column), where=norm > 0)
+    return result
 
 
 @dataclass(frozen=True)
@@ -113,6 +124,7 @@ def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
             fit.model.predict(
                 replace(conditions, load_N=load * (1.0 + s * _STEP)),
                 surface=cells.surface,
+                observable=cells.observable,
                 **cells.angles,
             )
             for s in (1, -1)
@@ -140,6 +152,7 @@ def at_mean_speed(cells: Cells, fit: Fit) -> Cells:
             fit.model.predict(
                 replace(cells.conditions, speed_m_s=speed + s * step),
                 surface=cells.surface,
+                observable=cells.observable,
                 **cells.angles,
             )
             for s in (1.0, -1.0)

@@ -3,7 +3,7 @@
 Masses, damping and bristles, fitted to the answers to obstacles.
 
     TransientLogs, Model
-        --damped least squares over the free names of `carcass.MOTION`
+        --the descent of every fit, over the free names of `carcass.MOTION`
           and (time, phase) of each hit--> Learned
 
 What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together. A
@@ -21,7 +21,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from tirelog.diagnosis.obstacles.fit import View, fit_hit, motion_at, view_of
-from tirelog.errors import UsageError
+from tirelog.errors import ModelError, UsageError
+from tirelog.inference.fit.descent import descend
+from tirelog.inference.fit.errors import errors_of
 from tirelog.inference.motion import motion_names
 from tirelog.inference.obstacle_log import TransientLog, around
 from tirelog.physics.carcass.numbers import MOTION
@@ -32,8 +34,11 @@ from tirelog.vocabulary.arrays import FloatArray
 #: the other.
 _STAGES = ((0.03, 2e-3), (0.06, 1e-3), (0.12, 0.0), (0.2, 0.0))
 _WINDOW_S = _STAGES[-1][0]
-_ROUNDS, _SETTLED, _STEP = 6, 1e-2, 0.02
-#: Steps of a hit's time [s] and phase [rad] for their derivatives.
+#: Steps of a stage at most, the share of the sum of squares that a further one has to gain, and the
+#: step of a parameter for its derivative, relative.
+_STEPS, _SETTLED, _STEP = 6, 1e-2, 0.02
+#: Steps of a hit's time [s] and phase [rad] for their derivatives; the descent moves them at most
+#: ten times as far at once.
 _NUISANCE_STEPS = (1e-4, 1e-3)
 
 
@@ -75,18 +80,21 @@ def learn(logs: Sequence[TransientLog], model: Model) -> Learned:
             f"no free parameter that a motion tells; allowed are {', '.join(MOTION)}; "
             "free one in the model file"
         )
-    events, nuisances = _events(logs, model)
-    values = np.array([model.values[name] for name in names])
-    views = [event.view(model) for event in events]
-    begun = _left(views, nuisances, _STAGES[-1])
+    problem = _Hits(model, names, *_events(logs, model))
+    theta = problem.start
+    begun = problem.residual(theta)
+    low, high = problem.bounds
     for stage in _STAGES:
-        values, nuisances, views, jacobian = _descend(
-            events, model, names, values, nuisances, views, stage
-        )
-    left = _left(views, nuisances, _STAGES[-1])
-    errors = _errors(left, jacobian, len(names))
-    fitted = model.with_values(dict(zip(names, values)), se=dict(zip(names, errors)))
-    return Learned(fitted, names, _rms(begun), _rms(left), len(events))
+        problem.stage = stage
+        reached = descend(problem, theta, low, high, problem.sizes, steps=_STEPS, settled=_SETTLED)
+        theta = reached.theta
+    left = problem.residual(theta)
+    slopes = problem.slopes(theta, np.ones(theta.size))
+    known = errors_of(slopes, _variance(left, theta.size))
+    count = len(names)
+    errors = {n: s for n, s in zip(names, known.se[:count].tolist()) if np.isfinite(s)}
+    fitted = model.with_values(dict(zip(names, theta[:count].tolist())), se=errors)
+    return Learned(fitted, names, _rms(begun), _rms(left), len(problem.events))
 
 
 def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], FloatArray]:
@@ -106,98 +114,95 @@ def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], F
     return events, np.array(nuisances)
 
 
-def _left(views: Sequence[View], nuisances: FloatArray, stage: tuple[float, float]) -> FloatArray:
-    """What the model misses at all hits, in a stage's (window, smoothing), one after the other."""
-    window_s, smoothed_s = stage
-    parts = []
-    for view, (time, phase) in zip(views, nuisances):
-        # a view ends with the longest window
-        seen = view.log.time_s[view.rows]
-        left = view.left(float(time), float(phase))[
-            : np.searchsorted(seen, seen[-1] - (_WINDOW_S - window_s))
-        ]
-        width = round(smoothed_s * view.log.rate_Hz)
-        parts.append(uniform_filter1d(left, width) if width > 1 else left)
-    return np.concatenate(parts)
+class _Hits:
+    """All hits as one problem of least squares: theta is the parameters, then time and phase of
+    each hit; `stage` is how long after a hit and how smooth.
+    """
 
+    def __init__(
+        self, model: Model, names: tuple[str, ...], events: Sequence[_Event], nuisances: FloatArray
+    ) -> None:
+        self.model, self.names, self.events = model, names, events
+        self.start = np.concatenate([[model.values[n] for n in names], nuisances.ravel()])
+        self.stage = _STAGES[-1]
+        self._seen: tuple[bytes, list[View]] = b"", []
 
-def _descend(
-    events: Sequence[_Event],
-    model: Model,
-    names: tuple[str, ...],
-    values: FloatArray,
-    nuisances: FloatArray,
-    views: list[View],
-    stage: tuple[float, float],
-) -> tuple[FloatArray, FloatArray, list[View], FloatArray]:
-    """Damped Gauss-Newton steps until they are small; values within their bounds."""
-    low, high = (
-        np.array([getattr(model.parameters[name], end) for name in names]) for end in ("min", "max")
-    )
-    damping = 1e-2
-    left = _left(views, nuisances, stage)
-    jacobian = _jacobian(events, model, names, values, nuisances, views, stage, left)
-    for _ in range(_ROUNDS):
-        scale = np.linalg.norm(jacobian, axis=0) + 1e-300
-        scaled = jacobian / scale
-        step = (
-            -np.linalg.solve(scaled.T @ scaled + damping * np.eye(scale.size), scaled.T @ left)
-            / scale
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Those of the parameters; a hit's time and phase have none."""
+        parameters = [self.model.parameters[name] for name in self.names]
+        free = np.full(self.start.size - len(parameters), np.inf)
+        return (
+            np.concatenate([[p.min for p in parameters], -free]),
+            np.concatenate([[p.max for p in parameters], free]),
         )
-        tried = np.clip(values + step[: values.size], low, high)
-        moved = nuisances + step[values.size :].reshape(nuisances.shape)
-        seen = [event.view(model.with_values(dict(zip(names, tried)))) for event in events]
-        after = _left(seen, moved, stage)
-        if after @ after >= left @ left:
-            damping *= 10.0
-            if damping > 1e3:
-                break
-            continue
-        small = after @ after > (1.0 - _SETTLED) * (left @ left)
-        values, nuisances, views, left, damping = (
-            tried,
-            moved,
-            seen,
-            after,
-            max(damping / 5.0, 1e-4),
-        )
-        if small:
-            break
-        jacobian = _jacobian(events, model, names, values, nuisances, views, stage, left)
-    return values, nuisances, views, jacobian
+
+    def sizes(self, theta: FloatArray) -> FloatArray:
+        own = [max(abs(v), 0.3 * abs(self.model.parameters[n].probe)) for n, v in self._own(theta)]
+        hits = (theta.size - len(own)) // 2
+        return np.concatenate([own, np.tile(10.0 * np.array(_NUISANCE_STEPS), hits)])
+
+    def residual(self, theta: FloatArray) -> FloatArray:
+        return self._left(self._views(theta), theta)
+
+    def square(self, theta: FloatArray) -> float:
+        try:
+            return float((self.residual(theta) ** 2).sum())
+        except ModelError:
+            return float("inf")
+
+    def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
+        views, columns = self._views(theta), []
+        left = self._left(views, theta)
+        for i, (name, value) in enumerate(self._own(theta)):
+            step = _STEP * max(abs(value), 0.1 * abs(self.model.parameters[name].probe))
+            step = -step if value + step > self.model.parameters[name].max else step
+            moved = theta + step * (np.arange(theta.size) == i)
+            columns.append((left - self._left(self._made(moved), moved)) / step)
+        for i in range(len(self.names), theta.size):
+            step = _NUISANCE_STEPS[(i - len(self.names)) % 2]
+            moved = theta + step * (np.arange(theta.size) == i)
+            columns.append((left - self._left(views, moved)) / step)
+        return np.stack(columns, axis=1) * size
+
+    def _own(self, theta: FloatArray) -> list[tuple[str, float]]:
+        return list(zip(self.names, theta.tolist()))
+
+    def _views(self, theta: FloatArray) -> list[View]:
+        """The motions at the parameters, which take long: those of the last point are kept."""
+        key = theta[: len(self.names)].tobytes()
+        if self._seen[0] != key:
+            self._seen = key, self._made(theta)
+        return self._seen[1]
+
+    def _made(self, theta: FloatArray) -> list[View]:
+        model = self.model.with_values(dict(self._own(theta)))
+        return [event.view(model) for event in self.events]
+
+    def _left(self, views: Sequence[View], theta: FloatArray) -> FloatArray:
+        """What the model misses at all hits within the stage, one after the other, (N,)."""
+        window_s, smoothed_s = self.stage
+        parts = []
+        for view, (time, phase) in zip(views, theta[len(self.names) :].reshape(-1, 2)):
+            # a view ends with the longest window
+            seen = view.log.time_s[view.rows]
+            left = view.left(float(time), float(phase))[
+                : np.searchsorted(seen, seen[-1] - (_WINDOW_S - window_s))
+            ]
+            width = round(smoothed_s * view.log.rate_Hz)
+            parts.append(uniform_filter1d(left, width) if width > 1 else left)
+        return np.concatenate(parts)
 
 
-def _jacobian(
-    events: Sequence[_Event], model: Model, names: tuple[str, ...], values: FloatArray,
-    nuisances: FloatArray, views: list[View], stage: tuple[float, float], left: FloatArray,
-) -> FloatArray:  # fmt: skip
-    """Derivatives of `_left` by the parameters and by each hit's time and phase, (N, p + 2 h)."""
-    columns = []
-    for i, name in enumerate(names):
-        step = _STEP * max(abs(values[i]), 0.1 * abs(model.parameters[name].probe))
-        step = -step if values[i] + step > model.parameters[name].max else step
-        moved = model.with_values(dict(zip(names, values + step * (np.arange(values.size) == i))))
-        columns.append(
-            (_left([event.view(moved) for event in events], nuisances, stage) - left) / step
-        )
-    for i in range(nuisances.size):
-        step = _NUISANCE_STEPS[i % 2]
-        shifted = nuisances + step * (np.arange(nuisances.size) == i).reshape(nuisances.shape)
-        columns.append((_left(views, shifted, stage) - left) / step)
-    return np.stack(columns, axis=1)
-
-
-def _errors(left: FloatArray, jacobian: FloatArray, count: int) -> FloatArray:
-    """Standard errors of the first `count`; what is missed counts as noise, correlated as it is."""
+def _variance(left: FloatArray, fitted: int) -> float:
+    """Variance [unit^2] that one value of `left` (N,) counts with after so many numbers are fitted:
+    what is missed is taken for noise, correlated as it is.
+    """
     spectrum = np.abs(np.fft.rfft(left, 2 * left.size)) ** 2
     covariance = np.fft.irfft(spectrum)[: left.size]
     fades = int(np.argmax(covariance <= 0.0)) or left.size
-    together = 2.0 * float(np.sum(covariance[:fades])) / covariance[0] - 1.0
-    variance = float(left @ left) / max(left.size - jacobian.shape[1], 1) * together
-    scale = np.linalg.norm(jacobian, axis=0) + 1e-300
-    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale))
-    errors: FloatArray = np.sqrt(variance * np.diag(inverse))[:count] / scale[:count]
-    return errors
+    together = 2.0 * float(np.sum(covariance[:fades])) / float(covariance[0]) - 1.0
+    return float(left @ left) / max(left.size - fitted, 1) * together
 
 
 def _rms(left: FloatArray) -> float:

@@ -13,13 +13,15 @@ moves both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Conditions, Stack
+from tirelog.errors import ModelError
 from tirelog.inference.cells.pieces import Pieces, pieces_of
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -38,6 +40,10 @@ _PLACE_IS_TOLD = float(np.log(4.0)) / (2.0 * np.pi**2)
 #: place is known to 3 % of the error
 _TRIED = 12
 _ROUNDS = 5
+#: what can be taken out of each cell beyond what it scatters by; the columns of `random`, by the
+#: same names
+NUISANCES = ("offset", "amplitude", "shift")
+_RANDOM = ("amplitude", "width", "offset")
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,7 @@ class Cells:
     cell           (n,) the cell of each revolution of the stack, empty where only the pieces are
                    left
     notes          sentences on what was set apart, taken together or left out of the logs
+    free           which NUISANCES are taken out of each cell
     """
 
     observable: str
@@ -90,6 +97,18 @@ class Cells:
     cell: IntArray
     logs: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    free: tuple[str, ...] = ("shift",)
+
+    @property
+    def taken(self) -> FloatArray:
+        """Columns of what is taken out of each cell, (C, m, k)."""
+        columns = np.concatenate([self.random, self.shift[..., None]], axis=-1)
+        return columns[..., [(*_RANDOM, "shift").index(name) for name in self.free]]
+
+    @property
+    def scattering(self) -> FloatArray:
+        """`random`, with zeros for what is taken out anyway."""
+        return np.where(np.isin(_RANDOM, self.free), 0.0, self.random)
 
     @property
     def angles(self) -> dict[str, Any]:
@@ -311,3 +330,13 @@ def _coefficient_covariance(pieces: Pieces) -> tuple[FloatArray, FloatArray]:
     values, vectors = np.linalg.eigh(0.5 * (together + together.T))
     scale = np.trace(single) + 1e-300
     return single, (vectors * np.maximum(values, 1e-6 * scale)) @ vectors.T
+
+
+def with_nuisances(cells: Cells, free: Sequence[str]) -> Cells:
+    """The cells with these NUISANCES taken out of each.  ModelError for another word."""
+    for name in free:
+        if name not in NUISANCES:
+            raise ModelError(
+                f"unknown nuisance {name!r}; allowed are {', '.join(NUISANCES)}; choose among them"
+            )
+    return replace(cells, free=tuple(name for name in NUISANCES if name in free))

@@ -1,15 +1,15 @@
-"""The base model's parameters from cells.
+"""A model's parameters from cells.
 
-Damped least squares in whitened space, several starts, one free offset per log.
+Damped least squares in whitened space, several starts, one free offset per log and channel.
 
-    Cells, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p),
-                    offsets o = W 1 (C, m), each log's its own
+    Cells of each channel, Model -> residual r = W (y - f), Jacobian J = W df/dtheta (C, m, p),
+                                    offsets o = W 1 (C, m), each log's its own
+        --descent over all channels--> one Fit per channel, in the same parameters
 
-Offsets are projected out of r and J (they are linear), steps are damped in the scale of the
-parameters, bounds are kept.
+Offsets are projected out of r and J (they are linear).
 
-Where a parameter stands at a bound and would leave it, it is held. One start may end in a local
-minimum: `fit_model` tries several on a few cells and takes the best two on to all of them.
+One start may end in a local minimum: `fit_model` tries several on a few cells and takes the best
+two on to all of them.
 """
 
 from __future__ import annotations
@@ -22,19 +22,14 @@ from numpy.typing import NDArray
 
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
+from tirelog.inference.fit.descent import MOST_STEPS, descend, leaving
+from tirelog.inference.fit.errors import Errors, errors_of
 from tirelog.inference.metric.offsets import Offsets
 from tirelog.inference.metric.whitening import Whitener
 from tirelog.physics.model.model import Model
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 
-MOST_STEPS = 25
-_SETTLED = 1e-4
-#: eigenvalues of the normal matrix (columns of length one) below this share of the largest are
-#: directions that change nothing
-NULL = 1e-10
-#: dampings tried for one step
-_TRIALS = 8
 #: starts: factors on the start values of some parameters
 STARTS: tuple[Mapping[str, float], ...] = (
     {},
@@ -56,10 +51,12 @@ _FEW = 12
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model in the metric `white`: whitened residual (C, m) with the offsets taken out,
-    Jacobian of the prediction (C, m, p) in the observable's unit, prediction (C, m) without
-    offsets, offset per log, chi-square, errors by name; `cells` as they were centred. `held`:
-    parameters that stand at a bound and would leave it.
+    """A model fitted to one channel, alone or together with others, in the metric `white`: whitened
+    residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p) in the
+    observable's unit, prediction (C, m) without offsets, offset per log, chi-square, degrees of
+    freedom (channels share what the parameters take); `known`: the parameters' errors, of all
+    channels together; `cells` as they were centred. `held`: parameters that stand at a bound and
+    would leave it.
     """
 
     model: Model
@@ -70,7 +67,7 @@ class Fit:
     prediction: FloatArray
     jacobian: FloatArray
     offsets: FloatArray
-    errors: Mapping[str, float]
+    known: Errors
     settled: bool
     cells: Cells
     held: tuple[str, ...] = ()
@@ -99,7 +96,7 @@ def free_names(model: Model, cells: Cells) -> tuple[str, ...]:
 
 
 class Problem:
-    """One fit's data: cells in a metric, offsets taken out."""
+    """One channel's data: cells in a metric, offsets taken out."""
 
     def __init__(self, cells: Cells, white: Whitener) -> None:
         self.cells, self.white = cells, white
@@ -120,7 +117,11 @@ class Problem:
 
     def predict(self, model: Model, values: Mapping[str, float]) -> FloatArray:
         return model.predict(
-            self.cells.conditions, surface=self.cells.surface, values=values, **self.cells.angles
+            self.cells.conditions,
+            surface=self.cells.surface,
+            values=values,
+            observable=self.cells.observable,
+            **self.cells.angles,
         )
 
     def linearised(
@@ -132,9 +133,15 @@ class Problem:
             names=names,
             surface=self.cells.surface,
             values=values,
+            observable=self.cells.observable,
             **self.cells.angles,
         )
         return prediction, np.ascontiguousarray(np.moveaxis(slopes, 0, -1))
+
+    def whitened(self, jacobian: FloatArray) -> FloatArray:
+        """A Jacobian (C, m, p) in the metric, offsets taken out, (N, p)."""
+        white = self.offsets.without(self.white(jacobian))
+        return white.reshape(-1, jacobian.shape[-1])
 
     def offset_of_logs(self, prediction: FloatArray) -> FloatArray:
         """Offset of each log, (logs,)."""
@@ -145,7 +152,7 @@ def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
     """The cells with their angles moved by the shift between measurement and prediction, and the
     largest shift left [rad].
     """
-    if cells.phi.shape[1] == 1:
+    if cells.phi.shape[1] == 1 or "shift" not in cells.free:
         return cells, 0.0
     weight = np.where(np.isfinite(cells.values) & np.isfinite(cells.sd), cells.shift, 0.0)
     left = np.nan_to_num(cells.values - prediction)
@@ -171,81 +178,58 @@ def _bounds(model: Model, names: Sequence[str]) -> tuple[FloatArray, FloatArray]
     return np.array([p.min for p in parameters]), np.array([p.max for p in parameters])
 
 
-def _leaving(
-    theta: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray
-) -> NDArray[np.bool_]:
-    """Which parameters stand at a bound and would leave it; `gradient` (p,) points to where
-    chi-square falls.
-    """
-    return ((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0))
+class _Together:
+    """The least squares of several channels in the parameters `names` of one model."""
+
+    def __init__(self, problems: Sequence[Problem], model: Model, names: Sequence[str]) -> None:
+        self.problems, self.model, self.names = problems, model, tuple(names)
+
+    def values(self, theta: FloatArray) -> dict[str, float]:
+        return dict(zip(self.names, theta, strict=True))
+
+    def sizes(self, theta: FloatArray) -> FloatArray:
+        return _sizes(self.model.with_values(self.values(theta)), self.names)
+
+    def residual(self, theta: FloatArray) -> FloatArray:
+        values = self.values(theta)
+        for problem in self.problems:
+            problem.centre(self.model, values)
+        return self._residual(values)
+
+    def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
+        values = self.values(theta)
+        return np.concatenate(
+            [
+                p.whitened(p.linearised(self.model, self.names, values)[1] * size)
+                for p in self.problems
+            ]
+        )
+
+    def square(self, theta: FloatArray) -> float:
+        try:
+            return float((self._residual(self.values(theta)) ** 2).sum())
+        except ModelError:
+            return float("inf")
+
+    def _residual(self, values: Mapping[str, float]) -> FloatArray:
+        return np.concatenate(
+            [p.measured_less(p.predict(self.model, values)).ravel() for p in self.problems]
+        )
 
 
-def descend(
-    problem: Problem, model: Model, names: Sequence[str], steps: int = MOST_STEPS
+def descend_together(
+    problems: Sequence[Problem], model: Model, names: Sequence[str], steps: int = MOST_STEPS
 ) -> tuple[Model, float, bool]:
-    """Levenberg-Marquardt from the model's values; the best model, its chi-square, whether it
-    settled.
+    """The descent from the model's values over all channels: the best model, its chi-square,
+    whether it settled.
 
     A point that the physics refuses is a step too far; ModelError only where the start itself is
     refused.
     """
+    together = _Together(problems, model, names)
     theta = np.array([model.values[n] for n in names])
-    low, high = _bounds(model, names)
-    values, damping, settled = dict(zip(names, theta, strict=True)), 1e-3, not len(names)
-    jacobian, residual = _at(problem, model, names, values)
-    chi2 = float((residual**2).sum())
-    for _ in range(steps if len(names) else 0):
-        size = _sizes(
-            model.with_values(dict(zip(names, np.clip(theta, low, high), strict=True))), names
-        )
-        slope = problem.offsets.without(problem.white(jacobian * size)).reshape(-1, len(names))
-        gram, gradient = slope.T @ slope, slope.T @ residual.reshape(-1)
-        free = ~_leaving(theta, low, high, gradient)
-        for _ in range(_TRIALS):
-            new = np.clip(theta + _damped(gram, gradient, free, damping) * size, low, high)
-            reached = _chi2_at(problem, model, dict(zip(names, new, strict=True)))
-            if reached < chi2:
-                break
-            damping = max(damping, 1e-6) * 8.0
-        else:
-            settled = True
-            break
-        drop, theta, damping = chi2 - reached, new, damping / 10.0
-        values = dict(zip(names, theta, strict=True))
-        jacobian, residual = _at(problem, model, names, values)
-        chi2 = float((residual**2).sum())
-        if drop < _SETTLED * chi2 and drop < 0.3:
-            settled = True
-            break
-    return model.with_values(values), chi2, settled
-
-
-def _at(
-    problem: Problem, model: Model, names: Sequence[str], values: Mapping[str, float]
-) -> tuple[FloatArray, FloatArray]:
-    """Jacobian (observable's unit) and whitened residual at a point, with cells centred there."""
-    problem.centre(model, values)
-    prediction, jacobian = problem.linearised(model, names, values)
-    return jacobian, problem.measured_less(prediction)
-
-
-def _chi2_at(problem: Problem, model: Model, values: Mapping[str, float]) -> float:
-    """Chi-square at a point; infinite where the physics refuses it."""
-    try:
-        return float((problem.measured_less(problem.predict(model, values)) ** 2).sum())
-    except ModelError:
-        return float("inf")
-
-
-def _damped(
-    gram: FloatArray, gradient: FloatArray, free: NDArray[np.bool_], damping: float
-) -> FloatArray:
-    """A damped step of the free parameters in units of their sizes, at most one size each."""
-    step = np.zeros(gradient.size)
-    square = gram[np.ix_(free, free)]
-    square = square + damping * np.diag(np.diag(square) + 1e-9 * np.trace(gram))
-    step[free] = np.linalg.lstsq(square, gradient[free], rcond=1e-12)[0]
-    return np.clip(step, -1.0, 1.0)
+    reached = descend(together, theta, *_bounds(model, names), together.sizes, steps=steps)
+    return model.with_values(together.values(reached.theta)), reached.square, reached.settled
 
 
 def starts(model: Model, names: Sequence[str]) -> list[Model]:
@@ -269,17 +253,32 @@ def few_cells(cells: Cells) -> NDArray[np.int64]:
     return np.unique(order[np.linspace(0, order.size - 1, min(_FEW, order.size)).astype(int)])
 
 
+#: the cells of a channel and their metric
+CellsInMetric = tuple[Cells, Whitener]
+
+
 def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = True) -> Fit:
-    """The model fitted to the cells.  ModelError where no start can be computed."""
-    names = free_names(model, cells)
+    """The model fitted to the cells of one channel.  ModelError where no start can be computed."""
+    return fit_channels([(cells, white)], model, several=several)[0]
+
+
+def fit_channels(
+    channels: Sequence[CellsInMetric], model: Model, *, several: bool = True
+) -> list[Fit]:
+    """The model fitted to all channels at once.  ModelError where no start can be computed."""
+    names = tuple(
+        name
+        for name in model.free
+        if all(name in free_names(model, cells) for cells, _ in channels)
+    )
     candidates = starts(model, names) if several else [model]
     if len(candidates) > 1:
-        candidates = _promising(cells, white, names, candidates)
-    problem = Problem(cells, white)
+        candidates = _promising(channels, names, candidates)
+    problems = [Problem(*channel) for channel in channels]
     results, refused = [], None
     for start in candidates:
         try:
-            results.append(descend(problem, start, names))
+            results.append(descend_together(problems, start, names))
         except ModelError as problem_of_start:
             refused = problem_of_start
     if not results:
@@ -288,45 +287,42 @@ def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = Tr
             "change its start values"
         )
     best, _, settled = min(results, key=lambda result: result[1])
-    fit = finish(problem, best, names, settled)
-    if several and fit.held:
-        fit = _from_within(cells, white, model, fit)
-    return fit
+    fits = finish(problems, best, names, settled)
+    if several and fits[0].held:
+        fits = _from_within(channels, model, fits)
+    return fits
 
 
-def _from_within(cells: Cells, white: Whitener, model: Model, fit: Fit) -> Fit:
+def _from_within(channels: Sequence[CellsInMetric], model: Model, fits: list[Fit]) -> list[Fit]:
     """The best of this fit, which ended at a bound, and of fits that begin with what stands there
     brought back to its start values.
     """
-    values = {tuple(start.values[name] for name in fit.held) for start in starts(model, fit.names)}
+    names, held, least = fits[0].names, fits[0].held, sum(fit.chi2 for fit in fits)
+    values = {tuple(start.values[name] for name in held) for start in starts(model, names)}
     inner = [
-        fit.model.with_values(dict(zip(fit.held, inside, strict=True))) for inside in sorted(values)
+        fits[0].model.with_values(dict(zip(held, inside, strict=True))) for inside in sorted(values)
     ]
-    best = fit
-    for begin in _promising(cells, white, fit.names, inner):
-        problem = Problem(cells, white)
+    for begin in _promising(channels, names, inner):
+        problems = [Problem(*channel) for channel in channels]
         try:
-            found, reached, settled = descend(problem, begin, fit.names)
+            found, reached, settled = descend_together(problems, begin, names)
         except ModelError:
             continue
-        if reached < best.chi2:
-            best = finish(problem, found, fit.names, settled)
-    return best
+        if reached < least:
+            fits = finish(problems, found, names, settled)
+            least = sum(fit.chi2 for fit in fits)
+    return fits
 
 
 def _promising(
-    cells: Cells, white: Whitener, names: Sequence[str], candidates: list[Model]
+    channels: Sequence[CellsInMetric], names: Sequence[str], candidates: list[Model]
 ) -> list[Model]:
     """The two best of the starts after a few steps on a few cells."""
-    rows = few_cells(cells)
-    problem = Problem(
-        take_cells(cells, rows),
-        Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]),
-    )
+    problems = [_few(*channel) for channel in channels]
     reached = []
     for start in candidates:
         try:
-            reached.append(descend(problem, start, names, steps=15))
+            reached.append(descend_together(problems, start, names, steps=15))
         except ModelError:
             continue
     reached.sort(key=lambda result: result[1])
@@ -336,6 +332,15 @@ def _promising(
         if i == 0 or abs(r[1] - reached[0][1]) > 0.02 * reached[0][1]
     ]
     return [r[0] for r in distinct[:2]] or candidates
+
+
+def _few(cells: Cells, white: Whitener) -> Problem:
+    """A few cells of a channel, without the scatter between manoeuvres."""
+    rows = few_cells(cells)
+    return Problem(
+        take_cells(cells, rows),
+        Whitener(white.inverse_sd[rows], white.basis[rows], white.shrink[rows]),
+    )
 
 
 def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
@@ -351,63 +356,46 @@ def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     )
 
 
-def finish(problem: Problem, model: Model, names: Sequence[str], settled: bool) -> Fit:
-    """Everything about the fitted point."""
-    prediction, jacobian = problem.linearised(model, names, {})
-    residual = problem.measured_less(prediction)
-    slope = problem.offsets.without(problem.white(jacobian)).reshape(-1, len(names))
-    chi2 = float((residual**2).sum())
+def finish(
+    problems: Sequence[Problem], model: Model, names: Sequence[str], settled: bool
+) -> list[Fit]:
+    """Everything about the fitted point, channel by channel."""
+    points = [problem.linearised(model, names, {}) for problem in problems]
+    residuals = [p.measured_less(point[0]) for p, point in zip(problems, points, strict=True)]
+    slope = np.concatenate(
+        [p.whitened(jacobian) for p, (_, jacobian) in zip(problems, points, strict=True)]
+    )
+    chi2 = [float((residual**2).sum()) for residual in residuals]
     low, high = _bounds(model, names)
-    theta = np.array([model.values[n] for n in names])
-    leaving = _leaving(
-        theta,
+    out = leaving(
+        np.array([model.values[n] for n in names]),
         low + AT_BOUND * np.abs(low),
         high - AT_BOUND * np.abs(high),
-        slope.T @ residual.reshape(-1),
+        slope.T @ np.concatenate([residual.ravel() for residual in residuals]),
     )
-    slope = np.where(leaving, 0.0, slope)
-    freedom = max(
-        problem.white.values
-        - problem.white.removed
-        - problem.offsets.count
-        - (len(names) - leaving.sum()),
-        1.0,
+    moved = (len(names) - out.sum()) / len(problems)
+    freedom = [
+        float(max(p.white.values - p.white.removed - p.offsets.count - moved, 1.0))
+        for p in problems
+    ]
+    known = errors_of(np.where(out, 0.0, slope), max(1.0, sum(chi2) / sum(freedom)))
+    fitted = model.with_values(
+        {n: model.values[n] for n in names}, se=dict(zip(names, known.se.tolist(), strict=True))
     )
-    errors = _errors(slope, max(1.0, chi2 / freedom))
-    return Fit(
-        model.with_values(
-            {n: model.values[n] for n in names}, se=dict(zip(names, errors, strict=True))
-        ),
-        tuple(names),
-        chi2,
-        freedom,
-        residual,
-        prediction,
-        jacobian,
-        problem.offset_of_logs(prediction),
-        dict(zip(names, errors, strict=True)),
-        settled,
-        problem.cells,
-        tuple(name for name, out in zip(names, leaving, strict=True) if out),
-    )
-
-
-def _errors(slope: FloatArray, scale: float) -> list[float]:
-    """Standard errors from the whitened Jacobian (N, p); infinite along directions that the data
-    cannot see.
-    """
-    norm = np.linalg.norm(slope, axis=0)
-    usable = norm > 0
-    if not usable.any():
-        return [float("inf")] * slope.shape[1]
-    unit = slope[:, usable] / norm[usable]
-    values, vectors = np.linalg.eigh(unit.T @ unit)
-    good = values > NULL * values[-1]
-    variance = np.where(
-        np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1,
-        np.inf,
-        (vectors[:, good] ** 2 / values[good]).sum(axis=1),
-    )
-    errors = np.full(slope.shape[1], np.inf)
-    errors[usable] = np.sqrt(scale * variance) / norm[usable]
-    return [float(e) for e in errors]
+    held = tuple(name for name, outwards in zip(names, out, strict=True) if outwards)
+    return [
+        Fit(
+            fitted,
+            tuple(names),
+            chi2[i],
+            freedom[i],
+            residuals[i],
+            *points[i],
+            problem.offset_of_logs(points[i][0]),
+            known,
+            settled,
+            problem.cells,
+            held,
+        )
+        for i, problem in enumerate(problems)
+    ]

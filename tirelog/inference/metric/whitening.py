@@ -25,8 +25,11 @@ from tirelog.inference.cells.cells import Cells
 from tirelog.inference.metric.projection import in_blocks
 from tirelog.vocabulary.arrays import FloatArray
 
-#: prior sd of a cell's shift [rad]: free against what the matched filter leaves
-_SHIFT_SD = 0.05
+#: prior sd of what is taken out of a cell. Shift [rad]: free against what the matched filter
+#: leaves. Amplitude, relative: gains differ by less; doubling it doubles the lever arm's error, and
+#: no other's. Offset, relative to the waveform's rms: anything; 1e8 would cost the others their
+#: digits
+_FREE_SD = {"shift": 0.05, "amplitude": 0.1, "offset": 1e4}
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,7 @@ def whitener(cells: Cells, discrepancy: float = 0.0) -> Whitener:
         return Whitener(inverse, np.zeros((C, 1, 0)), np.zeros((C, 0)))
     scale, vectors = np.linalg.eigh(cells.random_cov)
     root = vectors * np.sqrt(np.maximum(scale, 0.0))[:, None, :]
-    columns = np.concatenate([cells.random @ root, _SHIFT_SD * cells.shift[..., None]], axis=-1)
+    prior = np.array([_FREE_SD[name] for name in cells.free])
+    columns = np.concatenate([cells.random @ root, prior * cells.taken], axis=-1)
     basis, size, _ = np.linalg.svd(np.nan_to_num(columns) * inverse[..., None], full_matrices=False)
     return Whitener(inverse, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2))

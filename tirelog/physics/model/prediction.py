@@ -22,7 +22,7 @@ from tirelog.physics.effects import Drive
 from tirelog.physics.model.scalars import scalar
 from tirelog.physics.model.stages import hub_forces, loaded_site, waveform
 from tirelog.physics.model.task import Active, Task
-from tirelog.physics.spectral import MODES, Angles
+from tirelog.physics.spectral import Angles
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS
 
@@ -35,7 +35,6 @@ BLOCK = 96
 #: Step of a central difference over a parameter's size; the stages are smooth, the error is its
 #: square.
 _STEP = 2e-5
-_LOAD_STEP = 1e-4
 #: Observable -> the hook that adds to it at the angles themselves.
 _AT_ANGLES = {"strain": "strain", "radial_acceleration": "acceleration"}
 
@@ -81,49 +80,14 @@ class Predicting:
         (liner, maximum). ModelError: speed at or above the critical one, load not above zero, patch
         longer than the circumference, a condition that an effect needs is not known.
         """
-        wave, level, _ = self.parts(
-            conditions,
-            phi_rad,
-            surface=surface,
-            phi_variance=phi_variance,
-            values=values,
-            observable=observable,
-            slope=False,
-        )
-        return wave + level
-
-    def parts(
-        self,
-        conditions: Conditions,
-        phi_rad: FloatArray | None,
-        *,
-        surface: str = "outer",
-        phi_variance: FloatArray | None = None,
-        values: Mapping[str, float] | None = None,
-        observable: str | None = None,
-        slope: bool = True,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """`predict` as waveform (n, m), in proportion to the lever arm for strain, what is added to
-        it (n, m or 1), and with `slope` the waveform's derivative by phi (n, m), else empty.
-        """
         observable = observable or self.observable
         flat = {**self.values, **(values or {})}
         angles = None if observable in SCALARS else self._angles(phi_rad, phi_variance)
-        n, m = len(conditions), 1 if angles is None else angles.phi_rad.shape[1]
-        wide = any(
-            getattr(e.effect, hook) is not None
-            for e in self.effects
-            for hook in _AT_ANGLES.values()
-        )
-        wave, level = np.empty((n, m)), np.zeros((n, m if wide else 1))
-        steep = np.empty((n, m) if slope else (0, 0))
+        result = np.empty((len(conditions), 1 if angles is None else angles.phi_rad.shape[1]))
         for rows, task in self._tasks(conditions, flat):
-            wave[rows], level[rows], part = _parts(
-                task, observable, surface, None if angles is None else angles.take(rows), slope
-            )
-            if slope:
-                steep[rows] = part
-        return wave, level, steep
+            part = None if angles is None else angles.take(rows)
+            result[rows] = _predicted(task, observable, surface, part)
+        return result
 
     def jacobian(
         self,
@@ -149,48 +113,6 @@ class Predicting:
             observable=observable,
         )[1]
 
-    def load_slope(
-        self,
-        conditions: Conditions,
-        phi_rad: FloatArray | None,
-        *,
-        surface: str = "outer",
-        phi_variance: FloatArray | None = None,
-        values: Mapping[str, float] | None = None,
-        observable: str | None = None,
-    ) -> FloatArray:
-        """Derivative of `predict` by the logarithm of every revolution's load, (n, m): what a load
-        that scatters adds, per unit.
-        """
-        up, down = (
-            self.predict(
-                self.loaded(conditions, factor, values),
-                phi_rad,
-                surface=surface,
-                phi_variance=phi_variance,
-                values=values,
-                observable=observable,
-            )
-            for factor in (1.0 + _LOAD_STEP, 1.0 - _LOAD_STEP)
-        )
-        return (up - down) / (2.0 * _LOAD_STEP)
-
-    def loaded(
-        self,
-        conditions: Conditions,
-        factor: FloatArray | float,
-        values: Mapping[str, float] | None = None,
-    ) -> Conditions:
-        """The conditions with every revolution's load, the model's own where none is known, times
-        `factor` (n,).
-        """
-        load = np.where(
-            np.isfinite(conditions.load_N),
-            conditions.load_N,
-            {**self.values, **(values or {})}["load_N"],
-        )
-        return replace(conditions, load_N=load * factor)
-
     def linearised(
         self,
         conditions: Conditions,
@@ -215,8 +137,7 @@ class Predicting:
         base, slopes = np.empty((n, m)), np.empty((len(names), n, m))
         for rows, task in self._tasks(conditions, flat, also=names):
             part = None if angles is None else angles.take(rows)
-            wave, level, _ = _parts(task, observable, surface, part, False)
-            base[rows] = wave + level
+            base[rows] = _predicted(task, observable, surface, part)
             for i, name in enumerate(names):
                 slopes[i, rows] = model._slope(task, flat, name, observable, surface, part)
         return base, slopes
@@ -334,17 +255,14 @@ def _lever(task: Task, surface: str) -> float:
     return task.base["lever_arm_m"] if surface == "inner" else -task.base["lever_arm_m"]
 
 
-def _parts(
-    task: Task, observable: str, surface: str, angles: Angles | None, slope: bool
-) -> tuple[Any, Any, Any]:
-    """Waveform, what is added to it, and with `slope` the waveform's derivative by phi, of one
-    block.
-    """
+def _predicted(
+    task: Task, observable: str, surface: str, angles: Angles | None
+) -> FloatArray | float:
+    """What the sensor reads in one block: the waveform and what is added to it."""
     if angles is None:
-        return scalar(task, observable, _lever(task, surface)), 0.0, 0.0
+        return scalar(task, observable, _lever(task, surface))
     modes, level = waveform(task, observable, _lever(task, surface))
-    steep = angles.evaluate(modes * (1j * np.arange(MODES))) if slope else 0.0
-    return angles.evaluate(modes), level + _added(task, observable, angles.phi_rad), steep
+    return angles.evaluate(modes) + (level + _added(task, observable, angles.phi_rad))
 
 
 def _added(task: Task, observable: str, phi_rad: FloatArray) -> FloatArray | float:

@@ -1,0 +1,388 @@
+"""Fits: the truth comes back within its errors, from several logs and channels; what cannot be
+known is said.
+
+The truth is collocation (no formula of the package) plus noise. Fits are those of `model fit`,
+which are those of `compare`.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.physics.collocation import solve_closed_line
+from tirelog.data.recording import Conditions, Stack
+from tirelog.diagnosis.compare import compare
+from tirelog.diagnosis.fitted import fit_channels_measured, fit_measured
+from tirelog.errors import ModelError, UsageError
+from tirelog.physics import Model
+
+R, F = 0.3126, 3600.0
+TRUTH = {
+    "flexural_stiffness_N_m2": 5.2,
+    "foundation_stiffness_N_m2": 2.5e6,
+    "patch_half_length_m": 0.061,
+    "lever_arm_m": 4.2e-4,
+    "viscous_damping.damping_rate_1_s": 35.0,
+}
+SPEEDS = np.array([9.0, 13.0, 17.0, 21.0, 24.0])
+M = 96
+PHI = (np.arange(M) + 0.5) * 2 * np.pi / M - np.pi
+
+
+def collocated_strain(speed):
+    """w'' at PHI of the true beam at one speed, times the lever arm (groove: minimum in the
+    patch).
+    """
+    EJ, k, L, y, rate = TRUTH.values()
+    mu, gamma = 4.5, 0.75 * F / L**3
+    edges = [-np.pi * R, -0.3, -L, L, 0.3, np.pi * R]
+    x, u = solve_closed_line(
+        [k, 2 * mu * rate * speed, mu * speed**2, 0.0, EJ],
+        edges,
+        lambda at, piece: gamma * (L**2 - at**2) if piece == 2 else 0.0,
+        scale=(k / (4 * EJ)) ** 0.25,
+        n=40,
+    )
+    values = np.empty(M)
+    for piece in range(5):
+        inside = (edges[piece] <= R * PHI) & (edges[piece + 1] >= R * PHI)
+        middle, half = (
+            0.5 * (edges[piece] + edges[piece + 1]),
+            0.5 * (edges[piece + 1] - edges[piece]),
+        )
+        polynomial = np.polynomial.chebyshev.Chebyshev.fit(
+            (x[piece] - middle) / half, u[2, piece], 40, domain=[-1, 1]
+        )
+        values[inside] = polynomial((R * PHI[inside] - middle) / half)
+    return y * values
+
+
+@pytest.fixture(scope="module")
+def waves():
+    return np.stack([collocated_strain(speed) for speed in SPEEDS])
+
+
+def measured(waves, seed, *, noise=5e-6, surface="outer", offset=2e-5, log=0, repeats=8):
+    rng = np.random.default_rng(seed)
+    which = np.repeat(np.arange(SPEEDS.size), repeats)
+    n = which.size
+    count = rng.integers(0, 4, (n, M))
+    values = waves[which] * (1.0 if surface == "outer" else -1.0) + offset
+    values = values + noise * rng.standard_normal((n, M)) / np.sqrt(np.maximum(count, 1))
+    return Stack(
+        observable="strain",
+        channel="s",
+        surface=surface,
+        radius_m=R,
+        values=np.where(count > 0, values, np.nan),
+        phi_rad=PHI,
+        phi_mean=np.where(count > 0, PHI, np.nan),
+        phi_variance=np.zeros((n, M)),
+        count=count,
+        noise=np.full(n, noise),
+        conditions=Conditions.of(
+            n,
+            speed_m_s=SPEEDS[which],
+            acceleration_m_s2=0.0,
+            time_s=np.arange(n) * 0.1,
+            load_N=F,
+        ),
+        log=np.full(n, log),
+        manoeuvre=np.zeros(n, int),
+        revolution=np.arange(n),
+        regime=np.full(n, "cruise"),
+        logs=("a.csv", "b.csv"),
+    )
+
+
+START = Model.new("beam", radius_m=R).with_effect("viscous_damping")
+TRUE = np.array(list(TRUTH.values()))
+
+
+def fit(model, stacks, nuisances=("shift",)):
+    """The fit of stacks that are a channel each."""
+    return fit_channels_measured([[stack] for stack in stacks], model, nuisances)[0]
+
+
+def pulls(result):
+    """Deviations from the truth in standard errors."""
+    return (result.values - [TRUTH[name] for name in result.names]) / result.se
+
+
+def test_the_truth_lies_within_two_standard_errors_of_most_seeds(waves):
+    found, chi2 = [], []
+    for seed in range(1000, 1012):
+        result = fit(START, [measured(waves, seed)])
+        assert result.names == tuple(TRUTH)
+        found.append(pulls(result))
+        chi2.append(result.reduced_chi2)
+    # 60 numbers that go together in fives; over 40 other seeds it is 89 %, rms 1.17, chi-square
+    # 1.03: with 96 angles what is taken out of single revolutions takes noise by the edges along
+    assert np.mean(np.abs(found) < 2.0) >= 0.86
+    assert np.sqrt(np.mean(np.square(found))) < 1.3
+    assert abs(np.mean(chi2) - 1.0) < 0.08
+
+
+def test_a_fit_of_one_channel_is_that_of_compare(waves):
+    stack = measured(waves, 1090)
+    compared = compare([stack], START)
+    for result in (fit_measured([stack], START)[0], fit(START, [stack])):
+        for name, value, error in zip(result.names, result.values, result.se, strict=True):
+            assert value == pytest.approx(compared.parameters[name]["value"], rel=1e-6)
+            assert error == pytest.approx(compared.parameters[name]["se"], rel=1e-6)
+        assert result.reduced_chi2 == pytest.approx(compared.reduced_chi2, rel=1e-6)
+
+
+def test_a_channel_twice_moves_nothing_and_feigns_half_the_variance(waves):
+    """Each channel counts as measured by itself; the page says so."""
+    stack = measured(waves, 1091)
+    once, said_of_one = fit_measured([stack], START)
+    twice, said_of_two = fit_channels_measured([[stack], [stack]], START)
+    assert np.abs(twice.values - once.values).max() / once.values.max() < 1e-6
+    assert np.all(np.abs(twice.values - once.values) < 0.1 * once.se)
+    assert twice.se * np.sqrt(2.0) == pytest.approx(once.se, rel=0.05)
+    assert twice.reduced_chi2 == pytest.approx(once.reduced_chi2, rel=0.01)
+    assert twice.revolutions == 2 * once.revolutions
+    assert "errors are up to 1.4 times what is said" in " ".join(said_of_two)
+    assert "fitted together" not in " ".join(said_of_one)
+
+
+def test_channels_have_their_own_offsets_and_surfaces(waves):
+    stacks = [measured(waves, 1100), measured(waves, 1101, surface="inner", offset=-4e-4)]
+    result, alone = fit(START, stacks), fit(START, stacks[:1])
+    assert np.all(np.abs(pulls(result)) < 4.0)
+    assert abs(result.reduced_chi2 - 1.0) < 0.15
+    assert np.all(result.se < alone.se)
+    assert result.revolutions == 80
+
+
+def test_several_logs_have_their_own_offsets(waves):
+    logs = [
+        measured(waves, 1102),
+        replace(measured(waves, 1103, offset=-4e-4, log=1), manoeuvre=np.ones(40, int)),
+    ]
+    result, _ = fit_measured(logs, START)
+    assert np.all(np.abs(pulls(result)) < 4.0)
+    assert abs(result.reduced_chi2 - 1.0) < 0.15
+    assert result.revolutions == 80
+
+
+def test_strain_and_radial_acceleration_together(waves):
+    """P3 asks for both: the acceleration parts the lever arm from the stiffness."""
+    strain = measured(waves, 1102)
+    truth = START.with_values(TRUTH)
+    rng = np.random.default_rng(1103)
+    values = truth.predict(
+        strain.conditions, PHI, observable="radial_acceleration"
+    ) + rng.standard_normal((len(strain), M))
+    acceleration = replace(
+        strain,
+        observable="radial_acceleration",
+        channel="a",
+        values=values,
+        count=np.ones((len(strain), M), int),
+        phi_mean=np.tile(PHI, (len(strain), 1)),
+        noise=np.full(len(strain), 1.0),
+    )
+    both, alone = fit(START, [strain, acceleration]), fit(START, [strain])
+    assert np.all(np.abs(pulls(both)) < 4.0)
+    lever = both.names.index("lever_arm_m")
+    assert both.se[lever] < 0.9 * alone.se[lever]
+    assert not any("share one scale" in sentence for sentence in both.degenerate)
+    with pytest.raises(UsageError, match="predicts radial_acceleration"):
+        fit(Model.new("beam", "radial_acceleration"), [strain])
+
+
+def wobble(speed):
+    """A number between -1 and 1 that no law of the speed follows, (n, 1)."""
+    return np.sin(7.0 * speed)[:, None]
+
+
+@pytest.mark.parametrize("kind", ["offset", "amplitude", "shift"])
+def test_a_nuisance_that_scatters_is_taken_out(waves, kind):
+    """Offsets, gains or passage times that differ from cell to cell leave the parameters alone."""
+    clean = measured(waves, 1104)
+    by = wobble(clean.conditions.speed_m_s)
+    moved = {
+        "offset": replace(clean, values=clean.values + 1e-4 * by),
+        "amplitude": replace(clean, values=2e-5 + (clean.values - 2e-5) * (1.0 + 0.05 * by)),
+        "shift": replace(clean, phi_mean=clean.phi_mean + 0.01 * by),
+    }[kind]
+    others = tuple({"shift"} - {kind})
+    plain, cleared = fit(START, [moved], others), fit(START, [moved], (*others, kind))
+    assert plain.reduced_chi2 > 5.0
+    assert abs(cleared.reduced_chi2 - 1.0) < 0.15
+    assert np.all(np.abs(pulls(cleared)) < 4.0)
+    if kind == "amplitude":  # of which the lever arm is one
+        assert 0.02 < cleared.se[3] / TRUE[3] < 0.1
+
+
+def test_offsets_and_amplitudes_that_scatter_from_revolution_to_revolution(waves):
+    clean = measured(waves, 1105)
+    rng = np.random.default_rng(1105)
+    n = len(clean)
+    moved = (
+        clean.values
+        + 3e-5 * rng.standard_normal((n, 1))
+        + 0.02 * rng.standard_normal((n, 1)) * (clean.values - 2e-5)
+    )
+    result = fit(START, [replace(clean, values=moved)])
+    assert abs(result.reduced_chi2 - 1.0) < 0.15
+    assert np.all(np.abs(pulls(result)) < 4.0)
+
+
+def test_correlations_bounds_and_the_shared_scale_are_said(waves):
+    stack = measured(waves, 1106)
+    result = fit(START, [stack])
+    assert any(
+        "share one scale" in sentence and "line_mass_kg_m and load_N are held" in sentence
+        for sentence in result.degenerate
+    )
+    pairs = {frozenset(pair[:2]): pair[2] for pair in result.correlations}
+    assert all(abs(r) > 0.9 for r in pairs.values())
+    i, j = result.names.index("foundation_stiffness_N_m2"), result.names.index("lever_arm_m")
+    r = result.covariance[i, j] / (result.se[i] * result.se[j])
+    assert abs(r) > 0.9
+    assert pairs[frozenset((result.names[i], result.names[j]))] == pytest.approx(r)
+    assert np.sqrt(np.diag(result.covariance)) == pytest.approx(result.se)
+    narrow = START.parameters["patch_half_length_m"].within(0.01, 0.058)
+    bound = fit(START.with_parameters({"patch_half_length_m": narrow}), [stack])
+    assert bound.at_bound == ("patch_half_length_m",)
+    assert not any("do not determine" in sentence for sentence in bound.degenerate)
+    assert bound.reduced_chi2 > 1.5
+
+
+def test_what_the_data_do_not_determine_is_named(waves):
+    stack = measured(waves, 1107)
+    slow = stack.take(stack.conditions.speed_m_s == 9.0)
+    both = Model.new("beam", radius_m=R).with_effect("belt_tension", tension_N=10.0)
+    result = fit(both, [slow])
+    blind = [s for s in result.degenerate if "do not determine" in s]
+    assert "belt_tension.tension_N with belt_tension.tension_mass_kg_m" in " ".join(blind)
+    for name in ("belt_tension.tension_mass_kg_m", "lever_arm_m"):
+        assert np.isinf(result.se[result.names.index(name)])
+        assert result.model.parameters[name].se is None
+
+
+def test_fits_that_cannot_be(waves):
+    stack = measured(waves, 1109, repeats=1)
+    with pytest.raises(UsageError, match="no stack"):
+        fit_measured([], START)
+    with pytest.raises(ModelError, match="no free parameter"):
+        fit(
+            START.with_parameters({name: p.fixed() for name, p in START.parameters.items()}),
+            [stack],
+        )
+    with pytest.raises(UsageError, match="predicts patch_length"):
+        fit(Model.new("beam", "patch_length"), [stack])
+    with pytest.raises(ModelError, match="needs water_depth_mm"):
+        fit(START.with_effect("water_film"), [stack])
+    with pytest.raises(ModelError, match="unknown nuisance 'gain'; allowed are offset, amplitude"):
+        fit(START, [stack], ("gain",))
+
+
+def under(share, model, stack):
+    """What the model predicts for the stack under so many times its load."""
+    conditions = replace(stack.conditions, load_N=stack.conditions.load_N * share)
+    return model.predict(conditions, PHI)
+
+
+def test_scatter_of_the_load_is_learnt_and_the_errors_hold(waves):
+    """Load that scatters from revolution to revolution and from manoeuvre to manoeuvre."""
+    truth, found, chi2 = START.with_values(TRUTH), [], []
+    for seed in range(1200, 1208):
+        rng = np.random.default_rng(seed)
+        still = measured(waves, seed, noise=2e-6)
+        n, groups = len(still), 8
+        manoeuvre = np.arange(n) * groups // n
+        load = (
+            1.0
+            + 0.01 * rng.standard_normal((n, 1))
+            + 0.006 * rng.standard_normal(groups)[manoeuvre][:, None]
+        )
+        by_load = 1e4 * (under(1.0001, truth, still) - under(1.0, truth, still))
+        stack = replace(still, values=still.values + (load - 1.0) * by_load, manoeuvre=manoeuvre)
+        result = fit(START, [stack])
+        found.append(pulls(result))
+        chi2.append(result.reduced_chi2)
+    assert np.mean(np.abs(found) < 2.0) >= 0.85
+    assert np.abs(np.mean(chi2) - 1.0) < 0.1
+
+
+def test_a_load_that_scatters_far_does_not_bend_the_stiffness(waves):
+    """Strain is no straight line in the load: 4 % of scatter leaves 0.08 % of curvature, whose mean
+    would pass for a stiffness.
+    """
+    truth, found = START.with_values(TRUTH), []
+    for seed in range(1300, 1304):
+        still = measured(waves, seed, noise=2e-6, repeats=16)
+        rng = np.random.default_rng(seed)
+        load = 1.0 + 0.04 * rng.standard_normal(len(still))
+        noise = still.values - np.where(
+            still.count > 0, 2e-5 + waves[np.repeat(np.arange(5), 16)], np.nan
+        )
+        values = under(load, truth, still) + noise
+        found.append(pulls(fit(START, [replace(still, values=values)]))[:2])
+    assert np.abs(np.mean(found, axis=0)).max() < 1.0
+    assert np.sqrt(np.mean(np.square(found))) < 1.6
+
+
+def test_numbers_per_revolution_are_fitted():
+    """P4's regressors on a phase shift, and the patch length's half at the reference load."""
+    rng = np.random.default_rng(1400)
+    manoeuvre = np.repeat(np.arange(20), 6)
+    n = manoeuvre.size
+    drive = Conditions.of(
+        n,
+        speed_m_s=rng.uniform(10.0, 25.0, 20)[manoeuvre],
+        acceleration_m_s2=rng.normal(0.0, 2.0, 20)[manoeuvre],
+        time_s=np.arange(n) * 0.1,
+        load_N=F,
+    )
+    wanted = {
+        "offset_rad": 0.011,
+        "per_acceleration_rad_s2_m": 0.004,
+        "speed_trend.linear_rad": 0.03,
+        "speed_trend.quadratic_rad": -0.012,
+    }
+    model = Model.new("beam", "phase_shift", radius_m=R).with_effect("speed_trend")
+    model = model.with_parameters(
+        {"patch_half_length_m": model.parameters["patch_half_length_m"].fixed()}
+    )
+    values = model.predict(drive, values=wanted) + 1e-3 * rng.standard_normal((n, 1))
+    column = np.zeros((n, 1))
+    stack = Stack(
+        observable="phase_shift",
+        channel="a",
+        surface="inner",
+        radius_m=R,
+        values=values,
+        phi_rad=np.zeros(1),
+        phi_mean=column,
+        phi_variance=column,
+        count=np.ones((n, 1), int),
+        noise=np.full(n, 1e-3),
+        conditions=drive,
+        log=np.zeros(n, int),
+        manoeuvre=manoeuvre,
+        revolution=np.arange(n),
+        regime=np.full(n, "cruise"),
+        logs=("a.h5",),
+    )
+    result = fit(model, [stack])
+    assert set(result.names) == set(wanted)
+    assert np.all(np.abs(result.values - [wanted[name] for name in result.names]) < 4.0 * result.se)
+    assert abs(result.reduced_chi2 - 1.0) < 0.3
+
+
+def test_a_spoilt_revolution_is_in_the_errors(waves):
+    """One revolution in eighty of another tire, such as a passage cut wrongly at standstill: the
+    parameters stay within their errors, which grow.
+    """
+    stack = measured(waves, 1500, repeats=16)
+    values = stack.values.copy()
+    values[7] = 0.5 * np.roll(values[7], 5)
+    result, clean = fit(START, [replace(stack, values=values)]), fit(START, [stack])
+    assert np.all(np.abs(pulls(result)) < 3.0)
+    assert np.all(result.se > clean.se)
