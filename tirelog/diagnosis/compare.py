@@ -155,7 +155,10 @@ def remarks_of(base: FittedChannel) -> list[str]:
 
 def of_rounding(base: FittedChannel) -> list[str]:
     """What rounding to the source's steps makes of the errors, if it matters."""
-    held = base.square_held if base.cells.manoeuvres > 1 else base.square_fit
+    if isinstance(base, Base) and base.cells.manoeuvres > 1:
+        held = base.square_held
+    else:
+        held = base.square_fit
     return rounding_sentences(base.model.observable, held, base.floor.square, base.square_rounding)
 
 

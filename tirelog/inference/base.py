@@ -73,6 +73,19 @@ class FittedChannel:
         """The offset of each cell's log, (C,)."""
         return _offset_of_cell(self.cells, self.fit)
 
+    @property
+    def square_fit(self) -> float:
+        """Mean square error of a revolution's value on the data the fit saw."""
+        residual = self.cells.values - self.fit.prediction - self.offset_of_cell[:, None]
+        return self.floor.within + self.plain.mean_square((self.plain(residual) ** 2).sum())
+
+    @property
+    def square_rounding(self) -> float:
+        """Mean square error that rounding to the source's steps leaves in a revolution's value; 0
+        where no step is seen.
+        """
+        return float((self.plain.weights**2 * self.cells.rounding).sum()) / self.plain.weight
+
 
 @dataclass(frozen=True)
 class Base(FittedChannel):
@@ -86,22 +99,9 @@ class Base(FittedChannel):
     given: Model | None = None
 
     @property
-    def square_fit(self) -> float:
-        """Mean square error of a revolution's value on the data the fit saw."""
-        residual = self.cells.values - self.fit.prediction - self.offset_of_cell[:, None]
-        return self.floor.within + self.plain.mean_square((self.plain(residual) ** 2).sum())
-
-    @property
     def square_held(self) -> float:
         """Mean square error on manoeuvres left out."""
         return self.floor.within + self.plain.mean_square(self.held_plain)
-
-    @property
-    def square_rounding(self) -> float:
-        """Mean square error that rounding to the source's steps leaves in a revolution's value; 0
-        where no step is seen.
-        """
-        return float((self.plain.weights**2 * self.cells.rounding).sum()) / self.plain.weight
 
     @property
     def rmse_held(self) -> float | None:
