@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from tirelog.data.recording import Recording
     from tirelog.data.setup import Setup
+    from tirelog.products import Part
     from tirelog.tables.writer import TableWriter
 
 
@@ -145,6 +146,23 @@ class Session:
                     self._say_losses(recording)
         if self._unread and not self._read:
             raise typer.Exit(int(ExitStatus.NOTHING_READ))
+
+    def parts(
+        self, logs: list[str], table: str, **options: Any
+    ) -> Iterator[tuple[Recording, Part]]:
+        """The rows of one table of every log, part by part, what is to be said of them said.
+
+        All that could refuse a log has been looked at before its first rows.
+        """
+        from tirelog.products import checked, tables_of
+
+        given = {name: value for name, value in options.items() if value is not None}
+        wanted = checked({table: given})
+        for recording in self.recordings(logs):
+            for part in tables_of(recording, wanted, refused_first=True):
+                for remark in part.remarks:
+                    self.note(f"{recording.log}: {remark}")
+                yield recording, part
 
     def all_recordings(self, logs: list[str]) -> list[Recording]:
         """The logs, open together until the session ends."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
 
 if TYPE_CHECKING:
+    from tirelog.products import Part
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import Passages
 
@@ -66,11 +67,12 @@ def phase_shift(
         if applied is not None:
             _note_delay(session, applied)
         kept: list[Passages] = []
-        for passages in _measured(session, logs, zero, calibrate is not None, applied):
-            if calibrate is None:
-                writer.write(table(passages, applied))
-            if calibrate is not None or plot is not None:
-                kept.append(passages)
+        learning = calibrate is not None
+        for part in _parts(session, logs, calibration=applied, zero=zero, forces=learning):
+            if not learning:
+                writer.write(part.columns)
+            if learning or plot is not None:
+                kept.append(part.found)
         if calibrate is not None:
             applied = _learn(session, kept, calibrate, fit_forces)
             for passages in kept:
@@ -86,21 +88,18 @@ def phase_shift(
             plot_phase_shift(kept, applied, plot)
 
 
-def _measured(
-    session: Session, logs: list[str], zero: str, forces: bool, calibration: Calibration | None
-) -> Iterator[Passages]:
-    """The passages of every log; one without teeth or without a patch is lost, and the rest goes
-    on.
-    """
+def _parts(session: Session, logs: list[str], **options: Any) -> Iterator[Part]:
+    """The rows of every log; one without teeth or without a patch is lost, and the rest goes on."""
     from tirelog.errors import DataLoss
-    from tirelog.wheel.table import measure_with
+    from tirelog.products import tables_of
 
+    given = {name: value for name, value in options.items() if value is not None}
     for recording in session.recordings(logs):
         try:
-            for passages in measure_with(calibration, recording, zero, forces):
-                for remark in passages.said:
+            for part in tables_of(recording, {"phase-shift": given}):
+                for remark in part.remarks:
                     session.note(f"{recording.log}: {remark}")
-                yield passages
+                yield part
         except DataLoss as problem:
             session.lost(str(problem))
 

@@ -4,7 +4,6 @@ with remarks on the whole log.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +13,8 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released
-from tirelog.strain.channels import rotating
 from tirelog.strain.footprint.footprint import Footprint, footprint
-from tirelog.strain.footprint.learn import Learnt, learn_reference
+from tirelog.strain.footprint.learn import Learnt
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.speed import begin, speed_words
 from tirelog.tables.writer import quality_column
@@ -31,21 +29,6 @@ class FootprintOfChannel:
     footprint: Footprint
     columns: dict[str, Any]
     remarks: tuple[str, ...]
-
-
-def footprint_of(
-    recording: Recording, cutoff: Cutoff, block_samples: int = BLOCK_SAMPLES
-) -> Iterator[FootprintOfChannel]:
-    """The footprint of each strain channel of `recording`."""
-    like = None
-    for channel, passages in rotating(recording):
-        learnt = None if passages.doubt else learn_reference(channel, passages, block_samples, like)
-        like = (
-            like or learnt
-        )  # the first that could be learnt: no channel depends on the order of the others
-        found = footprint_of_channel(recording, channel, passages, cutoff, learnt, block_samples)
-        del channel  # before the next one takes its place in memory
-        yield found
 
 
 def footprint_of_channel(
