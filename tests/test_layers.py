@@ -29,6 +29,7 @@ ORDER = (
     "inference",
     "diagnosis",
     "plots",
+    "api",
     "report",
     "campaign",
     "cli",
