@@ -73,6 +73,18 @@ Plot = Annotated[
         "--plot", help="Picture to write, .png or .svg.", show_default=False, callback=in_a_folder
     ),
 ]
+EffectsFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--effects", help="Python file with effects of your own; it is run.", show_default=False
+    ),
+]
+ChannelName = Annotated[
+    str | None,
+    typer.Option(
+        "--channel", help="Channel to compare; the first that fits by default.", show_default=False
+    ),
+]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]
 
 
