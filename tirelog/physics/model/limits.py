@@ -20,7 +20,7 @@ FASTEST_M_S, HARDEST_M_S2 = 200.0, 100.0
 #: least, most and unit of each condition; a time of 1e7 s is a third of a year, a change of 300 K
 #: would burn the rubber
 _DRIVEN = {
-    "speed_m_s": (0.0, FASTEST_M_S, "m/s, forwards"),
+    "speed_m_s": (0.0, FASTEST_M_S, "m/s"),
     "acceleration_m_s2": (-HARDEST_M_S2, HARDEST_M_S2, "m/s^2"),
     "time_s": (0.0, 1e7, "s"),
     "temperature_K": (-300.0, 300.0, "K of change"),
@@ -48,11 +48,16 @@ def check_conditions(conditions: Conditions, called: Mapping[str, str] | None = 
 
     What is not known (NaN) passes, but for the speed. `called`: how the user gave a condition.
     """
+    backwards = ~(np.asarray(conditions.speed_m_s) >= 0.0)
+    if backwards.any():
+        raise UsageError(
+            f"{(called or {}).get('speed_m_s', 'speed_m_s')} "
+            f"{float(conditions.speed_m_s[backwards][0]):g}; allowed is a speed of 0 m/s or more, "
+            "forwards; give that"
+        )
     for name, (low, high, unit) in _DRIVEN.items():
         values = np.asarray(getattr(conditions, name))
-        outside = ~((values >= low) & (values <= high))
-        if name != "speed_m_s":
-            outside &= ~np.isnan(values)
+        outside = (values < low) | (values > high)
         if outside.any():
             name = (called or {}).get(name, name)
             raise UsageError(
