@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+#: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
+#: `diagnose`; twice as high would leave unsaid a misfit as large as the noise itself
+FORM_IN_DOUBT = 1.2
+
 Answer = TypeVar("Answer")
 
 
@@ -198,6 +202,16 @@ class FitOfLogs:
     learned: Learned | None = None
     remarks: tuple[str, ...] = ()
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on what the errors do not cover: the model's form, what shares one scale."""
+        form = (
+            "what is left is more than noise: the errors hold only as far as the model's form "
+            "does; `tirelog diagnose` tells more",
+        )
+        in_doubt = self.found.reduced_chi2 > FORM_IN_DOUBT
+        return (*(form if in_doubt else ()), *self.found.degenerate)
+
     def to_json(self) -> dict[str, Any]:
         """Values, standard errors (None: not determined) and units by name, and how good it is."""
         parameters = self.model.parameters
@@ -243,9 +257,7 @@ class FitOfLogs:
         chi2 = self.found.reduced_chi2
         title = f"{self.found.revolutions} revolutions, reduced chi-square {chi2:.3f}"
         bounds = [f"{name} stands at a bound" for name in self.found.at_bound]
-        return document(
-            title, [_parameters(self.model)], (*self.found.degenerate, *bounds, *self.remarks)
-        )
+        return document(title, [_parameters(self.model)], (*bounds, *self.doubts, *self.remarks))
 
 
 def _parameters(model: Model) -> str:

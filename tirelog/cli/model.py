@@ -123,7 +123,8 @@ def show(
     """
     from tirelog.api.models import load_model
     from tirelog.cli.history import history_page, history_rows
-    from tirelog.cli.model_page import difference_page, difference_rows, model_page, parameter_rows
+    from tirelog.cli.model_page import difference_page, model_page
+    from tirelog.physics.model.difference import difference_rows, parameter_rows
 
     read = load_model(model, effects=effects)
     if history:
@@ -235,7 +236,7 @@ def fit(
             session.note(remark)
         save_model(result.model, output)
         if not quiet:
-            typer.echo(fit_page(result.found))
+            typer.echo(fit_page(result))
             if result.learned is not None:
                 typer.echo(learned_page(result.learned))
 
