@@ -57,6 +57,21 @@ def test_logs_by_path_open_and_several(folder: Path) -> None:
     assert several.time_s[: len(one)].equals(one.time_s)
 
 
+def test_lost_input_is_warned_of(folder: Path) -> None:
+    with tirelog.open_log("log.csv") as log:
+        log.losses.append("is cut off; copy it again")
+        with pytest.warns(UserWarning, match="log.csv: is cut off"):
+            tirelog.speed(log)
+
+
+def test_the_regressions_of_dissipation(folder: Path, command: Command) -> None:
+    assert command("dissipation", "log.csv", "--fit", "-o", "fit.parquet").status == 0
+    written, table = read_table("fit.parquet"), tirelog.dissipation("log.csv", fit=True)
+    assert list(table.columns) == list(written.columns)
+    assert len(table) == len(written)
+    assert any("no regression" in remark for remark in table.attrs["remarks"]) == (not len(table))
+
+
 def test_a_log_that_is_closed_refuses_to_be_read(folder: Path) -> None:
     log = tirelog.open_log("log.csv")
     channel = next(iter(log.channels.values()))

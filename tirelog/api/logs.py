@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 import weakref
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
@@ -94,7 +95,8 @@ def open_log(path: Path, setup: Path | Setup | None = None) -> OpenLog:
 def each_log(logs: Logs, setup: Path | Setup | None = None) -> Iterator[Recording]:
     """The logs as open recordings, one after the other; what is given by path is closed again.
 
-    UsageError: something among them is no log.
+    What was lost of a log is warned of when it has been read. UsageError: something among them is
+    no log.
     """
     if isinstance(logs, str | os.PathLike | Recording):
         logs = [logs]
@@ -103,11 +105,19 @@ def each_log(logs: Logs, setup: Path | Setup | None = None) -> Iterator[Recordin
     for log in logs:
         if isinstance(log, Recording):
             yield log
+            if isinstance(log, OpenLog):  # else whoever opened it tells
+                _warn_of_losses(log)
         elif isinstance(log, str | os.PathLike):
             with open_log(log, setup) as opened:
                 yield opened
+                _warn_of_losses(opened)
         else:
             raise _no_log(log)
+
+
+def _warn_of_losses(log: Recording) -> None:
+    for loss in log.losses:
+        warnings.warn(f"{log.log}: {loss}", UserWarning, stacklevel=4)
 
 
 def _no_log(value: Any) -> UsageError:

@@ -2,23 +2,27 @@
 
 Each has the columns of its command, one row per passage of the patch, SI units in every name, and
 in ``attrs``: ``units`` and ``descriptions`` by column, ``remarks`` on the logs. Nothing is dropped:
-what is wrong with a row stands in its ``quality``. Input that was lost is warned of.
+what is wrong with a row stands in its ``quality``; input that was lost is warned of.
 """
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from tirelog.api.logs import Logs, Path, each_log
 from tirelog.data.setup import Setup
-from tirelog.products import checked, tables_of
+from tirelog.products import Part, checked, tables_of
+from tirelog.strain.dissipation_table import regressions
 from tirelog.tables.frame import frame_of, whole_frame
 
 if TYPE_CHECKING:
     from tirelog.wheel.calibration import Calibration
+
+#: columns, None if there are none, and remarks
+Rows = tuple[Mapping[str, Any] | None, Sequence[str]]
 
 
 def speed(
@@ -55,7 +59,7 @@ def speed(
     >>> round(float(table.speed_m_s.median()), 1), table.attrs["units"]["speed_m_s"]
     (15.2, 'm/s')
     """
-    return _table("speed", logs, setup, calibrate_radius=calibrate_radius)
+    return _table("speed", logs, setup, {"calibrate_radius": calibrate_radius})
 
 
 def footprint(
@@ -90,7 +94,7 @@ def footprint(
     >>> round(float(table.length_m.median()), 3)
     0.116
     """
-    return _table("footprint", logs, setup, cutoff=cutoff)
+    return _table("footprint", logs, setup, {"cutoff": cutoff})
 
 
 def dissipation(
@@ -99,6 +103,7 @@ def dissipation(
     *,
     steady_step_m_s: float | None = None,
     averaged: int | None = None,
+    fit: bool = False,
 ) -> pd.DataFrame:
     """Dissipation factor and specific power of the strain in each revolution (P1).
 
@@ -110,6 +115,9 @@ def dissipation(
         Largest step of a constant speed between revolutions [m/s].
     averaged : int, optional
         Revolutions of a moving average.
+    fit : bool
+        The regressions of factor and specific power on speed instead, one row per channel and
+        quantity; none (and a remark) with too few revolutions of constant speed.
 
     Returns
     -------
@@ -129,7 +137,14 @@ def dissipation(
     >>> round(1e3 * float(table.dissipation_factor_1_m.median()), 2)
     0.16
     """
-    return _table("dissipation", logs, setup, steady_step=steady_step_m_s, average=averaged)
+    options = {"steady_step": steady_step_m_s, "average": averaged}
+    if not fit:
+        return _table("dissipation", logs, setup, options)
+    return _table("dissipation", logs, setup, options, called="dissipation-fit", rows=_regressions)
+
+
+def _regressions(part: Part, log: str) -> Rows:
+    return regressions(log, part.found)
 
 
 def phase_shift(
@@ -170,7 +185,7 @@ def phase_shift(
     >>> round(float(table.patch_width_deg.median()), 1)
     16.3
     """
-    return _table("phase-shift", logs, setup, calibration=calibration, zero=zero)
+    return _table("phase-shift", logs, setup, {"calibration": calibration, "zero": zero})
 
 
 def inflation(
@@ -207,20 +222,32 @@ def inflation(
     >>> round(1e11 * float(table.strain_slope_1_Pa[0]), 1)  # microstrain per bar
     1000.1
     """
-    return _table("inflation", logs, setup, from_Pa=from_Pa, to_Pa=to_Pa)
+    return _table("inflation", logs, setup, {"from_Pa": from_Pa, "to_Pa": to_Pa})
 
 
-def _table(name: str, logs: Logs, setup: Path | Setup | None, **options: Any) -> pd.DataFrame:
-    """One table of all logs."""
+def _own(part: Part, log: str) -> Rows:
+    return part.columns, ()
+
+
+def _table(
+    name: str,
+    logs: Logs,
+    setup: Path | Setup | None,
+    options: Mapping[str, Any],
+    *,
+    called: str | None = None,
+    rows: Callable[[Part, str], Rows] = _own,
+) -> pd.DataFrame:
+    """One table of all logs; `rows` (columns, remarks) of each part, as the table `called`."""
     wanted = checked({name: {k: v for k, v in options.items() if v is not None}})
     parts, remarks = [], []
     for recording in each_log(logs, setup):
         remarks += [f"{recording.log}: {remark}" for remark in recording.remarks]
         for part in tables_of(recording, wanted):
-            parts.append(frame_of(part.columns))
-            remarks += [f"{recording.log}: {remark}" for remark in part.remarks]
-        for loss in recording.losses:
-            warnings.warn(f"{recording.log}: {loss}", UserWarning, stacklevel=3)
-    frame = whole_frame(name, parts)
+            columns, more = rows(part, recording.log)
+            if columns is not None:
+                parts.append(frame_of(columns))
+            remarks += [f"{recording.log}: {remark}" for remark in (*part.remarks, *more)]
+    frame = whole_frame(called or name, parts)
     frame.attrs["remarks"] = remarks
     return frame
