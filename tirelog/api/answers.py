@@ -28,6 +28,8 @@ from tirelog.physics.carcass.numbers import OBSERVABLES
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 
+__all__ = ["MeasuredLogs", "compare", "diagnose", "fit", "ladder", "measure", "observable_of"]
+
 #: what is taken out of every revolution by `compare`, and so by `fit` unless asked otherwise
 NUISANCES = ("shift",)
 

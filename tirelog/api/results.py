@@ -217,7 +217,7 @@ class FitOfLogs:
         parameters = self.model.parameters
         names = (*self.found.names, *(self.learned.names if self.learned else ()))
         errors = dict(zip(self.found.names, self.found.se, strict=True))
-        return plain(
+        told: dict[str, Any] = plain(
             {
                 "observable": self.model.observable,
                 "parameters": {
@@ -239,6 +239,7 @@ class FitOfLogs:
                 "remarks": self.remarks,
             }
         )
+        return told
 
     def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
         """Which parameters the data tell apart: their correlations, values beside; the figure.
