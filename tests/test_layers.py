@@ -29,6 +29,7 @@ ORDER = (
     "inference",
     "diagnosis",
     "plots",
+    "api",
     "report",
     "campaign",
     "cli",
@@ -96,6 +97,19 @@ def test_no_two_modules_need_each_other() -> None:
         )
     except CycleError as circle:
         pytest.fail(" -> ".join(circle.args[1]))
+
+
+def test_commands_do_not_compute() -> None:
+    """A command has no numbers to reckon with, and asks no estimator: what it needs has a door."""
+    known = modules()
+    for name, path in known.items():
+        if name.split(".")[0] != "cli":
+            continue
+        rooms = {m.split(".")[0] for m in imported(path, known)}
+        assert not rooms & {"dsp", "inference", "readers"}, name
+        lines = {line.strip() for line in path.read_text().splitlines()}
+        libraries = ("numpy", "scipy", "pandas", "numba")
+        assert not [s for s in lines if s.startswith(tuple(f"import {x}" for x in libraries))], name
 
 
 def test_help_imports_no_science() -> None:

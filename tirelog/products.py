@@ -1,145 +1,199 @@
-"""The tables by name, from one open recording.
+"""The tables of a recording by name: the only way from channels to rows, for whoever wants them.
 
-For whoever makes several of them: `tables`, campaigns and the report.
+    recording, {name: options} --tables_of--> Part (rows of one channel, remarks, what they are
+                                              made of), channel by channel
 
-    recording, {name: options} --tables_of--> (name, columns, remarks), channel by channel
-
-The functions are the commands' own, with the commands' options under the same names. Tables of
-strain channels share what they are made of: a channel is read once and its passages are found once,
-whatever the number of tables, and several channels are worked on at a time.
+Each table's command, `tables`, campaigns, the report and the Python functions all go through
+`tables_of`. Tables of strain channels share what they are made of: a channel is read once and its
+passages are found once, whatever the number of tables, and several channels are worked on at a
+time.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from threading import Condition
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Channel, Recording
+from tirelog.errors import UsageError, nearest
 from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 if TYPE_CHECKING:
     from tirelog.strain.footprint.learn import Learnt
     from tirelog.strain.passages.find import Passages
+    from tirelog.wheel.calibration import Calibration
 
-Rows = Iterator[tuple[Mapping[str, Any], Sequence[str]]]
 Options = Mapping[str, Any]
-Part = tuple[str, Mapping[str, Any], Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Rows of one table, as a rule those of one channel.
+
+    columns  by name, arrays of one length (or scalars, repeated)
+    remarks  sentences on the channel or the log that were not in a part before
+    found    what the rows were made of, for pictures and further tables: Passages of a grating
+             (speed) or an accelerometer (phase-shift), else FootprintOfChannel,
+             DissipationOfChannel, InflationOfChannel
+    """
+
+    table: str
+    columns: Mapping[str, Any]
+    remarks: Sequence[str] = ()
+    found: Any = None
+
+
+@dataclass(frozen=True)
+class Work:
+    """A strain channel with what all its tables are made of."""
+
+    recording: Recording
+    channel: Channel
+    passages: Passages
+    learnt: Learnt | None
 
 
 @dataclass(frozen=True)
 class Maker:
-    """The kinds of channel that a table needs, its options, and how it is made from a whole
-    recording; None: channel by channel.
+    """How a table is made.
+
+    kinds       of channels that it is made of
+    options     their names; those in `inner` are for programs, no setting of a table
+    of_channel  the rows of one channel whose passages are known; None: the log as a whole is needed
+    whole       the rows of a whole log; with both, `of_channel` is taken if `by_channel` says so
+    check       UsageError for options that no log can be made a table with
+    driven      False for a table of a static test, which no drive has
     """
 
     kinds: tuple[str, ...]
     options: tuple[str, ...] = ()
-    whole: Callable[[Recording, Options], Rows] | None = None
+    inner: tuple[str, ...] = ()
+    of_channel: Callable[[Work, Options], Part] | None = None
+    whole: Callable[[Recording, Options], Iterator[Part]] | None = None
+    by_channel: Callable[[Recording, Options], bool] = lambda recording, options: True
+    check: Callable[[Options], None] = lambda options: None
+    driven: bool = True
 
     def suits(self, recording: Recording) -> bool:
-        """True where the recording has the channels that the table is made of."""
+        """True if the recording has the channels that the table is made of."""
         return bool(recording.of_kind(*self.kinds))
 
-
-def _speed(recording: Recording, options: Options) -> Rows:
-    from tirelog.strain.speed import speed_tables
-
-    tables, remarks = speed_tables(recording, bool(options.get("calibrate_radius", False)))
-    said = 0
-    for columns in tables:  # a channel's remarks come with its columns
-        yield columns, remarks[said:]
-        said = len(remarks)
+    def goes_by_channel(self, recording: Recording, options: Options) -> bool:
+        """True if the table is made channel by channel from passages."""
+        return self.of_channel is not None and self.by_channel(recording, options)
 
 
-def _phase_shift(recording: Recording, options: Options) -> Rows:
-    from tirelog.wheel.calibration_file import read_calibration
-    from tirelog.wheel.table import measure_with, table
+def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
+    """The wanted tables, names and options known to be possible before any log is opened.
 
-    calibration = (
-        read_calibration(Path(options["calibration"])) if "calibration" in options else None
-    )
-    for passages in measure_with(calibration, recording, str(options.get("zero", "auto"))):
-        yield table(passages, calibration), passages.said
+    UsageError: no such table, no such option, or a value that none of its tables can be made with.
+    """
+    for name, options in wanted.items():
+        _one_of("table", name, MAKERS)
+        for option in options:
+            _one_of(f"option of {name}", option, (*MAKERS[name].options, *MAKERS[name].inner))
+        MAKERS[name].check(options)
+    return wanted
 
 
-MAKERS: dict[str, Maker] = {
-    "speed": Maker(
-        (*STRAIN_KINDS, "wheel_encoder", "radial_acceleration"), ("calibrate_radius",), _speed
-    ),
-    "footprint": Maker(STRAIN_KINDS, ("cutoff",)),
-    "dissipation": Maker(STRAIN_KINDS, ("steady_step", "average")),
-    "phase-shift": Maker(("wheel_encoder",), ("calibration", "zero"), _phase_shift),
-}
+def _one_of(what: str, name: str, allowed: Collection[str]) -> None:
+    if name not in allowed:
+        raise UsageError(
+            f"no {what} is called {name!r}{nearest(name, allowed)}; "
+            f"allowed are {', '.join(allowed) or 'none'}; choose among them"
+        )
 
 
 def tables_of(
-    recording: Recording, wanted: Mapping[str, Options], workers: int = 1
+    recording: Recording,
+    wanted: Mapping[str, Options],
+    workers: int = 1,
+    *,
+    refused_first: bool = False,
 ) -> Iterator[Part]:
-    """(name, columns, remarks) of the `wanted` tables (keys of MAKERS, with their options), part by
-    part; a table's parts are in the order of the channels, whatever the number of `workers`
-    (threads), and the same to the bit.
+    """The `wanted` tables (keys of MAKERS, with their options), part by part.
 
-    UsageError: the recording lacks what a table is made of, or an option is none.
+    A table's parts are in the order of the channels, whatever the number of `workers` (threads),
+    and the same to the bit. `refused_first` finds the passages of all channels before the first
+    part, so that a log that is refused for one of its channels leaves no rows on a stream, at the
+    price of reading the channels once more. UsageError: the recording lacks what a table is made
+    of, or an option is none.
     """
-    strain = {
-        name: options for name, options in wanted.items() if _is_of_strain(recording, name, options)
+    checked(wanted)
+    by_channel = {
+        name: options
+        for name, options in wanted.items()
+        if MAKERS[name].goes_by_channel(recording, options)
     }
-    if strain:
-        yield from _strain_tables(recording, strain, workers)
+    if by_channel:
+        yield from _channel_tables(recording, by_channel, workers, refused_first)
     for name, options in wanted.items():
         whole = MAKERS[name].whole
-        if name not in strain and whole is not None:
-            for columns, remarks in whole(recording, options):
-                yield name, columns, remarks
+        if name not in by_channel and whole is not None:
+            yield from whole(recording, options)
 
 
-def _is_of_strain(recording: Recording, name: str, options: Options) -> bool:
-    """True for a table that is made channel by channel from passages of strain; a calibrated radius
-    needs all channels at once.
-    """
-    if name == "speed":
-        return bool(recording.of_kind(*STRAIN_KINDS)) and not options.get("calibrate_radius", False)
-    return MAKERS[name].whole is None
-
-
-def _strain_tables(
-    recording: Recording, wanted: Mapping[str, Options], workers: int
+def _channel_tables(
+    recording: Recording, wanted: Mapping[str, Options], workers: int, refused_first: bool
 ) -> Iterator[Part]:
-    """The tables of the strain channels, each channel's passages found once."""
+    """The tables that are made channel by channel, each channel's passages found once."""
     from tirelog.strain.channels import not_turning, strain_channels
-    from tirelog.strain.speed import radius_remarks
+    from tirelog.strain.speed import radius_remarks, speed_channels
 
+    only_speed = set(wanted) == {"speed"}
+    stored = speed_channels(recording) if only_speed else strain_channels(recording)
+    found: list[Passages | None] = [None] * len(stored)
+    if refused_first:
+        stored, found = _all_passages(recording, stored, keep=not only_speed)
+        if not only_speed and not any(len(passages) for passages in found if passages is not None):
+            raise not_turning(recording)
     turned = False
     told: set[tuple[str, str]] = set()
     forms = _Forms()
-    channels = deque(enumerate(strain_channels(recording)))
+    channels = deque(enumerate(zip(stored, found, strict=True)))
     with ThreadPoolExecutor(workers) as pool:
         ahead: deque[Future[_Made]] = deque()
 
         def fill() -> None:
             while channels and len(ahead) < workers:
-                ahead.append(pool.submit(_make, recording, *channels.popleft(), wanted, forms))
+                number, (channel, passages) = channels.popleft()
+                ahead.append(
+                    pool.submit(_make, recording, number, channel, passages, wanted, forms)
+                )
 
         fill()
         while ahead:
             made = ahead.popleft().result()
             fill()  # the next one is at work while this one's rows are written
             turned |= made.turns
-            for name, columns, remarks in made.parts:
-                fresh = [
+            for part in made.parts:
+                remarks = [
                     remark
-                    for remark in [*radius_remarks(recording), *remarks]
-                    if (name, remark) not in told
+                    for remark in (*radius_remarks(recording), *part.remarks)
+                    if (part.table, remark) not in told
                 ]
-                told |= {(name, remark) for remark in fresh}
-                yield name, columns, fresh
-    if not turned and set(wanted) != {"speed"}:
+                told |= {(part.table, remark) for remark in remarks}
+                yield replace(part, remarks=tuple(remarks))
+    if not turned and not only_speed:
         raise not_turning(recording)
+
+
+def _all_passages(
+    recording: Recording, channels: list[Channel], keep: bool
+) -> tuple[list[Channel], list[Passages | None]]:
+    """The channels and the passages of each; a single one in memory if it is to be `kept` there."""
+    from tirelog.runs.in_memory import held
+    from tirelog.strain.passages.surface import passages_of
+
+    if keep and len(channels) == 1:
+        channels = [held(channels[0])]  # gone through once more by whoever takes it
+    return channels, [passages_of(recording, channel) for channel in channels]
 
 
 class _Forms:
@@ -171,8 +225,7 @@ class _Forms:
     def _first_before(self, number: int) -> Learnt | None:
         for before in range(number):
             with self._news:
-                while before not in self._learnt:
-                    self._news.wait()
+                self._news.wait_for(partial(self._learnt.__contains__, before))
                 learnt = self._learnt[before]
             if learnt is not None:
                 return learnt
@@ -188,15 +241,21 @@ class _Made:
 
 
 def _make(
-    recording: Recording, number: int, stored: Channel, wanted: Mapping[str, Options], forms: _Forms
+    recording: Recording,
+    number: int,
+    stored: Channel,
+    found: Passages | None,
+    wanted: Mapping[str, Options],
+    forms: _Forms,
 ) -> _Made:
-    """The tables of one channel, the `number`-th."""
+    """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
     from tirelog.runs.in_memory import held
     from tirelog.strain.passages.surface import passages_of
 
     try:
-        channel = held(stored)
-        passages = passages_of(recording, channel)
+        only_passages = found is not None and set(wanted) == {"speed"}
+        channel = stored if only_passages else held(stored)
+        passages = passages_of(recording, channel) if found is None else found
         learnt = (
             forms.learn(number, channel, passages)
             if "footprint" in wanted and not passages.doubt
@@ -204,66 +263,165 @@ def _make(
         )
     finally:
         forms.tell(number, None)
-    parts = [
-        (name, *_OF_CHANNEL[name](recording, channel, passages, options, learnt))
-        for name, options in wanted.items()
-    ]
+    work = Work(recording, channel, passages, learnt)
+    parts = []
+    for name, options in wanted.items():
+        of_channel = MAKERS[name].of_channel
+        if of_channel is not None:
+            parts.append(of_channel(work, options))
     return _Made(parts, len(passages) > 0)
 
 
-_Table = tuple[Mapping[str, Any], Sequence[str]]
+# ---- the tables
 
 
-def _speed_of(
-    recording: Recording,
-    channel: Channel,
-    passages: Passages,
-    options: Options,
-    learnt: Learnt | None,
-) -> _Table:
+def _speed_of_channel(work: Work, options: Options) -> Part:
     from tirelog.strain.speed import speed_columns, speed_doubts
 
-    return speed_columns(recording.log, passages), speed_doubts(passages)
+    columns = speed_columns(work.recording.log, work.passages)
+    return Part("speed", columns, speed_doubts(work.passages), work.passages)
 
 
-def _footprint_of(
-    recording: Recording,
-    channel: Channel,
-    passages: Passages,
-    options: Options,
-    learnt: Learnt | None,
-) -> _Table:
-    from tirelog.dsp.lowpass import Cutoff
+def _speed_by_channel(recording: Recording, options: Options) -> bool:
+    """False if the encoder tells the speed, or all channels together the rolling radius."""
+    from tirelog.strain.speed import speed_channels
+
+    return not options.get("calibrate_radius", False) and bool(speed_channels(recording))
+
+
+def _speed_of_log(recording: Recording, options: Options) -> Iterator[Part]:
+    from tirelog.strain.speed import calibrated_speed, speed_by_encoder, speed_channels
+
+    calibrate = bool(options.get("calibrate_radius", False))
+    made = (
+        calibrated_speed(recording)
+        if speed_channels(recording)
+        else iter([speed_by_encoder(recording, calibrate=calibrate)])
+    )
+    for columns, remarks in made:
+        yield Part("speed", columns, remarks)
+
+
+def _footprint(work: Work, options: Options) -> Part:
     from tirelog.strain.footprint.table import footprint_of_channel
 
     found = footprint_of_channel(
-        recording, channel, passages, Cutoff.parse(str(options.get("cutoff", "auto"))), learnt
+        work.recording, work.channel, work.passages, _cutoff(options), work.learnt
     )
-    return found.columns, found.remarks
+    return Part("footprint", found.columns, found.remarks, found)
 
 
-def _dissipation_of(
-    recording: Recording,
-    channel: Channel,
-    passages: Passages,
-    options: Options,
-    learnt: Learnt | None,
-) -> _Table:
-    from tirelog.strain.dissipation import AVERAGED, STEADY_STEP_M_S
+def _cutoff(options: Options) -> Any:
+    """The low-pass of the plain lengths.  UsageError: none is called that."""
+    from tirelog.dsp.lowpass import Cutoff
+
+    return Cutoff.parse(str(options.get("cutoff", "auto")))
+
+
+def _dissipation(work: Work, options: Options) -> Part:
     from tirelog.strain.dissipation_table import dissipation_of_channel
 
-    step, average = (
-        float(options.get("steady_step", STEADY_STEP_M_S)),
-        int(options.get("average", AVERAGED)),
+    found = dissipation_of_channel(
+        work.recording, work.channel, work.passages, *_steadiness(options)
     )
-    found = dissipation_of_channel(recording, channel, passages, step, average)
-    return found.columns, found.remarks
+    return Part("dissipation", found.columns, found.remarks, found)
 
 
-_OF_CHANNEL: Mapping[
-    str, Callable[[Recording, Channel, Passages, Options, Learnt | None], _Table]
-] = {
-    "speed": _speed_of,
-    "footprint": _footprint_of,
-    "dissipation": _dissipation_of,
+def _steadiness(options: Options) -> tuple[float, int]:
+    """Largest step of a constant speed [m/s], revolutions of a moving average."""
+    from tirelog.strain.dissipation import AVERAGED, STEADY_STEP_M_S
+
+    step = float(options.get("steady_step", STEADY_STEP_M_S))
+    average = int(options.get("average", AVERAGED))
+    if not step > 0 or average < 1:
+        raise UsageError(
+            "steady_step (--steady-step) is above 0 m/s and average (--average) at least "
+            "1 revolution; mend the number"
+        )
+    return step, average
+
+
+def _phase_shift(recording: Recording, options: Options) -> Iterator[Part]:
+    from tirelog.wheel.table import measure_with, table
+
+    calibration = _calibration(options)
+    zero, forces = str(options.get("zero", "auto")), bool(options.get("forces", False))
+    for passages in measure_with(calibration, recording, zero, forces):
+        yield Part("phase-shift", table(passages, calibration), passages.said, passages)
+
+
+def _calibration(options: Options) -> Calibration | None:
+    """The calibration to apply, itself or the one in a file; None: without one."""
+    from tirelog.wheel.calibration import Calibration
+    from tirelog.wheel.calibration_file import read_calibration
+
+    given = options.get("calibration")
+    return (
+        given if given is None or isinstance(given, Calibration) else read_calibration(Path(given))
+    )
+
+
+def _inflation(recording: Recording, options: Options) -> Iterator[Part]:
+    from tirelog.strain.inflation_table import inflation_of
+
+    for found in inflation_of(recording, _ends_Pa(options)):
+        yield Part("inflation", found.columns, found.remarks, found)
+
+
+def _ends_Pa(options: Options) -> tuple[float, float] | None:
+    """Inflation pressures at both ends of a ramp that no channel records; None: not given."""
+    begin, end = options.get("from_Pa"), options.get("to_Pa")
+    if begin is None and end is None:
+        return None
+    if begin is None or end is None or begin == end:
+        raise UsageError(
+            "--from and --to (from_Pa and to_Pa) go together and differ; allowed are two "
+            "pressures in Pa; e.g. --from 1.7e5 --to 2.3e5"
+        )
+    return begin, end
+
+
+def _check_with(read: Callable[[Options], object]) -> Callable[[Options], None]:
+    """A check by reading the options and dropping what they say."""
+
+    def check(options: Options) -> None:
+        read(options)
+
+    return check
+
+
+#: how each table is made, in the order of `tables`
+MAKERS: Mapping[str, Maker] = {
+    "speed": Maker(
+        (*STRAIN_KINDS, "wheel_encoder", "radial_acceleration"),
+        ("calibrate_radius",),
+        of_channel=_speed_of_channel,
+        whole=_speed_of_log,
+        by_channel=_speed_by_channel,
+    ),
+    "footprint": Maker(
+        STRAIN_KINDS, ("cutoff",), of_channel=_footprint, check=_check_with(_cutoff)
+    ),
+    "dissipation": Maker(
+        STRAIN_KINDS,
+        ("steady_step", "average"),
+        of_channel=_dissipation,
+        check=_check_with(_steadiness),
+    ),
+    "phase-shift": Maker(
+        ("wheel_encoder",),
+        ("calibration", "zero"),
+        ("forces",),
+        whole=_phase_shift,
+        check=_check_with(_calibration),
+    ),
+    "inflation": Maker(
+        STRAIN_KINDS,
+        ("from_Pa", "to_Pa"),
+        whole=_inflation,
+        check=_check_with(_ends_Pa),
+        driven=False,
+    ),
 }
+#: the tables of a drive, which `tables`, campaigns and the report make together
+OF_A_DRIVE: Mapping[str, Maker] = {name: maker for name, maker in MAKERS.items() if maker.driven}

@@ -86,6 +86,17 @@ def test_a_log_without_rotation_leaves_nothing(folder: Path, tirelog: Command) -
     assert "the wheel does not turn" in outcome.err
 
 
+@pytest.mark.parametrize("name", THREE)
+def test_a_log_refused_for_its_last_channel_leaves_no_rows_on_a_stream(
+    several: Path, tirelog: Command, name: str
+) -> None:
+    setup = (several / "more.toml").read_text()
+    (several / "more.toml").write_text(setup + 'surface = "inner"\n')
+    outcome = tirelog(name, "more.csv")
+    assert (outcome.status, outcome.out) == (2, "")
+    assert "channel G3 shows a minimum" in outcome.err
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

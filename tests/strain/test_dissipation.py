@@ -13,13 +13,18 @@ from tirelog.data.recording import Recording
 from tirelog.data.setup import LogConditions, Setup, Tire
 from tirelog.dsp.differentiator import bridged, differentiator, response
 from tirelog.plots.dissipation import said
+from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation, moving_average, steady_stretches
 from tirelog.strain.dissipation_fit import regression
-from tirelog.strain.dissipation_table import by_speed, dissipation_of, regression_columns
+from tirelog.strain.dissipation_table import by_speed, regressions
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
 
 CALM = {"height": 1.0, "drift": 0.0}
+
+
+def dissipation_of(recording):
+    return tables_of(recording, {"dissipation": {}})
 
 
 def measured(channel, radius_m, **more):
@@ -247,10 +252,10 @@ def test_the_table_behind_fig_11_and_its_lines(drive, radius_m):
     made = drive([0, 10, 14, 24, 30, 40], [7, 7, 14, 14, 22, 22], seed=1731, pulse=Beam(), **CALM)
     tire = Tire(rolling_radius_m=radius_m, section_area_m2=1e-3)
     (table,) = dissipation_of(Recording("a.csv", {"s": made.channel}, Setup(tire)))
-    fig = by_speed(table)
+    fig = by_speed(table.found)
     assert (np.diff(fig["speed_m_s"]) >= 0).all()
     assert np.isfinite(fig["dissipation_factor_mean_1_m"]).mean() > 0.95
-    lines = regression_columns("a.csv", table)
+    lines, _ = regressions("a.csv", table.found)
     assert lines["quantity"].tolist() == ["dissipation_factor_1_m", "specific_power_m3_s2"]
     assert (lines["slope"] > 0).all()
 
@@ -290,7 +295,7 @@ def test_a_log_of_few_revolutions_has_all_its_rows(drive, radius_m, seconds):
         )
     )
     factor = table.columns["dissipation_factor_1_m"]
-    assert factor.size == len(table.passages) > 0
+    assert factor.size == len(table.found.passages) > 0
     known = np.isfinite(factor)
     np.testing.assert_allclose(factor[known], Beam().dissipation_factor(10.0), rtol=0.01)
     assert "ok" not in table.columns["quality"][~known]

@@ -14,9 +14,9 @@ from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import Setup, Tire
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
+from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.footprint.footprint import footprint
-from tirelog.strain.footprint.table import footprint_of
 from tirelog.strain.footprint.windows import window_class
 from tirelog.strain.passages.find import find_passages
 from tirelog.strain.speed import speed_quality
@@ -153,15 +153,16 @@ def test_a_log_at_rest_is_refused_with_advice(radius_m):
     channel = Channel.of_array("strain_1", "strain", still, TimeAxis.uniform(20_000, 2500.0))
     recording = Recording("rest.csv", {"strain_1": channel}, Setup(Tire(rolling_radius_m=radius_m)))
     with pytest.raises(UsageError, match=r"does not turn.*inflation"):
-        list(footprint_of(recording, Cutoff()))
+        list(tables_of(recording, {"footprint": {}}))
 
 
 def test_the_table_has_every_row_and_a_reason_for_each_missing_onset(made, radius_m):
     setup = SimpleNamespace(
         tire=Tire(rolling_radius_m=radius_m, static_footprint_length_m=0.126), conditions=None
     )
-    (table,) = footprint_of(Recording("drive.csv", {"strain_1": made.channel}, setup), Cutoff())
-    rows = len(table.passages)
+    recording = Recording("drive.csv", {"strain_1": made.channel}, setup)
+    (table,) = tables_of(recording, {"footprint": {}})
+    rows = len(table.found.passages)
     assert all(np.shape(column) == (rows,) for column in table.columns.values())
     missing = ~np.isfinite(table.columns["slip_onset_m"])
     assert all(reason for reason in table.columns["slip_onset_reason"][missing])

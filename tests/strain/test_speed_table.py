@@ -11,13 +11,11 @@ import pytest
 
 from tirelog.data.recording import Channel, Recording, TimeAxis
 from tirelog.data.setup import parse_setup
-from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
-from tirelog.strain.channels import rotating
+from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation
-from tirelog.strain.footprint.table import footprint_of
 from tirelog.strain.passages.find import find_passages
-from tirelog.strain.speed import speed_columns, speed_tables
+from tirelog.strain.speed import speed_columns
 from tirelog.strain.speed_radius import calibrate_radius, travelled
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import Quality, having
@@ -29,6 +27,12 @@ def recording(*channels, radius="rolling_radius_m = 0.305"):
     return Recording(
         "log.csv", {c.name: c for c in channels}, parse_setup(SETUP.format(radius=radius))
     )
+
+
+def speed_tables(recording, calibrate=False):
+    """(columns of each channel, all remarks)."""
+    parts = list(tables_of(recording, {"speed": {"calibrate_radius": calibrate}}))
+    return [part.columns for part in parts], [r for part in parts for r in part.remarks]
 
 
 def vehicle_speed(knots, speeds, *, rate_Hz=10.0, noise=0.0, seed=1, factor=1.0):
@@ -168,13 +172,9 @@ def test_a_wrong_surface_of_the_second_channel_is_said_before_the_first_one_s_ro
     d = drive([0, 8], [12, 12], seed=1310)
     second = replace(d.with_values(-d.values), name="second")
     log = recording(d.channel, second)
-    for rows in (
-        lambda: iter(speed_tables(log)[0]),
-        lambda: rotating(log),
-        lambda: footprint_of(log, Cutoff()),
-    ):
+    for name in ("speed", "footprint", "dissipation"):
         with pytest.raises(UsageError, match="channel second shows a maximum"):
-            next(rows())
+            next(tables_of(log, {name: {}}, refused_first=True))
 
 
 @pytest.mark.parametrize("error", [np.inf, 1e100, 40.0])

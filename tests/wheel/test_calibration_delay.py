@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.cli.phase_shift import _note_delay
 from tirelog.vocabulary.quality import none_of
 from tirelog.wheel.calibration import calibrate, clean
 from tirelog.wheel.calibration_file import read_calibration, write_calibration
@@ -86,22 +85,16 @@ def test_one_log_without_the_channel_leaves_the_force_out_for_all():
 
 @pytest.mark.parametrize("measured", [True, False])
 def test_the_sentence_says_what_cannot_be_told_apart_and_the_file_keeps_it(measured, tmp_path):
-    class Session:
-        said = ""
-
-        def note(self, text):
-            self.said += text
-
     learnt = calibrate([ramp(5, measured=measured)])
     write_calibration(tmp_path / "c.toml", learnt)
     again = read_calibration(tmp_path / "c.toml")
     assert again.beside_force == measured
-    session = Session()
-    _note_delay(session, again)
-    assert "plus any trend linear in speed" in session.said
-    assert ("the measured longitudinal force is not in it" in session.said) == measured
-    assert ("so may be force that follows speed" in session.said) != measured
-    assert "it is no force" not in session.said
+    said = again.delay_remark
+    assert said in again.remarks
+    assert "plus any trend linear in speed" in said
+    assert ("the measured longitudinal force is not in it" in said) == measured
+    assert ("so may be force that follows speed" in said) != measured
+    assert "it is no force" not in said
     old = (tmp_path / "c.toml").read_text().replace("beside_force", "#")
     (tmp_path / "c.toml").write_text(old)
     assert not read_calibration(tmp_path / "c.toml").beside_force

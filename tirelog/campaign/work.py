@@ -28,7 +28,7 @@ from tirelog.campaign.names import HIDDEN
 from tirelog.data.recording import Recording
 from tirelog.data.setup import parse_setup
 from tirelog.errors import ExitStatus, OutputError, TirelogError, UsageError
-from tirelog.products import MAKERS, tables_of
+from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.runs.ingest import open_recording
 from tirelog.storage.remote import address
 from tirelog.storage.whole import whole_file
@@ -69,7 +69,7 @@ def make_tables(task: Task) -> Entry:
             suited = {
                 name: options
                 for name, options in task.tables.items()
-                if MAKERS[name].suits(recording)
+                if OF_A_DRIVE[name].suits(recording)
             }
             if task.tables and not suited:
                 raise UsageError(
@@ -155,15 +155,17 @@ def _make(
                 TableWriter(name, path, "parquet", metadata=metadata)
             )
             entry.quality[name] = {}
-        for name, columns, remarks in tables_of(recording, wanted):
-            entry.remarks += [remark for remark in remarks if remark not in entry.remarks]
-            words = entry.quality[name]
+        for part in tables_of(recording, wanted):
+            entry.remarks += [remark for remark in part.remarks if remark not in entry.remarks]
+            columns, words = part.columns, entry.quality[part.table]
             for word, n in zip(
                 *np.unique(np.asarray(columns["quality"], dtype=str), return_counts=True),
                 strict=True,
             ):
                 words[str(word)] = words.get(str(word), 0) + int(n)
-            writers[name].write({key: value for key, value in columns.items() if key != "log"})
+            writers[part.table].write(
+                {key: value for key, value in columns.items() if key != "log"}
+            )
         entry.rows |= {name: writer.rows for name, writer in writers.items()}
 
 

@@ -37,9 +37,9 @@ def _load(manifest: Path) -> tuple[Campaign, Ledger]:
     from tirelog.campaign.folder import folder_at
     from tirelog.campaign.ledger import Ledger
     from tirelog.campaign.manifest import load_manifest
-    from tirelog.products import MAKERS
+    from tirelog.products import OF_A_DRIVE
 
-    campaign = load_manifest(manifest, {name: maker.options for name, maker in MAKERS.items()})
+    campaign = load_manifest(manifest, {name: maker.options for name, maker in OF_A_DRIVE.items()})
     return campaign, Ledger(folder_at(campaign.output))
 
 

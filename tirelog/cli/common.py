@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from tirelog.data.recording import Recording
     from tirelog.data.setup import Setup
+    from tirelog.products import Part
     from tirelog.tables.writer import TableWriter
 
 
@@ -71,6 +72,18 @@ Plot = Annotated[
     Path | None,
     typer.Option(
         "--plot", help="Picture to write, .png or .svg.", show_default=False, callback=in_a_folder
+    ),
+]
+EffectsFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--effects", help="Python file with effects of your own; it is run.", show_default=False
+    ),
+]
+ChannelName = Annotated[
+    str | None,
+    typer.Option(
+        "--channel", help="Channel to compare; the first that fits by default.", show_default=False
     ),
 ]
 ModelFile = Annotated[Path, typer.Option("--model", help="Model file.", show_default=False)]
@@ -146,6 +159,23 @@ class Session:
                     self._say_losses(recording)
         if self._unread and not self._read:
             raise typer.Exit(int(ExitStatus.NOTHING_READ))
+
+    def parts(
+        self, logs: list[str], table: str, **options: Any
+    ) -> Iterator[tuple[Recording, Part]]:
+        """The rows of one table of every log, part by part, what is to be said of them said.
+
+        All that could refuse a log has been looked at before its first rows.
+        """
+        from tirelog.products import checked, tables_of
+
+        given = {name: value for name, value in options.items() if value is not None}
+        wanted = checked({table: given})
+        for recording in self.recordings(logs):
+            for part in tables_of(recording, wanted, refused_first=True):
+                for remark in part.remarks:
+                    self.note(f"{recording.log}: {remark}")
+                yield recording, part
 
     def all_recordings(self, logs: list[str]) -> list[Recording]:
         """The logs, open together until the session ends."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tirelog.cli.common import (
+    ChannelName,
+    EffectsFile,
     Format,
     Logs,
     ModelFile,
@@ -22,25 +23,10 @@ from tirelog.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from tirelog.diagnosis.obstacles.compare import TransientComparison
-    from tirelog.diagnosis.results import Comparison
-    from tirelog.inference.measured import MeasuredLogs
-    from tirelog.inference.obstacle_log import TransientLog
-    from tirelog.inference.stacks.spooled import Stacks
+    from tirelog.api.answers import MeasuredLogs
+    from tirelog.api.results import ComparisonOfLogs
     from tirelog.physics.model.model import Model
 
-Effects = Annotated[
-    Path | None,
-    typer.Option(
-        "--effects", help="Python file with effects of your own; it is run.", show_default=False
-    ),
-]
-ChannelName = Annotated[
-    str | None,
-    typer.Option(
-        "--channel", help="Channel to compare; the first that fits by default.", show_default=False
-    ),
-]
 By = Annotated[
     str | None,
     typer.Option(
@@ -52,34 +38,17 @@ By = Annotated[
 ]
 
 
-def stacks_and_model(
-    session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
-) -> tuple[Stacks, Model]:
-    """What diagnose and ladder start from: steady revolutions, and the model; a log that cannot be
-    read is said and left out.
-    """
-    found, read = measured_and_model(session, logs, model, effects, channel)
-    return found.stacks, read
-
-
 def measured_and_model(
     session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
 ) -> tuple[MeasuredLogs, Model]:
-    """What compare starts from: steady revolutions and obstacles of the logs, and the model."""
-    from tirelog.inference.measured import measured
-    from tirelog.physics.model.file import load_model
-    from tirelog.physics.model.user_effects import catalogue_with
+    """What compare, diagnose and ladder start from; a log that cannot be read is said and left
+    out.
+    """
+    from tirelog.api.answers import measure
+    from tirelog.api.models import load_model
 
-    read = load_model(model, catalogue=catalogue_with(effects))
-    return measured(session.recordings(logs), read.observable, channel), read
-
-
-def own_effects(effects: Path | None) -> list[Any]:
-    """Candidates beside the catalogue: installed packages' and those of --effects."""
-    from tirelog.physics.effects import BY_ID
-    from tirelog.physics.model.user_effects import catalogue_with
-
-    return [effect for name, effect in catalogue_with(effects).items() if name not in BY_ID]
+    read = load_model(model, effects=effects)
+    return measure(session.recordings(logs), read, channel), read
 
 
 def write_json(value: dict[str, Any], output: Path | None) -> None:
@@ -114,7 +83,7 @@ def compare(
     quiet: Quiet = False,
     by: By = None,
     channel: ChannelName = None,
-    effects: Effects = None,
+    effects: EffectsFile = None,
     plot: Plot = None,
 ) -> None:
     """Fit a model on some manoeuvres and show its error on the others, beside the noise floor."""
@@ -131,31 +100,30 @@ def compare(
     refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
         found, read = measured_and_model(session, logs, model, effects, channel)
-        from tirelog.diagnosis.compare import compare as compare_stacks
+        from tirelog.api.answers import compare as compare_measured
 
-        result = compare_stacks(found.stacks, read)
-        answers = _obstacles(session, found.obstacles, result)
-        if by in TABLES and answers is None:
+        result = compare_measured(found, read)
+        if by in TABLES and result.obstacles is None:
             raise UsageError(
                 f"--by {by} is for a coupled_ring model and logs whose setup has a [road]; "
                 "allowed here are "
                 f"{', '.join(t for t in tables if t not in TABLES)}; choose one, or add the [road]"
             )
-        for remark in (*result.remarks, *(answers.remarks if answers is not None else ())):
+        for remark in result.notes:
             session.note(remark)
         if plot is not None:
-            _draw(session, result, answers, plot)
+            _draw(session, result, plot)
         if by is not None:
             parts = (
-                iter([answers.tables[by]])
-                if answers is not None and by in TABLES
+                iter([result.obstacles.tables[by]])
+                if result.obstacles is not None and by in TABLES
                 else result.tables.parts(by)
             )
             with session.table("compare", output, format) as table:
                 for rows in parts:
                     table.write(columns_of(rows))
         elif format == "json" or (output is not None and output.suffix == ".json"):
-            write_json(_json(result, answers), output)
+            write_json(result.to_json(), output)
         elif format is not None or output is not None:
             with session.table("compare", output, format) as table:
                 table.write({name: [value] for name, value in _flat(result).items()})
@@ -163,49 +131,24 @@ def compare(
             from tirelog.cli.discrepancy_page import comparison_page
 
             comparison_page(result)
-            if answers is not None:
+            if result.obstacles is not None:
                 from tirelog.cli.transients import transients_page
 
-                transients_page(answers)
+                transients_page(result.obstacles)
 
 
-def _obstacles(
-    session: Session, obstacles: Sequence[TransientLog], result: Comparison
-) -> TransientComparison | None:
-    """The fitted model's answer to the obstacles; None where there are none, or the model does not
-    move in time.
-    """
-    if not obstacles:
-        return None
-    if result.model.carcass != "coupled_ring":
-        session.note(
-            f'a {result.model.carcass} says nothing of the obstacles; carcass = "coupled_ring" does'
-        )
-        return None
-    from tirelog.diagnosis.obstacles.compare import compare_transients
-
-    return compare_transients(obstacles, result.model, unit=result.unit)
-
-
-def _draw(
-    session: Session, result: Comparison, answers: TransientComparison | None, plot: Path
-) -> None:
+def _draw(session: Session, result: ComparisonOfLogs, plot: Path) -> None:
     """The picture of the steady comparison, and beside it that of the obstacles."""
     from tirelog.plots.compare import draw
 
     draw(result, plot)
-    if answers is not None:
+    if result.obstacles is not None:
         from tirelog.cli.transients import draw_transients
 
-        session.note(f"obstacles drawn in {draw_transients(answers, plot)}")
+        session.note(f"obstacles drawn in {draw_transients(result.obstacles, plot)}")
 
 
-def _json(result: Comparison, answers: TransientComparison | None) -> dict[str, Any]:
-    """The document: with obstacles their part under `transients`."""
-    return result.to_json() | ({"transients": answers.to_json()} if answers is not None else {})
-
-
-def _flat(result: Comparison) -> dict[str, Any]:
+def _flat(result: ComparisonOfLogs) -> dict[str, Any]:
     """The numbers of the JSON as one row."""
     return {
         name: value

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tirelog.cli.common import (
+    ChannelName,
+    EffectsFile,
     Format,
     Logs,
     ModelFile,
@@ -16,14 +18,7 @@ from tirelog.cli.common import (
     keeps_hashes,
     say,
 )
-from tirelog.cli.compare import (
-    ChannelName,
-    Effects,
-    columns_of,
-    own_effects,
-    stacks_and_model,
-    write_json,
-)
+from tirelog.cli.compare import columns_of, measured_and_model, write_json
 
 if TYPE_CHECKING:
     from tirelog.diagnosis.diagnose import Diagnosis
@@ -37,7 +32,7 @@ def diagnose(
     format: Format = None,
     quiet: Quiet = False,
     channel: ChannelName = None,
-    effects: Effects = None,
+    effects: EffectsFile = None,
     plot: Plot = None,
 ) -> None:
     """Tell which effect the model lacks, which cannot be told apart, and what to drive next."""
@@ -46,14 +41,12 @@ def diagnose(
     refuse_unwritable(output)
     refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
-        stacks, read = stacks_and_model(session, logs, model, effects, channel)
-        from tirelog.diagnosis.diagnose import diagnose as diagnose_stacks
+        found, read = measured_and_model(session, logs, model, effects, channel)
+        from tirelog.api.answers import diagnose as diagnose_measured
+        from tirelog.physics.model.user_effects import own_effects
 
-        result = diagnose_stacks(
-            stacks,
-            read,
-            effects=own_effects(effects),
-            progress=(lambda text: None) if quiet else say,
+        result = diagnose_measured(
+            found, read, effects=own_effects(effects), progress=None if quiet else say
         )
         for remark in result.before.remarks:
             session.note(remark)
@@ -62,7 +55,7 @@ def diagnose(
 
             draw(result.after, plot)
         if format == "json" or (output is not None and output.suffix == ".json"):
-            write_json(result.to_json() | {"remarks": list(result.before.remarks)}, output)
+            write_json(result.to_json(), output)
         elif format is not None or output is not None:
             with session.table("diagnose", output, format) as table:
                 table.write(columns_of(_rows(result)))

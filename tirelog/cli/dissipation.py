@@ -40,13 +40,9 @@ def dissipation(
     """Tell the strain's dissipation factor and power in each revolution."""
     one_thread()
     from tirelog.errors import UsageError
-    from tirelog.strain import dissipation_table as tables
-    from tirelog.strain.speed import radius_remarks
+    from tirelog.strain.dissipation_table import by_speed as sorted_by_speed
+    from tirelog.strain.dissipation_table import regressions
 
-    if not steady_step > 0 or average < 1:
-        raise UsageError(
-            "--steady-step is above 0 m/s and --average at least 1 revolution; mend the number"
-        )
     if fit and by_speed:
         raise UsageError(
             "--fit and --by-speed are two tables; allowed is one of them; run the command twice"
@@ -57,27 +53,22 @@ def dissipation(
         Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
         session.table(name, output, format) as table,
     ):
-        for recording in session.recordings(logs):
-            for remark in radius_remarks(recording):
-                session.note(f"{recording.log}: {remark}")
-            for found in tables.dissipation_of(recording, steady_step, average):
-                columns = found.columns
-                if fit:
-                    lines = tables.regression_columns(recording.log, found)
-                    if lines is None:
-                        session.note(
-                            f"{recording.log}: {found.channel.name}: no regression: "
-                            "too few revolutions of constant speed, or one speed"
-                        )
-                        continue
-                    columns = lines
-                table.write(tables.by_speed(found) if by_speed else columns)
-                for remark in found.remarks:
+        for recording, part in session.parts(
+            logs, "dissipation", steady_step=steady_step, average=average
+        ):
+            if fit:
+                lines, remarks = regressions(recording.log, part.found)
+                for remark in remarks:
                     session.note(f"{recording.log}: {remark}")
-                if plot is not None:
-                    from tirelog.plots.dissipation import Sketch
+                if lines is None:
+                    continue
+                table.write(lines)
+            else:
+                table.write(sorted_by_speed(part.found) if by_speed else part.columns)
+            if plot is not None:
+                from tirelog.plots.dissipation import Sketch
 
-                    kept.append(Sketch.of(recording, found))
+                kept.append(Sketch.of(recording, part.found))
         if plot is not None and kept:
             from tirelog.plots.dissipation import dissipation_picture
 

@@ -28,27 +28,17 @@ def footprint(
 ) -> None:
     """Tell contact length, edges and slip onset at each passage of the patch."""
     one_thread()
-    from tirelog.dsp.lowpass import Cutoff
-    from tirelog.strain.footprint.table import footprint_of
-    from tirelog.strain.speed import radius_remarks
-
-    setting = Cutoff.parse(cutoff)
     kept = []
     with (
         Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
         session.table("footprint", output, format) as table,
     ):
-        for recording in session.recordings(logs):
-            for remark in radius_remarks(recording):
-                session.note(f"{recording.log}: {remark}")
-            for found in footprint_of(recording, setting):
-                table.write(found.columns)
-                for remark in found.remarks:
-                    session.note(f"{recording.log}: {remark}")
-                if plot is not None:
-                    from tirelog.plots.footprint import Sketch
+        for recording, part in session.parts(logs, "footprint", cutoff=cutoff):
+            table.write(part.columns)
+            if plot is not None:
+                from tirelog.plots.footprint import Sketch
 
-                    kept.append(Sketch.of(recording, found))
+                kept.append(Sketch.of(recording, part.found))
         if plot is not None and kept:
             from tirelog.plots.footprint import footprint_picture
 

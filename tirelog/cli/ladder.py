@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tirelog.cli.common import (
+    ChannelName,
+    EffectsFile,
     Format,
     Logs,
     ModelFile,
@@ -23,14 +25,7 @@ from tirelog.cli.common import (
     keeps_hashes,
     say,
 )
-from tirelog.cli.compare import (
-    ChannelName,
-    Effects,
-    columns_of,
-    own_effects,
-    stacks_and_model,
-    write_json,
-)
+from tirelog.cli.compare import columns_of, measured_and_model, write_json
 from tirelog.errors import printable
 
 if TYPE_CHECKING:
@@ -47,7 +42,7 @@ def ladder(
     format: Format = None,
     quiet: Quiet = False,
     channel: ChannelName = None,
-    effects: Effects = None,
+    effects: EffectsFile = None,
     plot: Plot = None,
     save: Annotated[
         Path | None,
@@ -68,15 +63,11 @@ def ladder(
     refuse_unwritable(output, save)
     refuse_picture(plot)
     with Session(setup, quiet, hashed=keeps_hashes(output, format)) as session:
-        stacks, read = stacks_and_model(session, logs, model, effects, channel)
-        from tirelog.diagnosis.ladder import ladder as climb
+        found, read = measured_and_model(session, logs, model, effects, channel)
+        from tirelog.api.answers import ladder as climb
+        from tirelog.physics.model.user_effects import own_effects
 
-        result = climb(
-            stacks,
-            read,
-            effects=own_effects(effects),
-            progress=(lambda text: None) if quiet else say,
-        )
+        result = climb(found, read, effects=own_effects(effects), progress=None if quiet else say)
         if not quiet:
             _bars(result)
         _remember(result, model)

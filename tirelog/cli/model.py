@@ -8,13 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tirelog.cli.common import Format, Logs, ModelFile, Output, Quiet, Session, SetupFile, say
-from tirelog.vocabulary.kinds import STRAIN_KINDS
-from tirelog.vocabulary.observables import WAVEFORMS, waveform_of
+from tirelog.cli.common import (
+    EffectsFile,
+    Format,
+    Logs,
+    ModelFile,
+    Output,
+    Quiet,
+    Session,
+    SetupFile,
+    say,
+)
 
 if TYPE_CHECKING:
+    from tirelog.api.answers import MeasuredLogs
+    from tirelog.data.recording import Conditions
     from tirelog.data.setup import Setup
-    from tirelog.inference.measured import MeasuredLogs
     from tirelog.physics.model.model import Model
 
 app = typer.Typer(help="Make, change, fit and evaluate model files.", no_args_is_help=True)
@@ -23,23 +32,10 @@ Model_ = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file.", sho
 Target = Annotated[
     Path, typer.Option("-o", "--output", help="Model file to write.", show_default=False)
 ]
-EffectsFile = Annotated[
-    Path | None,
-    typer.Option(
-        "--effects", help="Python file with effects of your own; it is run.", show_default=False
-    ),
-]
 Sets = Annotated[
     list[str],
     typer.Option("--set", metavar="NAME=VALUE", help="A parameter's value; several times."),
 ]
-
-
-def _load(path: Path, effects: Path | None) -> Model:
-    from tirelog.physics.model.file import load_model
-    from tirelog.physics.model.user_effects import catalogue_with
-
-    return load_model(path, catalogue=catalogue_with(effects))
 
 
 def _setup(path: Path | None) -> Setup | None:
@@ -88,89 +84,25 @@ def new(
     quiet: Quiet = False,
 ) -> None:
     """Make a model without effects; tire and conditions come from the setup where it has them."""
-    from tirelog.physics.model.model import Model
-
-    known = _setup(setup)
-    model = Model.new(carcass, observable or _measured(known), contact)
-    given = {**_from_setup(model, known), **_assignments(sets)}
-    check_pressure(given.get("inflation_pressure_Pa"))
-    model = model.with_values(given)
     from tirelog.physics.model.file import save_model
+    from tirelog.physics.model.from_setup import new_model
 
+    model, remarks = new_model(
+        carcass,
+        _setup(setup),
+        observable=observable,
+        contact=contact,
+        values=_assignments(sets),
+    )
     save_model(model, output)
     if not quiet:
-        for remark in _invented(model, given):
+        for remark in remarks:
             say(f"note: {remark}")
         fitted = output.with_stem(f"{output.stem}_fitted")
         say(
             f"wrote {output}; next: tirelog model fit LOG --model {output} -o {fitted}, or "
             f"tirelog compare LOG --model {output}"
         )
-
-
-#: A tire at less than this [Pa] stands on its rim, and bar, psi and kPa taken for Pa all lie below
-#: it: a fifth of it would let 1000 (kPa) pass, twice as much is 0.1 bar, which sand and snow are
-#: driven at.
-LEAST_PRESSURE_PA = 5e3
-#: Speeds [m/s] and accelerations [m/s^2] that a tire is driven at; beyond them a number is in
-#: another unit.
-FASTEST_M_S, HARDEST_M_S2 = 200.0, 100.0
-
-
-def check_pressure(pressure_Pa: float | None) -> None:
-    """ModelError for an inflation pressure that is none in Pa; nothing at all (0) is allowed."""
-    from tirelog.errors import ModelError
-
-    if pressure_Pa is not None and not (pressure_Pa == 0.0 or pressure_Pa >= LEAST_PRESSURE_PA):
-        raise ModelError(
-            f"inflation_pressure_Pa = {pressure_Pa:g} is no tire's pressure in Pa; "
-            f"0, or {LEAST_PRESSURE_PA:g} and more, is allowed; write it in Pa (2.2 bar is 2.2e5)"
-        )
-
-
-def _measured(setup: Setup | None) -> str:
-    """The waveform that a setup's channels measure: radial acceleration if no channel is strain."""
-    kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
-    return waveform_of(kinds)
-
-
-def _invented(model: Model, given: dict[str, float]) -> list[str]:
-    """What neither the setup nor --set gives, though it is this tire's or this drive's own."""
-    own = ("load_N", "radius_m", "inflation_pressure_Pa", "width_m")
-    guessed = [
-        f"{name} = {model.values[name]:g}"
-        for name in own
-        if name in model.parameters and name not in given
-    ]
-    if not guessed:
-        return []
-    return [
-        f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
-        "give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
-    ]
-
-
-def _from_setup(model: Model, setup: Setup | None) -> dict[str, float]:
-    """What a setup knows of a model's numbers."""
-    if setup is None:
-        return {}
-    tire, conditions = setup.tire, setup.conditions
-    radius = tire.rolling_radius_m or tire.unloaded_radius_m
-    known = {
-        "radius_m": radius,
-        "width_m": tire.width_m,
-        "load_N": conditions.load_N,
-        "reference_load_N": conditions.load_N,
-        "inflation_pressure_Pa": conditions.inflation_pressure_Pa,
-        "patch_half_length_m": None
-        if tire.static_footprint_length_m is None
-        else tire.static_footprint_length_m / 2.0,
-    }
-    return {
-        name: value
-        for name, value in known.items()
-        if value is not None and name in model.parameters
-    }
 
 
 @app.command()
@@ -189,17 +121,19 @@ def show(
     """Show a model to read, or its parameters as a table; with --against the difference of two
     models in sigma.
     """
+    from tirelog.api.models import load_model
     from tirelog.cli.history import history_page, history_rows
-    from tirelog.cli.model_page import difference_page, difference_rows, model_page, parameter_rows
+    from tirelog.cli.model_page import difference_page, model_page
+    from tirelog.physics.model.difference import difference_rows, parameter_rows
 
-    read = _load(model, effects)
+    read = load_model(model, effects=effects)
     if history:
         rows: dict[str, Any] = history_rows(model)
     else:
         rows = (
             parameter_rows(read)
             if against is None
-            else difference_rows(read, _load(against, effects))
+            else difference_rows(read, load_model(against, effects=effects))
         )
     if format is None and output is None:
         typer.echo(
@@ -226,37 +160,18 @@ def add(
     """Add an effect at its start values (or --set ones); a grating's length is fixed where the
     setup gives it.
     """
-    from tirelog.errors import ModelError, nearest
-    from tirelog.physics.model.entry import ModelEffect
-    from tirelog.physics.model.user_effects import catalogue_with
+    from tirelog.api.models import load_model
+    from tirelog.physics.model.file import save_model
+    from tirelog.physics.model.from_setup import with_gauge_length
+    from tirelog.physics.model.user_effects import effect_called
 
-    catalogue = catalogue_with(effects)
-    if effect not in catalogue:
-        raise ModelError(
-            f"unknown effect {effect!r}{nearest(effect, catalogue)}; "
-            f"allowed are {', '.join(catalogue)}; see `tirelog effects`"
-        )
     changed = (
-        _load(model, effects)
-        .with_effect(ModelEffect.of(catalogue[effect]))
+        load_model(model, effects=effects)
+        .with_effect(effect_called(effect, effects))
         .with_values(_assignments(sets, f"{effect}."))
     )
     given = _setup(setup)
-    if effect == "gauge_length" and given is not None:
-        changed = _gauge_from_setup(changed, given)
-    from tirelog.physics.model.file import save_model
-
-    save_model(changed, output)
-
-
-def _gauge_from_setup(model: Model, setup: Setup) -> Model:
-    """The grating's length held at what the setup says, where its strain channels agree on one."""
-    lengths = {c.gauge_length_m for c in setup.channels.values() if c.kind in STRAIN_KINDS}
-    length = lengths.pop() if len(lengths) == 1 else None
-    if length is None:
-        return model
-    name = "gauge_length.length_m"
-    return model.with_parameters({name: model.parameters[name].at(length).fixed()})
+    save_model(with_gauge_length(changed, given) if effect == "gauge_length" else changed, output)
 
 
 @app.command()
@@ -267,9 +182,10 @@ def remove(
     effects: EffectsFile = None,
 ) -> None:
     """Remove an effect."""
+    from tirelog.api.models import load_model
     from tirelog.physics.model.file import save_model
 
-    save_model(_load(model, effects).without_effect(effect), output)
+    save_model(load_model(model, effects=effects).without_effect(effect), output)
 
 
 @app.command()
@@ -301,84 +217,43 @@ def fit(
     Masses, damping and bristles of a coupled ring are fitted to the
     obstacles of logs whose setup has a [road].
     """
+    from tirelog.api.answers import fit as fit_model
+    from tirelog.api.models import load_model
     from tirelog.cli.model_page import fit_page, learned_page
     from tirelog.cli.targets import refuse_unwritable
-    from tirelog.diagnosis.fitted import fit_channels_measured
-    from tirelog.diagnosis.obstacles.learn import learn
-    from tirelog.inference.motion import motion_names
+    from tirelog.physics.model.file import save_model
+    from tirelog.vocabulary.observables import WAVEFORMS
 
     refuse_unwritable(output)
-    start = _load(model, effects)
-    words = (
-        [w for w in nuisances.replace(",", " ").split() if w != "none"]
-        if start.observable in WAVEFORMS
-        else ["shift"]
-    )
+    start = load_model(model, effects=effects)
+    words = [w for w in nuisances.replace(",", " ").split() if w != "none"]
+    if start.observable not in WAVEFORMS:
+        words = ["shift"]
     with Session(setup, quiet) as session:
-        channels = _channels(session, logs, start, channel)
-        result, remarks = fit_channels_measured([found.stacks for found in channels], start, words)
-        obstacles = [obstacle for found in channels for obstacle in found.obstacles]
-        for remark in remarks:
+        measured = _measured(session, logs, start, list(dict.fromkeys(channel)))
+        result = fit_model(measured, start, nuisances=words)
+        for remark in result.remarks:
             session.note(remark)
-        fitted = result.model.with_parameters(
-            {name: start.parameters[name] for name in motion_names(start)}
-        )
-        learned = learn(obstacles, fitted) if obstacles and motion_names(start) else None
-        from tirelog.physics.model.file import save_model
-
-        save_model(fitted if learned is None else learned.model, output)
+        save_model(result.model, output)
         if not quiet:
             typer.echo(fit_page(result))
-            if learned is not None:
-                typer.echo(learned_page(learned))
-            elif motion_names(start):
-                say(
-                    f"note: {', '.join(motion_names(start))}: told by obstacles alone; "
-                    "no log has a [road] in its setup: kept"
-                )
+            if result.learned is not None:
+                typer.echo(learned_page(result.learned))
 
 
-def _channels(
-    session: Session, logs: list[str], start: Model, channel: list[str]
+def _measured(
+    session: Session, logs: list[str], model: Model, channels: list[str]
 ) -> list[MeasuredLogs]:
-    """The measured revolutions of each channel; one channel's logs are read one after the other."""
-    from tirelog.inference.measured import measured
+    """What was measured by each of the channels; by the first that fits if none is named.
 
-    names = list(dict.fromkeys(channel))
-    if len(names) < 2:
-        name = names[0] if names else None
-        return [measured(session.recordings(logs), start.observable, name)]
-    recordings = session.all_recordings(logs)
-    return [measured(recordings, _observable(recordings, name, start), name) for name in names]
-
-
-def _observable(recordings: list[Any], name: str, model: Model) -> str:
-    """What a named channel measures (strain and radial acceleration fit one tire together), else
-    what the model predicts.
+    One channel's logs are read one after the other.
     """
-    kinds = {
-        recording.channels[name].kind for recording in recordings if name in recording.channels
-    }
-    return waveform_of(kinds) if model.observable in WAVEFORMS and kinds else model.observable
+    from tirelog.api.answers import measure, observable_of
 
-
-def _drivable(
-    speed: float, acceleration: float, time: float, temperature: float | None, slip: float | None
-) -> None:
-    """UsageError for conditions that no tire is driven under."""
-    from tirelog.errors import UsageError
-
-    for option, value, low, high, unit in (
-        ("speed", speed, 0.0, FASTEST_M_S, "m/s"),
-        ("acceleration", acceleration, -HARDEST_M_S2, HARDEST_M_S2, "m/s^2"),
-        ("time", time, 0.0, 1e7, "s"),
-        ("temperature", temperature, -300.0, 300.0, "K of change"),
-        ("slip", slip, -1.0, 1.0, "(positive in braking)"),
-    ):
-        if value is not None and not low <= value <= high:
-            raise UsageError(
-                f"--{option} {value:g}; {low:g} to {high:g} {unit} is allowed; correct it"
-            )
+    if len(channels) < 2:
+        return [measure(session.recordings(logs), model, channels[0] if channels else None)]
+    recordings = session.all_recordings(logs)
+    return [measure(recordings, observable_of(name, recordings, model), name) for name in channels]
 
 
 @app.command()
@@ -452,67 +327,68 @@ def predict(
     With --road, --load-step or --speed-ramp: a coupled ring driven in time, forces at road and
     spindle and what sensors read.
     """
-    import numpy as np
-
+    from tirelog.api.models import load_model, revolution
     from tirelog.data.recording import Conditions
-    from tirelog.errors import UsageError
-    from tirelog.vocabulary.conditions import SETUP_KEYS
+    from tirelog.physics.model.from_setup import known_conditions, known_surface
+    from tirelog.physics.model.limits import check_conditions, check_model
 
-    if speed < 0 or not np.isfinite(speed):
-        raise UsageError(
-            f"--speed {speed:g}; allowed is a speed of 0 m/s or more, forwards; give that"
-        )
-    read, given = _load(model, effects), _setup(setup)
-    _drivable(speed, acceleration, time, temperature, slip)
-    check_pressure(read.values.get("inflation_pressure_Pa"))
-    known: dict[str, Any] = {
+    read, given = load_model(model, effects=effects), _setup(setup)
+    known = {
         "speed_m_s": speed,
         "acceleration_m_s2": acceleration,
         "time_s": time,
-        "temperature_K": temperature,
-        "slip": slip,
+        **({} if temperature is None else {"temperature_K": temperature}),
+        **({} if slip is None else {"slip": slip}),
     }
-    if given is not None:
-        known |= {name: getattr(given.conditions, name) for name in SETUP_KEYS}
-        check_pressure(given.conditions.inflation_pressure_Pa)
-        strain = [
-            c.surface for c in given.channels.values() if c.kind in STRAIN_KINDS and c.surface
-        ]
-        surface = surface or (strain[0] if strain else None)
-    conditions = Conditions.of(
-        1, **{name: value for name, value in known.items() if value is not None}
-    )
-    if road is not None or load_step or speed_ramp:
-        from tirelog.cli.passage import course_of, road_words, rows
-        from tirelog.physics.moving.transient import drive
-
-        weight = conditions.load_N[0] if conditions.known("load_N") else read.values["load_N"]
-        words = road_words(road or "flat", given)
-        folder = setup.parent if setup is not None and road == "setup" else None
-        course = course_of(words, folder, speed, float(weight), load_step, speed_ramp, duration)
-        passage = drive(read, conditions, course, step_s=step)
-        for remark in passage.remarks:
-            say(f"note: {remark}")
-        with Session(None).table("passage", output, format) as table:
-            table.write(rows(passage, sensor or [180.0], surface or "outer"))
+    conditions = Conditions.of(1, **known, **known_conditions(given))
+    check_conditions(conditions, {name: f"--{name.split('_')[0]}" for name in known})
+    check_model(read)
+    side = surface or known_surface(given) or "outer"
+    if road is None and not load_step and not speed_ramp:
+        columns: dict[str, Any] = dict(revolution(read, conditions, points=points, surface=side))
+        with Session(None).table("predict", output, format) as table:
+            table.write(columns)
         return
-    phi = np.linspace(-np.pi, np.pi, points, endpoint=False) + np.pi / points
-    columns: dict[str, Any] = {
-        "xi_m": phi * read.parameters["radius_m"].value,
-        "phi_deg": np.degrees(phi),
-    }
-    wanted = {
-        "displacement_m": "displacement",
-        "strain": "strain",
-        "radial_acceleration_m_s2": "radial_acceleration",
-    }
-    wanted |= {"contact_pressure_N_m": "contact_pressure", "shear_traction_N_m": "shear_traction"}
-    for column, observable in wanted.items():
-        columns[column] = read.predict(
-            conditions, phi, surface=surface or "outer", observable=observable
-        )[0]
-    with Session(None).table("predict", output, format) as table:
-        table.write(columns)
+    folder = setup.parent if setup is not None and road == "setup" else None
+    rows = _passage(
+        read, conditions, given, folder, road, load_step, speed_ramp, duration, step, sensor, side
+    )
+    with Session(None).table("passage", output, format) as table:
+        table.write(rows)
+
+
+def _passage(
+    model: Model,
+    conditions: Conditions,
+    setup: Setup | None,
+    folder: Path | None,
+    road: str | None,
+    load_step: list[str],
+    speed_ramp: list[str],
+    duration: float | None,
+    step: float | None,
+    sensor: list[float],
+    surface: str,
+) -> dict[str, Any]:
+    """The columns of a drive over the road, under the loads and at the speeds of the options."""
+    from tirelog.cli.passage import load_steps, road_words, speed_ramps
+    from tirelog.physics.moving.course import course_of, passage_columns
+    from tirelog.physics.moving.transient import drive
+
+    known_load = conditions.known("load_N")
+    course = course_of(
+        road_words(road or "flat", setup),
+        folder,
+        float(conditions.speed_m_s[0]),
+        float(conditions.load_N[0]) if known_load else model.values["load_N"],
+        load_steps(load_step),
+        speed_ramps(speed_ramp),
+        duration,
+    )
+    passage = drive(model, conditions, course, step_s=step)
+    for remark in passage.remarks:
+        say(f"note: {remark}")
+    return passage_columns(passage, sensor or [180.0], surface)
 
 
 @app.command()
@@ -548,32 +424,18 @@ def modes(
     """
     from dataclasses import asdict
 
-    from tirelog.errors import ModelError
-    from tirelog.physics.carcass.numbers import steady_carcass
-    from tirelog.physics.moving.modes import natural_modes, of_model
+    from tirelog.api.models import load_model
+    from tirelog.physics.moving.modes import modes_of_model
     from tirelog.vocabulary.columns import TABLES
 
-    read = _load(model, effects)
-    if steady_carcass(read.carcass) != "ring":
-        raise ModelError(
-            f'a {read.carcass} has no natural modes here; carcass = "ring" or "coupled_ring" is '
-            "allowed; make one with --carcass ring",
-            file=model,
-        )
-    tire = of_model(read.values, hub_mass_kg=hub_mass, hub_inertia_kg_m2=hub_inertia)
-    supports: dict[str, float | None] = {"air": None}
-    if read.contact == "flat_road":
-        supports["road"] = read.values["load_N"] if load is None else load
-    elif load is not None:
-        raise ModelError(
-            '--load needs a tread to stand on; contact = "flat_road" is allowed; '
-            "leave it out, or make such a model",
-            file=model,
-        )
-    found = [
-        {"support": support, "speed_m_s": speed, **asdict(mode)}
-        for support, stands in supports.items()
-        for mode in natural_modes(tire, speed_m_s=speed, load_N=stands, to_Hz=to_frequency)
-    ]
+    found = modes_of_model(
+        load_model(model, effects=effects),
+        speed_m_s=speed,
+        load_N=load,
+        hub_mass_kg=hub_mass,
+        hub_inertia_kg_m2=hub_inertia,
+        to_Hz=to_frequency,
+    )
+    rows = [{"support": support, "speed_m_s": speed, **asdict(mode)} for support, mode in found]
     with Session(None).table("modes", output, format) as table:
-        table.write({name: [row[name] for row in found] for name in TABLES["modes"]})
+        table.write({name: [row[name] for row in rows] for name in TABLES["modes"]})

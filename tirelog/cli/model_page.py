@@ -6,16 +6,11 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tirelog.api.results import FitOfLogs
     from tirelog.diagnosis.obstacles.learn import Learned
-    from tirelog.inference.fit.result import FitResult
     from tirelog.physics.effects import Effect
     from tirelog.physics.model.model import Model
     from tirelog.physics.parameters import Parameter
-
-
-#: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
-#: `diagnose`; twice as high would leave unsaid a misfit as large as the noise itself
-FORM_IN_DOUBT = 1.2
 
 
 def _aligned(rows: Iterable[tuple[str, ...]], indent: str = "  ") -> str:
@@ -55,42 +50,8 @@ def model_page(model: Model) -> str:
     return "\n".join(parts)
 
 
-def parameter_rows(model: Model) -> dict[str, list[Any]]:
-    """Columns of the table of parameters."""
-    named = model.parameters.items()
-    return {
-        "parameter": [name for name, _ in named],
-        "value": [p.value for _, p in named],
-        "se": [float("nan") if p.se is None else p.se for _, p in named],
-        "unit": [p.unit for _, p in named],
-        "min": [p.min for _, p in named],
-        "max": [p.max for _, p in named],
-        "free": [p.free for _, p in named],
-    }
-
-
-def difference_rows(one: Model, other: Model) -> dict[str, list[Any]]:
-    """Parameters of two models side by side; `difference_sigma` if either has a standard error."""
-    names = [*one.parameters, *(n for n in other.parameters if n not in one.parameters)]
-    rows: dict[str, list[Any]] = {
-        "parameter": names,
-        "value": [],
-        "against": [],
-        "difference_sigma": [],
-    }
-    for name in names:
-        a, b = one.parameters.get(name), other.parameters.get(name)
-        error = sum((p.se or 0.0) ** 2 for p in (a, b) if p is not None) ** 0.5
-        rows["value"].append(a.value if a else float("nan"))
-        rows["against"].append(b.value if b else float("nan"))
-        rows["difference_sigma"].append(
-            (a.value - b.value) / error if a and b and error > 0 else float("nan")
-        )
-    return rows
-
-
 def difference_page(rows: dict[str, list[Any]]) -> str:
-    """`difference_rows` to read."""
+    """The differences of two models to read."""
     header = ("parameter", "value", "against", "difference in sigma")
     body = (
         (
@@ -103,8 +64,9 @@ def difference_page(rows: dict[str, list[Any]]) -> str:
     return _aligned([header, *body], indent="")
 
 
-def fit_page(result: FitResult) -> str:
+def fit_page(fitted: FitOfLogs) -> str:
     """What a fit found."""
+    result = fitted.found
     parameters = [result.model.parameters[name] for name in result.names]
     rows = [
         (
@@ -125,12 +87,7 @@ def fit_page(result: FitResult) -> str:
     ]
     lines += [f"correlation {r:+.3f} between {a} and {b}" for a, b, r in result.correlations]
     lines += [f"{name} stands at a bound" for name in result.at_bound]
-    if result.reduced_chi2 > FORM_IN_DOUBT:
-        lines.append(
-            "what is left is more than noise: the errors hold only as far as the model's form "
-            "does; `tirelog diagnose` tells more"
-        )
-    return "\n".join([*lines, *result.degenerate])
+    return "\n".join([*lines, *fitted.doubts])
 
 
 def learned_page(learned: Learned) -> str:

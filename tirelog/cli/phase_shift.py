@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
 
 if TYPE_CHECKING:
+    from tirelog.products import Part
     from tirelog.wheel.calibration import Calibration
     from tirelog.wheel.phase_shift import Passages
 
@@ -63,14 +64,15 @@ def phase_shift(
         Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
         session.table("phase-shift", output, format, calibration=str(calibration or "")) as writer,
     ):
-        if applied is not None:
-            _note_delay(session, applied)
+        if applied is not None and applied.has_delay:
+            session.note(applied.delay_remark)
         kept: list[Passages] = []
-        for passages in _measured(session, logs, zero, calibrate is not None, applied):
-            if calibrate is None:
-                writer.write(table(passages, applied))
-            if calibrate is not None or plot is not None:
-                kept.append(passages)
+        learning = calibrate is not None
+        for part in _parts(session, logs, calibration=applied, zero=zero, forces=learning):
+            if not learning:
+                writer.write(part.columns)
+            if learning or plot is not None:
+                kept.append(part.found)
         if calibrate is not None:
             applied = _learn(session, kept, calibrate, fit_forces)
             for passages in kept:
@@ -86,61 +88,29 @@ def phase_shift(
             plot_phase_shift(kept, applied, plot)
 
 
-def _measured(
-    session: Session, logs: list[str], zero: str, forces: bool, calibration: Calibration | None
-) -> Iterator[Passages]:
-    """The passages of every log; one without teeth or without a patch is lost, and the rest goes
-    on.
-    """
+def _parts(session: Session, logs: list[str], **options: Any) -> Iterator[Part]:
+    """The rows of every log; one without teeth or without a patch is lost, and the rest goes on."""
     from tirelog.errors import DataLoss
-    from tirelog.wheel.table import measure_with
+    from tirelog.products import tables_of
 
+    given = {name: value for name, value in options.items() if value is not None}
     for recording in session.recordings(logs):
         try:
-            for passages in measure_with(calibration, recording, zero, forces):
-                for remark in passages.said:
+            for part in tables_of(recording, {"phase-shift": given}):
+                for remark in part.remarks:
                     session.note(f"{recording.log}: {remark}")
-                yield passages
+                yield part
         except DataLoss as problem:
             session.lost(str(problem))
 
 
-def _note_delay(session: Session, calibration: Calibration) -> None:
-    """Says once what the rows' word `delay_removed` means, and what cannot be told from a delay."""
-    if calibration.has_delay:
-        delay, se = 1e3 * calibration.delay_s, 1e3 * calibration.delay_se_s
-        known = (
-            "the measured longitudinal force is not in it"
-            if calibration.beside_force
-            else "so may be force that follows speed (drag, engine braking), which a "
-            "longitudinal_force channel in every log would part"
-        )
-        session.note(
-            f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} "
-            f"+- {se:.3f} ms later than the encoder: "
-            "a telemetry delay plus any trend linear in speed, which no drive tells apart; "
-            f"{known}; the speed map takes it off (delay_removed)"
-        )
-
-
 def _learn(session: Session, kept: list[Passages], path: Path, forces: bool) -> Calibration:
     """Learn, write and describe a calibration."""
-    import math
-
     from tirelog.wheel.calibration import calibrate
     from tirelog.wheel.calibration_file import write_calibration
 
     learnt = calibrate(kept, forces)
     write_calibration(path, learnt)
-    _note_delay(session, learnt)
-    if math.isnan(learnt.crosstalk):
-        session.note(
-            "no drive phase of an undriven wheel ([conditions] driven = false): no cross-talk, "
-            "the corrected column is empty"
-        )
-    else:
-        session.note(f"cross-talk k = {learnt.crosstalk:.4f} +- {learnt.crosstalk_se:.4f}")
-    for name, force in (("vertical", learnt.vertical), ("longitudinal", learnt.longitudinal)):
-        if force is not None:
-            session.note(f"{name} force: {force.rms_N:.0f} N rms on held-out parts of the logs")
+    for remark in learnt.remarks:
+        session.note(remark)
     return learnt

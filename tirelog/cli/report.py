@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tirelog.cli.common import Quiet, Session, SetupFile, in_a_folder, say
-from tirelog.cli.compare import ChannelName, Effects
+from tirelog.cli.common import (
+    ChannelName,
+    EffectsFile,
+    Quiet,
+    Session,
+    SetupFile,
+    in_a_folder,
+    say,
+)
 from tirelog.runtime import one_thread
 
 if TYPE_CHECKING:
@@ -52,7 +59,7 @@ def report(
         typer.Option("--ladder", help="The ladder kept beside the model.", show_default=False),
     ] = None,
     channel: ChannelName = None,
-    effects: Effects = None,
+    effects: EffectsFile = None,
     format: Annotated[str, typer.Option("--format", help="html, or png for slides.")] = "html",
     figures: Annotated[
         Path | None, typer.Option("--figures", help="Folder for the pictures.", show_default=False)

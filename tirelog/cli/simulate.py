@@ -39,24 +39,9 @@ def simulate(
     moves: over the [road] (flat, step, cleat, sine, profile), under [[load_steps]], through every
     [[manoeuvres]]. The keys are explained in sample_data/README.md.
     """
-    from dataclasses import replace
+    from tirelog.api.simulated import simulated_log
 
-    from tirelog.errors import UsageError
-    from tirelog.simulation import load_scenario, write_log
-    from tirelog.simulation import simulate as make
-    from tirelog.simulation.sensors.writers import setup_of, suffix_of, truth_of
-    from tirelog.storage.whole import refuse_inputs
-
-    suffix_of(output)
-    if setup_of(output).resolve() == scenario.resolve():
-        raise UsageError(
-            "its setup would take the scenario's place; allowed is a log of another name; "
-            "change -o",
-            file=output,
-        )
-    refuse_inputs(truth_of(output), setup_of(output))
-    described = load_scenario(scenario)
-    files = write_log(make(described if seed is None else replace(described, seed=seed)), output)
+    described, files = simulated_log(scenario, output, seed=seed)
     if not quiet:
         planted = ", ".join(effect.name for effect in described.effects) or "no effect"
         say(

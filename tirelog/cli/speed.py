@@ -24,15 +24,9 @@ def speed(
     ] = False,
 ) -> None:
     """Tell the speed at each passage of the patch, with standard error and acceleration."""
-    from tirelog.strain.speed import speed_tables
-
     with (
         Session(setup, quiet, hashed=keeps_hashes(output, format)) as session,
         session.table("speed", output, format) as table,
     ):
-        for recording in session.recordings(logs):
-            tables, remarks = speed_tables(recording, calibrate_radius)
-            for columns in tables:
-                table.write(columns)
-            for remark in remarks:
-                session.note(f"{recording.log}: {remark}")
+        for _, part in session.parts(logs, "speed", calibrate_radius=calibrate_radius):
+            table.write(part.columns)

@@ -47,14 +47,14 @@ def tables(
     """Make several tables in one go, each log read once."""
     one_thread()
     from tirelog.errors import UsageError, nearest
-    from tirelog.products import MAKERS, tables_of
+    from tirelog.products import OF_A_DRIVE, tables_of
     from tirelog.storage.whole import all_or_none, make_folder
     from tirelog.tables.writer import TableWriter, table_format
 
     for name in table or ():
-        if name not in MAKERS:
+        if name not in OF_A_DRIVE:
             raise UsageError(
-                f"--table {name}{nearest(name, MAKERS)}; allowed are {', '.join(MAKERS)}; "
+                f"--table {name}{nearest(name, OF_A_DRIVE)}; allowed are {', '.join(OF_A_DRIVE)}; "
                 "choose among them"
             )
     suffix = table_format(None, format)
@@ -65,26 +65,24 @@ def tables(
     ):
         writers: dict[str, TableWriter] = {}
         for recording in session.recordings(logs):
-            suited = [name for name in table or MAKERS if MAKERS[name].suits(recording)]
+            suited = [name for name in table or OF_A_DRIVE if OF_A_DRIVE[name].suits(recording)]
             for name in set(table or ()) - set(suited):
                 session.note(f"{recording.log}: no channel for {name}")
             if not suited:
                 raise UsageError(
-                    f"no channel for {' or '.join(table or MAKERS)}; see `tirelog info`; "
+                    f"no channel for {' or '.join(table or OF_A_DRIVE)}; see `tirelog info`; "
                     "name one in the setup",
                     file=recording.log,
                 )
             told = set()
-            for name, columns, remarks in tables_of(
-                recording, {name: {} for name in suited}, workers
-            ):
-                if name not in writers:
+            for part in tables_of(recording, {name: {} for name in suited}, workers):
+                if part.table not in writers:
                     make_folder(output)
-                    writers[name] = open_tables.enter_context(
-                        session.table(name, output / f"{name}.{suffix}", format)
+                    writers[part.table] = open_tables.enter_context(
+                        session.table(part.table, output / f"{part.table}.{suffix}", format)
                     )
-                writers[name].write(columns)
-                for remark in remarks:
+                writers[part.table].write(part.columns)
+                for remark in part.remarks:
                     if remark not in told:
                         told.add(remark)
                         session.note(f"{recording.log}: {remark}")

@@ -30,7 +30,7 @@ def figure(result: Comparison) -> Any:
     factor, unit = drawn(result.observable, result.unit)
     canvas = Figure(figsize=(12.0, 9.5), layout="constrained")
     grid = canvas.add_gridspec(3, 2, height_ratios=(1.1, 1.0, 1.0))
-    _waveforms(canvas.add_subplot(grid[0, :]), result, factor, unit)
+    waveforms(canvas.add_subplot(grid[0, :]), result)
     for row, (kind, label) in enumerate(
         (("residual", f"residual [{unit}]"), ("whitened", "residual [standard errors]")), start=1
     ):
@@ -65,7 +65,9 @@ def draw(result: Comparison, path: Path) -> None:
         figure(result).savefig(part, format=path.suffix.lstrip(".") or "png", dpi=110)
 
 
-def _waveforms(axes: Any, result: Comparison, factor: float, unit: str) -> None:
+def waveforms(axes: Any, result: Comparison) -> None:
+    """Some like revolutions, measured and predicted, with the floor's band, on `axes`."""
+    factor, unit = drawn(result.observable, result.unit)
     waves = result.waveforms
     for i, label in enumerate(waves.labels):
         phi = np.rad2deg(waves.phi_rad[i])

@@ -15,22 +15,27 @@ def figure(result: Ladder) -> Any:
     """A matplotlib figure of a ladder."""
     from matplotlib.figure import Figure
 
-    factor, unit = drawn(result.observable, result.unit)
     canvas = Figure(figsize=(8.0, 4.5), layout="constrained")
-    axes = canvas.add_subplot()
-    steps = [s for s in result.steps if not s.decision.startswith("not added")]
-    place = list(range(len(steps)))
-    held_out = [float("nan") if s.rmse_heldout is None else s.rmse_heldout * factor for s in steps]
+    steps(canvas.add_subplot(), result)
+    return canvas
+
+
+def steps(axes: Any, result: Ladder) -> None:
+    """Error and floor of each step that was taken, on `axes`."""
+    factor, unit = drawn(result.observable, result.unit)
+    taken = [s for s in result.steps if not s.decision.startswith("not added")]
+    place = list(range(len(taken)))
+    held_out = [float("nan") if s.rmse_heldout is None else s.rmse_heldout * factor for s in taken]
     axes.bar(place, held_out, width=0.6, color="tab:blue", label="held-out error")
-    axes.plot(place, [s.rmse_fit * factor for s in steps], "k_", ms=22, label="error of the fit")
+    axes.plot(place, [s.rmse_fit * factor for s in taken], "k_", ms=22, label="error of the fit")
     axes.step(
         place,
-        [s.noise_floor * factor for s in steps],
+        [s.noise_floor * factor for s in taken],
         where="mid",
         color="tab:red",
         label="noise floor",
     )
-    for x, s in zip(place, steps, strict=True):
+    for x, s in zip(place, taken, strict=True):
         text = s.decision if s.p_adjusted is None else f"{s.decision}\np = {s.p_adjusted:.2g}"
         axes.annotate(
             text, (x, (s.rmse_heldout or s.rmse_fit) * factor), ha="center", va="bottom", fontsize=8
@@ -43,11 +48,10 @@ def figure(result: Ladder) -> Any:
             color="tab:green",
             label="manoeuvres that nothing had touched",
         )
-    axes.set_xticks(place, [s.effect for s in steps])
+    axes.set_xticks(place, [s.effect for s in taken])
     axes.set(ylabel=f"{result.observable} error [{unit}]")
     axes.margins(y=0.2)
     axes.legend(fontsize=8)
-    return canvas
 
 
 def draw(result: Ladder, path: Path) -> None:

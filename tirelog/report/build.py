@@ -26,7 +26,7 @@ from tirelog.report import model_sections, sections, table_sections
 from tirelog.report.asked import Asked
 from tirelog.report.page import Section
 from tirelog.report.passage import passage_figures
-from tirelog.report.sources import Tables, given_tables, made_dissipation, made_table, read_ladder
+from tirelog.report.sources import Tables, given_tables, made_table, read_ladder
 from tirelog.report.stored import model_pages
 
 Progress = Callable[[str], None]
@@ -108,12 +108,11 @@ def _tables(
             table = tables.get(name)
             if table is None:
                 progress(f"making the table {name}")
-            if name == "dissipation":
+                made = made_table(name, recordings)
+                table, lines, remarks = made.table, made.regressions, made.remarks
+                del made  # the table goes as soon as it is drawn
+            elif name == "dissipation":
                 lines = tables.get("dissipation-fit")
-                if table is None:
-                    table, lines, remarks = made_dissipation(recordings)
-            elif table is None:
-                table, remarks = made_table(name, recordings)
         except TirelogError as problem:
             report.missing.append((f"{name}: {problem}", command))
             continue

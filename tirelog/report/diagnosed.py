@@ -45,11 +45,10 @@ def model_story(
     """The sections of a model.  TirelogError where model and logs do not fit together."""
     from tirelog.diagnosis.diagnose import diagnose
     from tirelog.inference.measured import measured
-    from tirelog.physics.effects import BY_ID
+    from tirelog.physics.model.user_effects import own_effects
 
     stacks = measured(recordings, model.observable, asked.channel).stacks
-    own = [effect for name, effect in catalogue.items() if name not in BY_ID]
-    found = diagnose(stacks, model, effects=own, progress=progress)
+    found = diagnose(stacks, model, effects=own_effects(asked.effects), progress=progress)
 
     def command(name: str) -> str:
         return asked.report_command() if name == "report" else asked.command(name, model=True)

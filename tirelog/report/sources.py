@@ -19,8 +19,9 @@ import pandas as pd
 
 from tirelog.data.recording import Recording
 from tirelog.errors import UsageError
-from tirelog.products import MAKERS, tables_of
+from tirelog.products import OF_A_DRIVE, tables_of
 from tirelog.storage.documents import json_value
+from tirelog.tables.frame import frame_of
 from tirelog.tables.writer import read_table
 from tirelog.vocabulary.columns import OPTIONAL, TABLES
 
@@ -145,47 +146,36 @@ def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> Tables:
     return tables
 
 
-def made_table(name: str, recordings: Sequence[Recording]) -> tuple[pd.DataFrame | None, list[str]]:
-    """A table made by its command's own function from the logs that suit it, None where none does;
-    and the command's remarks.
+@dataclass(frozen=True)
+class MadeTable:
+    """A table made from the open logs, None if no log suits it; with the dissipation table its
+    regressions on speed; and what was said of it.
     """
-    parts, said = [], []
-    for recording in recordings:
-        if MAKERS[name].suits(recording):
-            for _, columns, remarks in tables_of(recording, {name: {}}):
-                parts.append(_frame(columns))
-                said += [f"{Path(recording.log).name}: {remark}." for remark in remarks]
-    return (pd.concat(parts, ignore_index=True) if parts else None), said
+
+    table: pd.DataFrame | None
+    regressions: pd.DataFrame | None
+    remarks: list[str]
 
 
-def made_dissipation(
-    recordings: Sequence[Recording],
-) -> tuple[pd.DataFrame | None, pd.DataFrame | None, list[str]]:
-    """The dissipation table, its regressions on speed, and the command's remarks, from one pass
-    over the logs.
-    """
-    from tirelog.strain.dissipation_table import dissipation_of, regression_columns
+def made_table(name: str, recordings: Sequence[Recording]) -> MadeTable:
+    """A table of the logs that suit it, made as its command makes it."""
+    from tirelog.strain.dissipation_table import regressions
 
     parts, lines, said = [], [], []
     for recording in recordings:
-        if MAKERS["dissipation"].suits(recording):
-            for found in dissipation_of(recording):
-                parts.append(_frame(found.columns))
-                fitted = regression_columns(recording.log, found)
-                lines += [] if fitted is None else [_frame(fitted)]
-                said += [f"{Path(recording.log).name}: {remark}." for remark in found.remarks]
-    joined = [pd.concat(some, ignore_index=True) if some else None for some in (parts, lines)]
-    return joined[0], joined[1], said
+        if not OF_A_DRIVE[name].suits(recording):
+            continue
+        for part in tables_of(recording, {name: {}}):
+            parts.append(frame_of(part.columns))
+            said += [f"{Path(recording.log).name}: {remark}." for remark in part.remarks]
+            if name == "dissipation":
+                fitted, _ = regressions(recording.log, part.found)
+                lines += [] if fitted is None else [frame_of(fitted)]
+    return MadeTable(_whole(parts), _whole(lines), said)
 
 
-def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:
-    rows = max(np.shape(v)[0] for v in columns.values() if np.ndim(v))
-    return pd.DataFrame(
-        {
-            name: np.broadcast_to(np.asarray(v), (rows,)) if np.ndim(v) == 0 else v
-            for name, v in columns.items()
-        }
-    )
+def _whole(parts: Sequence[pd.DataFrame]) -> pd.DataFrame | None:
+    return pd.concat(parts, ignore_index=True) if parts else None
 
 
 def read_ladder(path: Path) -> Mapping[str, Any]:

@@ -10,15 +10,13 @@ rows of constant speed
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.runs.in_memory import released
-from tirelog.strain.channels import rotating
 from tirelog.strain.dissipation import AVERAGED, STEADY_STEP_M_S, Dissipation, dissipation
 from tirelog.strain.dissipation_fit import regression, regression_table
 from tirelog.strain.passages.find import Passages
@@ -40,25 +38,6 @@ class DissipationOfChannel:
     dissipation: Dissipation
     columns: dict[str, Any]
     remarks: tuple[str, ...]
-
-
-def dissipation_of(
-    recording: Recording,
-    steady_step_m_s: float = STEADY_STEP_M_S,
-    averaged: int = AVERAGED,
-    block_samples: int = BLOCK_SAMPLES,
-) -> Iterator[DissipationOfChannel]:
-    """The dissipation of each strain channel of `recording`."""
-    said: set[str] = set()
-    for channel, passages in rotating(recording):
-        found = dissipation_of_channel(
-            recording, channel, passages, steady_step_m_s, averaged, block_samples
-        )
-        del channel  # before the next one takes its place in memory
-        yield replace(
-            found, remarks=tuple(remark for remark in found.remarks if remark not in said)
-        )
-        said.update(found.remarks)
 
 
 def dissipation_of_channel(
@@ -165,9 +144,11 @@ def clean(found: DissipationOfChannel) -> IntArray:
     return np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
 
 
-def regression_columns(log: str, found: DissipationOfChannel) -> dict[str, Any] | None:
-    """The regressions of factor and specific power on speed as rows of a table; None where there
-    are too few revolutions.
+def regressions(
+    log: str, found: DissipationOfChannel
+) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
+    """(the regressions of factor and specific power on speed as rows of a table, why there are
+    none); None if there are too few revolutions.
     """
     stretch = clean(found)
     lines = [
@@ -176,8 +157,11 @@ def regression_columns(log: str, found: DissipationOfChannel) -> dict[str, Any] 
     ]
     kept = [line for line in lines if line is not None]
     if not kept:
-        return None
-    return {"log": log, "channel": found.channel.name} | regression_table(kept)
+        return None, (
+            f"{found.channel.name}: no regression: too few revolutions of constant speed, "
+            "or one speed",
+        )
+    return {"log": log, "channel": found.channel.name} | regression_table(kept), ()
 
 
 def by_speed(found: DissipationOfChannel) -> dict[str, Any]:

@@ -10,13 +10,13 @@ for unequal steps, which is exact for constant acceleration, less what is left o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from tirelog.data.recording import Recording
+from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.kinematics import TURN_RAD
@@ -90,32 +90,14 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
     }
 
 
-def speed_tables(
-    recording: Recording, calibrate: bool = False
-) -> tuple[Iterable[Mapping[str, Any]], list[str]]:
-    """(columns of the `speed` table for each channel that tells it, made as they are asked for;
-    remarks on the whole log).
-
-    Strain channels tell it; without them the encoder; without that the radial acceleration.
-    `calibrate` takes the rolling radius from the log's `vehicle_speed`. UsageError: no channel
-    tells the speed, or nothing to calibrate against.
+def speed_channels(recording: Recording) -> list[Channel]:
+    """The channels whose passages tell the speed: of strain, or without an encoder the radial
+    acceleration; none if the encoder tells it.  UsageError: nothing does.
     """
-    references = recording.of_kind("vehicle_speed")
-    if calibrate and not references:
-        raise UsageError(
-            "--calibrate-radius: the log has no vehicle speed; allowed is a channel of kind "
-            "vehicle_speed; add it to the setup",
-            file=recording.log,
-        )
     channels = recording.of_kind(*STRAIN_KINDS)
-    if not channels and recording.of_kind("wheel_encoder"):
-        from tirelog.wheel.angle import encoder_speed  # only here: it needs more of scipy
-
-        columns, remarks = encoder_speed(
-            _without_rolling_radius(recording) if calibrate else recording
-        )
-        return [columns], remarks
-    channels = channels or recording.of_kind("radial_acceleration")
+    if channels or recording.of_kind("wheel_encoder"):
+        return channels
+    channels = recording.of_kind("radial_acceleration")
     if not channels:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"
         raise UsageError(
@@ -123,29 +105,53 @@ def speed_tables(
             f"radial_acceleration, the log has {have}; name one in the setup",
             file=recording.log,
         )
-    found = [
-        passages_of(recording, channel) for channel in channels
-    ]  # all of them before the first row: one may be refused
-    if not calibrate:
-        remarks = radius_remarks(recording)
-        return _columns(recording.log, found, remarks), remarks
+    return channels
+
+
+def speed_by_encoder(
+    recording: Recording, *, calibrate: bool = False
+) -> tuple[Mapping[str, Any], Sequence[str]]:
+    """(columns of the `speed` table, remarks) of a log whose encoder tells the speed.
+
+    `calibrate` takes the rolling radius from the log's `vehicle_speed`. UsageError: it has none.
+    """
+    from tirelog.wheel.angle import encoder_speed  # only here: it needs more of scipy
+
+    if calibrate:
+        _vehicle_speed(recording)
+        recording = _without_rolling_radius(recording)
+    return encoder_speed(recording)
+
+
+def calibrated_speed(
+    recording: Recording,
+) -> Iterator[tuple[Mapping[str, Any], Sequence[str]]]:
+    """(columns of the `speed` table, remarks) of each channel, the rolling radius taken from the
+    log's `vehicle_speed` by all of them together.  UsageError: nothing to calibrate against.
+    """
+    reference = _vehicle_speed(recording)
+    found = [passages_of(recording, channel) for channel in speed_channels(recording)]
     if all(passages.doubt for passages in found):
         raise UsageError(f"--calibrate-radius: {found[0].doubt}", file=recording.log)
-    radius = calibrate_radius(references[0], found, recording.setup.tire.unloaded_radius_m)
-    found = [replace(passages, radius_m=radius.radius_m) for passages in found]
-    remarks = [str(radius)]
-    return _columns(recording.log, found, remarks, radius.radius_se_m), remarks
-
-
-def _columns(
-    log: str, found: Iterable[Passages], remarks: list[str], radius_se_m: float = 0.0
-) -> Iterator[dict[str, Any]]:
-    """The columns of each channel's passages; what is to be said of a channel comes to the
-    `remarks` as it is made.
-    """
+    radius = calibrate_radius(reference, found, recording.setup.tire.unloaded_radius_m)
+    said = [str(radius)]
     for passages in found:
-        remarks += speed_doubts(passages)
-        yield speed_columns(log, passages, radius_se_m)
+        rolled = replace(passages, radius_m=radius.radius_m)
+        columns = speed_columns(recording.log, rolled, radius.radius_se_m)
+        yield columns, [*said, *speed_doubts(rolled)]
+        said = []
+
+
+def _vehicle_speed(recording: Recording) -> Channel:
+    """The channel that a rolling radius is calibrated against.  UsageError: there is none."""
+    references = recording.of_kind("vehicle_speed")
+    if not references:
+        raise UsageError(
+            "--calibrate-radius: the log has no vehicle speed; allowed is a channel of kind "
+            "vehicle_speed; add it to the setup",
+            file=recording.log,
+        )
+    return references[0]
 
 
 def speed_doubts(passages: Passages) -> list[str]:

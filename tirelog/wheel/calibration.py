@@ -97,6 +97,40 @@ class Calibration:
         """
         return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > SURE * self.delay_se_s)
 
+    @property
+    def delay_remark(self) -> str:
+        """What the rows' word `delay_removed` means, and what cannot be told from a delay."""
+        delay, se = 1e3 * self.delay_s, 1e3 * self.delay_se_s
+        known = (
+            "the measured longitudinal force is not in it"
+            if self.beside_force
+            else "so may be force that follows speed (drag, engine braking), which a "
+            "longitudinal_force channel in every log would part"
+        )
+        return (
+            f"the phase shift holds a part linear in speed, as from an accelerometer {delay:.3f} "
+            f"+- {se:.3f} ms later than the encoder: "
+            "a telemetry delay plus any trend linear in speed, which no drive tells apart; "
+            f"{known}; "
+            "the speed map takes it off (delay_removed)"
+        )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was learnt, and what could not be."""
+        said = [self.delay_remark] if self.has_delay else []
+        if np.isnan(self.crosstalk):
+            said.append(
+                "no drive phase of an undriven wheel ([conditions] driven = false): no cross-talk, "
+                "the corrected column is empty"
+            )
+        else:
+            said.append(f"cross-talk k = {self.crosstalk:.4f} +- {self.crosstalk_se:.4f}")
+        for name, force in (("vertical", self.vertical), ("longitudinal", self.longitudinal)):
+            if force is not None:
+                said.append(f"{name} force: {force.rms_N:.0f} N rms on held-out parts of the logs")
+        return tuple(said)
+
 
 @dataclass(frozen=True)
 class Cleaned:

@@ -260,6 +260,22 @@ def catalogue_with(path: Path | None = None) -> Mapping[str, Effect]:
     return {**BY_ID, **installed_effects(), **(effects_of_file(path) if path else {})}
 
 
+def effect_called(name: str, path: Path | None = None) -> Effect:
+    """The effect of this name in the whole catalogue.  ModelError: there is none."""
+    catalogue = catalogue_with(path)
+    if name not in catalogue:
+        raise ModelError(
+            f"unknown effect {name!r}{nearest(name, catalogue)}; "
+            f"allowed are {', '.join(catalogue)}; see `tirelog effects`"
+        )
+    return catalogue[name]
+
+
+def own_effects(path: Path | None = None) -> list[Effect]:
+    """Effects that are candidates beside our own: installed packages' and those of a file."""
+    return [effect for name, effect in catalogue_with(path).items() if name not in BY_ID]
+
+
 def _collected(effects: list[Any], origin: object) -> dict[str, Effect]:
     found: dict[str, Effect] = {}
     for effect in effects:

@@ -31,6 +31,8 @@ import numpy as np
 
 from tirelog.errors import ModelError
 from tirelog.physics.carcass import contact
+from tirelog.physics.carcass.numbers import steady_carcass
+from tirelog.physics.model.model import Model
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.spectral import STEP, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
@@ -102,6 +104,43 @@ def natural_modes(
         for value, vector in zip(values[heard], vectors[:, heard].T)
     ]
     return sorted(found, key=lambda mode: (mode.frequency_Hz, mode.lobes))
+
+
+def modes_of_model(
+    model: Model,
+    *,
+    speed_m_s: float = 0.0,
+    load_N: float | None = None,
+    hub_mass_kg: float | None = None,
+    hub_inertia_kg_m2: float | None = None,
+    to_Hz: float = 300.0,
+) -> list[tuple[str, Mode]]:
+    """(support, mode) of a ring model in the air, and on the road if its tread can stand there.
+
+    load_N      on the road; None: the model's
+    ModelError  a beam, which has no modes here, or a load for a tire that cannot stand
+    """
+    if steady_carcass(model.carcass) != "ring":
+        raise ModelError(
+            f'a {model.carcass} has no natural modes here; carcass = "ring" or "coupled_ring" is '
+            "allowed; make one with --carcass ring",
+            file=model.path,
+        )
+    tire = of_model(model.values, hub_mass_kg=hub_mass_kg, hub_inertia_kg_m2=hub_inertia_kg_m2)
+    supports: dict[str, float | None] = {"air": None}
+    if model.contact == "flat_road":
+        supports["road"] = model.values["load_N"] if load_N is None else load_N
+    elif load_N is not None:
+        raise ModelError(
+            '--load needs a tread to stand on; contact = "flat_road" is allowed; '
+            "leave it out, or make such a model",
+            file=model.path,
+        )
+    return [
+        (support, mode)
+        for support, stands in supports.items()
+        for mode in natural_modes(tire, speed_m_s=speed_m_s, load_N=stands, to_Hz=to_Hz)
+    ]
 
 
 def of_model(

@@ -5,7 +5,6 @@ Passages and footprint of each strain channel, as columns, with remarks on the w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +14,8 @@ from tirelog.data.recording import BLOCK_SAMPLES, Channel, Recording
 from tirelog.dsp.lowpass import Cutoff
 from tirelog.errors import UsageError
 from tirelog.runs.in_memory import released
-from tirelog.strain.channels import rotating
 from tirelog.strain.footprint.footprint import Footprint, footprint
-from tirelog.strain.footprint.learn import Learnt, learn_reference
+from tirelog.strain.footprint.learn import Learnt
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.speed import begin, speed_quality
 from tirelog.vocabulary.quality import Quality, having, quality_column
@@ -32,21 +30,6 @@ class FootprintOfChannel:
     footprint: Footprint
     columns: dict[str, Any]
     remarks: tuple[str, ...]
-
-
-def footprint_of(
-    recording: Recording, cutoff: Cutoff, block_samples: int = BLOCK_SAMPLES
-) -> Iterator[FootprintOfChannel]:
-    """The footprint of each strain channel of `recording`."""
-    like = None
-    for channel, passages in rotating(recording):
-        learnt = None if passages.doubt else learn_reference(channel, passages, block_samples, like)
-        like = (
-            like or learnt
-        )  # the first that could be learnt: no channel depends on the order of the others
-        found = footprint_of_channel(recording, channel, passages, cutoff, learnt, block_samples)
-        del channel  # before the next one takes its place in memory
-        yield found
 
 
 def footprint_of_channel(

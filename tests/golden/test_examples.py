@@ -1,0 +1,59 @@
+"""Golden: the examples of the documentation run and give the numbers that they show.
+
+The Python blocks of README.md, and one number of each public function (doctests on sample_data).
+"""
+
+import doctest
+import re
+from importlib import import_module
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import tirelog
+
+ROOT = Path(__file__).parents[2]
+BLOCKS = re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(), re.M | re.S)
+
+
+def test_the_readme_has_examples_in_python() -> None:
+    assert len(BLOCKS) >= 3
+    assert any("tirelog.diagnose" in block for block in BLOCKS)
+
+
+@pytest.mark.parametrize("number", range(len(BLOCKS)))
+def test_the_readme_s_python_runs(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sample_data").symlink_to(ROOT / "sample_data")
+    part = tmp_path / "results" / "table=footprint" / "log=a" / "part.parquet"
+    part.parent.mkdir(parents=True)
+    pd.DataFrame({"length_m": [0.1, 0.2]}).to_parquet(part)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {"__name__": "readme"}
+    exec(compile(BLOCKS[number], f"README.md, block {number}", "exec"), names)
+    if "before" in names:  # the session of a notebook: the effect that is named takes the excess
+        before, after, found = (names[name] for name in ("before", "after", "found"))
+        assert found.selected == ("water_film",)  # the truth of the log
+        assert after.excess_heldout < 0.3 * before.excess_heldout
+        assert found.to_json()["rmse_heldout_before"] == pytest.approx(before.rmse_heldout)
+
+
+@pytest.mark.parametrize("module", ["logs", "tables", "models", "answers"])
+def test_the_docstrings_numbers(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    result = doctest.testmod(import_module(f"tirelog.api.{module}"))
+    assert result.attempted > 1
+    assert result.failed == 0
+
+
+def test_every_public_name_is_there_and_documented() -> None:
+    for name in tirelog.__all__:
+        found = getattr(tirelog, name)
+        assert name in dir(tirelog)
+        assert found.__doc__
+        if found.__module__.startswith("tirelog.api."):
+            assert "Parameters\n" in found.__doc__, name
+            assert "Returns\n" in found.__doc__, name
+            assert "Raises\n" in found.__doc__, name

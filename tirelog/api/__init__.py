@@ -1,0 +1,1 @@
+"""What `import tirelog` offers, and what each command calls."""

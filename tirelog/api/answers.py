@@ -1,0 +1,267 @@
+"""From logs to measured revolutions, and what a model says of them.
+
+    logs --measure--> MeasuredLogs --fit, compare, diagnose, ladder--> frozen results
+
+`measure` is the only way in, so that every answer is about the same revolutions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from tirelog.api.logs import Logs, Path, each_log
+from tirelog.api.results import ComparisonOfLogs, DiagnosisOfLogs, FitOfLogs, LadderOfLogs
+from tirelog.data.recording import Recording
+from tirelog.data.setup import Setup
+from tirelog.diagnosis import compare as comparing
+from tirelog.diagnosis import diagnose as diagnosing
+from tirelog.diagnosis import ladder as climbing
+from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
+from tirelog.diagnosis.obstacles.compare import compare_transients
+from tirelog.diagnosis.obstacles.learn import learn
+from tirelog.errors import UsageError, nearest
+from tirelog.inference.measured import MeasuredLogs, measured
+from tirelog.inference.motion import motion_names
+from tirelog.physics.effects import Effect
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.observables import OBSERVABLES, WAVEFORMS, waveform_of
+
+__all__ = ["MeasuredLogs", "compare", "diagnose", "fit", "ladder", "measure", "observable_of"]
+
+Progress = Callable[[str], None]
+
+
+def measure(
+    logs: Logs,
+    model: Model | str,
+    channel: str | None = None,
+    *,
+    setup: Path | Setup | None = None,
+) -> MeasuredLogs:
+    """The revolutions of logs that are to be compared with a model.
+
+    Parameters
+    ----------
+    logs : str, os.PathLike, Recording or an iterable of them
+        Logs or runs, by path or open. Those given by path are opened one after the other.
+    model : Model or str
+        The model that they will be compared with, or the observable: ``"strain"``,
+        ``"radial_acceleration"``, ``"patch_length"``, ``"dissipation_factor"``,
+        ``"phase_shift"``, ``"patch_width"``.
+    channel : str, optional
+        The channel to take; by default the first of each log that measures the observable.
+    setup : str, os.PathLike or Setup, optional
+        The setup of logs given by path; without it the TOML file beside each.
+
+    Returns
+    -------
+    MeasuredLogs
+        Steady revolutions as ``stacks`` (values [SI], shape (revolutions, angles)), logs that met
+        an obstacle as ``obstacles``, and what was set apart on the way as ``notes``. The logs
+        need not stay open.
+
+    Raises
+    ------
+    UsageError
+        No such observable or channel, or fewer than ten revolutions.
+    ReadError, SetupError
+        As `open_log`.
+
+    Examples
+    --------
+    >>> import tirelog
+    >>> found = tirelog.measure("sample_data/drive.csv.gz", "strain")
+    >>> sum(len(stack) for stack in found.stacks)
+    241
+    """
+    observable = model.observable if isinstance(model, Model) else str(model)
+    if observable not in OBSERVABLES:
+        raise UsageError(
+            f"no observable is called {observable!r}{nearest(observable, OBSERVABLES)}; "
+            f"allowed are a model and {', '.join(OBSERVABLES)}; give one of them"
+        )
+    return measured(each_log(logs, setup), observable, channel)
+
+
+def observable_of(channel: str | None, recordings: Sequence[Recording], model: Model) -> str:
+    """What a named channel measures (strain and radial acceleration fit one tire together), else
+    what the model predicts.
+    """
+    kinds = {c.kind for r in recordings for c in r.channels.values() if c.name == channel}
+    return waveform_of(kinds) if model.observable in WAVEFORMS and kinds else model.observable
+
+
+def fit(
+    measured: MeasuredLogs | Sequence[MeasuredLogs],
+    model: Model,
+    *,
+    nuisances: Sequence[str] = AS_COMPARE,
+) -> FitOfLogs:
+    """The model's free parameters fitted to measured revolutions, as `compare` fits them.
+
+    Parameters
+    ----------
+    measured : MeasuredLogs or a list of them
+        What `measure` gave; of several channels several. Masses, damping and bristles of a
+        coupled ring are fitted to the obstacles, if the logs met some.
+    model : Model
+        Where the fit starts; its bounds are kept.
+    nuisances : sequence of str
+        What is taken out of each mean of like revolutions: ``"offset"``, ``"amplitude"`` (by some
+        10 %), ``"shift"``. `compare` takes out the shift.
+
+    Returns
+    -------
+    FitOfLogs
+        ``model`` with values and standard errors, ``found`` (covariance, correlations, bounds),
+        ``to_json()``, ``plot()``.
+
+    Raises
+    ------
+    ModelError
+        Nothing is free, or an effect needs a condition that a log does not know.
+    UsageError
+        Model and revolutions do not fit together.
+    """
+    channels = [measured] if isinstance(measured, MeasuredLogs) else list(measured)
+    for one in channels:
+        _known(one)
+    if not channels:
+        raise UsageError("nothing measured; allowed is what `measure` gives; give one at least")
+    found, remarks = fit_channels_measured([one.stacks for one in channels], model, nuisances)
+    said = list(remarks)
+    moving = motion_names(model)
+    fitted = found.model.with_parameters({name: model.parameters[name] for name in moving})
+    obstacles = [log for one in channels for log in one.obstacles]
+    learned = learn(obstacles, fitted) if obstacles and moving else None
+    if moving and learned is None:
+        said.append(
+            f"{', '.join(moving)}: told by obstacles alone; no log has a [road] in its setup: kept"
+        )
+    return FitOfLogs(fitted if learned is None else learned.model, found, learned, tuple(said))
+
+
+def compare(measured: MeasuredLogs, model: Model) -> ComparisonOfLogs:
+    """A model fitted on part of the manoeuvres, and its error on the rest beside the noise floor.
+
+    Parameters
+    ----------
+    measured : MeasuredLogs
+        What `measure` gave.
+    model : Model
+        Fitted from its values, within its bounds; an effect that is to stay has fixed parameters.
+
+    Returns
+    -------
+    ComparisonOfLogs
+        ``rmse`` and ``rmse_heldout``, ``noise_floor``, ``excess`` and ``excess_heldout`` in the
+        observable's SI unit, ``reduced_chi2``, ``tables`` by revolution, angle, speed, regime and
+        conditions, ``model`` as fitted, ``obstacles``; ``to_json()``, ``plot()``.
+
+    Raises
+    ------
+    UsageError
+        Model and revolutions do not fit together.
+
+    Examples
+    --------
+    >>> import tirelog
+    >>> model = tirelog.Model.new("beam", "patch_length")
+    >>> found = tirelog.measure("sample_data/drive.csv.gz", model)
+    >>> round(1e3 * tirelog.compare(found, model).noise_floor, 2)  # mm
+    0.6
+    """
+    found = _known(measured)
+    result = comparing.compare(found.stacks, model)
+    if not found.obstacles:
+        return ComparisonOfLogs.of(result)
+    if result.model.carcass != "coupled_ring":
+        aside = (
+            f'a {result.model.carcass} says nothing of the obstacles; carcass = "coupled_ring" '
+            "does",
+        )
+        return ComparisonOfLogs.of(result, aside=aside)
+    answers = compare_transients(found.obstacles, result.model, unit=result.unit)
+    return ComparisonOfLogs.of(result, answers)
+
+
+def diagnose(
+    measured: MeasuredLogs,
+    model: Model,
+    *,
+    effects: Iterable[Effect] = (),
+    progress: Progress | None = None,
+) -> DiagnosisOfLogs:
+    """Which effect the model lacks, which cannot be told apart, and what to drive next.
+
+    Parameters
+    ----------
+    measured : MeasuredLogs
+        What `measure` gave.
+    model : Model
+        The model that may lack something.
+    effects : iterable of Effect
+        Candidates of your own beside the catalogue.
+    progress : callable, optional
+        Hears what is being done, a sentence at a time.
+
+    Returns
+    -------
+    DiagnosisOfLogs
+        ``verdict``, ``sentence``, ``selected``, ``effects`` (the ranking), ``model`` with what
+        was selected; ``to_json()``, ``plot()``.
+
+    Raises
+    ------
+    UsageError
+        Model and revolutions do not fit together.
+    """
+    found = _known(measured)
+    return DiagnosisOfLogs.of(
+        diagnosing.diagnose(found.stacks, model, effects=effects, progress=progress or _silent)
+    )
+
+
+def ladder(
+    measured: MeasuredLogs,
+    model: Model,
+    *,
+    effects: Iterable[Effect] = (),
+    progress: Progress | None = None,
+) -> LadderOfLogs:
+    """Effects added one by one until nothing more is worth adding.
+
+    Parameters
+    ----------
+    measured, model, effects, progress
+        As for `diagnose`.
+
+    Returns
+    -------
+    LadderOfLogs
+        ``steps`` (effect, errors, decision), ``model`` at the top, ``rmse_untouched`` on
+        manoeuvres that nothing had touched; ``to_json()``, ``plot()``.
+
+    Raises
+    ------
+    UsageError
+        Model and revolutions do not fit together.
+    """
+    found = _known(measured)
+    return LadderOfLogs.of(
+        climbing.ladder(found.stacks, model, effects=effects, progress=progress or _silent)
+    )
+
+
+def _silent(text: str) -> None:
+    """Nobody hears it."""
+
+
+def _known(value: object) -> MeasuredLogs:
+    """What was measured.  UsageError: it is something else, such as a log."""
+    if not isinstance(value, MeasuredLogs):
+        raise UsageError(
+            f"{type(value).__name__} is not what was measured; allowed is what "
+            "tirelog.measure(logs, model) gives; measure first"
+        )
+    return value

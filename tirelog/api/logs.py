@@ -1,0 +1,127 @@
+"""Logs: opened by path, or given open."""
+
+from __future__ import annotations
+
+import os
+import warnings
+import weakref
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Any
+
+from tirelog.data.recording import Recording
+from tirelog.data.setup import Setup, load_setup
+from tirelog.errors import UsageError
+from tirelog.runs.ingest import open_recording
+
+Path = str | os.PathLike[str]
+#: a log by path or open, or several of them
+Logs = Path | Recording | Iterable[Path | Recording]
+
+
+class OpenLog(Recording):
+    """A Recording that closes what it reads from when it is left, closed or forgotten."""
+
+    _closing: weakref.finalize[..., OpenLog] | None = None
+
+    def close(self) -> None:
+        """Let go of the log and of the temporary file that its samples are in."""
+        if self._closing is not None:
+            self._closing()
+
+    def __enter__(self) -> OpenLog:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _repr_html_(self) -> str:
+        """The channels, for a notebook."""
+        from tirelog.api.html import document, table
+        from tirelog.runs.overview import channel_rows
+
+        rows = {name: column for name, column in channel_rows(self).items() if name != "log"}
+        return document(self.log, [table(list(rows), zip(*rows.values()))], self.remarks)
+
+
+def open_log(path: Path, setup: Path | Setup | None = None) -> OpenLog:
+    """A log, opened: its channels in SI on exact time axes.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A log (text, MCAP, HDF5) or a run; ``"-"`` is standard input.
+    setup : str, os.PathLike or Setup, optional
+        The setup file that says what the channels are; without it the file of the log's name with
+        the suffix ``.toml`` beside it.
+
+    Returns
+    -------
+    Recording
+        ``channels`` by name, ``channels[name].read()`` their samples [SI], shape (n,), NaN where
+        lost, ``channels[name].axis.time()`` their times [s], shape (n,). To be used in a ``with``
+        statement, or closed by ``close()``: a log other than a run is kept in a temporary file
+        meanwhile.
+
+    Raises
+    ------
+    ReadError
+        Nothing of the log could be read.
+    SetupError
+        There is no setup, or it does not fit the log.
+
+    Examples
+    --------
+    >>> import tirelog
+    >>> with tirelog.open_log("sample_data/drive.csv.gz") as log:
+    ...     print(log.channels["strain_1"].axis.rate_Hz)
+    2500.0
+    """
+    described = setup if setup is None or isinstance(setup, Setup) else load_setup(os.fspath(setup))
+    with ExitStack() as resources:
+        opened = resources.enter_context(open_recording(os.fspath(path), described))
+        log = OpenLog(**vars(opened))
+        closing = weakref.finalize(log, resources.pop_all().close)
+        object.__setattr__(log, "_closing", closing)  # a Recording's own fields are frozen
+    return log
+
+
+def each_log(logs: Logs, setup: Path | Setup | None = None) -> Iterator[Recording]:
+    """The logs as open recordings, one after the other; what is given by path is closed again.
+
+    What was lost of a log is warned of when it has been read. UsageError: something among them is
+    no log.
+    """
+    if isinstance(logs, str | os.PathLike | Recording):
+        logs = [logs]
+    if not isinstance(logs, Iterable):
+        raise _no_log(logs)
+    for log in logs:
+        if isinstance(log, Recording):
+            yield log
+            if isinstance(log, OpenLog):  # else whoever opened it tells
+                _warn_of_losses(log)
+        elif isinstance(log, str | os.PathLike):
+            with open_log(log, setup) as opened:
+                yield opened
+                _warn_of_losses(opened)
+        else:
+            raise _no_log(log)
+
+
+def _warn_of_losses(log: Recording) -> None:
+    for loss in log.losses:
+        warnings.warn(f"{log.log}: {loss}", UserWarning, stacklevel=4)
+
+
+def _no_log(value: Any) -> UsageError:
+    return UsageError(
+        f"{type(value).__name__} is no log; allowed are paths, open logs and lists of them; "
+        "give one, such as tirelog.open_log(path)"
+    )

@@ -1,0 +1,219 @@
+"""Models: read, evaluated, and taken apart into what each effect contributes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from pathlib import Path as File
+from typing import Any
+
+import numpy as np
+
+from tirelog.api.logs import Path
+from tirelog.data.recording import Conditions
+from tirelog.errors import UsageError, nearest
+from tirelog.physics.model import file
+from tirelog.physics.model.limits import check_conditions, check_model
+from tirelog.physics.model.model import Model
+from tirelog.physics.model.user_effects import catalogue_with
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import SCALARS
+
+#: angles over a revolution if none are asked for
+ANGLES = 1024
+
+#: what is told along a revolution: column and observable
+_ALONG = {
+    "displacement_m": "displacement",
+    "strain": "strain",
+    "radial_acceleration_m_s2": "radial_acceleration",
+    "contact_pressure_N_m": "contact_pressure",
+    "shear_traction_N_m": "shear_traction",
+}
+
+
+def load_model(path: Path, *, effects: Path | None = None) -> Model:
+    """The model in a file.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A model file (``tirelog model new`` makes one).
+    effects : str or os.PathLike, optional
+        A Python file with effects of your own; it is run.
+
+    Returns
+    -------
+    Model
+        ``parameters`` by name with value, bounds and standard error; immutable: `with_values`,
+        `with_effect` and `without_effect` give another one.
+
+    Raises
+    ------
+    ModelError
+        The file is no model; file and line are named.
+    """
+    own = None if effects is None else File(effects)
+    return file.load_model(File(path), catalogue=catalogue_with(own))
+
+
+def conditions_of(conditions: Conditions | Mapping[str, Any]) -> Conditions:
+    """The conditions, from fields by name: numbers, or arrays of one length, shape (n,).
+
+    UsageError: no such field, or arrays of several lengths.
+    """
+    if isinstance(conditions, Conditions):
+        return conditions
+    known = [field.name for field in fields(Conditions)]
+    for name in conditions:
+        if name not in known:
+            raise UsageError(
+                f"no condition is called {name!r}{nearest(name, known)}; allowed are "
+                f"{', '.join(known)}; choose among them"
+            )
+    given = {name: np.atleast_1d(np.asarray(v, float)) for name, v in conditions.items()}
+    sizes = {values.shape for values in given.values() if values.shape != (1,)} or {(1,)}
+    if len(sizes) > 1 or len(next(iter(sizes))) != 1:
+        raise UsageError(
+            "conditions of several shapes; allowed are numbers and arrays of one length, one "
+            f"value per revolution; {', '.join(f'{k} {v.shape}' for k, v in given.items())}"
+        )
+    return Conditions.of(next(iter(sizes))[0], **given)
+
+
+def predict(
+    model: Model,
+    conditions: Conditions | Mapping[str, Any],
+    phi_rad: FloatArray | None = None,
+    *,
+    surface: str = "outer",
+    observable: str | None = None,
+) -> FloatArray:
+    """What the sensor reads, as the model sees it.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    conditions : Conditions or mapping
+        What n revolutions are driven under, by name: ``{"speed_m_s": 20.0, "load_N": 3400.0}``,
+        numbers or arrays of shape (n,); ``speed_m_s`` is needed, of the others the model takes
+        its own if it has them. ``acceleration_m_s2`` is negative and ``slip`` positive in braking.
+    phi_rad : array, shape (m,) or (n, m), optional
+        Angles from the patch centre [rad], entry negative, exit positive; by default 1024 over
+        the revolution, the middles of as many equal bins from -pi to pi.
+    surface : str
+        ``"outer"`` (groove: minimum in the patch) or ``"inner"`` (liner: maximum).
+    observable : str, optional
+        Another one than the model's, also ``"displacement"`` [m], ``"contact_pressure"`` and
+        ``"shear_traction"`` [N/m], the latter positive in braking.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n, m)
+        The observable in SI (strain dimensionless); shape (n, 1) for a number per revolution.
+
+    Raises
+    ------
+    UsageError, ModelError
+        No such condition, one that no tire is driven under, or one that an effect needs and that
+        is not known; a speed above the critical one.
+
+    Examples
+    --------
+    >>> import tirelog
+    >>> model = tirelog.Model.new("beam", load_N=3400.0)
+    >>> wave = tirelog.predict(model, {"speed_m_s": 20.0})
+    >>> wave.shape, float(wave.min()) < 0
+    ((1, 1024), True)
+    """
+    given = conditions_of(conditions)
+    check_conditions(given)
+    check_model(model)
+    chosen = angles() if phi_rad is None else np.asarray(phi_rad, float)
+    return model.predict(
+        given,
+        None if (observable or model.observable) in SCALARS else chosen,
+        surface=surface,
+        observable=observable,
+    )
+
+
+def revolution(
+    model: Model,
+    conditions: Conditions | Mapping[str, Any],
+    *,
+    points: int = ANGLES,
+    surface: str = "outer",
+) -> dict[str, FloatArray]:
+    """Columns of `tirelog model predict`: all that a model says along one revolution, (points,).
+
+    From half a turn before the patch centre to half a turn after; UsageError and ModelError as
+    `predict`.
+    """
+    phi = angles(points)
+    columns = {"xi_m": phi * model.parameters["radius_m"].value, "phi_deg": np.degrees(phi)}
+    return columns | {
+        column: predict(model, conditions, phi, surface=surface, observable=observable)[0]
+        for column, observable in _ALONG.items()
+    }
+
+
+def angles(count: int = ANGLES) -> FloatArray:
+    """The middles of `count` equal bins over a revolution [rad], shape (count,)."""
+    return np.linspace(-np.pi, np.pi, count, endpoint=False) + np.pi / count
+
+
+def contributions(
+    model: Model,
+    conditions: Conditions | Mapping[str, Any],
+    phi_rad: FloatArray | None = None,
+    *,
+    surface: str = "outer",
+    observable: str | None = None,
+) -> dict[str, FloatArray]:
+    """The prediction by effect: the bare carcass, each effect, and what they do together.
+
+    A tire's effects do not add up: a stiffer foundation changes what the same pressure does. So
+    this is no split of the waveform into independent parts. An effect's contribution is marginal,
+    the whole model less the model without that effect; ``"interaction"`` is what is left of the
+    whole, and is as large as the effects depend on one another. It is zero (to rounding) with at
+    most one effect, and if all effects are added to the reading. If it is as large as the
+    contributions themselves, read them as "what is lost if this one is dropped", and no more.
+
+    Parameters
+    ----------
+    model, conditions, phi_rad, surface, observable
+        As for `predict`.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray, shape (n, m)
+        ``"base"`` (the model without effects), each effect by its name, ``"interaction"``; their
+        sum is `predict` of the same arguments.
+
+    Raises
+    ------
+    UsageError, ModelError
+        As `predict`; also if the model cannot be evaluated without one of its effects.
+
+    Examples
+    --------
+    >>> import tirelog
+    >>> model = tirelog.Model.new("beam").with_effect("water_film", amplitude=0.05)
+    >>> parts = tirelog.contributions(model, {"speed_m_s": 20.0, "water_depth_mm": 1.0})
+    >>> list(parts), float(abs(parts["interaction"]).max()) < 1e-12
+    (['base', 'water_film', 'interaction'], True)
+    """
+    given = conditions_of(conditions)
+    settled = model.resolved(given)  # what depends on all revolutions, once for every part
+
+    def predicted(one: Model) -> FloatArray:
+        return predict(one, given, phi_rad, surface=surface, observable=observable)
+
+    whole = predicted(settled)
+    parts = {"base": predicted(replace(settled, effects=()))}
+    for effect in settled.effects:
+        parts[effect.id] = whole - predicted(settled.without_effect(effect.id))
+    parts["interaction"] = whole - sum(parts.values())
+    return parts

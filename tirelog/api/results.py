@@ -1,0 +1,270 @@
+"""Answers as a notebook keeps them: frozen, with `plot`, `to_json` and a form in HTML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from tirelog.api.html import document, table
+from tirelog.diagnosis.diagnose import Diagnosis
+from tirelog.diagnosis.obstacles.compare import TransientComparison
+from tirelog.diagnosis.obstacles.learn import Learned
+from tirelog.diagnosis.results import Comparison, Ladder, in_unit, plain
+from tirelog.inference.fit.result import FitResult
+from tirelog.physics.model.model import Model
+from tirelog.plots.style import write
+from tirelog.vocabulary.observables import shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: reduced chi-square above which what a fit leaves is no noise, as for "nothing missing" in
+#: `diagnose`; twice as high would leave unsaid a misfit as large as the noise itself
+FORM_IN_DOUBT = 1.2
+
+Answer = TypeVar("Answer")
+
+
+def _filled(kind: type[Answer], base: Any, **more: Any) -> Answer:
+    """An answer with the fields of its base."""
+    return kind(**{f.name: getattr(base, f.name) for f in fields(base)}, **more)
+
+
+def _drawn(
+    target: str | Path | Axes | None,
+    figure: Callable[[], Figure],
+    panel: Callable[[Axes], None],
+) -> Any:
+    """The picture: returned, written to a path as well, or its main panel on axes that are given.
+
+    UsageError: no picture has the path's suffix.
+    """
+    if target is None:
+        return figure()
+    if isinstance(target, str | Path):
+        made = figure()
+        write(made, Path(target))
+        return made
+    panel(target)
+    return target.figure
+
+
+def _read(observable: str, unit: str) -> tuple[float, str]:
+    """Factor and unit in which a person reads the observable."""
+    return shown(observable, unit)
+
+
+@dataclass(frozen=True)
+class ComparisonOfLogs(Comparison):
+    """A fitted model against logs (see `Comparison`), and its answer to their obstacles.
+
+    obstacles  errors hit by hit, None without a [road] or with a model that does not move
+    aside      remarks on what was not compared
+    """
+
+    obstacles: TransientComparison | None = None
+    aside: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        comparison: Comparison,
+        obstacles: TransientComparison | None = None,
+        aside: tuple[str, ...] = (),
+    ) -> ComparisonOfLogs:
+        """The comparison with what was said of obstacles."""
+        return _filled(cls, comparison, obstacles=obstacles, aside=aside)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """All that a reader should know before believing the numbers."""
+        hits = self.obstacles.remarks if self.obstacles is not None else ()
+        return (*self.aside, *self.remarks, *hits)
+
+    def to_json(self) -> dict[str, Any]:
+        """The numbers, in the observable's unit; with obstacles their part under `transients`."""
+        told = super().to_json()
+        del told["obstacles"], told["aside"]
+        return told | ({"transients": self.obstacles.to_json()} if self.obstacles else {})
+
+    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
+        """Waveforms with the floor's band and maps of the residual; the figure.
+
+        path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the
+                      waveforms alone
+        """
+        from tirelog.plots.compare import figure, waveforms
+
+        return _drawn(path_or_axes, lambda: figure(self), lambda axes: waveforms(axes, self))
+
+    def _repr_html_(self) -> str:
+        factor, unit = _read(self.observable, self.unit)
+        held_out = (self.rmse_heldout, self.noise_floor, self.excess_heldout)
+        errors = [
+            ("all, fitted", *(x * factor for x in (self.rmse, self.noise_floor, self.excess))),
+            ("all, held out", *(None if x is None else x * factor for x in held_out)),
+        ]
+        return document(
+            f"{self.observable} in {unit}: {self.revolutions} revolutions, "
+            f"{self.manoeuvres} manoeuvres",
+            [table(["", "rmse", "floor", "excess"], errors), _parameters(self.model)],
+            self.notes,
+        )
+
+
+@dataclass(frozen=True)
+class DiagnosisOfLogs(Diagnosis):
+    """Which effect is missing (see `Diagnosis`)."""
+
+    @classmethod
+    def of(cls, diagnosis: Diagnosis) -> DiagnosisOfLogs:
+        """The same, to show."""
+        return _filled(cls, diagnosis)
+
+    def to_json(self) -> dict[str, Any]:
+        """The verdict and all that is said with it."""
+        return super().to_json() | {"remarks": list(self.before.remarks)}
+
+    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
+        """The comparison with what was selected; as `compare(...).plot`."""
+        return ComparisonOfLogs.of(self.after).plot(path_or_axes)
+
+    def _repr_html_(self) -> str:
+        factor, unit = _read(self.before.observable, self.before.unit)
+        ranking = [
+            (c.effect, "yes" if c.selected else "", c.excess_removed, c.p_adjusted)
+            for c in self.effects
+        ]
+        errors = (
+            f"held-out error {in_unit(self.rmse_heldout_before, factor)} -> "
+            f"{in_unit(self.rmse_heldout_after, factor)} {unit}, noise floor "
+            f"{in_unit(self.noise_floor, factor)}"
+        )
+        return document(
+            f"{self.verdict.replace('_', ' ')}: {self.sentence}",
+            [table(["effect", "selected", "excess removed", "p"], ranking)],
+            (errors, *self.notes, *self.before.remarks, f"next: {self.next_command}"),
+        )
+
+
+@dataclass(frozen=True)
+class LadderOfLogs(Ladder):
+    """Effects added one by one (see `Ladder`)."""
+
+    @classmethod
+    def of(cls, ladder: Ladder) -> LadderOfLogs:
+        """The same, to show."""
+        return _filled(cls, ladder)
+
+    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
+        """The error falling to the floor, step by step; the figure.
+
+        path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes that get the steps
+        """
+        from tirelog.plots.ladder import figure, steps
+
+        return _drawn(path_or_axes, lambda: figure(self), lambda axes: steps(axes, self))
+
+    def _repr_html_(self) -> str:
+        factor, unit = _read(self.observable, self.unit)
+        rows = [
+            (
+                step.step,
+                step.effect,
+                in_unit(step.rmse_fit, factor),
+                in_unit(step.rmse_heldout, factor),
+                in_unit(step.noise_floor, factor),
+                step.decision,
+            )
+            for step in self.steps
+        ]
+        names = ["step", "effect", f"fit [{unit}]", "held out", "floor", "decision"]
+        return document(self.verdict.replace("_", " "), [table(names, rows)], self.remarks)
+
+
+@dataclass(frozen=True)
+class FitOfLogs:
+    """A model fitted to logs.
+
+    model    with values and standard errors
+    found    what the fit to steady revolutions says: errors, covariance, correlations, bounds
+    learned  what obstacles told, None without them or if nothing of it is free
+    remarks  what a reader should know before believing it
+    """
+
+    model: Model
+    found: FitResult
+    learned: Learned | None = None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on what the errors do not cover: the model's form, what shares one scale."""
+        form = (
+            "what is left is more than noise: the errors hold only as far as the model's form "
+            "does; `tirelog diagnose` tells more",
+        )
+        in_doubt = self.found.reduced_chi2 > FORM_IN_DOUBT
+        return (*(form if in_doubt else ()), *self.found.degenerate)
+
+    def to_json(self) -> dict[str, Any]:
+        """Values, standard errors (None: not determined) and units by name, and how good it is."""
+        parameters = self.model.parameters
+        names = (*self.found.names, *(self.learned.names if self.learned else ()))
+        errors = dict(zip(self.found.names, self.found.se, strict=True))
+        told: dict[str, Any] = plain(
+            {
+                "observable": self.model.observable,
+                "parameters": {
+                    name: {
+                        "value": parameters[name].value,
+                        "se": errors.get(name, parameters[name].se),
+                        "unit": parameters[name].unit,
+                    }
+                    for name in names
+                },
+                "reduced_chi2": self.found.reduced_chi2,
+                "freedom": self.found.freedom,
+                "revolutions": self.found.revolutions,
+                "correlations": self.found.correlations,
+                "at_bound": self.found.at_bound,
+                "degenerate": self.found.degenerate,
+                "hits": self.learned.hits if self.learned else 0,
+                "remarks": self.remarks,
+            }
+        )
+        return told
+
+    def plot(self, path_or_axes: str | Path | Axes | None = None) -> Any:
+        """Which parameters the data tell apart: their correlations, values beside; the figure.
+
+        path_or_axes  a file to write it to as well (.png, .svg, .pdf), or axes to draw on
+        """
+        from tirelog.plots.fit import correlations, figure
+
+        return _drawn(
+            path_or_axes,
+            lambda: figure(self.model, self.found),
+            lambda axes: correlations(axes, self.model, self.found),
+        )
+
+    def _repr_html_(self) -> str:
+        chi2 = self.found.reduced_chi2
+        title = f"{self.found.revolutions} revolutions, reduced chi-square {chi2:.3f}"
+        bounds = [f"{name} stands at a bound" for name in self.found.at_bound]
+        return document(title, [_parameters(self.model)], (*bounds, *self.doubts, *self.remarks))
+
+
+def _parameters(model: Model) -> str:
+    """The free parameters with their errors."""
+    rows = [
+        (name, p.value, p.se if p.se is None or np.isfinite(p.se) else "not determined", p.unit)
+        for name, p in model.parameters.items()
+        if p.free
+    ]
+    return table(["parameter", "value", "error", "unit"], rows)

@@ -1,0 +1,104 @@
+"""Models from what a setup knows of the tire and the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tirelog.data.setup import Setup
+from tirelog.physics.model.limits import check_pressure
+from tirelog.physics.model.model import Model
+from tirelog.vocabulary.conditions import SETUP_KEYS
+from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.observables import waveform_of
+
+#: numbers that are this tire's or this drive's own, so that a start value is a guess
+_OWN = ("load_N", "radius_m", "inflation_pressure_Pa", "width_m")
+
+
+def new_model(
+    carcass: str,
+    setup: Setup | None = None,
+    *,
+    observable: str | None = None,
+    contact: str | None = None,
+    values: Mapping[str, float] | None = None,
+) -> tuple[Model, list[str]]:
+    """(a model without effects, what is only guessed): `values` go before what the setup knows,
+    and this before start values.
+
+    observable  what the model predicts; None: what the setup's channels measure, else strain
+    ModelError  no such carcass, observable, contact or parameter, or a pressure that is none in Pa
+    """
+    model = Model.new(carcass, observable or measured_waveform(setup), contact)
+    given = {**known_numbers(model, setup), **(values or {})}
+    check_pressure(given.get("inflation_pressure_Pa"))
+    model = model.with_values(given)
+    guessed = [
+        f"{name} = {model.values[name]:g}"
+        for name in _OWN
+        if name in model.parameters and name not in given
+    ]
+    if not guessed:
+        return model, []
+    return model, [
+        f"neither the setup nor --set gives {', '.join(guessed)}: a guess, not this tire's; "
+        f"give it in the setup's [tire] or [conditions], or with --set NAME=VALUE"
+    ]
+
+
+def measured_waveform(setup: Setup | None) -> str:
+    """The waveform that a setup's channels measure: radial acceleration if no channel is strain."""
+    kinds = {channel.kind for channel in setup.channels.values()} if setup is not None else set()
+    return waveform_of(kinds)
+
+
+def known_numbers(model: Model, setup: Setup | None) -> dict[str, float]:
+    """What a setup knows of a model's numbers."""
+    if setup is None:
+        return {}
+    tire, conditions = setup.tire, setup.conditions
+    static = tire.static_footprint_length_m
+    known = {
+        "radius_m": tire.rolling_radius_m or tire.unloaded_radius_m,
+        "width_m": tire.width_m,
+        "load_N": conditions.load_N,
+        "reference_load_N": conditions.load_N,
+        "inflation_pressure_Pa": conditions.inflation_pressure_Pa,
+        "patch_half_length_m": None if static is None else static / 2.0,
+    }
+    return {
+        name: value
+        for name, value in known.items()
+        if value is not None and name in model.parameters
+    }
+
+
+def with_gauge_length(model: Model, setup: Setup | None) -> Model:
+    """The model whose effect gauge_length, if it has one, is held at the length of the setup's
+    gratings, if they agree on one.
+    """
+    name = "gauge_length.length_m"
+    if setup is None or name not in model.parameters:
+        return model
+    lengths = {c.gauge_length_m for c in setup.channels.values() if c.kind in STRAIN_KINDS}
+    length = lengths.pop() if len(lengths) == 1 else None
+    if length is None:
+        return model
+    return model.with_parameters({name: model.parameters[name].at(length).fixed()})
+
+
+def known_conditions(setup: Setup | None) -> dict[str, float]:
+    """What a setup says of the conditions of a whole log, by the field of `Conditions`."""
+    if setup is None:
+        return {}
+    known = {name: getattr(setup.conditions, name) for name in SETUP_KEYS}
+    return {name: value for name, value in known.items() if value is not None}
+
+
+def known_surface(setup: Setup | None) -> str | None:
+    """The surface that a setup's first strain channel is on; None: it has none."""
+    if setup is None:
+        return None
+    return next(
+        (c.surface for c in setup.channels.values() if c.kind in STRAIN_KINDS and c.surface), None
+    )

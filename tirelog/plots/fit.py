@@ -1,0 +1,43 @@
+"""The picture of a fit: which parameters its data tell apart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tirelog.inference.fit.result import FitResult
+from tirelog.physics.model.model import Model
+from tirelog.plots.style import page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def figure(model: Model, found: FitResult) -> Figure:
+    """A matplotlib figure of the correlations."""
+    size = 0.6 * len(found.names)
+    canvas = page(size + 5.5, size + 2.0)
+    correlations(canvas.add_subplot(), model, found)
+    return canvas
+
+
+def correlations(axes: Axes, model: Model, found: FitResult) -> None:
+    """The correlation of each pair of fitted parameters as colour and number, values beside."""
+    sd = np.sqrt(np.diag(found.covariance))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        r = found.covariance / np.outer(sd, sd)
+    axes.imshow(r, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    for (i, j), value in np.ndenumerate(r):
+        if np.isfinite(value):
+            colour = "white" if abs(value) > 0.6 else "black"
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7, color=colour)
+    labels = []
+    for name, value, se in zip(found.names, found.values, found.se, strict=True):
+        error = f"± {se:.2g}" if np.isfinite(se) else "(not determined)"
+        labels.append(f"{name} = {value:.4g} {error} {model.parameters[name].unit}")
+    places = range(len(found.names))
+    axes.set_yticks(places, labels, fontsize=8)
+    axes.set_xticks(places, list(found.names), fontsize=8, rotation=60, ha="right")
+    axes.set_title("correlation of the fitted parameters", loc="left", fontsize=10)
