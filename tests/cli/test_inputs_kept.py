@@ -140,6 +140,7 @@ def test_a_message_is_one_line_without_control_characters(folder: Path, tirelog:
     assert "a\\x1b[31m\\nb\\u202e.csv: cannot be read" in outcome.err
 
 
+@pytest.mark.filterwarnings("default")  # the tests' own rule would make an error of it
 def test_a_library_s_warning_is_no_message(
     folder: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
