@@ -13,10 +13,10 @@ import numpy as np
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import parse_road
 from tirelog.physics import Model
-from tirelog.physics.moving.motion import Drive, Motion, State, Stepper, simulate
+from tirelog.physics.moving.motion import HubMotion, RingMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, cleat, road_of
-from tirelog.physics.moving.transient import Course, Schedule, drive
+from tirelog.physics.moving.transient import Course, Schedule, driven
 
 TIRE = CoupledRing(
     EI=2.0,
@@ -33,17 +33,17 @@ TIRE = CoupledRing(
 LOAD, SPEED = 1000.0, 20.0
 
 
-def passage(step_s: float, duration_s: float) -> tuple[Motion, float, float]:
+def passage(step_s: float, duration_s: float) -> tuple[RingMotion, float, float]:
     """A 10 mm cleat at half a metre: the motion, CPU and wall seconds."""
     stepper = Stepper(
         TIRE,
         State.rolling(TIRE, LOAD, SPEED),
-        Drive(lambda time_s: LOAD, lambda time_s: SPEED),
+        HubMotion(lambda time_s: LOAD, lambda time_s: SPEED),
         cleat(0.5, 0.010, 0.030),
         step_s=step_s,
     )
     cpu, wall = time.process_time(), time.perf_counter()
-    motion = simulate(stepper, duration_s, every=round(1e-3 / step_s))
+    motion = stepped_motion(stepper, duration_s, every=round(1e-3 / step_s))
     return motion, time.process_time() - cpu, time.perf_counter() - wall
 
 
@@ -57,7 +57,7 @@ def sensed() -> float:
     road = road_of(parse_road("cleat,height_m=0.01,length_m=0.04"), 0.5)
     course = Course(Schedule.constant(SPEED), Schedule.constant(3434.0), road, 1.0)
     cpu = time.process_time()
-    transient = drive(model, Conditions.of(1, speed_m_s=SPEED), course)
+    transient = driven(model, Conditions.of(1, speed_m_s=SPEED), course)
     for theta in (1.0, 2.0):
         for observable in ("strain", "radial_acceleration"):
             transient.sensed(observable, theta)
@@ -72,11 +72,11 @@ def energy(lift_m: float, step_s: float) -> tuple[float, float]:
     start, calm = State.rolling(tire, LOAD, SPEED), State.rolling(tire, LOAD, SPEED)
     start.hub, start.centre = start.hub + 1j * lift_m, start.centre + 1j * lift_m
     steppers = [
-        Stepper(tire, state, Drive(lambda time_s: LOAD), FlatRoad(), step_s=step_s)
+        Stepper(tire, state, HubMotion(lambda time_s: LOAD), FlatRoad(), step_s=step_s)
         for state in (start, calm)
     ]
     begun, rest = (s.energy() + LOAD * s.state.hub.imag for s in steppers)
-    motion = simulate(steppers[0], 10.0, every=37)
+    motion = stepped_motion(steppers[0], 10.0, every=37)
     away = float(np.abs(motion.energy_J + LOAD * motion.hub_z_m - begun).max())
     return away / begun, away / (begun - rest)
 

@@ -15,7 +15,7 @@ from benchmarks.wheel_cases import Instruments, wheel_scenario
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre, Scenario
 from tirelog.wheel.angle import encoder_of
-from tirelog.wheel.phase_shift import Passages, measure
+from tirelog.wheel.phase_shift import EdgeTimes, measure_phase_shift
 
 SPEED_M_S, SECONDS, SEEDS, GRAVITY = 10.0, 25.0, range(8000, 8004), 9.80665
 
@@ -32,7 +32,7 @@ def bounds_deg() -> tuple[float, float]:
     noise.
     """
     recording = to_recording(simulate(scenario(8000, 0.05, roughness=0.0)), "bound")
-    found = next(measure(recording))
+    found = next(measure_phase_shift(recording))
     middle = float(np.mean(found.entry_deg + found.width_deg / 2))
     channel = recording.of_kind("radial_acceleration")[0]
     time = channel.axis.time()
@@ -51,7 +51,7 @@ def bounds_deg() -> tuple[float, float]:
     return float(np.hypot(entry, leave)) / 2, float(np.hypot(entry, leave))
 
 
-def errors_deg(found: Passages, truth: dict[str, list[float]]) -> tuple[float, float, float]:
+def errors_deg(found: EdgeTimes, truth: dict[str, list[float]]) -> tuple[float, float, float]:
     """(shift, width) rms without their constants, and the share of the passages found."""
     nearest = np.abs(np.array(truth["time_s"])[:, None] - found.time_s).argmin(axis=1)
     angle, width = np.rad2deg(truth["wheel_angle_rad"]), np.array(truth["patch_width_deg"])
@@ -69,7 +69,7 @@ def main() -> None:
         rows = []
         for seed in SEEDS:
             simulated = simulate(scenario(seed, noise))
-            found = next(measure(to_recording(simulated, "log")))
+            found = next(measure_phase_shift(to_recording(simulated, "log")))
             rows.append(errors_deg(found, simulated.truth["channels"]["acceleration"]["passages"]))
         rms = np.sqrt(np.mean(np.square(rows), axis=0))
         print(

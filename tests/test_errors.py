@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tirelog.errors import ModelError, SetupError, UsageError
-from tirelog.physics.model.file import parse
+from tirelog.physics.model.file import parse_model
 
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 
@@ -52,7 +52,7 @@ def test_no_part_shows_a_secret() -> None:
 
 def test_an_error_in_a_model_file_has_fields_place_and_sentence() -> None:
     with pytest.raises(ModelError) as caught:
-        parse('[model]\ncarcass = "baem"\nobservable = "strain"\n')
+        parse_model('[model]\ncarcass = "baem"\nobservable = "strain"\n')
     problem = caught.value
     assert problem.what == "carcass = 'baem' (nearest: beam)"
     assert (problem.line, problem.do) == (2, "choose one")

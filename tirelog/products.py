@@ -188,11 +188,11 @@ def _all_passages(
     recording: Recording, channels: list[Channel], keep: bool
 ) -> tuple[list[Channel], list[Passages | None]]:
     """The channels and the passages of each; a single one in memory if it is to be `kept` there."""
-    from tirelog.runs.in_memory import held
+    from tirelog.runs.in_memory import in_memory
     from tirelog.strain.passages.surface import passages_of
 
     if keep and len(channels) == 1:
-        channels = [held(channels[0])]  # gone through once more by whoever takes it
+        channels = [in_memory(channels[0])]  # gone through once more by whoever takes it
     return channels, [passages_of(recording, channel) for channel in channels]
 
 
@@ -249,12 +249,12 @@ def _make(
     forms: _Forms,
 ) -> _Made:
     """The tables of one channel, the `number`-th, whose passages are `found` already or not."""
-    from tirelog.runs.in_memory import held
+    from tirelog.runs.in_memory import in_memory
     from tirelog.strain.passages.surface import passages_of
 
     try:
         only_passages = found is not None and set(wanted) == {"speed"}
-        channel = stored if only_passages else held(stored)
+        channel = stored if only_passages else in_memory(stored)
         passages = passages_of(recording, channel) if found is None else found
         learnt = (
             forms.learn(number, channel, passages)

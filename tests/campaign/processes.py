@@ -15,7 +15,7 @@ from pathlib import Path
 
 from tirelog.campaign.folder import moved_into
 from tirelog.campaign.ledger import Entry
-from tirelog.campaign.work import Task, make_tables
+from tirelog.campaign.work import LogTask, make_tables
 from tirelog.storage import remote
 
 #: a busy machine may take so long [s] for what takes one second
@@ -36,13 +36,13 @@ def waited_for(event: Callable[[], bool]) -> bool:
 # ---- what a worker does instead of `make_tables` -------------------------------------------------
 
 
-def patient(task: Task) -> Entry:
+def patient(task: LogTask) -> Entry:
     """A worker's task, when the store that it asks may be slow."""
     remote.ANSWER_S = PATIENCE_S
     return make_tables(task)
 
 
-def gated(task: Task) -> Entry:
+def gated(task: LogTask) -> Entry:
     """A worker's task, begun once there is a ticket in the gate's folder for it."""
     gate = Path(os.environ[_GATE])
     while True:
@@ -55,7 +55,7 @@ def gated(task: Task) -> Entry:
         time.sleep(0.01)
 
 
-def stuck(task: Task) -> Entry:
+def stuck(task: LogTask) -> Entry:
     """A worker's task that has begun to write its table, and never ends."""
     with moved_into(Path(task.output), f"table=speed/log={task.name}/part.parquet") as unmoved:
         unmoved.write_bytes(b"half of a table")
@@ -63,7 +63,7 @@ def stuck(task: Task) -> Entry:
             time.sleep(1.0)
 
 
-def dying_once(task: Task) -> Entry:
+def dying_once(task: LogTask) -> Entry:
     """A worker's task; whoever finishes one first dies before it can say so."""
     entry = patient(task)
     try:
@@ -89,7 +89,7 @@ main()
 
 
 def begun(
-    manifest: Path, work: Callable[[Task], Entry], *options: str
+    manifest: Path, work: Callable[[LogTask], Entry], *options: str
 ) -> "subprocess.Popen[bytes]":
     """`campaign run` in a process of its own, whose workers do `work`; what it says goes to
     `said.txt`.

@@ -6,7 +6,7 @@ import pytest
 
 from tirelog.data.setup import load_setup, parse_setup, setup_beside
 from tirelog.errors import SetupError
-from tirelog.runs.convert import to_si
+from tirelog.runs.convert import scaled_to_si
 
 GOOD = """[tire]
 name = "215/45 R17"
@@ -49,18 +49,18 @@ def test_a_good_setup() -> None:
 
 
 def test_strain_is_p1_equation_1() -> None:
-    factor, offset = to_si(parse_setup(GOOD).channels["strain_1"])
+    factor, offset = scaled_to_si(parse_setup(GOOD).channels["strain_1"])
     assert factor * 1551.55 + offset == pytest.approx(1.27 * 1.55 / 1550.0, rel=1e-12)
 
 
 def test_strain_from_picometres() -> None:
     channel = parse_setup(GOOD.replace('unit = "nm"', 'unit = "pm"')).channels["strain_1"]
-    factor, offset = to_si(channel)
+    factor, offset = scaled_to_si(channel)
     assert factor * 1551550.0 + offset == pytest.approx(1.27e-3, rel=1e-11)
 
 
 def test_temperature_change_of_the_twin() -> None:
-    factor, offset = to_si(parse_setup(GOOD).channels["temp_1"])
+    factor, offset = scaled_to_si(parse_setup(GOOD).channels["temp_1"])
     assert factor * 1542.05 + offset == pytest.approx(5.0, rel=1e-9)
 
 

@@ -8,7 +8,7 @@ import pytest
 from tests.diagnosis.toy import waveform
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.inference.cells.pieces import one_waveform
-from tirelog.inference.stacks.align import refine
+from tirelog.inference.stacks.align import refine_passages
 from tirelog.inference.stacks.samples import Samples
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -71,7 +71,7 @@ def test_turns_whose_samples_lie_between_those_of_others_are_not_shifted_against
 ):
     values, truth = constant_wheel(samples_per_turn)
     shifted = truth + 3e-5 * (np.arange(truth.size) % classes == 0)
-    error = (refine(toy_samples(values), shifted) - truth)[2:-2]
+    error = (refine_passages(toy_samples(values), shifted) - truth)[2:-2]
     assert np.ptp(error) < 3e-6
 
 
@@ -82,5 +82,5 @@ def test_a_passage_with_half_of_its_front_lost_lies_on_the_course_of_the_others(
     values[at - 26 : at + 9] = np.nan
     rough = truth.copy()
     rough[wrong] += 0.0055
-    error = refine(toy_samples(values), rough) - truth
+    error = refine_passages(toy_samples(values), rough) - truth
     assert np.ptp(error[max(0, wrong - 3) : wrong + 4]) < 5e-5

@@ -17,10 +17,10 @@ from tirelog.inference.floor import held_out_losses
 from tirelog.inference.metric.offsets import Levelled
 from tirelog.inference.stacks import samples as samples_of
 from tirelog.inference.stacks.align import (
-    WheelAngle,
+    PassageAngle,
     front_fit,
     knots_for,
-    refine,
+    refine_passages,
     split_turns,
     template,
 )
@@ -38,7 +38,7 @@ def refined_at_once(time, values, centre, rounds=3):
     time, values = time[good], values[good]
     knots = knots_for(centre, 2500.0)
     for _ in range(rounds):
-        angle = WheelAngle.through(centre)
+        angle = PassageAngle.through(centre)
         turn, phi = split_turns(angle.theta(time))
         whole = (turn >= 0) & (turn < centre.size)
         turn, phi, y = turn[whole], phi[whole], values[whole]
@@ -56,7 +56,7 @@ def test_passages_refined_in_chunks_are_those_refined_at_once(size, monkeypatch)
     toy = replace(toy, samples=lambda start, stop: values[start:stop])
     rough = truth + 1e-3 * np.random.default_rng(5).standard_normal(truth.size)
     np.testing.assert_allclose(
-        refine(Samples(toy), rough),
+        refine_passages(Samples(toy), rough),
         refined_at_once(toy.axis.time(), values, rough),
         rtol=0,
         atol=1e-12,
@@ -89,7 +89,7 @@ def test_bins_hold_the_samples_of_their_revolution_and_angle(recording, monkeypa
     assert len(stacks) > 3
     stack, toy = joined(stacks), recording.channels["toy"]
     time, values = toy.axis.time(), toy.read()
-    theta = WheelAngle.through(stack.conditions.time_s).theta(
+    theta = PassageAngle.through(stack.conditions.time_s).theta(
         time
     )  # of the revolutions' own passages
     turn, phi = split_turns(theta)

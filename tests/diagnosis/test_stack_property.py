@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tests.diagnosis.toy import channel, stack, waveform
 from tirelog.inference.cells.cells import make_cells
-from tirelog.inference.stacks.align import WheelAngle, refine, split_turns
+from tirelog.inference.stacks.align import PassageAngle, refine_passages, split_turns
 from tirelog.inference.stacks.manoeuvres import SHORTEST, accelerations, regimes, segment
 from tirelog.inference.stacks.samples import Samples
 
@@ -16,14 +16,14 @@ from tirelog.inference.stacks.samples import Samples
 def test_matched_filter_finds_passages_to_a_thousandth_of_the_width(seed):
     toy, truth = channel(seed)
     random = np.random.default_rng(seed)
-    found = refine(Samples(toy), truth + 1e-3 * random.standard_normal(truth.size))
-    error = (found - truth)[2:-2] * WheelAngle.through(truth).speed_rad_s(truth)[2:-2]
+    found = refine_passages(Samples(toy), truth + 1e-3 * random.standard_normal(truth.size))
+    error = (found - truth)[2:-2] * PassageAngle.through(truth).speed_rad_s(truth)[2:-2]
     assert np.std(error) < 2.5e-3
 
 
 def test_wheel_angle_passes_through_the_passages_and_goes_on_beyond():
     times = np.array([0.0, 0.25, 0.48, 0.69, 0.88])
-    angle = WheelAngle.through(times)
+    angle = PassageAngle.through(times)
     np.testing.assert_allclose(angle.theta(times), 2 * np.pi * np.arange(5), atol=1e-9)
     assert angle.theta(np.array([1.0]))[0] > angle.theta(times)[-1]
     turn, phi = split_turns(angle.theta(times) + 0.1)

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from tests.diagnosis.test_transient_property import MODEL, NOISE, made
-from tirelog.diagnosis.obstacles.learn import learn
+from tirelog.diagnosis.obstacles.learn import learn_motion
 from tirelog.errors import UsageError
-from tirelog.inference.motion import held, motion_names
+from tirelog.inference.motion import motion_names, without_motion_parameters
 
 
 def freed(*names):
@@ -22,7 +22,7 @@ def test_a_line_mass_that_is_off_is_found():
     start = freed("line_mass_kg_m").with_values(
         {"line_mass_kg_m": 1.08 * MODEL.values["line_mass_kg_m"]}
     )
-    learned = learn([made(1.61, 3)], start)
+    learned = learn_motion([made(1.61, 3)], start)
     mass = learned.model.parameters["line_mass_kg_m"]
     assert learned.names == ("line_mass_kg_m",)
     assert mass.value == pytest.approx(MODEL.values["line_mass_kg_m"], rel=2e-3)
@@ -34,7 +34,7 @@ def test_a_line_mass_that_is_off_is_found():
 def test_the_steady_waveform_is_fitted_without_them():
     model = freed("line_mass_kg_m", "hub_mass_kg", "radial_damping_N_s_m2")
     assert set(motion_names(model)) == {"line_mass_kg_m", "hub_mass_kg", "radial_damping_N_s_m2"}
-    assert held(model).free == MODEL.free
+    assert without_motion_parameters(model).free == MODEL.free
     assert motion_names(MODEL) == ()
 
 
@@ -43,4 +43,4 @@ def test_nothing_free_is_said():
         UsageError,
         match=r"no free parameter that a motion tells; allowed are hub_mass_kg.*; free one",
     ):
-        learn([], MODEL)
+        learn_motion([], MODEL)

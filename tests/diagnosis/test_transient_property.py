@@ -15,7 +15,7 @@ from tirelog.diagnosis.obstacles.compare import band_squares, compare_transients
 from tirelog.diagnosis.obstacles.fit import fit_hit, motion_at
 from tirelog.errors import UsageError
 from tirelog.inference.obstacle_log import TransientLog, around, steady_revolutions, transient_log
-from tirelog.inference.stacks.align import WheelAngle
+from tirelog.inference.stacks.align import PassageAngle
 from tirelog.physics import Model
 
 RATE, SPIN, NOISE = 2500.0, 50.0, 1e-6
@@ -54,8 +54,8 @@ def noiseless(hit_s: float, phase: float = 0.7) -> TransientLog:
     conditions = replace(conditions, time_s=passages)
     flat = TransientLog(
         "made.csv", "groove", "outer", "strain", 0.305, ROAD, "", conditions, time,
-        np.zeros(time.size), passages, np.arange(passages.size) * 1.0, WheelAngle.through(passages),
-        CubicSpline([0.0, 1.0], [0.0, 0.0]), SPIN, np.ones(time.size, bool), np.array([hit_s]),
+        np.zeros(time.size), passages, np.arange(passages.size) * 1.0,
+        PassageAngle.through(passages), CubicSpline([0.0, 1.0], [0.0, 0.0]), SPIN, np.ones(time.size, bool), np.array([hit_s]),
         RATE,
     )  # fmt: skip
     transient, reached = motion_at(flat, MODEL, hit_s, 0.5)
@@ -75,7 +75,7 @@ def noiseless(hit_s: float, phase: float = 0.7) -> TransientLog:
         flat,
         passages_s=passages,
         turns=np.arange(passages.size) * 1.0,
-        wheel=WheelAngle.through(passages),
+        wheel=PassageAngle.through(passages),
     )
     calm = (time < hit_s - 0.15) | (time > hit_s + 0.65)
     return replace(flat, values=values, calm=calm)

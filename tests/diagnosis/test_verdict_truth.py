@@ -11,7 +11,7 @@ from benchmarks.cases import Case, case, planted
 from tirelog.data.recording import Conditions, Stack
 from tirelog.diagnosis import diagnose as diagnosis
 from tirelog.diagnosis.compare import remarks_of, start
-from tirelog.diagnosis.diagnose import conclude, search
+from tirelog.diagnosis.diagnose import conclude, search_effects
 from tirelog.diagnosis.separation import ALLOWED, driven
 from tirelog.diagnosis.sign_flips import least_p
 from tirelog.diagnosis.wording import probability, rounding_sentences, sentence_of
@@ -38,7 +38,7 @@ def fitted(scenarios, angles):
 
 def diagnosed(base):
     """What `diagnose` says once the model is fitted."""
-    return conclude(search(base), ())
+    return conclude(search_effects(base), ())
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def tight():
 
 @pytest.fixture(scope="module")
 def tension_found(tight):
-    return search(tight)
+    return search_effects(tight)
 
 
 def test_a_patch_that_follows_the_pressure_is_not_the_noise_floor(two_pressures):
@@ -120,7 +120,7 @@ def test_tension_over_inertia_is_found_and_what_stands_at_a_bound_stays_there(ti
 def test_the_last_effect_that_is_looked_for_is_in_the_model_too(tight, tension_found, monkeypatch):
     monkeypatch.setattr(diagnosis, "MOST_EFFECTS", 1)
     monkeypatch.setattr(diagnosis, "first_step", lambda base, extra: tension_found.steps[0])
-    found = search(tight)
+    found = search_effects(tight)
     assert found.named == ("belt_tension",)
     assert [effect.id for effect in found.after.model.effects] == ["belt_tension"]
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tests.wheel.phase_truth import DYNAMIC, RAMP, Drive, Encoder, Tread, recording
-from tirelog.wheel.calibration import calibrate, clean
-from tirelog.wheel.phase_shift import measure
+from tirelog.wheel.calibration import calibrate, clean_passages
+from tirelog.wheel.phase_shift import measure_phase_shift
 
 MASS_KG, HEIGHT_OVER_BASE = 1500.0, 0.2
 STATIC_N = {"front": 3700.0, "rear": 3650.0}
@@ -58,7 +58,7 @@ def drive(wheel, bar, seed, corners=DYNAMIC):
         tread(wheel, bar, seed).signal(road),
         driven=str(wheel == "rear").lower(),
     )
-    return next(measure(found))
+    return next(measure_phase_shift(found))
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def results(request, calibration):
     out = {}
     for wheel, seed in (("front", 32_000), ("rear", 33_000)):
         passages = drive(wheel, request.param, seed + round(request.param * 10))
-        cleaned = clean(passages, calibration)
+        cleaned = clean_passages(passages, calibration)
         phases = {}
         for name, (start, stop) in {
             "low": (0.5, 7.5),
@@ -165,7 +165,7 @@ def test_low_pressure_is_slightly_wider_with_the_same_calibration(calibration):
     widths = {}
     for bar in WIDTH_DEG:
         passages = drive("front", bar, 35_000)
-        cleaned = clean(passages, calibration)
+        cleaned = clean_passages(passages, calibration)
         widths[bar] = np.mean(cleaned.width_deg[passages.steady >= 0])
     assert widths[1.6] - widths[2.0] == pytest.approx(1.4, abs=0.05)
 
@@ -175,7 +175,7 @@ def test_low_pressure_varies_like_nominal_pressure(calibration):
     variations = []
     for bar in WIDTH_DEG:
         passages = drive("front", bar, 36_000)
-        cleaned = clean(passages, calibration)
+        cleaned = clean_passages(passages, calibration)
         braking = (passages.time_s > 21.2) & (passages.time_s < 23.3)
         calm = passages.steady >= 0
         variations.append(
@@ -212,7 +212,7 @@ def test_the_crosstalk_of_equation_3_is_found(calibration):
 def test_without_equation_3_the_front_wheel_would_seem_driven(calibration):
     """Fig. 11: before the correction the front wheel's shift in acceleration is not zero."""
     passages = drive("front", 2.0, 37_000)
-    cleaned = clean(passages, calibration)
+    cleaned = clean_passages(passages, calibration)
     driving = (passages.time_s > 8.3) & (passages.time_s < 12.7)
     before, after = np.mean(cleaned.shift_deg[driving]), np.mean(cleaned.corrected_deg[driving])
     assert before > 0.08

@@ -8,7 +8,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
-from tirelog.physics.model.file import load_model, parse, save_model
+from tirelog.physics.model.file import load_model, parse_model, save_model
 
 RING = {"radial_damping_N_s_m2": 60.0, "tangential_damping_N_s_m2": 60.0}
 
@@ -57,7 +57,7 @@ def test_files_that_cannot_be(line, said):
         if not line.startswith(name)
     )
     with pytest.raises(ModelError, match=said):
-        parse(
+        parse_model(
             f'[model]\nobservable = "strain"\ncarcass = "coupled_ring"\n[parameters]\n{text}\n'
             f"{line}\n"
         )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.physics.node_ring import NodeRing
-from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, cleat
 
@@ -37,8 +37,10 @@ def test_a_rolling_tire_that_is_dropped(road):
     start = State.rolling(tire, LOAD, SPEED)
     start.hub = start.centre = 1j * tire.R
     start.V = 0.0 * start.V
-    stepper = Stepper(tire, start, Drive(lambda time: LOAD, lambda time: SPEED), road, step_s=5e-5)
-    motion = simulate(stepper, DURATION + 5e-5, every=3)
+    stepper = Stepper(
+        tire, start, HubMotion(lambda time: LOAD, lambda time: SPEED), road, step_s=5e-5
+    )
+    motion = stepped_motion(stepper, DURATION + 5e-5, every=3)
     time, spindle = NodeRing(tire, LOAD, SPEED, road, nodes=300, step_s=3e-6, stretch_N=1e7).run(
         DURATION, 10
     )
@@ -70,7 +72,7 @@ def test_a_turning_belt_that_was_bent_rings_alike():
     slope = np.fft.ifft(1j * np.fft.fftfreq(phi.size, 1.0 / phi.size) * np.fft.fft(shape))
     nodes.rate = nodes.hub_rate + nodes.spin * (1j * nodes.rest + slope)
     nodes.forces = nodes._forces()
-    stepper = Stepper(TIRE, start, Drive(lambda time: 0.0, lambda time: SPEED), step_s=1e-4)
+    stepper = Stepper(TIRE, start, HubMotion(lambda time: 0.0, lambda time: SPEED), step_s=1e-4)
     for _ in range(100):
         stepper.step()
     nodes.run(0.01, 100)

@@ -13,7 +13,7 @@ from tirelog.physics import Model
 from tirelog.physics.carcass import contact
 from tirelog.physics.carcass.ring import modal_impedance
 from tirelog.physics.moving.modes import matrices
-from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 
 TIRE = CoupledRing(
@@ -41,7 +41,7 @@ def rolling(
     nodes: int = 3072,
     start: State | None = None,
 ) -> Stepper:
-    drive = Drive(lambda time: LOAD, lambda time: speed, lambda time: torque)
+    drive = HubMotion(lambda time: LOAD, lambda time: speed, lambda time: torque)
     return Stepper(tire, start or State.rolling(tire, LOAD, speed), drive, step_s=1e-4, nodes=nodes)
 
 
@@ -85,7 +85,7 @@ def test_free_vibration_in_the_air_is_the_matrix_exponential():
     start.hub = start.centre
     start.V = 1e-6 * np.array([1.0, 2j, 1 - 1j, 0.5, 0.1j])
     V = start.V
-    air = Stepper(tire, start, Drive(lambda time: 0.0), step_s=1e-4)
+    air = Stepper(tire, start, HubMotion(lambda time: 0.0), step_s=1e-4)
     for _ in range(200):
         air.step()
     M, damping, stiffness = matrices(tire, SPEED / tire.R)
@@ -102,9 +102,9 @@ def test_free_vibration_in_the_air_is_the_matrix_exponential():
 def test_rest_on_the_road_is_the_contact_with_the_flat_road():
     tire = replace(TIRE, modes=60)
     rest = Stepper(
-        tire, State.rolling(tire, LOAD, 0.0), Drive(lambda time: LOAD), step_s=5e-5, nodes=3072
+        tire, State.rolling(tire, LOAD, 0.0), HubMotion(lambda time: LOAD), step_s=5e-5, nodes=3072
     )
-    motion = simulate(rest, 0.5)
+    motion = stepped_motion(rest, 0.5)
     touching = contact.solve_contact(tire.carcass, LOAD)
     pressure = np.interp(touching.phi_rad, rest.road_forces.phi, rest.road_forces.pressure)
     assert motion.force_z_N[-1] == pytest.approx(LOAD, rel=1e-6)
@@ -124,8 +124,8 @@ def test_steady_rolling_from_any_start_is_the_steady_ring(start):
     else:
         state.psi_hub, state.V_rate = 0.01, 0.01 * np.ones_like(state.V)
     stepper = rolling(TIRE, start=state)
-    simulate(stepper, 1.4)
-    motion = simulate(stepper, 0.05, every=1)
+    stepped_motion(stepper, 1.4)
+    motion = stepped_motion(stepper, 0.05, every=1)
     assert motion.force_z_N.mean() == pytest.approx(LOAD, rel=1e-4)
     assert motion.spindle_z_N == pytest.approx(np.full(500, LOAD), rel=1e-4)
     _, steady = steady_ring(TIRE, stepper.state.omega)
@@ -135,7 +135,7 @@ def test_steady_rolling_from_any_start_is_the_steady_ring(start):
 
 def test_the_ring_under_its_own_load_is_the_steady_ring():
     stepper = rolling(TIRE)
-    simulate(stepper, 0.3)
+    stepped_motion(stepper, 0.3)
     modes = np.zeros_like(stepper.state.V)
     motion = np.zeros_like(stepper.state.V)
     for _ in range(300):
@@ -151,17 +151,17 @@ def test_a_brake_torque_is_the_road_force_times_the_radius_of_a_belt_that_does_n
     )
     forces = []
     for stepper in (free, braked):
-        simulate(stepper, 0.5)
-        forces.append(simulate(stepper, 0.05, every=1).force_s_N.mean())
+        stepped_motion(stepper, 0.5)
+        forces.append(stepped_motion(stepper, 0.05, every=1).force_s_N.mean())
     assert forces[1] - forces[0] == pytest.approx(60.0 / TIRE.R, rel=5e-3)
     assert braked.state.omega * TIRE.R < free.state.omega * TIRE.R < SPEED
 
 
 def test_what_tows_the_tire_is_what_it_dissipates():
     stepper = rolling(replace(TIRE, c_x=1.9e6), nodes=1536)
-    simulate(stepper, 0.5)
+    stepped_motion(stepper, 0.5)
     lost = stepper.tread.lost
-    motion = simulate(stepper, 0.1, every=1)
+    motion = stepped_motion(stepper, 0.1, every=1)
     omega, V = motion.omega_rad_s.mean(), motion.V.mean(axis=0)
     a = stepper.state.centre - stepper.state.hub
     belt = 4.0 * np.pi * TIRE.R * omega**2 * np.sum(TIRE.n**2 * TIRE.c_n * np.abs(V) ** 2)
@@ -181,8 +181,8 @@ def test_strain_through_a_turn_is_what_the_steady_model_predicts():
         inflation_pressure_Pa=1.2e5, tread_stiffness_N_m2=tire.k_t, line_mass_kg_m=tire.rho_A,
         radial_damping_N_s_m2=2.0, tangential_damping_N_s_m2=2.0, lever_arm_m=2e-3,
     )  # fmt: skip
-    drive = Drive(lambda time: LOAD, lambda time: SPEED)
-    motion = simulate(
+    drive = HubMotion(lambda time: LOAD, lambda time: SPEED)
+    motion = stepped_motion(
         Stepper(tire, State.rolling(tire, LOAD, SPEED), drive, step_s=5e-5, nodes=3072),
         0.06,
         every=4,

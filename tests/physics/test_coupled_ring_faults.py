@@ -9,7 +9,7 @@ import pytest
 
 from tirelog.errors import ModelError
 from tirelog.physics.moving.modes import natural_modes
-from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import MeasuredRoad, SineRoad, cleat, load_road, step
 
@@ -31,7 +31,7 @@ def stepper(tire=TIRE, speed=20.0, **more):
     return Stepper(
         tire,
         State.rolling(tire, 1000.0, speed),
-        Drive(lambda time: 1000.0, lambda time: speed),
+        HubMotion(lambda time: 1000.0, lambda time: speed),
         **more,
     )
 
@@ -125,7 +125,7 @@ def test_a_ring_torn_from_its_sidewall():
     torn = stepper(step_s=1e-4)
     torn.state.hub_rate = 3000j
     with pytest.raises(ModelError, match="left its sidewall"):
-        simulate(torn, 0.1)
+        stepped_motion(torn, 0.1)
 
 
 def test_a_road_that_comes_up_to_the_axle():

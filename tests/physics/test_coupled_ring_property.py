@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, SineRoad, cleat, step
 
@@ -34,9 +34,9 @@ def test_energy_stays_for_ten_seconds_without_damping():
     start = State.rolling(tire, LOAD, SPEED)
     start.hub, start.centre = start.hub + 0.001j, start.centre + 0.0005 + 0.001j
     start.omega, start.psi_hub = start.omega + 0.3, 0.002
-    stepper = Stepper(tire, start, Drive(lambda time: LOAD), step_s=1.5e-4, nodes=768)
+    stepper = Stepper(tire, start, HubMotion(lambda time: LOAD), step_s=1.5e-4, nodes=768)
     begun = stepper.energy() + LOAD * start.hub.imag
-    motion = simulate(stepper, 10.0, every=37)
+    motion = stepped_motion(stepper, 10.0, every=37)
     total = motion.energy_J + LOAD * motion.hub_z_m
     assert np.ptp(motion.force_z_N) > 300.0
     assert np.abs(total - begun).max() < 1e-4 * begun
@@ -50,9 +50,9 @@ def test_what_spin_and_belt_exchange_is_accounted_for():
     start = State.rolling(tire, LOAD, SPEED)
     start.hub, start.centre = start.hub + 0.0005j, start.centre + 0.001 + 0.0005j
     start.omega, start.psi_hub = start.omega + 0.3, 0.002
-    stepper = Stepper(tire, start, Drive(lambda time: LOAD), step_s=2.5e-5)
+    stepper = Stepper(tire, start, HubMotion(lambda time: LOAD), step_s=2.5e-5)
     begun = stepper.energy() + LOAD * start.hub.imag
-    motion = simulate(stepper, 0.15, every=5)
+    motion = stepped_motion(stepper, 0.15, every=5)
     total = motion.energy_J + LOAD * motion.hub_z_m
     assert np.ptp(motion.hub_z_m) * LOAD > 0.9
     assert np.abs(total - begun).max() < 1e-3
@@ -61,7 +61,7 @@ def test_what_spin_and_belt_exchange_is_accounted_for():
 def test_damping_only_takes():
     start = State.rolling(TIRE, LOAD, 0.0)
     start.hub, start.centre = start.hub + 0.004j, start.centre + 0.004j
-    motion = simulate(Stepper(TIRE, start, Drive(lambda time: LOAD), step_s=5e-5), 0.2)
+    motion = stepped_motion(Stepper(TIRE, start, HubMotion(lambda time: LOAD), step_s=5e-5), 0.2)
     total = motion.energy_J + LOAD * motion.hub_z_m
     assert total[-1] < total[0] - 0.5
     assert np.diff(total).max() < 1e-3
@@ -71,11 +71,11 @@ def passage(step_s: float, road=CLEAT, duration: float = 0.2, tire: CoupledRing 
     stepper = Stepper(
         tire,
         State.rolling(tire, LOAD, SPEED),
-        Drive(lambda time: LOAD, lambda time: SPEED),
+        HubMotion(lambda time: LOAD, lambda time: SPEED),
         road,
         step_s=step_s,
     )
-    return simulate(stepper, duration, every=round(1e-3 / step_s))
+    return stepped_motion(stepper, duration, every=round(1e-3 / step_s))
 
 
 def test_a_cleat_pushes_up_and_back_and_is_left_behind():
@@ -100,11 +100,11 @@ def test_a_step_lifts_the_tire_by_its_height():
 
 
 def test_friction_stays_within_its_limit():
-    drive = Drive(
+    drive = HubMotion(
         lambda time: LOAD, lambda time: SPEED, lambda time: -600.0 * min(time / 0.05, 1.0)
     )
     stepper = Stepper(TIRE, State.rolling(TIRE, LOAD, SPEED), drive, FlatRoad(), step_s=1e-4)
-    motion = simulate(stepper, 0.2)
+    motion = stepped_motion(stepper, 0.2)
     assert np.all(np.abs(motion.force_s_N) <= TIRE.mu * motion.force_z_N * (1.0 + 1e-9))
     assert motion.force_s_N[-10:] == pytest.approx(TIRE.mu * motion.force_z_N[-10:], rel=1e-2)
     assert motion.omega_rad_s[-1] < 0.9 * SPEED / TIRE.R

@@ -11,7 +11,7 @@ from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.moving.road import FlatRoad, Placed, road_of
 from tirelog.physics.moving.steady import steady_rolling
-from tirelog.physics.moving.transient import Course, Schedule, drive
+from tirelog.physics.moving.transient import Course, Schedule, driven
 
 SPEED, LOAD = 20.0, 3434.0
 MODEL = Model.new(
@@ -39,7 +39,7 @@ def test_a_flat_road_gives_the_steady_ring():
     the road.
     """
     model = MODEL.with_effect("pressure_offset", offset=0.1)
-    transient = drive(model, AT_20, course())
+    transient = driven(model, AT_20, course())
     read, steady = transient.sensed("strain", -1.2), steady_at(transient, model, -1.2, "strain")
     assert np.ptp(steady) > 5e-4
     assert np.std(read - steady) < 1e-4 * np.ptp(steady)
@@ -59,7 +59,7 @@ def test_acceleration_is_the_motion_of_the_sensor():
     """Second differences of the place r = C + (R + w) e_r + v e_t, along e_r, less those of steady
     rolling.
     """
-    transient = drive(MODEL, AT_20, course(CLEAT), step_s=5e-5)
+    transient = driven(MODEL, AT_20, course(CLEAT), step_s=5e-5)
     m, n, R, theta = transient.motion, transient.motion.tire.n, 0.305, -1.0
     phi = m.psi_rad + theta
     e_r, e_t = np.sin(phi) - 1j * np.cos(phi), np.cos(phi) + 1j * np.sin(phi)
@@ -82,7 +82,7 @@ def test_a_step_of_load_ends_in_the_steady_ring_of_that_load():
     model = MODEL.with_values(
         {"hub_mass_kg": 1.0, "radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0}
     )
-    ends = drive(
+    ends = driven(
         model,
         AT_20,
         course(duration=0.8, load=Schedule((0.0, 0.1, 0.11), (LOAD, LOAD, 1.2 * LOAD))),
@@ -106,7 +106,7 @@ def test_a_step_of_load_ends_in_the_steady_ring_of_that_load():
 
 
 def test_a_ramp_of_speed_spins_the_wheel():
-    transient = drive(
+    transient = driven(
         MODEL, AT_20, course(duration=0.7, speed=Schedule((0.0, 0.1, 0.3), (SPEED, SPEED, 22.0)))
     )
     omega = transient.motion.omega_rad_s
@@ -122,14 +122,14 @@ def test_a_ramp_of_speed_spins_the_wheel():
 
 def test_sensor_effects_act_on_the_whole_reading():
     plain, long, late = (
-        drive(m, AT_20, course(CLEAT)).sensed("strain", -1.7)
+        driven(m, AT_20, course(CLEAT)).sensed("strain", -1.7)
         for m in (
             MODEL,
             MODEL.with_effect("gauge_length", length_m=0.06),
             MODEL.with_effect("sensor_lag", lag_s=1e-3),
         )
     )
-    steady = drive(MODEL, AT_20, course())
+    steady = driven(MODEL, AT_20, course())
     added = np.abs(plain - steady.sensed("strain", -1.7)).max()
     assert added > 5e-5
     gauged = MODEL.with_effect("gauge_length", length_m=0.06)
@@ -143,11 +143,11 @@ def test_sensor_effects_act_on_the_whole_reading():
 
 
 def test_a_longer_lag_is_no_echo_from_the_end():
-    late = drive(MODEL.with_effect("sensor_lag", lag_s=5e-3), AT_20, course(CLEAT)).sensed(
+    late = driven(MODEL.with_effect("sensor_lag", lag_s=5e-3), AT_20, course(CLEAT)).sensed(
         "strain", -1.7
     )
     steady = MODEL.with_effect("sensor_lag", lag_s=5e-3)
-    flat = drive(steady, AT_20, course()).sensed("strain", -1.7)
+    flat = driven(steady, AT_20, course()).sensed("strain", -1.7)
     begin = slice(0, 50)
     assert np.abs(late - flat)[begin].max() < 1e-3 * np.ptp(flat)
 
@@ -160,15 +160,17 @@ def test_what_has_no_linear_motion_is_refused(effect):
     with pytest.raises(
         ModelError, match=f"{name}.*no linear motion in time; .*allowed.*; leave it out"
     ):
-        drive(MODEL.with_effect(name, **values), AT_20, course())
+        driven(MODEL.with_effect(name, **values), AT_20, course())
 
 
 def test_effects_on_the_structure_change_the_tire_that_moves():
     damped = MODEL.with_effect("viscous_damping", damping_rate_1_s=50.0)
     tight = MODEL.with_effect("belt_tension", tension_N=500.0)
-    plain = drive(MODEL, AT_20, course()).motion.tire
-    assert drive(damped, AT_20, course()).motion.tire.c_w == pytest.approx(60.0 + 2.0 * 3.15 * 50.0)
-    assert drive(tight, AT_20, course()).motion.tire.pb == pytest.approx(plain.pb + 500.0 / 0.305)
+    plain = driven(MODEL, AT_20, course()).motion.tire
+    assert driven(damped, AT_20, course()).motion.tire.c_w == pytest.approx(
+        60.0 + 2.0 * 3.15 * 50.0
+    )
+    assert driven(tight, AT_20, course()).motion.tire.pb == pytest.approx(plain.pb + 500.0 / 0.305)
 
 
 def test_courses_that_cannot_be_driven():
@@ -181,9 +183,9 @@ def test_courses_that_cannot_be_driven():
         (course(load=Schedule((0.0, 0.1), (LOAD, -1.0))), "zero and above"),
     ):
         with pytest.raises(ModelError, match=said):
-            drive(MODEL, AT_20, made)
+            driven(MODEL, AT_20, made)
     with pytest.raises(ModelError, match=r"a ring does not move in time; .*coupled_ring"):
-        drive(Model.new("ring"), AT_20, course())
+        driven(Model.new("ring"), AT_20, course())
 
 
 def test_a_drum_brings_the_cleat_again():

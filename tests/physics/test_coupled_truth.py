@@ -30,7 +30,7 @@ from tests.simulation.rolls import (
     strain_rider,
 )
 from tirelog.physics.moving.modes import natural_modes
-from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, cleat
 from tirelog.simulation.rolling.profile import Profile
@@ -79,12 +79,12 @@ def model(what: str, seconds: float):
     stepper = Stepper(
         of,
         State.rolling(of, LOAD, SPEED),
-        Drive(load, lambda time: SPEED),
+        HubMotion(load, lambda time: SPEED),
         road,
         step_s=STEP,
         nodes=2304,
     )
-    return simulate(stepper, seconds, every=1)
+    return stepped_motion(stepper, seconds, every=1)
 
 
 def below(frequency_Hz: float, values, step_s: float):

@@ -8,8 +8,8 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.model.expression import LONGEST
-from tirelog.physics.model.expression import parse as parse_expression
-from tirelog.physics.model.file import load_model, parse, save_model
+from tirelog.physics.model.expression import parse_expression as parse_expression
+from tirelog.physics.model.file import load_model, parse_model, save_model
 from tirelog.physics.model.user_effects import effects_of_file
 
 PHI = np.linspace(-1.0, 1.0, 9)
@@ -47,7 +47,7 @@ def test_mistakes_in_a_model_file_are_named_with_their_line(old, new, says, line
 
 def test_two_effects_of_one_name():
     with pytest.raises(ModelError, match="already"):
-        parse(CONTRACT + '\n[[effects]]\nname = "viscous_damping"\n')
+        parse_model(CONTRACT + '\n[[effects]]\nname = "viscous_damping"\n')
     with pytest.raises(ModelError, match="already"):
         Model.new("beam").with_effect("wear").with_effect("wear")
 

@@ -6,7 +6,7 @@ import pytest
 from tirelog.data.recording import Conditions
 from tirelog.errors import OutputError
 from tirelog.physics import CATALOGUE, Model
-from tirelog.physics.model.file import as_toml, load_model, parse, save_model
+from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
 
 CONTRACT = """
 # the tire on the drum
@@ -42,7 +42,7 @@ def same(a, b):
 
 
 def test_the_contracts_example_is_read():
-    model = parse(CONTRACT)
+    model = parse_model(CONTRACT)
     assert model.free == [
         "flexural_stiffness_N_m2", "foundation_stiffness_N_m2", "patch_half_length_m",
         "lever_arm_m", "viscous_damping.damping_rate_1_s", "my_wedge.q",
@@ -52,7 +52,7 @@ def test_the_contracts_example_is_read():
 
 
 def test_what_is_not_changed_is_written_as_it_stood():
-    assert as_toml(parse(CONTRACT)) == CONTRACT
+    assert as_toml(parse_model(CONTRACT)) == CONTRACT
 
 
 @pytest.mark.parametrize("carcass", ["beam", "ring"])
@@ -64,7 +64,7 @@ def test_every_effect_survives_writing_and_reading(carcass):
         ):
             model = model.with_effect(effect)
             model = model.with_values({f"{effect.id}.{p.name}": p.probe for p in effect.parameters})
-    again = parse(as_toml(model))
+    again = parse_model(as_toml(model))
     assert same(again, model)
     assert again.contact == model.contact
     assert [e.options for e in again.effects] == [e.options for e in model.effects]
@@ -72,7 +72,7 @@ def test_every_effect_survives_writing_and_reading(carcass):
 
 
 def test_adding_and_removing_keeps_every_comment():
-    model = parse(CONTRACT).with_effect("sensor_lag", lag_s=1e-3)
+    model = parse_model(CONTRACT).with_effect("sensor_lag", lag_s=1e-3)
     text = as_toml(model)
     for comment in (
         "# the tire on the drum",
@@ -82,15 +82,15 @@ def test_adding_and_removing_keeps_every_comment():
         "# what the grating reads",
     ):
         assert comment in text
-    assert same(parse(text), model)
-    assert as_toml(parse(text).without_effect("sensor_lag")).strip() == CONTRACT.strip()
+    assert same(parse_model(text), model)
+    assert as_toml(parse_model(text).without_effect("sensor_lag")).strip() == CONTRACT.strip()
 
 
 def test_values_errors_and_the_users_own_effect_come_back():
-    model = parse(CONTRACT).with_values(
+    model = parse_model(CONTRACT).with_values(
         {"my_wedge.q": 7e3, "lever_arm_m": 4e-4}, se={"lever_arm_m": 1e-5}
     )
-    again = parse(as_toml(model))
+    again = parse_model(as_toml(model))
     assert again.parameters["lever_arm_m"].se == 1e-5
     assert again.parameters["my_wedge.q"].value == 7e3
     conditions = Conditions.of(2, speed_m_s=[10.0, 20.0])
@@ -100,11 +100,11 @@ def test_values_errors_and_the_users_own_effect_come_back():
 
 def test_saving_is_whole_or_not_at_all(tmp_path):
     target = tmp_path / "m.toml"
-    save_model(parse(CONTRACT), target)
+    save_model(parse_model(CONTRACT), target)
     assert load_model(target).path == target
     before = target.read_text()
     with pytest.raises(OutputError):
-        save_model(parse(CONTRACT), tmp_path / "nowhere" / "m.toml")
+        save_model(parse_model(CONTRACT), tmp_path / "nowhere" / "m.toml")
     assert target.read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
 
@@ -112,7 +112,7 @@ def test_saving_is_whole_or_not_at_all(tmp_path):
 def test_a_ring_names_its_contact_where_the_contract_puts_it():
     text = as_toml(Model.new("ring"))
     assert 'contact = "flat_road"' in text
-    model = parse(text)
+    model = parse_model(text)
     held = [model.parameters[n] for n in ("radial_damping_N_s_m2", "tangential_damping_N_s_m2")]
     assert all(p.value == 0.0 and not p.free for p in held)
     assert model.free == [

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from tirelog.physics import Model
 from tirelog.physics.moving.modes import first_order, natural_modes, of_model
-from tirelog.physics.moving.motion import Drive, State, Stepper, simulate
+from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
 
 TIRE = CoupledRing(
@@ -28,8 +28,8 @@ def test_a_small_wind_up_swings_as_the_linear_system_says(speed):
         start = State.rolling(TIRE, LOAD, speed)
         start.psi_hub += wound
         spins.append(
-            simulate(
-                Stepper(TIRE, start, Drive(lambda time: LOAD), step_s=STEP), 0.05, every=1
+            stepped_motion(
+                Stepper(TIRE, start, HubMotion(lambda time: LOAD), step_s=STEP), 0.05, every=1
             ).omega_rad_s
         )
     swing = spins[1] - spins[0]

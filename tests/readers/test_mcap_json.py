@@ -10,9 +10,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from tirelog.readers.mcap.json_messages import JsonReader
-from tirelog.readers.mcap.json_table import read_table, shape_of
+from tirelog.readers.mcap.json_table import read_messages, shape_of
 from tirelog.readers.mcap.source import Want
-from tirelog.readers.mcap.walk import Table
+from tirelog.readers.mcap.walk import MessageTable
 
 NUMBER = st.one_of(
     st.floats(allow_nan=False, allow_infinity=False),
@@ -22,10 +22,12 @@ NUMBER = st.one_of(
 WANTS = [Want("/t:wl[1]", ("wl", 1)), Want("/t:wl[:]", ("wl", slice(None))), Want("/t:n", ("n",))]
 
 
-def table_of(messages: list[bytes]) -> Table:
+def table_of(messages: list[bytes]) -> MessageTable:
     """The messages behind one another, and nothing behind the last."""
     sizes = np.array([len(m) for m in messages], np.int64)
-    return Table(b"".join(messages), np.cumsum(sizes) - sizes, sizes, np.arange(len(messages)))
+    return MessageTable(
+        b"".join(messages), np.cumsum(sizes) - sizes, sizes, np.arange(len(messages))
+    )
 
 
 def message(row: list[float], n: float | None, text: str = 'a "1.5" 2', **style: Any) -> bytes:
@@ -49,7 +51,7 @@ def test_the_numbers_of_json(
     ]
     shape = shape_of(data[0], WANTS)
     assert shape is not None
-    columns = read_table(table_of(data), shape)
+    columns = read_messages(table_of(data), shape)
     plain = all(
         abs(x) < 9e18 and (x == 0 or abs(x) > 1e-80) and abs(x) < 1e80 for row in rows for x in row
     )
@@ -84,7 +86,7 @@ def test_a_message_that_is_not_alike(at: int, byte: int, how: str) -> None:
     bad = good[:at] + middle
     shape = shape_of(good, WANTS)
     assert shape is not None
-    columns = read_table(table_of([good, bad]), shape)
+    columns = read_messages(table_of([good, bad]), shape)
     if columns is None:
         return
     try:
@@ -136,7 +138,7 @@ def test_messages_that_look_alike_and_are_not() -> None:
         b'{"a": 1.5, "n": }',
         b"",
     ):
-        assert read_table(table_of([good, bad]), shape) is None
-    columns = read_table(table_of([good, b'{"a": null, "n": -2e1}']), shape)
+        assert read_messages(table_of([good, bad]), shape) is None
+    columns = read_messages(table_of([good, b'{"a": null, "n": -2e1}']), shape)
     assert columns is not None
     assert columns[0].values.tolist() == [17.0, -20.0]

@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tirelog.readers.base import LOST_COUNT, counted_floats
-from tirelog.readers.text.digits import WIDE, as_count, as_float, number
+from tirelog.readers.text.digits import WIDE, as_count, as_float, digits_number
 from tirelog.readers.text.flat import flat
 from tirelog.readers.text.kernels import collapsed
-from tirelog.readers.text.parse import parse
+from tirelog.readers.text.parse import parse_block
 from tirelog.readers.text.reader import open_text
-from tirelog.readers.text.rows import Parsed, Plan
+from tirelog.readers.text.rows import Parsed, RowPlan
 
 from .text_logs import all_plain, read, setup_of
 
@@ -37,14 +37,14 @@ def plan_of(
     more: str = "",
     a: str = "1550{}5000",
     head: str = "{}",
-) -> Plan:
+) -> RowPlan:
     names = separator.join(["time_s", "A", "B", *more])
     row = separator.join([head, a.format(decimal), f"2{decimal}5", *more])
     log = names + "\n" + "".join(row.format(i) + "\n" for i in range(8))
     return open_text(io.BytesIO(log.encode()), SETUP, "log")._plan
 
 
-def same(plan: Plan, one: Parsed, other: Parsed) -> None:
+def same(plan: RowPlan, one: Parsed, other: Parsed) -> None:
     assert one.size == other.size
     for column in other.values:
         got, want = (counted_floats(p.values[column], plan.places[column]) for p in (one, other))
@@ -62,13 +62,13 @@ def test_a_time_beyond_all_times_is_no_readable_time(text: str) -> None:
     block = "".join(
         f"{head},1550.5,2.5\n" for head in ("1700000000.5", text, "1700000001.5")
     ).encode()
-    assert parse(plan, block).bad_rows == [(1, "no readable time")]
+    assert parse_block(plan, block).bad_rows == [(1, "no readable time")]
 
 
 @given(NUMBER, st.sampled_from([",", ";", "\n", " ", "x"]))
 @settings(max_examples=500, deadline=None)
 def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
-    m, e, stop = number(np.frombuffer((text + behind).encode(), np.uint8), 0, ord("."))
+    m, e, stop = digits_number(np.frombuffer((text + behind).encode(), np.uint8), 0, ord("."))
     digits = re.sub(r"[eE].*|\D", "", text).lstrip("0")
     assert stop >= 0 or len(digits) > 18
     if stop >= 0:
@@ -92,7 +92,7 @@ def test_a_number_is_what_python_reads(text: str, behind: str) -> None:
 @settings(max_examples=1000, deadline=None)
 def test_any_float_is_rounded_correctly(value: float, write: Callable[[float], str]) -> None:
     text = write(value)
-    m, e, stop = number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))
+    m, e, stop = digits_number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))
     assert stop == len(text)
     assert as_float(m, e, False) == (float(text), True)
 
@@ -128,7 +128,7 @@ def test_half_way_between_two_floats_goes_to_the_even_one(mantissa: int, up: int
     ],
 )
 def test_what_is_no_number(text: str) -> None:
-    assert number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))[2] < 0
+    assert digits_number(np.frombuffer((text + ",").encode(), np.uint8), 0, ord("."))[2] < 0
 
 
 @given(
@@ -225,7 +225,7 @@ def test_rows_that_are_written_alike(
             ",".join(re.sub("9", lambda _: str(rng.integers(0, 10)), cell) for cell in cells) + end
         )
     block = "".join(rows).encode()
-    same(plan, parse(plan, block), flat(plan, 0, block))
+    same(plan, parse_block(plan, block), flat(plan, 0, block))
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_a_number_too_large_among_alike_rows(large: str) -> None:
     plan = plan_of(a="1550", head="99.{}")
     usual = "".join(f"{i % 100:02d}.5,{i:0{len(large)}d},2.5\n" for i in range(200))
     block = (usual + f"11.5,{large},2.5\n" + usual).encode()
-    same(plan, parse(plan, block), flat(plan, 0, block))
+    same(plan, parse_block(plan, block), flat(plan, 0, block))
 
 
 PIECE = st.one_of(
@@ -277,7 +277,7 @@ def test_anything_at_all_is_what_the_careful_way_reads(rows: list[list[str]], of
     plan = plan_of()
     good = "0.5,1550.1234,-0.25\n" * (40 * often)
     block = "".join(",".join(row) + "\n" + good for row in rows).encode()
-    same(plan, parse(plan, block), flat(plan, 0, block))
+    same(plan, parse_block(plan, block), flat(plan, 0, block))
 
 
 @pytest.mark.parametrize("place", range(len("000.0000,1550.0000,0.00000")))
@@ -291,7 +291,7 @@ def test_any_other_byte_in_a_row(place: int, byte: bytes) -> None:
     at = 37 * (len(block) // 50) + place
     block[at : at + 1] = byte
     plan = plan_of()
-    same(plan, parse(plan, bytes(block)), flat(plan, 0, bytes(block)))
+    same(plan, parse_block(plan, bytes(block)), flat(plan, 0, bytes(block)))
 
 
 def test_counts_are_handed_on_as_they_are_written() -> None:
@@ -336,14 +336,14 @@ def test_a_separator_in_a_cell_that_nobody_wants() -> None:
     block = "".join(f"{i:02d},1550.5,2.5,{'ab' if i != 7 else 'a,b'}\n" for i in range(20)).encode()
     plan = plan_of(more="x")
     assert all_plain(plan, block)[1] == block.index(b"07")
-    parsed = parse(plan, block)
+    parsed = parse_block(plan, block)
     assert parsed.bad_rows == [(7, "not 4 cells")]
     assert np.isnan(parsed.values[2]).tolist() == [i == 7 for i in range(20)]
 
 
 def test_a_bad_cell_behind_a_row_without_a_time_is_told_once() -> None:
     block = b"0.1,1550.0,0.5\noops,1550.0,0.5\n0.3,1550.0,bad\n"
-    parsed = parse(plan_of(), block)
+    parsed = parse_block(plan_of(), block)
     assert parsed.bad_rows == [(1, "no readable time")]
     assert parsed.bad_cells == [(2, "'bad'")]
     assert parsed.size == 2

@@ -8,9 +8,9 @@ import numpy as np
 
 from tirelog.data.setup import Setup, parse_setup
 from tirelog.readers.base import RawBlock, counted_floats
-from tirelog.readers.text.plain import plain
+from tirelog.readers.text.plain import plain_rows
 from tirelog.readers.text.reader import TextReader, open_text
-from tirelog.readers.text.rows import Parsed, Plan, concatenated
+from tirelog.readers.text.rows import Parsed, RowPlan, concatenated_rows
 
 
 def setup_of(channels: Mapping[str, Mapping[str, Any]], log: str = "") -> Setup:
@@ -58,17 +58,17 @@ def read(text: str | bytes, setup: Setup) -> tuple[TextReader, RawBlock]:
     return reader, joined(list(reader.blocks()), reader)
 
 
-def all_plain(plan: Plan, block: bytes) -> tuple[Parsed, int]:
+def all_plain(plan: RowPlan, block: bytes) -> tuple[Parsed, int]:
     """(rows that the compiled way reads one pass after the other, byte behind them)."""
     parts, at, careful = [], 0, False
     while at < len(block) and not careful:
         begin = at
-        parsed, at, careful = plain(plan, block, at)
+        parsed, at, careful = plain_rows(plan, block, at)
         parsed.bad_cells = [
             (block.count(b"\n", 0, begin) + row, what) for row, what in parsed.bad_cells
         ]
         parts.append(parsed)
-    return concatenated(parts, plan.places), at
+    return concatenated_rows(parts, plan.places), at
 
 
 def joined(blocks: list[RawBlock], reader: TextReader) -> RawBlock:

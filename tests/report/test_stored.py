@@ -9,8 +9,8 @@ import pytest
 
 from tirelog.cli import run
 from tirelog.errors import UsageError
-from tirelog.report.figures import Figure, packed
-from tirelog.report.page import Section, Table
+from tirelog.report.figures import Figure, packed_array
+from tirelog.report.page import PageTable, Section
 from tirelog.report.stored import model_pages, read_stored, stored
 
 pytestmark = pytest.mark.xdist_group("model page")  # one worker makes what these tests share
@@ -21,18 +21,18 @@ def section(name: str = "switches") -> Section:
         "switch-map",
         "Map",
         "A map.",
-        [{"type": "heatmap", "z": packed([[1.0, 2.0], [3.0, 4.0]])}],
+        [{"type": "heatmap", "z": packed_array([[1.0, 2.0], [3.0, 4.0]])}],
         {"height": 300},
     )
     states = {
         "0": {
             "text": "off",
-            "figures": {"switch-map": {"0": {"z": packed([[0.0, 0.0], [0.0, 0.0]])}}},
+            "figures": {"switch-map": {"0": {"z": packed_array([[0.0, 0.0], [0.0, 0.0]])}}},
         }
     }
     switches = {"effects": ["wear"], "start": 0, "states": states}
     return Section(
-        name, "Effects", "tirelog x", ["said"], [figure], [Table("T", ["a"], [["1"]])], switches
+        name, "Effects", "tirelog x", ["said"], [figure], [PageTable("T", ["a"], [["1"]])], switches
     )
 
 

@@ -12,7 +12,7 @@ import pytest
 from tirelog.data.recording import Channel, Scaled, TimeAxis
 from tirelog.runs import in_memory as module
 from tirelog.runs.chunks import CHUNK, unfiltered
-from tirelog.runs.in_memory import held, released
+from tirelog.runs.in_memory import in_memory, released
 
 LOST = int(np.iinfo(np.int32).min)
 SIZE = 1000
@@ -53,7 +53,7 @@ def cases() -> dict[str, np.ndarray]:
 def test_slices_are_those_of_the_stored_channel(name, piece, monkeypatch):
     monkeypatch.setattr(module, "PIECE", piece)
     stored = channel(cases()[name])
-    kept = held(stored)
+    kept = in_memory(stored)
     random = np.random.default_rng(5)
     for start, length in [
         (0, SIZE),
@@ -67,7 +67,7 @@ def test_slices_are_those_of_the_stored_channel(name, piece, monkeypatch):
         np.testing.assert_array_equal(got, wanted)
         assert got.dtype == wanted.dtype
     assert released(kept).samples is stored.samples
-    assert held(kept) is kept
+    assert in_memory(kept) is kept
 
 
 def test_two_bytes_a_sample_where_they_fit(monkeypatch):
@@ -75,7 +75,7 @@ def test_two_bytes_a_sample_where_they_fit(monkeypatch):
 
     def kept(name: str) -> int:
         """Bytes of the arrays that the pieces hold."""
-        total, waiting = 0, [*held(channel(cases()[name])).samples.pieces]
+        total, waiting = 0, [*in_memory(channel(cases()[name])).samples.pieces]
         while waiting:
             piece = waiting.pop()
             if isinstance(piece, Scaled):
@@ -99,10 +99,10 @@ def test_a_temporary_run_is_not_held_but_read(tmp_path):
         file.create_dataset("a", data=raw, chunks=(CHUNK,), maxshape=(None,))
     stored = channel(raw)
     with h5py.File(tmp_path / "run.h5") as file, FileIO(tmp_path / "run.h5") as plain:
-        read = held(
+        read = in_memory(
             replace(stored, samples=replace(stored.samples, raw=unfiltered(file["a"], plain)))
         )
-        assert held(read) is read
+        assert in_memory(read) is read
         assert not any(isinstance(value, np.ndarray) for value in vars(read.samples).values())
         for start, stop in (
             (0, raw.size),

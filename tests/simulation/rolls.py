@@ -10,7 +10,7 @@ import numpy as np
 from tirelog.simulation.rolling.belt import Belt
 from tirelog.simulation.rolling.profile import Profile
 from tirelog.simulation.rolling.splines import Splines
-from tirelog.simulation.rolling.tire import Motion, Rider, RollingTire, Standing, standing
+from tirelog.simulation.rolling.tire import Rider, RollingTire, Standing, TireMotion, standing
 from tirelog.simulation.scenario.schema import TrueTire
 
 RADIUS, LINE_MASS, EI, K_W, K_V, PB = 0.3, 3.15, 2.0, 6.3e5, 5.1e5, 1.2e5 * 0.14
@@ -60,8 +60,8 @@ def rolling(
     )
 
 
-def moved(tire: RollingTire, table: np.ndarray, every: int = 1) -> Motion:
-    return Motion.of(tire.step_s * every * np.arange(table.shape[0]), table)
+def moved(tire: RollingTire, table: np.ndarray, every: int = 1) -> TireMotion:
+    return TireMotion.of(tire.step_s * every * np.arange(table.shape[0]), table)
 
 
 def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> Rider:

@@ -10,7 +10,7 @@ import pytest
 from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Sensor
 from tirelog.simulation.steady.carcass import carcass, curvature_operator
-from tirelog.simulation.steady.contact import FlatRoad
+from tirelog.simulation.steady.contact import FlatRoadContact
 from tirelog.simulation.steady.loads import friction, parabola
 from tirelog.simulation.steady.operators import Ring, central_weights
 
@@ -119,7 +119,7 @@ def test_ring_under_a_point_load_by_its_modes(ring: Ring) -> None:
 def test_contact_carries_the_load_and_never_pulls(load: float) -> None:
     made = scenario(truth="ring", tire={"radial_damping_N_s_m2": 150.0})
     ring = Ring(made.grid_points, 2 * np.pi * R)
-    touch = FlatRoad(made, ring).touch(instants(18.0, load))
+    touch = FlatRoadContact(made, ring).touch(instants(18.0, load))
     assert touch.pressure.min() == 0.0
     assert touch.pressure.sum() * ring.step_m == pytest.approx(load, rel=1e-9)
     # pressed only between the edges, and everywhere between them
@@ -135,7 +135,7 @@ def test_contact_of_the_errata_s_tire() -> None:
     """
     tire = {"rolling_radius_m": 0.3, "flexural_stiffness_N_m2": 2.0}
     made = scenario(truth="ring", tire=tire, conditions={"inflation_pressure_Pa": 1.2e5})
-    road = FlatRoad(made, Ring(2048, 2 * np.pi * 0.3))
+    road = FlatRoadContact(made, Ring(2048, 2 * np.pi * 0.3))
     for load, degrees in ((1000.0, 4.6), (3500.0, 11.3)):
         touch = road.touch(instants(0.0, load))
         assert np.degrees((touch.exit_m - touch.entry_m)[0] / 0.6) == pytest.approx(

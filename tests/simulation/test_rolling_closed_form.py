@@ -109,7 +109,7 @@ def test_solver_against_the_full_matrix() -> None:
     full = dense_circulant(np.roll(np.pad(stencil[::-1], (0, n - 6)), -5))
     assert np.allclose(circulant(stencil, n + 5), full)
     assert np.allclose(x, np.linalg.solve(full, right), rtol=1e-12, atol=1e-14)
-    banded.apply(stencil, x, out)
+    banded.apply_circulant(stencil, x, out)
     assert np.allclose(out, right, rtol=1e-12, atol=1e-13)
 
 

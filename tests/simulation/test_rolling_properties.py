@@ -12,7 +12,7 @@ import pytest
 
 from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.profile import Profile
-from tirelog.simulation.rolling.tire import Motion, standing
+from tirelog.simulation.rolling.tire import TireMotion, standing
 from tirelog.simulation.scenario.schema import Sensor
 
 from .rolls import (
@@ -39,7 +39,7 @@ CLEAT = Profile(np.array([12.2, 12.21, 12.23, 12.24]), np.array([0.0, 0.005, 0.0
 @cache
 def rolled(
     elements: int, profile: Profile = LEVEL, seconds: float = 0.1, step: float = STEP
-) -> Motion:
+) -> TireMotion:
     """Steady rolling with damping, settled over 0.6 s (12 m); the belt's strain at 0.3 rad."""
     of = belt(elements, **DAMPED)
     tire = rolling(of, speed=SPEED, load=LOAD, profile=profile, step=step)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.dsp.noise import DIFFERENCE_GAIN, NORMAL_MEDIAN, ORDER, PIECE_SAMPLES, white_noise
 from tirelog.strain.passages.decimate import decimate
-from tirelog.strain.passages.fit import Signal, Start, curve_sums, fit, gather
+from tirelog.strain.passages.fit import Signal, Start, curve_sums, fit_passages, gather
 from tirelog.strain.passages.fit_kernels import MOST_SAMPLES
 from tirelog.strain.passages.search_kernels import (
     bucket_medians,
@@ -212,7 +212,7 @@ def test_the_fit_finds_shift_stretch_height_and_offset(sign, kind):
         )
     values, start, height, offset, shift, stretch = passages_of_the_template(1810, axis)
     windows = gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad)
-    found = fit(windows, TEMPLATE, start, np.ones(5))
+    found = fit_passages(windows, TEMPLATE, start, np.ones(5))
     np.testing.assert_allclose(found.height, height, rtol=2e-3)
     np.testing.assert_allclose(found.offset, offset, atol=2e-3)
     np.testing.assert_allclose(found.omega, OMEGA * (1 + stretch), rtol=2e-3)
@@ -243,7 +243,7 @@ def test_the_fit_is_two_steps_of_least_squares_with_the_cramer_rao_bound():
     held = 2e-3
     start = replace(start, stretch=np.full(5, held))
     windows = gather(signal_of(values, axis), start, TEMPLATE.window_rad)
-    found = fit(windows, TEMPLATE, start, np.ones(5))
+    found = fit_passages(windows, TEMPLATE, start, np.ones(5))
     assert found.lost.tolist() == [False, True, True, False, False]
     assert found.spike.tolist() == [False, False, True, False, False]
     for k in range(5):
@@ -283,7 +283,7 @@ def test_windows_that_are_clipped_outside_or_empty_say_so(sign):
     start = Start(
         start.time_s, np.append(start.index[:4], 999.0), start.omega, start.alpha, start.stretch
     )
-    found = fit(
+    found = fit_passages(
         gather(signal_of(values, axis, sign), start, TEMPLATE.window_rad), TEMPLATE, start, height
     )
     assert found.clipped.tolist()[:4] == [False, False, True, False]
@@ -296,7 +296,7 @@ def test_windows_that_are_clipped_outside_or_empty_say_so(sign):
 def test_a_long_window_is_thinned():
     axis = TimeAxis.uniform(20_000, 50_000.0)
     values, start, height, *_ = passages_of_the_template(1813, axis, n=2)
-    found = fit(
+    found = fit_passages(
         gather(signal_of(values, axis), start, TEMPLATE.window_rad), TEMPLATE, start, height
     )
     assert (found.used <= MOST_SAMPLES).all()

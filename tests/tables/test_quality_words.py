@@ -190,7 +190,7 @@ def test_an_unknown_word_of_a_foreign_table_is_kept() -> None:
     )  # fmt: skip
     counts = sections.quality(table, "footprint").rows
     assert sorted(counts) == [["gap;wobbly", "1"], ["ok", "2"], ["wobbly", "1"]]
-    section = table_sections.footprint(table, "tirelog footprint a.csv", [])
+    section = table_sections.footprint_section(table, "tirelog footprint a.csv", [])
     assert any("2 passages without a mark" in text for text in section.text)
     assert not len(differences(table, table.copy(), {}))
     moved = table.assign(quality=["ok", "ok", "ok", "gap;wobbly"])

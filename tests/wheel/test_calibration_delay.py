@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tirelog.vocabulary.quality import none_of
-from tirelog.wheel.calibration import calibrate, clean
+from tirelog.wheel.calibration import calibrate, clean_passages
 from tirelog.wheel.calibration_file import read_calibration, write_calibration
-from tirelog.wheel.phase_shift import Passages
+from tirelog.wheel.phase_shift import EdgeTimes
 
 RADIUS_M, DELAY_S = 0.305, 0.4e-3
 SEEDS = range(700, 714)
@@ -38,7 +38,7 @@ def ramp(seed, *, trend_deg_s_m=0.0, drive_s=24.0, coast_s=24.0, noise_deg=0.02,
     se, width = np.full(v.size, noise_deg), np.full(v.size, 15.0)
     width = width + 2 * noise_deg * rng.standard_normal(v.size)
     scattered = force + 5.0 * rng.standard_normal(v.size) if measured else None
-    return Passages(
+    return EdgeTimes(
         "log", "acceleration", RADIUS_M, True, time, v, a, shift, shift, width, 2 * se, shift, se,
         np.where(np.abs(a) < 0.01, 0, -1), none_of(v.size), 10.0,
         forces_N={"longitudinal_force": scattered} if measured else {},
@@ -64,7 +64,7 @@ def test_the_part_linear_in_speed_is_covered_by_its_error(measured, trend_deg_s_
 def test_the_map_beside_the_force_leaves_the_force_in_the_shift():
     """Drag is a force: what remains of a drive at constant speed is its wind-up."""
     p = ramp(1, noise_deg=1e-3)
-    left = clean(p, calibrate([p])).shift_deg
+    left = clean_passages(p, calibrate([p])).shift_deg
     force = p.forces_N["longitudinal_force"]
     slope = np.polyfit(force, left, 1)[0]
     assert slope == pytest.approx(WIND_UP, rel=0.02)

@@ -15,7 +15,7 @@ from tests.wheel.phase_truth import (
 )
 from tirelog.errors import DataLoss, SetupError, UsageError
 from tirelog.vocabulary.quality import Quality, having
-from tirelog.wheel.phase_shift import measure
+from tirelog.wheel.phase_shift import measure_phase_shift
 from tirelog.wheel.table import table
 
 
@@ -30,7 +30,7 @@ def moving(**more):
 
 def run(drive, tread, encoder=None, zero="auto", **more):
     signal = (encoder or Encoder(seed=tread.seed + 7)).signal(drive)
-    return next(measure(recording(drive, signal, tread.signal(drive), **more), zero))
+    return next(measure_phase_shift(recording(drive, signal, tread.signal(drive), **more), zero))
 
 
 @pytest.mark.parametrize(
@@ -197,7 +197,9 @@ def test_several_accelerometers_give_several_rows_a_turn():
     drive = Drive(*STEADY)
     treads = [Tread(seed=12_000), Tread(place_rad=3.1, seed=12_100)]
     found = list(
-        measure(recording(drive, Encoder().signal(drive), *(t.signal(drive) for t in treads)))
+        measure_phase_shift(
+            recording(drive, Encoder().signal(drive), *(t.signal(drive) for t in treads))
+        )
     )
     assert [p.channel for p in found] == ["acceleration", "acceleration1"]
     between = np.mod(np.nanmean(found[1].entry_deg) - np.nanmean(found[0].entry_deg), 360)
@@ -230,20 +232,20 @@ def test_encoder_without_teeth():
     drive = Drive(*STEADY)
     noise = 0.2 + 0.01 * np.random.default_rng(1).standard_normal(drive.time.size)
     with pytest.raises(DataLoss, match="no teeth"):
-        next(measure(recording(drive, noise, Tread().signal(drive))))
+        next(measure_phase_shift(recording(drive, noise, Tread().signal(drive))))
 
 
 def test_swapped_channels():
     drive = Drive(*STEADY)
     with pytest.raises(SetupError, match="swapped"):
-        next(measure(recording(drive, Tread().signal(drive), Encoder().signal(drive))))
+        next(measure_phase_shift(recording(drive, Tread().signal(drive), Encoder().signal(drive))))
 
 
 def test_accelerometer_without_a_patch():
     drive = Drive(*STEADY)
     with pytest.raises(DataLoss, match="no patch"):
         next(
-            measure(
+            measure_phase_shift(
                 recording(
                     drive,
                     Encoder().signal(drive),
@@ -257,7 +259,11 @@ def test_accelerometer_without_a_patch():
 def test_wrong_number_of_steps(steps):
     drive = Drive(*STEADY)
     with pytest.raises(SetupError, match="steps = 48") as told:
-        next(measure(recording(drive, Encoder().signal(drive), Tread().signal(drive), steps=steps)))
+        next(
+            measure_phase_shift(
+                recording(drive, Encoder().signal(drive), Tread().signal(drive), steps=steps)
+            )
+        )
     assert ("pitch table does not repeat" in str(told.value)) == (steps != 96)
 
 
@@ -265,7 +271,7 @@ def test_wrong_number_of_steps(steps):
 def test_sampling_rate_wrong_by_a_factor(factor):
     drive = Drive(*DYNAMIC)
     found = recording(drive, Encoder().signal(drive), Tread().signal(drive), rate=10_000 * factor)
-    remarks = " ".join(next(measure(found)).remarks)
+    remarks = " ".join(next(measure_phase_shift(found)).remarks)
     assert (
         f"the sampling rate is wrong by a factor {1 / factor:.3g}" in remarks
         or "sampling rate is wrong" in remarks
@@ -275,7 +281,7 @@ def test_sampling_rate_wrong_by_a_factor(factor):
 def test_saturated_accelerometer():
     drive, tread = Drive(*DYNAMIC), Tread()
     values = np.clip(tread.signal(drive), -120 * 9.81, 120 * 9.81)
-    passages = next(measure(recording(drive, Encoder().signal(drive), values)))
+    passages = next(measure_phase_shift(recording(drive, Encoder().signal(drive), values)))
     clipped = having(passages.quality, Quality.CLIPPED)
     assert clipped[(passages.speed_m_s > 20)].all()
     assert not clipped[(passages.speed_m_s < 12)].any()
@@ -289,7 +295,7 @@ def test_a_level_at_the_limit_is_clipped_though_the_fronts_are_not():
     drive, tread = Drive(*DYNAMIC), Tread(spike=0.0, gravity=False)
     limit = 1.02 * 22**2 / RADIUS_M
     passages = next(
-        measure(
+        measure_phase_shift(
             recording(drive, Encoder().signal(drive), np.clip(tread.signal(drive), -limit, limit))
         )
     )
@@ -307,7 +313,7 @@ def test_radio_drop_outs(kind):
     random = np.random.default_rng(3)
     for start in random.integers(10_000, values.size - 1000, 15):
         values[start : start + 300] = {"blank": np.nan, "held": values[start], "zero": 0.0}[kind]
-    passages = next(measure(recording(drive, Encoder().signal(drive), values)))
+    passages = next(measure_phase_shift(recording(drive, Encoder().signal(drive), values)))
     shift, width, _ = front_errors(passages, drive, tread)
     good = passages.good[np.isfinite(passages.width_deg)]
     assert np.abs(shift[good]).max() < 0.12
@@ -340,7 +346,7 @@ def test_missing_and_glitching_teeth():
     for start in random.integers(0, signal.size - 100, 30):
         signal[start : start + 3] += random.choice([-3.0, 3.0])
     shift, _, _ = front_errors(
-        next(measure(recording(drive, signal, tread.signal(drive)))), drive, tread
+        next(measure_phase_shift(recording(drive, signal, tread.signal(drive)))), drive, tread
     )
     assert shift.std() < 0.02
 
@@ -351,7 +357,7 @@ def test_teeth_lost_in_a_hole_are_given_back(pitch_deg):
     drive, tread = Drive(*DYNAMIC), Tread(seed=17_000)
     signal = Encoder(pitch_deg=pitch_deg, wobble=0.0).signal(drive)
     signal[104_000:109_100] = np.nan
-    passages = next(measure(recording(drive, signal, tread.signal(drive))))
+    passages = next(measure_phase_shift(recording(drive, signal, tread.signal(drive))))
     shift, _, _ = front_errors(passages, drive, tread)
     assert shift[passages.good[np.isfinite(passages.width_deg)]].std() < 0.02
     assert having(passages.quality, Quality.GAP | Quality.STANDSTILL).any()

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.wheel_cases import Instruments, wheel_scenario
 from tirelog.simulation import simulate, to_recording
 from tirelog.simulation.scenario.schema import Manoeuvre
-from tirelog.wheel.phase_shift import measure
+from tirelog.wheel.phase_shift import measure_phase_shift
 
 
 @pytest.mark.parametrize(
@@ -19,7 +19,7 @@ from tirelog.wheel.phase_shift import measure
 def test_goals_at_10_m_s(noise_g, shift_deg, width_deg):
     plan = wheel_scenario(seed=8001, with_=Instruments(acceleration_noise_g=noise_g), roughness=0.0)
     simulated = simulate(replace(plan, manoeuvres=(Manoeuvre(60.0, 10.0, None),)))
-    found = next(measure(to_recording(simulated, "log")))
+    found = next(measure_phase_shift(to_recording(simulated, "log")))
     true = simulated.truth["channels"]["acceleration"]["passages"]
     nearest = np.abs(np.array(true["time_s"])[:, None] - found.time_s).argmin(axis=1)
     assert found.good.mean() > 0.97

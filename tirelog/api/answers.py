@@ -18,7 +18,7 @@ from tirelog.diagnosis import diagnose as diagnosing
 from tirelog.diagnosis import ladder as climbing
 from tirelog.diagnosis.fitted import AS_COMPARE, fit_channels_measured
 from tirelog.diagnosis.obstacles.compare import compare_transients
-from tirelog.diagnosis.obstacles.learn import learn
+from tirelog.diagnosis.obstacles.learn import learn_motion
 from tirelog.errors import UsageError, nearest
 from tirelog.inference.measured import MeasuredLogs, measured
 from tirelog.inference.motion import motion_names
@@ -133,7 +133,7 @@ def fit(
     moving = motion_names(model)
     fitted = found.model.with_parameters({name: model.parameters[name] for name in moving})
     obstacles = [log for one in channels for log in one.obstacles]
-    learned = learn(obstacles, fitted) if obstacles and moving else None
+    learned = learn_motion(obstacles, fitted) if obstacles and moving else None
     if moving and learned is None:
         said.append(
             f"{', '.join(moving)}: told by obstacles alone; no log has a [road] in its setup: kept"

@@ -13,7 +13,7 @@ from tirelog.api.html import document, table
 from tirelog.diagnosis.diagnose import Diagnosis
 from tirelog.diagnosis.obstacles.compare import TransientComparison
 from tirelog.diagnosis.obstacles.learn import Learned
-from tirelog.diagnosis.results import Comparison, Ladder, in_unit, plain
+from tirelog.diagnosis.results import Comparison, Ladder, in_unit, plain_values
 from tirelog.inference.fit.result import FitResult
 from tirelog.physics.model.model import Model
 from tirelog.plots.style import write
@@ -217,7 +217,7 @@ class FitOfLogs:
         parameters = self.model.parameters
         names = (*self.found.names, *(self.learned.names if self.learned else ()))
         errors = dict(zip(self.found.names, self.found.se, strict=True))
-        told: dict[str, Any] = plain(
+        told: dict[str, Any] = plain_values(
             {
                 "observable": self.model.observable,
                 "parameters": {

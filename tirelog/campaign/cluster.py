@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Generator
 
 from tirelog.campaign.ledger import Entry
-from tirelog.campaign.work import Task, make_tables
+from tirelog.campaign.work import LogTask, make_tables
 from tirelog.errors import ExitStatus, UsageError
 
 _TIMEOUT_S = 8
 _RETRIES = 3
 
 
-def on_cluster(tasks: list[Task], scheduler: str) -> Generator[Entry, None, None]:
+def on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
     """Entries as they come.
 
     UsageError: dask.distributed is missing, or the scheduler does not answer.

@@ -28,7 +28,7 @@ from tirelog import __version__
 from tirelog.campaign.ledger import Ledger
 from tirelog.campaign.manifest import Campaign, CampaignModel
 from tirelog.campaign.names import json_of
-from tirelog.campaign.work import Task, pieces_name
+from tirelog.campaign.work import LogTask, pieces_name
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
 
@@ -41,7 +41,7 @@ _FORM = "steady revolutions, shared room"
 
 
 def run_models(
-    campaign: Campaign, ledger: Ledger, tasks: list[Task], said: Callable[[str], None]
+    campaign: Campaign, ledger: Ledger, tasks: list[LogTask], said: Callable[[str], None]
 ) -> list[str]:
     """Make the missing results of every model; sentences on those that could not be made."""
     failed = []
@@ -57,7 +57,7 @@ def _run(
     model: CampaignModel,
     manifest: str,
     ledger: Ledger,
-    tasks: list[Task],
+    tasks: list[LogTask],
     said: Callable[[str], None],
 ) -> None:
     """One model's results; what is made already is seen without the science."""
@@ -137,7 +137,7 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
         results["ladder"].to_json() if "ladder" in results else None,
     )
     compared = results.get("compare") or (found.before if found is not None else None)
-    sections = [model_sections.ladder(climbed, command)] if climbed is not None else []
+    sections = [model_sections.ladder_section(climbed, command)] if climbed is not None else []
     if compared is None:
         return stored(sections, [])
     story = story_of(
@@ -146,7 +146,7 @@ def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str
     return stored([*story.before_ladder, *sections, *story.after_ladder], story.missing)
 
 
-def _pieces(tasks: list[Task], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:
+def _pieces(tasks: list[LogTask], observable: str, ledger: Ledger) -> tuple[Pieces, dict[str, Any]]:
     """Each log's share of pieces, and what to say of it."""
     from tirelog.inference.cells.gathering import chosen_logs, left_out, room, share_out
     from tirelog.inference.cells.pieces import joined_pieces
@@ -173,7 +173,7 @@ def _pieces(tasks: list[Task], observable: str, ledger: Ledger) -> tuple[Pieces,
     return pieces, {**about, "remarks": list(pieces.notes)}
 
 
-def _kept(task: Task, observable: str, ledger: Ledger) -> Pieces:
+def _kept(task: LogTask, observable: str, ledger: Ledger) -> Pieces:
     """The pieces that a log's worker kept.  ReadError: the file is damaged."""
     from tirelog.campaign.pieces_file import read_pieces
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from tirelog import __version__
 from tirelog.campaign.ledger import Entry, Ledger, key_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
-from tirelog.campaign.work import Task, make_tables, part_name, pieces_name
+from tirelog.campaign.work import LogTask, make_tables, pieces_name, table_part_name
 from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
 from tirelog.runtime import end_with_parent, one_heap
 
@@ -44,7 +44,7 @@ SUMMARY = (
 )
 
 
-def plan(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list[Task]:
+def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list[LogTask]:
     """A task a log, each with its key.  UsageError: `only` matches none."""
     logs = [
         log
@@ -63,7 +63,7 @@ def plan(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list
 
 def _task(
     campaign: Campaign, log: CampaignLog, ledger: Ledger, observables: tuple[str, ...]
-) -> Task:
+) -> LogTask:
     text = log.setup.text if log.setup else ""
     try:
         digest, problem = ledger.sha256(log.path), log.problem
@@ -75,7 +75,7 @@ def _task(
     key = key_of(digest, text + problem, tables, __version__)
     setup_file = (log.setup.file or "") if log.setup else ""
     folder = ledger.folder
-    return Task(
+    return LogTask(
         log.path,
         log.name,
         key,
@@ -89,7 +89,7 @@ def _task(
     )
 
 
-def to_do(tasks: Iterable[Task], ledger: Ledger, *, retry_failed: bool = False) -> list[Task]:
+def to_do(tasks: Iterable[LogTask], ledger: Ledger, *, retry_failed: bool = False) -> list[LogTask]:
     """What is left: tasks that the ledger does not have under their key, or whose parts are gone;
     with `retry_failed` the failed ones as well; and of those that are done what models need
     besides, without the tables.
@@ -99,12 +99,14 @@ def to_do(tasks: Iterable[Task], ledger: Ledger, *, retry_failed: bool = False) 
     return [task for task in left if task is not None]
 
 
-def _left(task: Task, entry: Entry | None, there: set[str], retry_failed: bool) -> Task | None:
+def _left(
+    task: LogTask, entry: Entry | None, there: set[str], retry_failed: bool
+) -> LogTask | None:
     if entry is None or entry.key != task.key:
         return task
     if entry.error:
         return task if retry_failed else None
-    if any(part_name(table, task.name) not in there for table in entry.rows):
+    if any(table_part_name(table, task.name) not in there for table in entry.rows):
         return task
     kept = {
         name for name, why in entry.pieces.items() if why or pieces_name(name, task.name) in there
@@ -113,10 +115,10 @@ def _left(task: Task, entry: Entry | None, there: set[str], retry_failed: bool) 
     return replace(task, tables={}, observables=observables) if observables else None
 
 
-def run(
+def run_tasks(
     campaign: Campaign,
     ledger: Ledger,
-    tasks: list[Task],
+    tasks: list[LogTask],
     *,
     workers: int,
     scheduler: str | None,
@@ -145,7 +147,7 @@ def run(
             if entry.unwritable:
                 raise OutputError(entry.error)
             if entry.error:
-                folder.remove([part_name(table, entry.name) for table in campaign.tables])
+                folder.remove([table_part_name(table, entry.name) for table in campaign.tables])
             ledger.record(_with_tables(entry, by_name[entry.name], ledger.entry(entry.name)))
             said(entry, number, len(tasks))
 
@@ -169,7 +171,7 @@ def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
     )
 
 
-def _with_tables(entry: Entry, task: Task, before: Entry | None) -> Entry:
+def _with_tables(entry: Entry, task: LogTask, before: Entry | None) -> Entry:
     """The outcome of a task that made no tables, since they were there, on top of the one that made
     them.
     """
@@ -180,13 +182,13 @@ def _with_tables(entry: Entry, task: Task, before: Entry | None) -> Entry:
     )
 
 
-def _on_cluster(tasks: list[Task], scheduler: str) -> Generator[Entry, None, None]:
+def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
     from tirelog.campaign.cluster import on_cluster
 
     return on_cluster(tasks, scheduler)
 
 
-def _on_processes(tasks: list[Task], workers: int) -> Generator[Entry, None, None]:
+def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, None]:
     """Entries as they come.
 
     A worker that dies takes the pool with it: a new pool goes on with what was not finished.
@@ -211,7 +213,7 @@ def _on_processes(tasks: list[Task], workers: int) -> Generator[Entry, None, Non
             workers, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
         ) as pool:
             queue = list(waiting.values())
-            running: dict[Future[Entry], Task] = {}
+            running: dict[Future[Entry], LogTask] = {}
             try:
                 while queue or running:
                     while (
@@ -246,7 +248,7 @@ def _begin(parent: int) -> None:
     sys.unraisablehook = lambda _: None
 
 
-def _died(task: Task) -> Entry:
+def _died(task: LogTask) -> Entry:
     error = (
         f"{task.log}: its worker died {_ATTEMPTS} times (out of memory, or killed); "
         "free memory or use fewer workers"

@@ -36,7 +36,7 @@ from tirelog.tables.writer import TableWriter
 
 
 @dataclass(frozen=True)
-class Task:
+class LogTask:
     """What a worker is sent: only text and numbers, so that it can travel to another machine.
 
     `observables`: whose pieces are kept.
@@ -54,7 +54,7 @@ class Task:
     observables: tuple[str, ...] = ()
 
 
-def make_tables(task: Task) -> Entry:
+def make_tables(task: LogTask) -> Entry:
     """Write the log's tables to `output/table=NAME/log=NAME/part.parquet`, and its pieces; a
     failure is in the entry, never raised.
     """
@@ -115,7 +115,7 @@ def _peak_memory_MB() -> float:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def part_name(table: str, log: str) -> str:
+def table_part_name(table: str, log: str) -> str:
     """Where a log's rows of a table stand in the output folder."""
     return f"table={table}/log={log}/part.parquet"
 
@@ -140,7 +140,7 @@ def _written(output: str, name: str) -> Iterator[str]:
 
 
 def _make(
-    wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: Task, entry: Entry
+    wanted: Mapping[str, Mapping[str, Any]], recording: Recording, task: LogTask, entry: Entry
 ) -> None:
     """The tables of one log.
 
@@ -150,7 +150,9 @@ def _make(
     with ExitStack() as open_tables:
         writers: dict[str, TableWriter] = {}
         for name in wanted:
-            path = open_tables.enter_context(_written(task.output, part_name(name, task.name)))
+            path = open_tables.enter_context(
+                _written(task.output, table_part_name(name, task.name))
+            )
             writers[name] = open_tables.enter_context(
                 TableWriter(name, path, "parquet", metadata=metadata)
             )
@@ -169,7 +171,7 @@ def _make(
         entry.rows |= {name: writer.rows for name, writer in writers.items()}
 
 
-def _keep_pieces(recording: Recording, task: Task, entry: Entry) -> None:
+def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
     """The pieces of each observable that models of the campaign ask for; why there are none is in
     the entry, and is no failure.
     """

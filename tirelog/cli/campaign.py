@@ -61,17 +61,19 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Make what is not made yet: every log's tables, then the models over all logs."""
-    from tirelog.campaign.runner import plan, strangers, to_do, write_summary
-    from tirelog.campaign.runner import run as carry_out
+    from tirelog.campaign.runner import plan_tasks, strangers, to_do, write_summary
+    from tirelog.campaign.runner import run_tasks as carry_out
 
     campaign, ledger = _load(manifest)
     if dry_run:
-        for task in to_do(plan(campaign, ledger, only=only), ledger, retry_failed=retry_failed):
+        for task in to_do(
+            plan_tasks(campaign, ledger, only=only), ledger, retry_failed=retry_failed
+        ):
             made = ", ".join([*task.tables, *(f"{name} for models" for name in task.observables)])
             typer.echo(printable(f"{task.log}: {made}"))
         return
     with ledger.folder.held():
-        tasks = plan(campaign, ledger, only=only)
+        tasks = plan_tasks(campaign, ledger, only=only)
         ledger.save_hashes()
         open_tasks = to_do(tasks, ledger, retry_failed=retry_failed)
         carry_out(
@@ -120,10 +122,10 @@ def run(
 @app.command("status")
 def status(manifest: Manifest) -> None:
     """Say what is done, failed and open; also while a run works."""
-    from tirelog.campaign.runner import plan, to_do
+    from tirelog.campaign.runner import plan_tasks, to_do
 
     campaign, ledger = _load(manifest)
-    tasks = plan(campaign, ledger)
+    tasks = plan_tasks(campaign, ledger)
     waiting = {task.name for task in to_do(tasks, ledger)}
     failed = {
         task.name: entry

@@ -66,9 +66,9 @@ def dissipation(
             else:
                 table.write(sorted_by_speed(part.found) if by_speed else part.columns)
             if plot is not None:
-                from tirelog.plots.dissipation import Sketch
+                from tirelog.plots.dissipation import DissipationSketch
 
-                kept.append(Sketch.of(recording, part.found))
+                kept.append(DissipationSketch.of(recording, part.found))
         if plot is not None and kept:
             from tirelog.plots.dissipation import dissipation_picture
 

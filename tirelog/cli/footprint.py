@@ -36,9 +36,9 @@ def footprint(
         for recording, part in session.parts(logs, "footprint", cutoff=cutoff):
             table.write(part.columns)
             if plot is not None:
-                from tirelog.plots.footprint import Sketch
+                from tirelog.plots.footprint import FootprintSketch
 
-                kept.append(Sketch.of(recording, part.found))
+                kept.append(FootprintSketch.of(recording, part.found))
         if plot is not None and kept:
             from tirelog.plots.footprint import footprint_picture
 

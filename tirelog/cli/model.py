@@ -373,7 +373,7 @@ def _passage(
     """The columns of a drive over the road, under the loads and at the speeds of the options."""
     from tirelog.cli.passage import load_steps, road_words, speed_ramps
     from tirelog.physics.moving.course import course_of, passage_columns
-    from tirelog.physics.moving.transient import drive
+    from tirelog.physics.moving.transient import driven
 
     known_load = conditions.known("load_N")
     course = course_of(
@@ -385,7 +385,7 @@ def _passage(
         speed_ramps(speed_ramp),
         duration,
     )
-    passage = drive(model, conditions, course, step_s=step)
+    passage = driven(model, conditions, course, step_s=step)
     for remark in passage.remarks:
         say(f"note: {remark}")
     return passage_columns(passage, sensor or [180.0], surface)

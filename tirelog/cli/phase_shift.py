@@ -13,7 +13,7 @@ from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, Setup
 if TYPE_CHECKING:
     from tirelog.products import Part
     from tirelog.wheel.calibration import Calibration
-    from tirelog.wheel.phase_shift import Passages
+    from tirelog.wheel.phase_shift import EdgeTimes
 
 
 def phase_shift(
@@ -66,7 +66,7 @@ def phase_shift(
     ):
         if applied is not None and applied.has_delay:
             session.note(applied.delay_remark)
-        kept: list[Passages] = []
+        kept: list[EdgeTimes] = []
         learning = calibrate is not None
         for part in _parts(session, logs, calibration=applied, zero=zero, forces=learning):
             if not learning:
@@ -104,7 +104,7 @@ def _parts(session: Session, logs: list[str], **options: Any) -> Iterator[Part]:
             session.lost(str(problem))
 
 
-def _learn(session: Session, kept: list[Passages], path: Path, forces: bool) -> Calibration:
+def _learn(session: Session, kept: list[EdgeTimes], path: Path, forces: bool) -> Calibration:
     """Learn, write and describe a calibration."""
     from tirelog.wheel.calibration import calibrate
     from tirelog.wheel.calibration_file import write_calibration

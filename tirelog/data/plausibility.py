@@ -1,6 +1,7 @@
 """What a log can be: the one check that every command makes before it says anything.
 
-    Recording --`check`--> SetupError where a channel cannot be what its setup says; remarks where
+    Recording --`check_recording`--> SetupError where a channel cannot be what its setup says;
+    remarks where
                            it is only strange
 
 What a setup can say is judged by `bounds`.
@@ -30,7 +31,7 @@ FASTEST_M_S = 150.0
 LOOKED_AT, PIECES = 4096, 8
 
 
-def check(recording: Recording) -> Recording:
+def check_recording(recording: Recording) -> Recording:
     """`recording` with a remark on what is strange in it.
 
     SetupError: a channel cannot be what its setup says.

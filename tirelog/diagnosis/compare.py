@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.leftover import half_angle
-from tirelog.diagnosis.results import Comparison, Map, Tables, Waveforms, excess_of
+from tirelog.diagnosis.results import Comparison, ErrorTables, Map, Waveforms, excess_of
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import rounding_sentences
 from tirelog.errors import UsageError
@@ -24,7 +24,7 @@ from tirelog.inference.cells.cells import cells_of
 from tirelog.inference.cells.gathering import pieces_of_logs
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.floor import Plain, scatter_columns
-from tirelog.inference.motion import held
+from tirelog.inference.motion import without_motion_parameters
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.conditions import SETUP_KEYS
@@ -60,7 +60,7 @@ def start(measured: Measured, model: Model) -> Base:
     pieces = measured_pieces(measured)
     if pieces.observable != model.observable:
         raise other_observable(pieces, model)
-    return prepare(cells_of(pieces), held(model))
+    return prepare(cells_of(pieces), without_motion_parameters(model))
 
 
 def other_observable(pieces: Pieces, model: Model) -> UsageError:
@@ -104,7 +104,7 @@ def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
         revolutions=int(base.cells.revolutions.sum()),
         manoeuvres=base.cells.manoeuvres,
         parameters=parameters_of(base.model),
-        tables=tables_of(base, stacks),
+        tables=error_tables(base, stacks),
         waveforms=_waveforms(base),
         by_speed=_map(base, base.cells.conditions.speed_m_s, "speed_m_s"),
         by_time=_map(base, _running_time(base), "time_s"),
@@ -231,7 +231,7 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 # ---- tables --------------------------------------------------------------------------------------
 
 
-def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
+def error_tables(base: Base, stacks: Sequence[Stack]) -> ErrorTables:
     """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one
     row each, made when it is asked for.
     """
@@ -249,7 +249,7 @@ def tables_of(base: Base, stacks: Sequence[Stack]) -> Tables:
             for label in dict.fromkeys(labels)
         ]
     tables["speed"].sort(key=lambda row: row["speed_m_s"])
-    return Tables(tables, {"revolution": lambda: _by_revolution(base, stacks)})
+    return ErrorTables(tables, {"revolution": lambda: _by_revolution(base, stacks)})
 
 
 def _log_conditions(base: Base, cell: int) -> dict[str, Any]:

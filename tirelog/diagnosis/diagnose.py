@@ -45,7 +45,7 @@ from tirelog.diagnosis.naming import (
     regrouped,
     without_needless,
 )
-from tirelog.diagnosis.results import Candidate, Comparison, plain
+from tirelog.diagnosis.results import Candidate, Comparison, plain_values
 from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.signatures import candidate_effects
@@ -138,7 +138,7 @@ class Diagnosis:
             {name: getattr(c, name) for name in Candidate.__dataclass_fields__}
             for c in self.effects
         ]
-        told: dict[str, Any] = plain(
+        told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names}
             | {"effects": rows, "note": " ".join(self.notes)}
         )
@@ -160,12 +160,12 @@ def diagnose(
     progress("fitting the model")
     base = start(measured, model)
     progress(f"{len(base.cells)} cells of {base.cells.manoeuvres} manoeuvres; testing candidates")
-    found = search(base, extra, progress)
+    found = search_effects(base, extra, progress)
     progress("describing what is left")
     return conclude(found, single_revolutions(measured))
 
 
-def search(
+def search_effects(
     base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None
 ) -> Found:
     """Steps until nothing more is worth naming.

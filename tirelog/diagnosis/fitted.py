@@ -17,7 +17,7 @@ from tirelog.inference.base import fit_together
 from tirelog.inference.cells.cells import Cells, cells_of, with_nuisances
 from tirelog.inference.cells.pieces import Pieces
 from tirelog.inference.fit.result import FitResult, result_of
-from tirelog.inference.motion import held
+from tirelog.inference.motion import without_motion_parameters
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import WAVEFORMS
 
@@ -50,7 +50,7 @@ def fit_channels_measured(
     pieces = [measured_pieces(channel) for channel in channels]
     _refuse(pieces, model)
     cells = [with_nuisances(cells_of(channel), nuisances) for channel in pieces]
-    start = held(model)
+    start = without_motion_parameters(model)
     if "amplitude" in nuisances:
         cells, start = _amplitudes_of_model(cells, start)
     fitted = fit_together(cells, start, several="amplitude" not in nuisances)

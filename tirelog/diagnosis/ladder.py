@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
-from tirelog.diagnosis.diagnose import EXPLAINED, Found, Progress, search
+from tirelog.diagnosis.diagnose import EXPLAINED, Found, Progress, search_effects
 from tirelog.diagnosis.naming import Step
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
 from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES
@@ -52,7 +52,7 @@ def ladder(
     seen, locked = locked_away(measured_pieces(measured))
     progress("fitting the model")
     base = start(seen, model)
-    found = search(base, tuple(effects), progress)
+    found = search_effects(base, tuple(effects), progress)
     after = found.after
     untouched = _untouched(after, locked) if locked is not None else (None, None)
     kept_back = int(np.unique(locked.manoeuvre).size) if locked is not None else 0

@@ -48,7 +48,7 @@ class Map:
     whitened: FloatArray
 
 
-class Tables(Mapping[str, Rows]):
+class ErrorTables(Mapping[str, Rows]):
     """Rows by the name of their table; a large table is made when it is asked for, by `parts`
     without being in memory as a whole.
     """
@@ -104,7 +104,7 @@ class Comparison:
     revolutions: int
     manoeuvres: int
     parameters: Mapping[str, Mapping[str, Any]]
-    tables: Tables
+    tables: ErrorTables
     waveforms: Waveforms
     by_speed: Map
     by_time: Map
@@ -126,7 +126,7 @@ class Comparison:
             "excess",
             "excess_heldout",
         ]
-        told: dict[str, Any] = plain(
+        told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names} | {"remarks": list(self.remarks)}
         )
         return told
@@ -204,7 +204,7 @@ class Ladder:
                     f"{name}_se": value["se"],
                     f"{name}_shift_sigma": value["shift_sigma"],
                 }
-            result.append(plain(row))
+            result.append(plain_values(row))
         return result
 
     def to_json(self) -> dict[str, Any]:
@@ -224,7 +224,7 @@ class Ladder:
             "manoeuvres_locked",
             "remarks",
         )
-        told: dict[str, Any] = plain(
+        told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names} | {"steps": steps}
         )
         return told
@@ -240,14 +240,14 @@ def excess_of(rmse: float, floor: float) -> float:
     return float(np.sqrt(max(rmse**2 - floor**2, 0.0)))
 
 
-def plain(value: Any) -> Any:
+def plain_values(value: Any) -> Any:
     """The same without numpy types, tuples as lists, not-a-number and infinity as None."""
     if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
+        return {str(k): plain_values(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
+        return [plain_values(v) for v in value]
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return plain_values(value.tolist())
     if isinstance(value, bool | np.bool_):
         return bool(value)
     if isinstance(value, int | np.integer):

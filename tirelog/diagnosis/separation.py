@@ -42,7 +42,7 @@ _LONG_S = 60.0
 
 
 @dataclass(frozen=True)
-class Manoeuvre:
+class CandidateManoeuvre:
     """Something a driver can be asked for: speeds [m/s] passed through, acceleration [m/s^2], a
     factor on the load, values of other conditions by field.
     """
@@ -56,23 +56,25 @@ class Manoeuvre:
 
 
 ALLOWED = (
-    Manoeuvre("cruise at 8 m/s", (8.0, 8.0)),
-    Manoeuvre("cruise at 15 m/s", (15.0, 15.0)),
-    Manoeuvre("cruise at 25 m/s", (25.0, 25.0)),
-    Manoeuvre("coast down 25 to 9 m/s", (25.0, 9.0), -0.5),
-    Manoeuvre("drive 9 to 25 m/s at 2 m/s^2", (9.0, 25.0), 2.0),
-    Manoeuvre("brake 25 to 9 m/s at 4 m/s^2", (25.0, 9.0), -4.0),
-    Manoeuvre("cruise at 15 m/s with 40 % more load", (15.0, 15.0), load=1.4),
-    Manoeuvre("cruise at 15 m/s after ten minutes", (15.0, 15.0), time_s=600.0),
+    CandidateManoeuvre("cruise at 8 m/s", (8.0, 8.0)),
+    CandidateManoeuvre("cruise at 15 m/s", (15.0, 15.0)),
+    CandidateManoeuvre("cruise at 25 m/s", (25.0, 25.0)),
+    CandidateManoeuvre("coast down 25 to 9 m/s", (25.0, 9.0), -0.5),
+    CandidateManoeuvre("drive 9 to 25 m/s at 2 m/s^2", (9.0, 25.0), 2.0),
+    CandidateManoeuvre("brake 25 to 9 m/s at 4 m/s^2", (25.0, 9.0), -4.0),
+    CandidateManoeuvre("cruise at 15 m/s with 40 % more load", (15.0, 15.0), load=1.4),
+    CandidateManoeuvre("cruise at 15 m/s after ten minutes", (15.0, 15.0), time_s=600.0),
     *(
-        Manoeuvre(asked.name, (asked.speed_m_s, asked.speed_m_s), values={name: asked.value})
+        CandidateManoeuvre(
+            asked.name, (asked.speed_m_s, asked.speed_m_s), values={name: asked.value}
+        )
         for name, condition in CONDITIONS.items()
         if (asked := condition.proposed) is not None
     ),
 )
 
 
-def planned(base: Base, manoeuvre: Manoeuvre) -> Conditions:
+def planned(base: Base, manoeuvre: CandidateManoeuvre) -> Conditions:
     """The conditions of a planned stretch, about those of the logs so far."""
     c = base.cells.conditions
     speed = np.linspace(*manoeuvre.speed_m_s, _SPEEDS)
@@ -90,7 +92,7 @@ def planned(base: Base, manoeuvre: Manoeuvre) -> Conditions:
     return Conditions.of(_SPEEDS, **kept, **asked)
 
 
-def driven(base: Base, manoeuvre: Manoeuvre) -> bool:
+def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
     """Do the logs hold such a manoeuvre already, under the same conditions?"""
     c, number = base.cells.conditions, base.cells.manoeuvre
     if manoeuvre.time_s > _LONG_S and not np.any(c.time_s >= manoeuvre.time_s):

@@ -14,7 +14,7 @@ def motion_names(model: Model) -> tuple[str, ...]:
     return tuple(name for name in model.free if name in MOTION and model.carcass == "coupled_ring")
 
 
-def held(model: Model) -> Model:
+def without_motion_parameters(model: Model) -> Model:
     """The model as the steady waveform is fitted: without what only a motion tells."""
     return model.with_parameters(
         {name: model.parameters[name].fixed() for name in motion_names(model)}

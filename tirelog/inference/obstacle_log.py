@@ -24,7 +24,7 @@ from scipy.ndimage import uniform_filter1d
 from tirelog.data.recording import Channel, Conditions, Recording, Stack
 from tirelog.data.setup import RoadSetup
 from tirelog.errors import UsageError
-from tirelog.inference.stacks.align import WheelAngle, split_turns, template
+from tirelog.inference.stacks.align import PassageAngle, split_turns, template
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
@@ -70,7 +70,7 @@ class TransientLog:
     values: FloatArray
     passages_s: FloatArray
     turns: FloatArray
-    wheel: WheelAngle
+    wheel: PassageAngle
     steady: CubicSpline
     spin_rad_s: float
     calm: NDArray[np.bool_]
@@ -156,8 +156,8 @@ def _numbered(stack: Stack) -> tuple[FloatArray, FloatArray]:
     return time[longest], np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _wheel(passages_s: FloatArray, turns: FloatArray) -> WheelAngle:
-    return WheelAngle(passages_s, CubicSpline(passages_s, 2.0 * np.pi * turns, bc_type="natural"))
+def _wheel(passages_s: FloatArray, turns: FloatArray) -> PassageAngle:
+    return PassageAngle(passages_s, CubicSpline(passages_s, 2.0 * np.pi * turns, bc_type="natural"))
 
 
 def _with_steady(log: TransientLog) -> TransientLog:
@@ -203,7 +203,7 @@ def _calmed(log: TransientLog, hits_s: FloatArray) -> TransientLog:
     return replace(log, calm=calm, hits_s=hits_s, wheel=_smooth_wheel(log, hits_s, turn))
 
 
-def _smooth_wheel(log: TransientLog, hits_s: FloatArray, turn_s: float) -> WheelAngle:
+def _smooth_wheel(log: TransientLog, hits_s: FloatArray, turn_s: float) -> PassageAngle:
     """The wheel's angle through the passages that no hit disturbs."""
     kept = np.ones(log.passages_s.size, bool)
     for hit in hits_s:

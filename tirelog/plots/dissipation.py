@@ -25,14 +25,14 @@ from tirelog.plots.style import (
     MICRO,
     RAW,
     draw_signal,
+    figure_page,
     label,
     least_and_most,
-    page,
     robust_range,
     write,
 )
 from tirelog.strain.dissipation_fit import Regression, regression
-from tirelog.strain.dissipation_table import DissipationOfChannel, clean
+from tirelog.strain.dissipation_table import DissipationOfChannel, clean_rows
 from tirelog.vocabulary.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ MAGNIFIED = 4
 
 
 @dataclass(frozen=True)
-class Sketch:
+class DissipationSketch:
     """What the page needs of one channel, read while its log is open: `signal` decimated,
     `magnified` a few revolutions.
     """
@@ -55,7 +55,7 @@ class Sketch:
     magnified: tuple[FloatArray, FloatArray, float]
 
     @classmethod
-    def of(cls, recording: Recording, found: DissipationOfChannel) -> Sketch:
+    def of(cls, recording: Recording, found: DissipationOfChannel) -> DissipationSketch:
         """The sketch of a channel whose log is open."""
         p = found.passages
         steady = np.flatnonzero(found.dissipation.steady)
@@ -72,11 +72,11 @@ class Sketch:
         return cls(recording, found, least_and_most(found.channel), magnified)
 
 
-def dissipation_picture(sketches: Sequence[Sketch], path: Path) -> None:
+def dissipation_picture(sketches: Sequence[DissipationSketch], path: Path) -> None:
     """Write the page to `path`."""
     kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
-    figure = page(15.0, 10.0)
+    figure = figure_page(15.0, 10.0)
     left, right = np.asarray(figure.subfigures(1, 2, width_ratios=[1.35, 1.0])).ravel()
     strain, power, factor, speed = left.subplots(4, 1, sharex=True)
     recording, found = first.recording, first.found
@@ -141,7 +141,7 @@ def _over_time(
     label(axes, "", text, ylim=robust_range(values, share=0.005))
 
 
-def _magnified(axes: Axes, sketch: Sketch) -> None:
+def _magnified(axes: Axes, sketch: DissipationSketch) -> None:
     """The strain of a few revolutions (P1 Fig. 8)."""
     time, strain, speed = sketch.magnified
     axes.plot(time, MICRO * strain, color=COLOURS[0], lw=0.9)
@@ -183,7 +183,7 @@ def _over_speed(
         )
         axes.plot(speed[order], found.columns[average][order], ".", color=colour, ms=3, label=who)
         values.append(found.columns[average])
-        line = regression(name, speed, found.columns[name], clean(found))
+        line = regression(name, speed, found.columns[name], clean_rows(found))
         if line is not None:
             axes.errorbar(
                 line.speed_m_s,

@@ -12,7 +12,7 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import UsageError
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
-from tirelog.plots.style import page, write
+from tirelog.plots.style import figure_page, write
 from tirelog.vocabulary.conditions import CONDITIONS
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def signatures(chosen: Sequence[Effect], path: Path) -> None:
         )
     columns = min(len(drawn), 4)
     rows = -(-len(drawn) // columns)
-    figure = page(3.6 * columns, 2.6 * rows)
+    figure = figure_page(3.6 * columns, 2.6 * rows)
     for place, effect in enumerate(drawn):
         _draw(figure.add_subplot(rows, columns, place + 1), effect)
     write(figure, path)

@@ -8,7 +8,7 @@ import numpy as np
 
 from tirelog.inference.fit.result import FitResult
 from tirelog.physics.model.model import Model
-from tirelog.plots.style import page
+from tirelog.plots.style import figure_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def figure(model: Model, found: FitResult) -> Figure:
     """A matplotlib figure of the correlations."""
     size = 0.6 * len(found.names)
-    canvas = page(size + 5.5, size + 2.0)
+    canvas = figure_page(size + 5.5, size + 2.0)
     correlations(canvas.add_subplot(), model, found)
     return canvas
 

@@ -26,9 +26,9 @@ from tirelog.plots.style import (
     MICRO,
     RAW,
     draw_signal,
+    figure_page,
     label,
     least_and_most,
-    page,
     robust_range,
     write,
 )
@@ -46,7 +46,7 @@ MOST, WINDOW = 8, 2.2
 
 
 @dataclass(frozen=True)
-class Sketch:
+class FootprintSketch:
     """What the page needs of one channel, read while its log is open: `signal` decimated; `shown`:
     (row, title, window) of the passages.
     """
@@ -57,7 +57,7 @@ class Sketch:
     shown: list[tuple[int, str, PatchWindows]]
 
     @classmethod
-    def of(cls, recording: Recording, found: FootprintOfChannel) -> Sketch:
+    def of(cls, recording: Recording, found: FootprintOfChannel) -> FootprintSketch:
         """The sketch of a channel whose log is open."""
         shown = []
         for row, title in _passages(found):
@@ -78,12 +78,12 @@ class Sketch:
         return cls(recording, found, least_and_most(found.channel), shown)
 
 
-def footprint_picture(sketches: Sequence[Sketch], path: Path) -> None:
+def footprint_picture(sketches: Sequence[FootprintSketch], path: Path) -> None:
     """Write the page to `path`."""
     kept = [(sketch.recording, sketch.found) for sketch in sketches]
     first = next((sketch for sketch in sketches if len(sketch.found.passages)), sketches[0])
     shown = first.shown
-    figure = page(13.5 if len(shown) < 2 else 17.0, 10.5)
+    figure = figure_page(13.5 if len(shown) < 2 else 17.0, 10.5)
     left, right = np.asarray(
         figure.subfigures(1, 2, width_ratios=[1.0, 0.8 * max(len(shown), 1)])
     ).ravel()
@@ -98,7 +98,7 @@ def footprint_picture(sketches: Sequence[Sketch], path: Path) -> None:
     write(figure, path)
 
 
-def _drive(strain: Axes, speed: Axes, sketch: Sketch) -> None:
+def _drive(strain: Axes, speed: Axes, sketch: FootprintSketch) -> None:
     """Strain and speed over time (P2 Figs. 17, 20)."""
     recording, found = sketch.recording, sketch.found
     draw_signal(strain, sketch.signal)

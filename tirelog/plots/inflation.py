@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from tirelog.data.recording import Recording
-from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, label, page, write
+from tirelog.plots.style import COLOURS, EDGE, MARK, MICRO, figure_page, label, write
 from tirelog.strain.inflation_table import InflationOfChannel
 
 
 def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path: Path) -> None:
     """Write the page to `path`, a row a channel."""
-    figure = page(12.0, 3.6 * len(kept) + 0.4)
+    figure = figure_page(12.0, 3.6 * len(kept) + 0.4)
     panels = figure.subplots(len(kept), 2, squeeze=False)
     for (over_time, over_pressure), (recording, found) in zip(panels, kept, strict=True):
         s, test = found.series, found.inflation

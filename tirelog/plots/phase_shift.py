@@ -17,15 +17,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tirelog.storage.whole import whole_file
-from tirelog.wheel.calibration import Calibration, Cleaned, clean
-from tirelog.wheel.phase_shift import Passages
+from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages
+from tirelog.wheel.phase_shift import EdgeTimes
 
 #: accelerometers that have a column of their own
 MOST = 4
 RAW, DETRENDED, CORRECTED = "0.65", "tab:blue", "tab:red"
 
 
-def plot_phase_shift(logs: Sequence[Passages], calibration: Calibration | None, path: Path) -> None:
+def plot_phase_shift(
+    logs: Sequence[EdgeTimes], calibration: Calibration | None, path: Path
+) -> None:
     """Write the page to `path`; its suffix decides the format."""
     shown = list(logs[:MOST])
     columns = max(len(shown), 1)
@@ -39,13 +41,15 @@ def plot_phase_shift(logs: Sequence[Passages], calibration: Calibration | None, 
         panels = bottom.subplots(3, columns, sharex="col", squeeze=False)
         for column, passages in enumerate(shown):
             _times(
-                panels[:, column], passages, clean(passages, calibration) if calibration else None
+                panels[:, column],
+                passages,
+                clean_passages(passages, calibration) if calibration else None,
             )
     with whole_file(path) as target:
         figure.savefig(target, format=path.suffix.lstrip(".").lower() or "png", dpi=110)
 
 
-def _fronts(axes: Axes, logs: Sequence[Passages]) -> None:
+def _fronts(axes: Axes, logs: Sequence[EdgeTimes]) -> None:
     """P4 Fig. 7: one passage of each accelerometer, in levels outside the patch, and its fronts."""
     for number, p in enumerate(logs):
         if not p.example.size:
@@ -71,7 +75,7 @@ def _fronts(axes: Axes, logs: Sequence[Passages]) -> None:
         axes.legend(fontsize=7, loc="lower left")  # where no front passes
 
 
-def _map(axes: Axes, logs: Sequence[Passages], calibration: Calibration | None, what: str) -> None:
+def _map(axes: Axes, logs: Sequence[EdgeTimes], calibration: Calibration | None, what: str) -> None:
     """P4 Fig. 9: all passages over speed, and the calibration's map with its range."""
     for number, p in enumerate(logs):
         values = p.shift_deg if what == "shift" else p.width_deg
@@ -96,7 +100,7 @@ def _map(axes: Axes, logs: Sequence[Passages], calibration: Calibration | None, 
     )
 
 
-def _times(panels: Sequence[Axes], p: Passages, cleaned: Cleaned | None) -> None:
+def _times(panels: Sequence[Axes], p: EdgeTimes, cleaned: Cleaned | None) -> None:
     """P4 Figs. 8, 10 to 13: speed, shift and width over time."""
     speed, shift, width = panels
     speed.plot(p.time_s, p.speed_m_s, color="k", lw=1)

@@ -31,7 +31,7 @@ SUFFIXES = (".png", ".svg", ".pdf")
 COLUMNS = 1500
 
 
-def page(width: float, height: float) -> Figure:
+def figure_page(width: float, height: float) -> Figure:
     """An empty page, inches.  UsageError: matplotlib is not there."""
     try:
         from matplotlib.figure import Figure

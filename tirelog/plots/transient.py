@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.plots.style import COLOURS, label, page, write
+from tirelog.plots.style import COLOURS, figure_page, label, write
 from tirelog.vocabulary.observables import drawn
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def figure(result: TransientComparison) -> Any:
     """A matplotlib figure of the first hits."""
     factor, unit = drawn(result.observable, result.unit)
     shown = result.hits[:_MOST]
-    canvas = page(13.0, 3.2 * len(shown) + 0.6)
+    canvas = figure_page(13.0, 3.2 * len(shown) + 0.6)
     grid = canvas.add_gridspec(len(shown), 2, width_ratios=(1.7, 1.0))
     for row, hit in enumerate(shown):
         _in_time(canvas.add_subplot(grid[row, 0]), hit, factor, unit, first=row == 0)

@@ -26,7 +26,7 @@ from tirelog.report import model_sections, sections, table_sections
 from tirelog.report.asked import Asked
 from tirelog.report.page import Section
 from tirelog.report.passage import passage_figures
-from tirelog.report.sources import Tables, given_tables, made_table, read_ladder
+from tirelog.report.sources import SourceTables, given_tables, made_table, read_ladder
 from tirelog.report.stored import model_pages
 
 Progress = Callable[[str], None]
@@ -94,7 +94,7 @@ def _title(recordings: Sequence[Recording], asked: Asked) -> str:
 def _tables(
     report: Report,
     recordings: Sequence[Recording],
-    tables: Tables,
+    tables: SourceTables,
     asked: Asked,
     progress: Progress,
 ) -> None:
@@ -121,7 +121,7 @@ def _tables(
             report.missing.append((f"{name}: {why}", command))
             continue
         if name == "speed":
-            report.sections.append(sections.drive(recordings, table, command, remarks))
+            report.sections.append(sections.drive_section(recordings, table, command, remarks))
             speed = table.loc[
                 _first(table, recordings), ["log", "channel", "revolution", "acceleration_m_s2"]
             ]
@@ -130,9 +130,13 @@ def _tables(
             passage = [
                 f for recording in recordings[:1] for f in passage_figures(recording, table, speed)
             ]
-            report.sections.append(table_sections.footprint(table, command, remarks, passage))
+            report.sections.append(
+                table_sections.footprint_section(table, command, remarks, passage)
+            )
         elif name == "dissipation":
-            report.sections.append(table_sections.dissipation(table, command, remarks, lines))
+            report.sections.append(
+                table_sections.dissipation_section(table, command, remarks, lines)
+            )
             if lines is None:
                 report.missing.append(
                     (
@@ -153,7 +157,7 @@ def _phase_shift(
     report: Report, table: pd.DataFrame, command: str, remarks: Sequence[str], asked: Asked
 ) -> None:
     """The section, and what a calibration would add to it."""
-    report.sections.append(table_sections.phase_shift(table, command, remarks))
+    report.sections.append(table_sections.phase_shift_section(table, command, remarks))
     wanted = {
         "phase_shift_corrected_deg": "the corrected shift (P4 Figs. 11 to 13)",
         "vertical_force_N": "forces by the calibration's maps",
@@ -175,7 +179,9 @@ def _models(
 ) -> None:
     """Comparison, diagnosis, ladder and switches; or what is missing for them."""
     if climbed is not None:
-        report.sections.append(model_sections.ladder(climbed, asked.command("ladder", model=True)))
+        report.sections.append(
+            model_sections.ladder_section(climbed, asked.command("ladder", model=True))
+        )
     else:
         report.missing.append(
             (

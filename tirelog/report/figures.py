@@ -56,7 +56,7 @@ def safe(name: str) -> str:
     return html.escape(str(name), quote=False)
 
 
-def packed(values: Any) -> dict[str, str]:
+def packed_array(values: Any) -> dict[str, str]:
     """Numbers as the plotting library's typed array (float32)."""
     array = np.ascontiguousarray(np.asarray(values, dtype=np.float32))
     out = {"dtype": "f4", "bdata": base64.b64encode(array.tobytes()).decode()}
@@ -65,8 +65,8 @@ def packed(values: Any) -> dict[str, str]:
     return out
 
 
-def unpacked(values: Any) -> Any:
-    """What `packed` was given, float32; anything else as it is."""
+def unpacked_array(values: Any) -> Any:
+    """What `packed_array` was given, float32; anything else as it is."""
     if not (isinstance(values, dict) and "bdata" in values):
         return values
     array = np.frombuffer(base64.b64decode(values["bdata"]), np.float32)
@@ -113,8 +113,8 @@ def line(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, A
     return {
         "type": "scatter",
         "mode": "lines",
-        "x": packed(x),
-        "y": packed(y),
+        "x": packed_array(x),
+        "y": packed_array(y),
         "name": safe(name),
         "line": style,
         **more,
@@ -133,8 +133,8 @@ def dots(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, A
     return {
         "type": "scatter",
         "mode": "markers",
-        "x": packed(np.asarray(x)[::step]),
-        "y": packed(np.asarray(y)[::step]),
+        "x": packed_array(np.asarray(x)[::step]),
+        "y": packed_array(np.asarray(y)[::step]),
         "name": safe(name),
         "marker": {**marker, **more.pop("marker", {})},
         **more,
@@ -180,13 +180,13 @@ def bars(
     `error`: standard errors, NaN where there is none.
     """
     words = [safe(label) for label in labels]
-    x, y = (packed(values), words) if across else (words, packed(values))
+    x, y = (packed_array(values), words) if across else (words, packed_array(values))
     marker = {"color": COLOURS[colour % len(COLOURS)]}
     if "error" in more:
         key = "error_x" if across else "error_y"
         more[key] = {
             "type": "data",
-            "array": packed(more.pop("error")),
+            "array": packed_array(more.pop("error")),
             "visible": True,
             "color": "#6b6b6b",
             "thickness": 1.5,
@@ -214,9 +214,9 @@ def heat(x: Any, y: Any, z: Any, unit: str, reach: float | None = None) -> dict[
     reach = colour_reach(z) if reach is None else reach
     return {
         "type": "heatmap",
-        "x": packed(x),
-        "y": packed(y),
-        "z": packed(z),
+        "x": packed_array(x),
+        "y": packed_array(y),
+        "z": packed_array(z),
         "zmin": -reach,
         "zmax": reach,
         "colorscale": [list(stop) for stop in DIVERGING],

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.report.figures import Figure, axis, band, bars, dots, heat, layout, line
-from tirelog.report.page import Section, Table
+from tirelog.report.page import PageTable, Section
 from tirelog.vocabulary.observables import drawn
 
 if TYPE_CHECKING:
@@ -35,13 +35,13 @@ ANGLE = "angle from the patch centre [deg], entry to exit"
 GREY_BAR = "#6b6b6b"
 
 
-def shown(observable: str, unit: str) -> tuple[float, str]:
+def shown_value(observable: str, unit: str) -> tuple[float, str]:
     """Factor and unit in which the page shows the observable."""
     factor, unit = drawn(observable, unit)
     return factor, _WRITTEN.get(unit, unit)
 
 
-def number(value: Any) -> str:
+def shown_number(value: Any) -> str:
     """A number as a table cell; nothing where there is none."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return ""
@@ -54,7 +54,7 @@ def comparison(result: Comparison, command: str) -> Section:
     """
     from tirelog.diagnosis.results import in_unit
 
-    factor, unit = shown(result.observable, result.unit)
+    factor, unit = shown_value(result.observable, result.unit)
     words = [
         "Error of one revolution's value at one angle, on manoeuvres held out from the fit: "
         f"{in_unit(result.rmse_heldout, factor)} "
@@ -176,7 +176,7 @@ def residual_map(
     """The residual, measured less predicted, over an axis and the angle; colours to `reach` in the
     page's unit.
     """
-    factor, unit = shown(result.observable, result.unit)
+    factor, unit = shown_value(result.observable, result.unit)
     name = {"speed_m_s": "speed [m/s]", "time_s": "time [s]"}[found.axis_name]
     phi = np.rad2deg(found.phi_rad)
     alt = (
@@ -199,7 +199,7 @@ def residual_map(
     )
 
 
-def _errors(result: Comparison, factor: float, unit: str) -> Table:
+def _errors(result: Comparison, factor: float, unit: str) -> PageTable:
     """Errors by part of the data."""
     rows = []
     for table in ("angle", "speed", "regime", "conditions"):
@@ -209,28 +209,28 @@ def _errors(result: Comparison, factor: float, unit: str) -> Table:
                 if table == "conditions"
                 else row.get("angle") or row.get("regime") or f"{row['speed_m_s']:g} m/s"
             )
-            cells = [number(row[name] * factor) for name in ("rmse", "noise_floor", "excess")]
+            cells = [shown_number(row[name] * factor) for name in ("rmse", "noise_floor", "excess")]
             rows.append(
                 [{"conditions": "log"}.get(table, table), part, *cells, str(row["revolutions"])]
             )
-    return Table(
+    return PageTable(
         "Where the error is",
         ["by", "part", f"rmse [{unit}]", f"floor [{unit}]", f"excess [{unit}]", "revolutions"],
         rows,
     )
 
 
-def _parameters(result: Comparison) -> Table:
+def _parameters(result: Comparison) -> PageTable:
     rows = [
         [
             name,
-            number(p["value"]),
-            number(p["se"]) if p["free"] else "fixed",
+            shown_number(p["value"]),
+            shown_number(p["se"]) if p["free"] else "fixed",
             "" if p["unit"] == "1" else p["unit"],
         ]
         for name, p in result.parameters.items()
     ]
-    return Table(
+    return PageTable(
         "Parameters of the model as fitted", ["parameter", "value", "standard error", "unit"], rows
     )
 
@@ -243,7 +243,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     from tirelog.diagnosis.results import in_unit
     from tirelog.diagnosis.wording import probability
 
-    factor, unit = shown(result.before.observable, result.before.unit)
+    factor, unit = shown_value(result.before.observable, result.before.unit)
     error = (
         f"Held-out error {in_unit(result.rmse_heldout_before, factor)} {unit} as it came, "
         f"{in_unit(result.rmse_heldout_after, factor)} with what was selected"
@@ -266,7 +266,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     ranked = result.effects
     errors = removed_errors(result.found)
     tables = [
-        Table(
+        PageTable(
             "Ranking of the candidates",
             [
                 "effect",
@@ -280,7 +280,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
                 [
                     c.effect,
                     f"{100 * c.excess_removed:.1f}",
-                    number(100 * errors[c.effect]) if c.effect in errors else "",
+                    shown_number(100 * errors[c.effect]) if c.effect in errors else "",
                     probability(c.p_adjusted, result.manoeuvres),
                     "yes" if c.selected else "",
                     "–"
@@ -293,7 +293,7 @@ def diagnosis(result: Diagnosis, command: str) -> Section:
     ]
     if result.not_tested:
         tables.append(
-            Table(
+            PageTable(
                 "Not tested",
                 ["effect", "why"],
                 [[name, why] for name, why in result.not_tested.items()],
@@ -353,9 +353,9 @@ def _ranking(ranked: Sequence[Any], errors: Mapping[str, float]) -> Figure:
     return Figure("ranking", "Which effect is missing", alt, traces, shape)
 
 
-def ladder(climbed: Mapping[str, Any], command: str) -> Section:
+def ladder_section(climbed: Mapping[str, Any], command: str) -> Section:
     """The error falling to the floor, from the last ladder that its command kept."""
-    factor, unit = shown(climbed["observable"], climbed["unit"])
+    factor, unit = shown_value(climbed["observable"], climbed["unit"])
     steps = [step for step in climbed["steps"] if not step["decision"].startswith("not added")]
     names = [step["effect"] for step in steps]
     held, fitted, floor = (
@@ -397,20 +397,20 @@ def _times(error: float | None, factor: float) -> float:
 _ERRORS = ("rmse_fit", "rmse_heldout", "noise_floor", "excess_heldout")
 
 
-def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> Table:
+def _steps(climbed: Mapping[str, Any], factor: float, unit: str) -> PageTable:
     rows = [
         [
             str(s["step"]),
             s["effect"],
-            *("-" if s[k] is None else number(s[k] * factor) for k in _ERRORS),
-            number(s["p_adjusted"]),
+            *("-" if s[k] is None else shown_number(s[k] * factor) for k in _ERRORS),
+            shown_number(s["p_adjusted"]),
             s["decision"],
             _strengths(s["parameters"]),
         ]
         for s in climbed["steps"]
     ]
     errors = [f"{name} [{unit}]" for name in ("fitted", "held out", "floor", "excess")]
-    return Table(
+    return PageTable(
         "Steps of the ladder",
         ["step", "effect", *errors, "p, adjusted", "decision", "parameters"],
         rows,

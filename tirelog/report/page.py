@@ -23,7 +23,7 @@ from tirelog.report.figures import Figure
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A small table: header cells with units, rows of text."""
 
     caption: str
@@ -43,7 +43,7 @@ class Section:
     command: str
     text: Sequence[str] = ()
     figures: Sequence[Figure] = ()
-    tables: Sequence[Table] = ()
+    tables: Sequence[PageTable] = ()
     switches: dict[str, Any] = field(default_factory=dict)
 
 
@@ -156,7 +156,7 @@ def _section(section: Section) -> str:
     )
 
 
-def _table(table: Table) -> str:
+def _table(table: PageTable) -> str:
     e = html.escape
     head = "".join(f'<th scope="col">{e(h)}</th>' for h in table.header)
     rows = "".join(

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.errors import UsageError
-from tirelog.plots.style import page
-from tirelog.report.figures import DIVERGING, Figure, unpacked
+from tirelog.plots.style import figure_page
+from tirelog.report.figures import DIVERGING, Figure, unpacked_array
 from tirelog.storage.whole import output_error, whole_file
 
 if TYPE_CHECKING:
@@ -60,14 +60,14 @@ def need_matplotlib() -> None:
 
 
 def _drawn(figure: Figure) -> Any:
-    canvas = page(8.0, 4.5 * max(1.0, figure.layout.get("height", 380) / 420))
+    canvas = figure_page(8.0, 4.5 * max(1.0, figure.layout.get("height", 380) / 420))
     axes = canvas.subplots()
     if "categoryarray" in figure.layout.get("yaxis", {}):
         axes.yaxis.update_units(
             [html.unescape(word) for word in figure.layout["yaxis"]["categoryarray"]]
         )
     for trace in figure.traces:
-        _trace(canvas, axes, {key: unpacked(value) for key, value in trace.items()})
+        _trace(canvas, axes, {key: unpacked_array(value) for key, value in trace.items()})
     for shape in figure.layout.get("shapes", ()):
         axes.axvline(shape["x0"], color=shape["line"]["color"], lw=0.8, ls="--")
     for key, set_label, set_limits in (
@@ -129,7 +129,7 @@ def _trace(canvas: Any, axes: Axes, trace: dict[str, Any]) -> None:
 def _bars(axes: Axes, trace: dict[str, Any], name: str) -> None:
     colour = trace["marker"]["color"]
     if trace["orientation"] == "h":
-        error = unpacked(trace["error_x"]["array"]) if "error_x" in trace else None
+        error = unpacked_array(trace["error_x"]["array"]) if "error_x" in trace else None
         axes.barh(
             [html.unescape(word) for word in trace["y"]],
             trace["x"],

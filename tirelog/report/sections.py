@@ -15,7 +15,7 @@ import pandas as pd
 
 from tirelog.data.recording import Recording
 from tirelog.report.figures import SCATTER_POINTS, Figure, decimated, dots, layout, line
-from tirelog.report.page import Section, Table
+from tirelog.report.page import PageTable, Section
 from tirelog.runs.overview import channel_rows
 from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
@@ -46,10 +46,10 @@ def recorded(recordings: Sequence[Recording], command: str) -> Section:
         rows, who = channel_rows(recording), names[recording.log]
         header = [name for name in rows if name != "log"]
         cells = [[text(rows[name][i]) for name in header] for i in range(len(rows["channel"]))]
-        tables.append(Table(f"Channels of {who}", header, cells))
+        tables.append(PageTable(f"Channels of {who}", header, cells))
         about = recording.setup.tire.__dict__ | recording.setup.conditions.__dict__
         known = [[key, text(value)] for key, value in about.items() if value not in (None, "")]
-        tables.append(Table(f"Tire and conditions of {who}", ["quantity", "value"], known))
+        tables.append(PageTable(f"Tire and conditions of {who}", ["quantity", "value"], known))
         repairs = [
             f"{what} ({n})"
             for done in recording.provenance.get("repairs", {}).values()
@@ -89,10 +89,10 @@ def drawn_of(table: pd.DataFrame) -> list[str]:
     return words
 
 
-def quality(table: pd.DataFrame, name: str) -> Table:
+def quality(table: pd.DataFrame, name: str) -> PageTable:
     """How many rows carry which quality."""
     counts = table["quality"].value_counts()
-    return Table(
+    return PageTable(
         f"Rows of {name} by quality",
         ["quality", "rows"],
         [[str(word), str(n)] for word, n in counts.items() if n],
@@ -106,7 +106,7 @@ def reach(values: pd.Series, unit: str) -> str:
     return f"{values.min():.4g} to {values.max():.4g} {unit}"
 
 
-def drive(
+def drive_section(
     recordings: Sequence[Recording], speed: pd.DataFrame, command: str, remarks: Sequence[str]
 ) -> Section:
     """Speed, acceleration, and the recorded signal over time."""

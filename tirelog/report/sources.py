@@ -3,7 +3,8 @@
 Files given with --table, a campaign's folder, or the commands' own functions.
 
 paths --columns--> kind of table
-    --> `Tables`: nothing is read before it is asked for, and then only the columns that are drawn
+    --> `SourceTables`: nothing is read before it is asked for, and then only the columns that are
+    drawn
 a ladder's file (MODEL.ladder.json, or a ladder's JSON) --> its last ladder
 """
 
@@ -36,7 +37,7 @@ _UNUSED = {
 
 
 @dataclass
-class Tables:
+class SourceTables:
     """Tables by the command that made them: (file, name of the log where the file does not hold
     it).
     """
@@ -124,12 +125,12 @@ def _joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     return numbers.assign(**words)
 
 
-def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> Tables:
+def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> SourceTables:
     """The tables given with --table and those of a campaign's folder.
 
     UsageError: no such table, no campaign.
     """
-    tables = Tables()
+    tables = SourceTables()
     for path in paths:
         tables.add(path)
     if campaign is None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure
-from tirelog.report.page import Section, Table
+from tirelog.report.page import PageTable, Section
 from tirelog.storage.documents import json_value
 
 #: ids stand in the page as they are
@@ -46,7 +46,7 @@ def read_stored(path: Path) -> tuple[list[Section], list[tuple[str, str]]]:
 
 def _section(data: dict[str, Any]) -> Section:
     figures = [Figure(**one) for one in data.pop("figures")]
-    tables = [Table(**one) for one in data.pop("tables")]
+    tables = [PageTable(**one) for one in data.pop("tables")]
     if not all(_ID.fullmatch(name) for name in (data["id"], *(figure.id for figure in figures))):
         raise ValueError
     return Section(**data, figures=figures, tables=tables)

@@ -22,8 +22,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tirelog.errors import ModelError, UsageError, nearest
-from tirelog.report.figures import Figure, bars, colour_reach, dots, layout, line, packed, unpacked
-from tirelog.report.model_sections import ANGLE, edges, residual_map, short, shown, window
+from tirelog.report.figures import (
+    Figure,
+    bars,
+    colour_reach,
+    dots,
+    layout,
+    line,
+    packed_array,
+    unpacked_array,
+)
+from tirelog.report.model_sections import ANGLE, edges, residual_map, short, shown_value, window
 from tirelog.report.page import Section
 
 if TYPE_CHECKING:
@@ -78,7 +87,7 @@ def comparisons(
     from tirelog.diagnosis.compare import comparison_of, measured_pieces
     from tirelog.inference.base import prepare
     from tirelog.inference.cells.cells import cells_of
-    from tirelog.inference.motion import held
+    from tirelog.inference.motion import without_motion_parameters
 
     cells = cells_of(measured_pieces(measured))
     full = (1 << len(names)) - 1
@@ -90,7 +99,9 @@ def comparisons(
             if not mask & (1 << bit):
                 model = model.without_effect(name)
         try:
-            found[mask] = comparison_of(prepare(cells, held(model), several=full < _THOROUGH))
+            found[mask] = comparison_of(
+                prepare(cells, without_motion_parameters(model), several=full < _THOROUGH)
+            )
         except ModelError as problem:
             found[mask] = problem.message
         progress(f"effects on and off: {mask + 1} of {full + 1} combinations fitted")
@@ -111,7 +122,7 @@ def switches(
     full = found[start]
     if isinstance(full, str):
         return None
-    factor, _ = shown(full.observable, full.unit)
+    factor, _ = shown_value(full.observable, full.unit)
     known = [result for result in found.values() if not isinstance(result, str)]
     reach = max(colour_reach(result.by_speed.residual * factor) for result in known)
     highest = (
@@ -150,7 +161,7 @@ def _combination(mask: int, names: Sequence[str]) -> str:
 
 
 def _waveforms(full: Comparison) -> Figure:
-    factor, unit = shown(full.observable, full.unit)
+    factor, unit = shown_value(full.observable, full.unit)
     traces = []
     for i, label in enumerate(full.waveforms.labels):
         phi = np.rad2deg(full.waveforms.phi_rad[i])
@@ -180,7 +191,7 @@ def _waveforms(full: Comparison) -> Figure:
 
 def _error(full: Comparison, highest: float) -> Figure:
     """Three bars on an axis that holds those of every combination."""
-    factor, unit = shown(full.observable, full.unit)
+    factor, unit = shown_value(full.observable, full.unit)
     values = _errors(full, factor)
     words = ["fitted", "held out", "noise floor"]
     shape = layout(
@@ -208,7 +219,7 @@ def _state(
     if isinstance(result, str):
         empty = {
             f.id: {
-                str(i): {key: packed(np.full(np.shape(unpacked(t[key])), np.nan))}
+                str(i): {key: packed_array(np.full(np.shape(unpacked_array(t[key])), np.nan))}
                 for i, t in enumerate(f.traces)
                 for key in _changing(f, i)
             }
@@ -217,7 +228,7 @@ def _state(
         return {"text": f"{combination}: cannot be computed ({result}).", "figures": empty}
     from tirelog.diagnosis.results import in_unit
 
-    factor, unit = shown(result.observable, result.unit)
+    factor, unit = shown_value(result.observable, result.unit)
     text = (
         f"{combination}: held-out error {in_unit(result.rmse_heldout, factor)} {unit}, noise "
         f"floor {result.noise_floor * factor:.3g}, "
@@ -226,15 +237,16 @@ def _state(
     )
     changes: dict[str, Any] = {
         waves.id: {
-            str(2 * i): {"y": packed(y * factor)} for i, y in enumerate(result.waveforms.predicted)
+            str(2 * i): {"y": packed_array(y * factor)}
+            for i, y in enumerate(result.waveforms.predicted)
         },
-        error.id: {"0": {"y": packed(_errors(result, factor))}},
+        error.id: {"0": {"y": packed_array(_errors(result, factor))}},
     }
     key = "z" if full.by_speed.phi_rad.size > 1 else "y"
     residual = result.by_speed.residual * factor
-    changes[map_.id] = {"0": {key: packed(residual if key == "z" else residual[:, 0])}}
+    changes[map_.id] = {"0": {key: packed_array(residual if key == "z" else residual[:, 0])}}
     for i, y in enumerate(result.waveforms.measured):
-        changes[waves.id][str(2 * i + 1)] = {"y": packed(y * factor)}
+        changes[waves.id][str(2 * i + 1)] = {"y": packed_array(y * factor)}
     return {"text": text, "figures": changes}
 
 

@@ -18,7 +18,7 @@ import pandas as pd
 
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure, dots, layout, line
-from tirelog.report.page import Section, Table
+from tirelog.report.page import PageTable, Section
 from tirelog.report.sections import drawn_of, groups, quality, reach, short_names
 from tirelog.vocabulary.quality import good_rows
 
@@ -31,7 +31,7 @@ _DRAWN = ("log", "channel", "time_s", "speed_m_s", "slip_onset_m", *(name for na
 _ASIDE = {"size": 4, "opacity": 0.35}
 
 
-def footprint(
+def footprint_section(
     table: pd.DataFrame, command: str, remarks: Sequence[str], passage: Sequence[Figure] = ()
 ) -> Section:
     """Contact lengths by the three methods against speed and time; one passage; slip onsets."""
@@ -77,7 +77,7 @@ def footprint(
     return Section("footprint", "Footprint", command, words, figures, [quality(table, "footprint")])
 
 
-def dissipation(
+def dissipation_section(
     table: pd.DataFrame, command: str, remarks: Sequence[str], lines: pd.DataFrame | None = None
 ) -> Section:
     """P1 Figs. 9 to 11: specific power and factor in time, with their moving averages; averages
@@ -161,7 +161,7 @@ def dissipation(
         names = [name for name in heads if name in lines]  # a table of an older run has fewer
         header = [heads[name] for name in names]
         cells = [[_cell(row[name]) for name in names] for _, row in lines.iterrows()]
-        tables.append(Table("Regressions on the speed in m/s", header, cells))
+        tables.append(PageTable("Regressions on the speed in m/s", header, cells))
     return Section("dissipation", "Dissipation", command, words, figures, tables)
 
 
@@ -173,7 +173,9 @@ def _cell(value: Any) -> str:
 
 
 def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict[str, Any]]:
-    """The fitted straight lines of a quantity, channel by channel, from `dissipation --fit`."""
+    """The fitted straight lines of a quantity, channel by channel, from `dissipation_section
+    --fit`.
+    """
     if lines is None:
         return []
     drawn = []
@@ -191,7 +193,7 @@ def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict[str, Any]
     return drawn
 
 
-def phase_shift(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Section:
+def phase_shift_section(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Section:
     """P4 Figs. 8 to 13: phase shift and patch width in time and against speed, raw and cleaned;
     forces where there is a map.
     """
@@ -280,5 +282,5 @@ def campaign(summary: Path, command: str) -> Section:
         command,
         words,
         (),
-        [Table("Logs of the campaign", header, body)],
+        [PageTable("Logs of the campaign", header, body)],
     )

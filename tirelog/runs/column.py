@@ -19,14 +19,14 @@ import numpy as np
 from tirelog.data.setup import ChannelSetup
 from tirelog.readers.base import LOST_COUNT, Samples, counted_floats, lost_samples
 from tirelog.runs.chunks import CHUNK, ChunkWriter
-from tirelog.runs.convert import to_si
+from tirelog.runs.convert import scaled_to_si
 from tirelog.vocabulary.kinds import KINDS
 
 #: whole chunks that are worth a write
 _CHUNKS_AT_ONCE = 4
 
 
-class Column:
+class DatasetWriter:
     """One channel of `decimals` decimals in its source (None: binary floats); `lost` counts its
     lost samples.
     """
@@ -147,7 +147,7 @@ class Column:
     def finish(self, group: str, channel: ChannelSetup) -> None:
         """What a reader of the file has to know about the channel."""
         assert self.dataset is not None
-        factor, offset = to_si(channel)
+        factor, offset = scaled_to_si(channel)
         counts = self.dataset.dtype.kind == "i"
         power = self._power if counts else 1.0
         unit, digest = KINDS[channel.kind].unit, self._digest.hexdigest()

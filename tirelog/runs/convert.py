@@ -14,7 +14,7 @@ from tirelog.vocabulary import units
 from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 
 
-def to_si(channel: ChannelSetup) -> tuple[float, float]:
+def scaled_to_si(channel: ChannelSetup) -> tuple[float, float]:
     """(factor, offset): SI value = factor x source value + offset.
 
     fbg_strain: strain_gain (lambda - lambda_0) / lambda_0 (P1 (1), without its thermal term).

@@ -93,7 +93,7 @@ class _Streamed:
         return out
 
 
-def held(channel: Channel) -> Channel:
+def in_memory(channel: Channel) -> Channel:
     """The channel in memory, where it is not too long for that."""
     stored = channel.samples
     if (
@@ -112,7 +112,7 @@ def held(channel: Channel) -> Channel:
 
 
 def released(channel: Channel) -> Channel:
-    """The channel without the memory that `held` took."""
+    """The channel without the memory that `in_memory` took."""
     return (
         replace(channel, samples=channel.samples.stored)
         if isinstance(channel.samples, _Held)

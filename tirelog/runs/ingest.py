@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from tirelog import __version__
-from tirelog.data.plausibility import check
+from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
 from tirelog.errors import ReadError, SetupError, UsageError
@@ -365,13 +365,13 @@ def open_recording(
     """
     if is_file(log) and is_run(log):
         with open_run(log, shown(log), setup) as recording:
-            yield check(recording)
+            yield check_recording(recording)
         return
     with temporary_folder() as folder:
         run = folder / "run.h5"
         ingest(log, setup, run, compress=False, blocks=blocks, hashed=hashed)
         with open_run(run, shown(log), setup, temporary=True) as recording:
-            yield check(recording)
+            yield check_recording(recording)
 
 
 def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
@@ -380,6 +380,8 @@ def write_run(log: str, setup: Setup | None, output: Path) -> IngestSummary:
         summary = ingest(log, setup, part, compress=True, hashed=True)
         with open_run(part, log, setup) as recording:
             summary.remarks += [
-                remark for remark in check(recording).remarks if remark not in recording.remarks
+                remark
+                for remark in check_recording(recording).remarks
+                if remark not in recording.remarks
             ]
         return summary

@@ -36,8 +36,8 @@ from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
 from tirelog.runs.chunks import CHUNK, ChunkWriter, unfiltered
-from tirelog.runs.column import Column
-from tirelog.runs.convert import to_si
+from tirelog.runs.column import DatasetWriter
+from tirelog.runs.convert import scaled_to_si
 from tirelog.runs.store_checks import (
     COLUMN_DIGEST,
     DIGEST,
@@ -86,7 +86,7 @@ class RunWriter(AbstractContextManager["RunWriter"]):
         self.file.attrs["tirelog_run"] = FORMAT_VERSION
         self._chunks = ChunkWriter(compress=compress)
         self._columns = {
-            n: Column(self.file, n, group.decimals.get(n), self._chunks)
+            n: DatasetWriter(self.file, n, group.decimals.get(n), self._chunks)
             for group in groups
             for n in group.channels
         }
@@ -337,7 +337,7 @@ def _channel(
     """A channel whose samples are read, and scaled to SI, slice by slice; `plain`: as of
     `_recording`.
     """
-    factor, offset = to_si(channel)
+    factor, offset = scaled_to_si(channel)
     counts = dataset.dtype.kind == "i"
     decimals = attribute(dataset, "decimals") if counts else 0
     if not (0 <= decimals <= MOST_DECIMALS and decimals == int(decimals)):

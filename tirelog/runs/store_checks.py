@@ -23,7 +23,7 @@ from tirelog.errors import ReadError
 from tirelog.readers.hdf5.attributes import MOST_ATTRIBUTE_BYTES, as_number
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
-    Column,
+    SourceColumn,
     check_shape,
     check_storage,
     check_type,
@@ -79,7 +79,7 @@ def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> 
             path, f"has chunks of {item.chunks} values", f"{chunk}", "ingest the log again"
         )
     if item.size:
-        check_shape(Column(path, item, 0, (None,)))
+        check_shape(SourceColumn(path, item, 0, (None,)))
         _check_chunks(path, item)
     return item
 

@@ -24,7 +24,7 @@ from tirelog.simulation.sensors.sampling import (
     traces,
     vehicle_values,
 )
-from tirelog.simulation.steady.truth import truth_of
+from tirelog.simulation.steady.truth import steady_truth
 from tirelog.simulation.steady.waveforms import World
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -52,7 +52,7 @@ class Simulated:
 
             if isinstance(self.world, RolledWorld):
                 return truth_of_rolled(self.world, self.pitch_rad)
-        return truth_of(self.world, self.pitch_rad)
+        return steady_truth(self.world, self.pitch_rad)
 
 
 def simulate(scenario: Scenario) -> Simulated:

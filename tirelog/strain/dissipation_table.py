@@ -139,7 +139,7 @@ def _in_bending(surface: str | None, height_m: float | None) -> str:
     )
 
 
-def clean(found: DissipationOfChannel) -> IntArray:
+def clean_rows(found: DissipationOfChannel) -> IntArray:
     """The stretch of each row, -1 if a quality word spoils the row or its speed is not constant."""
     return np.where(good(found.dissipation.quality), found.dissipation.stretch, -1)
 
@@ -150,7 +150,7 @@ def regressions(
     """(the regressions of factor and specific power on speed as rows of a table, why there are
     none); None if there are too few revolutions.
     """
-    stretch = clean(found)
+    stretch = clean_rows(found)
     lines = [
         regression(name, found.passages.speed_m_s, found.columns[name], stretch)
         for name in ("dissipation_factor_1_m", "specific_power_m3_s2")

@@ -152,7 +152,7 @@ def _rates(values: Series) -> FloatArray:
     return (padded[width:] - padded[:-width]) / np.maximum(when[width:] - when[:-width], 1e-9)
 
 
-def stretches(values: Series) -> tuple[NDArray[np.bool_], IntArray]:
+def inflation_stretches(values: Series) -> tuple[NDArray[np.bool_], IntArray]:
     """Whether each stretch is a ramp, and the first mean of each, plus the end; short ones go to
     their neighbours.
     """
@@ -237,7 +237,7 @@ def inflation(
 ) -> tuple[Inflation, Series]:
     """The static test of one strain channel: its stretches, and the means they come from."""
     values = series(strain, pressure, ends_Pa)
-    ramps, edges = stretches(values)
+    ramps, edges = inflation_stretches(values)
     measured = pressure is not None
     rows = [_row(values, "whole", 0, values.strain.size, measured=measured)]
     for ramp, low, high in zip(ramps, edges[:-1], edges[1:], strict=True):

@@ -31,7 +31,7 @@ PIECES, LEAST_TURNS = 40, 10
 
 
 @dataclass(frozen=True)
-class Calibration:
+class RadiusCalibration:
     """Rolling radius and its standard error [m] from so many turns; `channel` is the reference's
     name.
     """
@@ -85,7 +85,7 @@ def travelled(speed: Channel, time_s: FloatArray) -> tuple[FloatArray, FloatArra
 
 def calibrate_radius(
     speed: Channel, wheels: Sequence[Passages], unloaded_m: float | None = None
-) -> Calibration:
+) -> RadiusCalibration:
     """The rolling radius from the reference `speed` [m/s] and the passages of one wheel's channels.
 
     UsageError where fewer than LEAST_TURNS whole turns lie within the reference, or the radius
@@ -116,7 +116,7 @@ def calibrate_radius(
         )
     # the gratings of a wheel share the reference's errors, so more of them do not make the mean
     # better
-    found = Calibration(float(np.mean(radii)), float(np.mean(errors)), turns, speed.name)
+    found = RadiusCalibration(float(np.mean(radii)), float(np.mean(errors)), turns, speed.name)
     strange = doubt_of_radius(found.radius_m, unloaded_m)
     if strange:
         raise UsageError(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """A column.  `kind` is float, int, bool or text; tolerances apply to floats only."""
 
     name: str
@@ -24,12 +24,12 @@ class Column:
     relative: float = 1e-6
 
 
-def _text(name: str, meaning: str) -> Column:
-    return Column(name, "", "text", meaning)
+def _text(name: str, meaning: str) -> TableColumn:
+    return TableColumn(name, "", "text", meaning)
 
 
-def _integer(name: str, meaning: str) -> Column:
-    return Column(name, "", "int", meaning)
+def _integer(name: str, meaning: str) -> TableColumn:
+    return TableColumn(name, "", "int", meaning)
 
 
 _ALL = [
@@ -42,19 +42,21 @@ _ALL = [
     _integer(
         "revolution", "ordinal of the patch passage in the log, the same in all tables of a channel"
     ),
-    Column("time_s", "s", "float", "time of the patch passage from the start of the log", 1e-6),
-    Column("speed_m_s", "m/s", "float", "speed of the wheel centre at the passage", 1e-5),
+    TableColumn(
+        "time_s", "s", "float", "time of the patch passage from the start of the log", 1e-6
+    ),
+    TableColumn("speed_m_s", "m/s", "float", "speed of the wheel centre at the passage", 1e-5),
     _text("quality", "'ok', or words joined by ';' that say what is wrong inside the patch window"),
     # speed
-    Column(
+    TableColumn(
         "period_s",
         "s",
         "float",
         "time from half a revolution before to half a revolution after the passage",
         1e-6,
     ),
-    Column("speed_se_m_s", "m/s", "float", "standard error of the speed", 1e-5, 1e-3),
-    Column(
+    TableColumn("speed_se_m_s", "m/s", "float", "standard error of the speed", 1e-5, 1e-3),
+    TableColumn(
         "acceleration_m_s2",
         "m/s^2",
         "float",
@@ -63,8 +65,8 @@ _ALL = [
         1e-4,
     ),
     # footprint
-    Column("length_m", "m", "float", "contact length, best estimate", 2e-6, 1e-4),
-    Column(
+    TableColumn("length_m", "m", "float", "contact length, best estimate", 2e-6, 1e-4),
+    TableColumn(
         "length_se_m",
         "m",
         "float",
@@ -72,7 +74,7 @@ _ALL = [
         2e-6,
         1e-2,
     ),
-    Column(
+    TableColumn(
         "length_form_se_m",
         "m",
         "float",
@@ -80,7 +82,7 @@ _ALL = [
         2e-6,
         1e-1,
     ),
-    Column(
+    TableColumn(
         "length_d2_m",
         "m",
         "float",
@@ -88,8 +90,8 @@ _ALL = [
         2e-6,
         1e-4,
     ),
-    Column("length_d2_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
-    Column(
+    TableColumn("length_d2_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
+    TableColumn(
         "length_d1_m",
         "m",
         "float",
@@ -97,10 +99,10 @@ _ALL = [
         2e-6,
         1e-4,
     ),
-    Column("length_d1_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
-    Column("entry_time_s", "s", "float", "time at which the sensor enters the patch", 1e-6),
-    Column("exit_time_s", "s", "float", "time at which the sensor leaves the patch", 1e-6),
-    Column(
+    TableColumn("length_d1_se_m", "m", "float", "its standard error from the noise", 2e-6, 1e-2),
+    TableColumn("entry_time_s", "s", "float", "time at which the sensor enters the patch", 1e-6),
+    TableColumn("exit_time_s", "s", "float", "time at which the sensor leaves the patch", 1e-6),
+    TableColumn(
         "edge_asymmetry",
         "",
         "float",
@@ -108,7 +110,7 @@ _ALL = [
         1e-4,
         1e-4,
     ),
-    Column(
+    TableColumn(
         "slip_onset_m",
         "m",
         "float",
@@ -116,10 +118,10 @@ _ALL = [
         1e-5,
         1e-3,
     ),
-    Column("slip_onset_se_m", "m", "float", "its standard error", 1e-5, 1e-2),
+    TableColumn("slip_onset_se_m", "m", "float", "its standard error", 1e-5, 1e-2),
     _text("slip_onset_reason", "why there is no slip onset; empty where there is one"),
     # dissipation
-    Column(
+    TableColumn(
         "dissipation_factor_1_m",
         "1/m",
         "float",
@@ -127,8 +129,8 @@ _ALL = [
         0.0,
         1e-4,
     ),
-    Column("dissipation_factor_se_1_m", "1/m", "float", "its standard error", 0.0, 1e-2),
-    Column(
+    TableColumn("dissipation_factor_se_1_m", "1/m", "float", "its standard error", 0.0, 1e-2),
+    TableColumn(
         "specific_power_m3_s2",
         "m^3/s^2",
         "float",
@@ -136,8 +138,8 @@ _ALL = [
         0.0,
         1e-4,
     ),
-    Column("steady", "", "bool", "the revolution lies in a stretch of constant speed"),
-    Column(
+    TableColumn("steady", "", "bool", "the revolution lies in a stretch of constant speed"),
+    TableColumn(
         "dissipation_factor_mean_1_m",
         "1/m",
         "float",
@@ -145,7 +147,7 @@ _ALL = [
         0.0,
         1e-4,
     ),
-    Column(
+    TableColumn(
         "specific_power_mean_m3_s2",
         "m^3/s^2",
         "float",
@@ -153,7 +155,7 @@ _ALL = [
         0.0,
         1e-4,
     ),
-    Column(
+    TableColumn(
         "strip_power_W",
         "W",
         "float",
@@ -161,7 +163,7 @@ _ALL = [
         0.0,
         1e-4,
     ),
-    Column(
+    TableColumn(
         "strip_rolling_resistance_N",
         "N",
         "float",
@@ -169,7 +171,7 @@ _ALL = [
         0.0,
         1e-4,
     ),
-    Column(
+    TableColumn(
         "strip_rolling_resistance_coefficient",
         "",
         "float",
@@ -179,8 +181,8 @@ _ALL = [
     ),
     # dissipation --fit
     _text("quantity", "the column that is fitted as intercept + slope x speed"),
-    Column("intercept", "of the quantity", "float", "value at speed 0", 0.0, 1e-3),
-    Column(
+    TableColumn("intercept", "of the quantity", "float", "value at speed 0", 0.0, 1e-3),
+    TableColumn(
         "intercept_se",
         "of the quantity",
         "float",
@@ -188,8 +190,8 @@ _ALL = [
         0.0,
         1e-2,
     ),
-    Column("slope", "of the quantity per m/s", "float", "change with speed", 0.0, 1e-3),
-    Column(
+    TableColumn("slope", "of the quantity per m/s", "float", "change with speed", 0.0, 1e-3),
+    TableColumn(
         "slope_se",
         "of the quantity per m/s",
         "float",
@@ -197,7 +199,7 @@ _ALL = [
         0.0,
         1e-2,
     ),
-    Column(
+    TableColumn(
         "slope_lower",
         "of the quantity per m/s",
         "float",
@@ -205,7 +207,7 @@ _ALL = [
         0.0,
         1e-2,
     ),
-    Column(
+    TableColumn(
         "slope_upper",
         "of the quantity per m/s",
         "float",
@@ -213,7 +215,7 @@ _ALL = [
         0.0,
         1e-2,
     ),
-    Column(
+    TableColumn(
         "scatter",
         "of the quantity",
         "float",
@@ -230,11 +232,11 @@ _ALL = [
     ),
     _integer("speeds", "speeds among them, 0.5 m/s or more apart"),
     _integer("degrees_of_freedom", "points less the line's two numbers"),
-    Column(
+    TableColumn(
         "miss", "of the quantity", "float", "largest distance of a point from the line", 0.0, 1e-2
     ),
-    Column("miss_sigmas", "", "float", "and in standard errors of the points", 1e-2, 1e-2),
-    Column(
+    TableColumn("miss_sigmas", "", "float", "and in standard errors of the points", 1e-2, 1e-2),
+    TableColumn(
         "curvature",
         "of the quantity per m^2/s^2",
         "float",
@@ -242,45 +244,47 @@ _ALL = [
         0.0,
         1e-2,
     ),
-    Column("curvature_se", "of the quantity per m^2/s^2", "float", "its standard error", 0.0, 1e-2),
+    TableColumn(
+        "curvature_se", "of the quantity per m^2/s^2", "float", "its standard error", 0.0, 1e-2
+    ),
     _text("judgement", "what speaks against the line; empty where nothing does"),
-    Column("slowest_m_s", "m/s", "float", "range of the speeds: least", 1e-5),
-    Column("fastest_m_s", "m/s", "float", "range of the speeds: largest", 1e-5),
+    TableColumn("slowest_m_s", "m/s", "float", "range of the speeds: least", 1e-5),
+    TableColumn("fastest_m_s", "m/s", "float", "range of the speeds: largest", 1e-5),
     # phase shift
-    Column("entry_angle_deg", "deg", "float", "wheel angle of the entry front", 1e-4),
-    Column("exit_angle_deg", "deg", "float", "wheel angle of the exit front", 1e-4),
-    Column("patch_width_deg", "deg", "float", "angle between the fronts", 1e-4),
-    Column("patch_width_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
-    Column(
+    TableColumn("entry_angle_deg", "deg", "float", "wheel angle of the entry front", 1e-4),
+    TableColumn("exit_angle_deg", "deg", "float", "wheel angle of the exit front", 1e-4),
+    TableColumn("patch_width_deg", "deg", "float", "angle between the fronts", 1e-4),
+    TableColumn("patch_width_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
+    TableColumn(
         "phase_shift_deg",
         "deg",
         "float",
         "middle of the patch signal minus its value in the zero stretch; negative in braking",
         1e-4,
     ),
-    Column("phase_shift_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
-    Column(
+    TableColumn("phase_shift_se_deg", "deg", "float", "its standard error", 1e-5, 1e-2),
+    TableColumn(
         "patch_width_detrended_deg",
         "deg",
         "float",
         "patch width without its trend with speed",
         1e-4,
     ),
-    Column(
+    TableColumn(
         "phase_shift_detrended_deg",
         "deg",
         "float",
         "phase shift without its trend with speed",
         1e-4,
     ),
-    Column(
+    TableColumn(
         "phase_shift_corrected_deg",
         "deg",
         "float",
         "detrended phase shift without the cross-talk of load",
         1e-4,
     ),
-    Column(
+    TableColumn(
         "vertical_force_N",
         "N",
         "float",
@@ -288,8 +292,8 @@ _ALL = [
         0.1,
         1e-4,
     ),
-    Column("vertical_force_se_N", "N", "float", "its standard error", 0.1, 1e-2),
-    Column(
+    TableColumn("vertical_force_se_N", "N", "float", "its standard error", 0.1, 1e-2),
+    TableColumn(
         "longitudinal_force_N",
         "N",
         "float",
@@ -297,11 +301,11 @@ _ALL = [
         0.1,
         1e-4,
     ),
-    Column("longitudinal_force_se_N", "N", "float", "its standard error", 0.1, 1e-2),
+    TableColumn("longitudinal_force_se_N", "N", "float", "its standard error", 0.1, 1e-2),
     # inflation
-    Column("strain", "", "float", "strain, mean over the row's stretch", 1e-9),
-    Column("strain_se", "", "float", "its standard error", 1e-10, 1e-2),
-    Column(
+    TableColumn("strain", "", "float", "strain, mean over the row's stretch", 1e-9),
+    TableColumn("strain_se", "", "float", "its standard error", 1e-10, 1e-2),
+    TableColumn(
         "inflation_pressure_Pa",
         "Pa",
         "float",
@@ -309,22 +313,22 @@ _ALL = [
         1.0,
     ),
     _text("stretch", "whole, ramp or stop"),
-    Column("duration_s", "s", "float", "length of the row's stretch", 1e-3),
-    Column(
+    TableColumn("duration_s", "s", "float", "length of the row's stretch", 1e-3),
+    TableColumn(
         "pressure_change_Pa",
         "Pa",
         "float",
         "inflation pressure at the end less that at the beginning of the stretch",
         1.0,
     ),
-    Column(
+    TableColumn(
         "strain_change",
         "",
         "float",
         "strain at the end less that at the beginning of the stretch",
         1e-9,
     ),
-    Column(
+    TableColumn(
         "strain_slope_1_Pa",
         "1/Pa",
         "float",
@@ -332,9 +336,9 @@ _ALL = [
         0.0,
         1e-3,
     ),
-    Column("strain_slope_se_1_Pa", "1/Pa", "float", "its standard error", 0.0, 1e-2),
-    Column("strain_rate_1_s", "1/s", "float", "slope of the strain on time", 1e-10, 1e-3),
-    Column(
+    TableColumn("strain_slope_se_1_Pa", "1/Pa", "float", "its standard error", 0.0, 1e-2),
+    TableColumn("strain_rate_1_s", "1/s", "float", "slope of the strain on time", 1e-10, 1e-3),
+    TableColumn(
         "nonlinearity",
         "",
         "float",
@@ -342,14 +346,16 @@ _ALL = [
         1e-4,
         1e-2,
     ),
-    Column(
+    TableColumn(
         "leak", "", "float", "strain lost at a stop, 0 where it is within the noise", 1e-9, 1e-2
     ),
     # model predict
-    Column("xi_m", "m", "float", "tread coordinate, entry edge at -L, exit edge at +L", 1e-9),
-    Column("phi_deg", "deg", "float", "tread coordinate as an angle", 1e-7),
-    Column("displacement_m", "m", "float", "radial displacement, inward positive", 1e-10, 1e-6),
-    Column(
+    TableColumn("xi_m", "m", "float", "tread coordinate, entry edge at -L, exit edge at +L", 1e-9),
+    TableColumn("phi_deg", "deg", "float", "tread coordinate as an angle", 1e-7),
+    TableColumn(
+        "displacement_m", "m", "float", "radial displacement, inward positive", 1e-10, 1e-6
+    ),
+    TableColumn(
         "radial_acceleration_m_s2",
         "m/s^2",
         "float",
@@ -357,10 +363,10 @@ _ALL = [
         1e-4,
         1e-6,
     ),
-    Column(
+    TableColumn(
         "contact_pressure_N_m", "N/m", "float", "contact pressure per length of tread", 1e-3, 1e-6
     ),
-    Column(
+    TableColumn(
         "shear_traction_N_m",
         "N/m",
         "float",
@@ -369,16 +375,16 @@ _ALL = [
         1e-6,
     ),
     # model predict over a road
-    Column(
+    TableColumn(
         "sensor_deg",
         "deg",
         "float",
         "the sensor's angle on the belt at the start, 0 under the wheel",
         1e-9,
     ),
-    Column("distance_m", "m", "float", "distance driven since the start", 1e-6),
-    Column("load_N", "N", "float", "load on the axle", 1e-3),
-    Column(
+    TableColumn("distance_m", "m", "float", "distance driven since the start", 1e-6),
+    TableColumn("load_N", "N", "float", "load on the axle", 1e-3),
+    TableColumn(
         "wheel_angle_deg",
         "deg",
         "float",
@@ -386,13 +392,13 @@ _ALL = [
         1e-3,
         1e-6,
     ),
-    Column(
+    TableColumn(
         "hub_displacement_m", "m", "float", "height of the hub above that at the start", 1e-7, 1e-3
     ),
-    Column(
+    TableColumn(
         "road_vertical_N", "N", "float", "vertical force of the road on the tire, up", 1.0, 1e-3
     ),
-    Column(
+    TableColumn(
         "road_longitudinal_N",
         "N",
         "float",
@@ -400,7 +406,7 @@ _ALL = [
         1.0,
         1e-3,
     ),
-    Column(
+    TableColumn(
         "spindle_vertical_N",
         "N",
         "float",
@@ -408,7 +414,7 @@ _ALL = [
         1.0,
         1e-3,
     ),
-    Column(
+    TableColumn(
         "spindle_longitudinal_N",
         "N",
         "float",
@@ -418,7 +424,7 @@ _ALL = [
     ),
     # model modes
     _text("support", "air, or road: the standing patch under the model's load"),
-    Column(
+    TableColumn(
         "frequency_Hz",
         "Hz",
         "float",
@@ -426,16 +432,16 @@ _ALL = [
         1e-6,
         1e-6,
     ),
-    Column("damping_ratio", "", "float", "share of the critical damping", 1e-8, 1e-5),
+    TableColumn("damping_ratio", "", "float", "share of the critical damping", 1e-8, 1e-5),
     _text(
         "shape", "rigid vertical, longitudinal or whirl, rotational, or n-lobe, by kinetic energy"
     ),
     _integer("lobes", "n of the shape: 0 rotational, 1 rigid"),
     _text("direction", "with or against the rotation for a travelling wave, standing else"),
-    Column("share", "", "float", "share of the kinetic energy in that n", 1e-4, 1e-3),
+    TableColumn("share", "", "float", "share of the kinetic energy in that n", 1e-4, 1e-3),
 ]
 
-COLUMNS: dict[str, Column] = {column.name: column for column in _ALL}
+COLUMNS: dict[str, TableColumn] = {column.name: column for column in _ALL}
 
 _BEGIN = ("log", "channel", "revolution", "time_s", "speed_m_s")
 

@@ -30,7 +30,7 @@ import numpy as np
 from tirelog.errors import UsageError
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.forces import ForceMap, fit_force
-from tirelog.wheel.phase_shift import Passages
+from tirelog.wheel.phase_shift import EdgeTimes
 
 #: slower than this the car's acceleration counts as quasi-static
 QUASI_STATIC_M_S2 = 0.6
@@ -144,7 +144,7 @@ class Cleaned:
     extrapolated: np.ndarray
 
 
-def calibrate(logs: Sequence[Passages], forces: bool = False) -> Calibration:
+def calibrate(logs: Sequence[EdgeTimes], forces: bool = False) -> Calibration:
     """The calibration from all logs.
 
     UsageError: too few quasi-static passages, or too narrow a range of speed.
@@ -183,13 +183,13 @@ def calibrate(logs: Sequence[Passages], forces: bool = False) -> Calibration:
     return _with_forces(logs, whole) if forces else whole
 
 
-def quasi_static(p: Passages) -> np.ndarray:
+def quasi_static(p: EdgeTimes) -> np.ndarray:
     """The passages, shape (n,), with nothing wrong at which the car hardly accelerates."""
     with np.errstate(invalid="ignore"):
         return p.good & (np.abs(p.acceleration_m_s2) < QUASI_STATIC_M_S2) & np.isfinite(p.speed_m_s)
 
 
-def _force_of_all(logs: Sequence[Passages]) -> bool:
+def _force_of_all(logs: Sequence[EdgeTimes]) -> bool:
     """Whether every log that a map is learnt on has its longitudinal force measured, at most of its
     passages.
     """
@@ -201,7 +201,7 @@ def _force_of_all(logs: Sequence[Passages]) -> bool:
     )
 
 
-def _speed_map(logs: Sequence[Passages], what: str, reference: float) -> SpeedMap:
+def _speed_map(logs: Sequence[EdgeTimes], what: str, reference: float) -> SpeedMap:
     """Weighted least squares of one constant a log, (v - v0), (v - v0)^2 and what little force a
     quasi-static drive has, as nuisances.
 
@@ -290,7 +290,7 @@ def _delay(shift: SpeedMap, reference: float, radius: float) -> tuple[float, flo
     return linear * to_s, float(np.sqrt(gradient @ shift.covariance @ gradient)) * to_s
 
 
-def clean(p: Passages, calibration: Calibration) -> Cleaned:
+def clean_passages(p: EdgeTimes, calibration: Calibration) -> Cleaned:
     """The passages' regressors by the calibration: detrended with the maps, corrected by P4 (3)."""
     c = calibration
     zero = p.zero_speed_m_s if np.isfinite(p.zero_speed_m_s) else c.reference_speed_m_s
@@ -308,7 +308,7 @@ def clean(p: Passages, calibration: Calibration) -> Cleaned:
     return Cleaned(width, shift, shift + c.crosstalk * (width - usual), outside)
 
 
-def _crosstalk(logs: Sequence[Passages], calibration: Calibration) -> tuple[float, float]:
+def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[float, float]:
     """(k, standard error) of P4 (3): no phase shift left on undriven wheels while the car drives
     off. NaN where no log shows it.
 
@@ -318,7 +318,7 @@ def _crosstalk(logs: Sequence[Passages], calibration: Calibration) -> tuple[floa
     for p in logs:
         if p.driven is not False:
             continue
-        cleaned = clean(p, calibration)
+        cleaned = clean_passages(p, calibration)
         calm = p.good & (p.steady >= 0)
         with np.errstate(invalid="ignore"):
             rows = p.good & (p.acceleration_m_s2 > DRIVE_M_S2) & np.isfinite(cleaned.shift_deg)
@@ -338,9 +338,9 @@ def _crosstalk(logs: Sequence[Passages], calibration: Calibration) -> tuple[floa
     return k, float(np.std(residual) * np.sqrt(float(d @ d)) / signal)
 
 
-def _with_forces(logs: Sequence[Passages], c: Calibration) -> Calibration:
+def _with_forces(logs: Sequence[EdgeTimes], c: Calibration) -> Calibration:
     """The calibration with force maps from the logs' force channels. UsageError: no log has one."""
-    cleaned = [clean(p, c) for p in logs]
+    cleaned = [clean_passages(p, c) for p in logs]
     known = np.isfinite(c.crosstalk)
     shifts = [one.corrected_deg if known else one.shift_deg for one in cleaned]
     vertical = fit_force(logs, [one.width_deg for one in cleaned], "vertical_load")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tirelog.vocabulary.arrays import FloatArray
-from tirelog.wheel.phase_shift import Passages
+from tirelog.wheel.phase_shift import EdgeTimes
 
 #: passages that a map needs, and contiguous parts that are left out in turn
 LEAST, FOLDS = 40, 5
@@ -36,7 +36,7 @@ class ForceMap:
 
 
 def fit_force(
-    logs: Sequence[Passages], regressors: Sequence[FloatArray], kind: str
+    logs: Sequence[EdgeTimes], regressors: Sequence[FloatArray], kind: str
 ) -> ForceMap | None:
     """The map of one force; None where the logs have no such channel, or too few passages."""
     xs, ys = [], []

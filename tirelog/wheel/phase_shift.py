@@ -36,7 +36,7 @@ ELSEWHERE_DEG = 2.0
 
 
 @dataclass(frozen=True)
-class Passages:
+class EdgeTimes:
     """One accelerometer of one log, arrays of shape (n,), NaN where a passage was not found.
 
     Angles in degrees: `entry_deg`, `exit_deg` within one turn, `width_deg`, `shift_deg` (NaN
@@ -80,7 +80,9 @@ class Passages:
         return good(self.quality, Use.FRONTS) & np.isfinite(self.width_deg)
 
 
-def measure(recording: Recording, zero: str = "auto", forces: bool = False) -> Iterator[Passages]:
+def measure_phase_shift(
+    recording: Recording, zero: str = "auto", forces: bool = False
+) -> Iterator[EdgeTimes]:
     """The passages of every accelerometer of a log.
 
     `zero`: 'auto', 'none', a speed in m/s (the first steady stretch within 1.5 m/s of it) or
@@ -128,7 +130,7 @@ def _passages(
     zero: str,
     forces: bool,
     said: list[str],
-) -> Passages:
+) -> EdgeTimes:
     """Fronts as a table's rows."""
     entry, leave = fronts.entry_rad, fronts.exit_rad
     found = np.isfinite(entry) & np.isfinite(leave)
@@ -172,7 +174,7 @@ def _passages(
         if forces
         else {}
     )
-    return Passages(
+    return EdgeTimes(
         recording.log, channel.name, radius.radius_m, recording.setup.conditions.driven, time,
         speed, acceleration, turn - width / 2, turn + width / 2, width, se, turn - offset, se / 2,
         steady, quality, zero_speed, tuple(said), without, means,

@@ -15,9 +15,9 @@ import numpy as np
 
 from tirelog.data.recording import Recording
 from tirelog.vocabulary.quality import Quality, marked, quality_column
-from tirelog.wheel.calibration import Calibration, Cleaned, clean, quasi_static
+from tirelog.wheel.calibration import Calibration, Cleaned, clean_passages, quasi_static
 from tirelog.wheel.forces import predict_force
-from tirelog.wheel.phase_shift import Passages, measure
+from tirelog.wheel.phase_shift import EdgeTimes, measure_phase_shift
 
 #: quasi-static passages that a zero needs, within the calibration's range of speed
 LEAST_ZERO = 8
@@ -25,13 +25,13 @@ LEAST_ZERO = 8
 
 def measure_with(
     calibration: Calibration | None, recording: Recording, zero: str = "auto", forces: bool = False
-) -> Iterator[Passages]:
-    """`measure`, with the calibration's zero where the log has none and none is named."""
-    for passages in measure(recording, zero, forces):
+) -> Iterator[EdgeTimes]:
+    """`measure_phase_shift`, with the calibration's zero if the log has none and none is named."""
+    for passages in measure_phase_shift(recording, zero, forces):
         yield with_zero(passages, calibration) if calibration and zero == "auto" else passages
 
 
-def with_zero(p: Passages, calibration: Calibration) -> Passages:
+def with_zero(p: EdgeTimes, calibration: Calibration) -> EdgeTimes:
     """The passages with the calibration's zero, where their log has none; as they are where it has
     one, or too few quasi-static passages.
 
@@ -70,7 +70,7 @@ def with_zero(p: Passages, calibration: Calibration) -> Passages:
     )
 
 
-def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
+def table(p: EdgeTimes, calibration: Calibration | None) -> Mapping[str, object]:
     """The columns of the `phase-shift` table for one accelerometer of one log.
 
     Rows from whose phase shift the calibration's telemetry delay was removed carry the word
@@ -79,7 +79,7 @@ def table(p: Passages, calibration: Calibration | None) -> Mapping[str, object]:
     n = p.time_s.size
     nothing = np.full(n, np.nan)
     cleaned = (
-        clean(p, calibration)
+        clean_passages(p, calibration)
         if calibration
         else Cleaned(nothing, nothing, nothing, np.zeros(n, bool))
     )

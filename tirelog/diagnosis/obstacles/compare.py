@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.diagnosis.obstacles.fit import NUISANCES, Hit, fit_hit
-from tirelog.diagnosis.results import excess_of, plain
+from tirelog.diagnosis.results import excess_of, plain_values
 from tirelog.inference.obstacle_log import WINDOW_S, TransientLog, around
 from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.model.model import Model
@@ -217,7 +217,7 @@ class TransientComparison:
         numbers["covered"] = 1.0 - max(numbers["missed"] ** 2 - floor, 0.0) / max(
             numbers["added"] ** 2 - floor, 1e-300
         )
-        told: dict[str, Any] = plain(
+        told: dict[str, Any] = plain_values(
             {**numbers, "nuisance_parameters": NUISANCES * len(rows), "hits": rows}
         )
         return told

@@ -28,7 +28,13 @@ from tirelog.inference.obstacle_log import DISTURBED, WINDOW_S, TransientLog
 from tirelog.inference.stacks.align import split_turns
 from tirelog.physics.model.model import Model
 from tirelog.physics.moving.road import road_of
-from tirelog.physics.moving.transient import Course, Schedule, Transient, drive, rolling_radius
+from tirelog.physics.moving.transient import (
+    Course,
+    Schedule,
+    Transient,
+    driven,
+    free_rolling_radius,
+)
 from tirelog.vocabulary.arrays import FloatArray
 
 #: Nuisance numbers of a hit.
@@ -84,7 +90,9 @@ def motion_at(
     conditions = log.conditions.take(slice(nearest, nearest + 1))
     load = float(conditions.load_N[0]) if conditions.known("load_N") else model.values["load_N"]
     # the axle's speed at which the model's wheel turns as the log's does
-    radius = rolling_radius(model, replace(conditions, speed_m_s=np.array([log.radius_m * spin])))
+    radius = free_rolling_radius(
+        model, replace(conditions, speed_m_s=np.array([log.radius_m * spin]))
+    )
     run_up = _RUN_UP_M / (radius * spin)
     length = run_up + window_s + 0.02
     speeds = tuple(float(radius * (spin + slope * t)) for t in (-run_up, length - run_up))
@@ -95,7 +103,7 @@ def motion_at(
     )
     folder = Path(log.folder).parent if log.folder else None
     road = road_of(replace(log.road, spacing_m=None), _driven(speed, run_up), folder=folder)
-    return drive(model, conditions, Course(speed, Schedule.constant(load), road, length)), run_up
+    return driven(model, conditions, Course(speed, Schedule.constant(load), road, length)), run_up
 
 
 def _driven(speed: Schedule, time_s: float) -> float:

@@ -72,7 +72,7 @@ class _Event:
         )
 
 
-def learn(logs: Sequence[TransientLog], model: Model) -> Learned:
+def learn_motion(logs: Sequence[TransientLog], model: Model) -> Learned:
     """The free parameters of `motion_names` fitted to all hits.  UsageError where none is free."""
     names = motion_names(model)
     if not names:

@@ -30,8 +30,8 @@ from tirelog.data.recording import Conditions, Stack
 from tirelog.inference.cells.pieces import (
     BAND_M_S,
     Pieces,
-    assign,
-    concatenated,
+    assign_pieces,
+    concatenated_pieces,
     one_waveform,
     pieces_of,
 )
@@ -74,7 +74,7 @@ def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
         before += rows.size
     said = left_out(before, sum(len(parts[i]) for i in chosen), len(kept), len(parts))
     notes = (*_notes(stacks), *(note for part in kept for note in part.notes), *said)
-    return replace(concatenated(kept), cell=np.concatenate(cells), notes=notes)
+    return replace(concatenated_pieces(kept), cell=np.concatenate(cells), notes=notes)
 
 
 def room(angles: int, most: int = MOST_PIECES) -> int:
@@ -156,8 +156,8 @@ def _pieces(stacks: Iterable[Stack], outline: Sequence[Stack], most: int) -> Pie
     for stack in stacks:
         parts.append(pieces_of(stack))
         if groups is not None and sum(len(part) for part in parts) > 2 * most:
-            parts = [_gathered(concatenated(parts), groups)]
-    pieces = concatenated(parts)
+            parts = [_gathered(concatenated_pieces(parts), groups)]
+    pieces = concatenated_pieces(parts)
     if groups is None:
         return pieces
     before = np.unique(np.concatenate([stack.manoeuvre for stack in outline])).size
@@ -176,7 +176,10 @@ def _groups(stacks: Sequence[Stack], most: int) -> IntArray | None:
     """The group of each manoeuvre, by its number; None where there are few pieces, or numbers per
     revolution, which take no room.
     """
-    if stacks[0].phi_rad.size == 1 or sum(int(assign(stack).max()) + 1 for stack in stacks) <= most:
+    if (
+        stacks[0].phi_rad.size == 1
+        or sum(int(assign_pieces(stack).max()) + 1 for stack in stacks) <= most
+    ):
         return None
     manoeuvre, first = np.unique(
         np.concatenate([stack.manoeuvre for stack in stacks]), return_index=True
@@ -217,7 +220,7 @@ def _gathered(pieces: Pieces, groups: IntArray) -> Pieces:
         _together(pieces, np.flatnonzero(number == k), coefficients)
         for k in range(int(number.max()) + 1)
     ]
-    return replace(concatenated(made), cell=number[pieces.cell])
+    return replace(concatenated_pieces(made), cell=number[pieces.cell])
 
 
 def _together(pieces: Pieces, rows: IntArray, coefficients: Sequence[FloatArray]) -> Pieces:

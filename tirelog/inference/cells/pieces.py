@@ -155,10 +155,12 @@ def joined_pieces(parts: Sequence[Pieces]) -> Pieces:
         rows[name] = np.concatenate([n + more for n, more in zip(numbers, first, strict=True)])
     notes = tuple(note for part in parts for note in part.notes)
     logs = tuple(log for part in parts for log in part.logs)
-    return replace(concatenated(parts), cell=np.zeros(0, np.int64), logs=logs, notes=notes, **rows)
+    return replace(
+        concatenated_pieces(parts), cell=np.zeros(0, np.int64), logs=logs, notes=notes, **rows
+    )
 
 
-def concatenated(parts: Sequence[Pieces]) -> Pieces:
+def concatenated_pieces(parts: Sequence[Pieces]) -> Pieces:
     """All pieces under each other, cells numbered through; logs and manoeuvres have been."""
     if len(parts) == 1:
         return parts[0]
@@ -177,7 +179,7 @@ def concatenated(parts: Sequence[Pieces]) -> Pieces:
     )
 
 
-def assign(stack: Stack) -> IntArray:
+def assign_pieces(stack: Stack) -> IntArray:
     """The cell of each revolution, (n,): bands of speed inside each manoeuvre."""
     cell = np.empty(len(stack), np.int64)
     first = 0
@@ -208,7 +210,7 @@ def _merge_small(band: IntArray) -> IntArray:
 
 def pieces_of(stack: Stack) -> Pieces:
     """The pieces of a stack."""
-    cell = assign(stack)
+    cell = assign_pieces(stack)
     rows_of = [np.flatnonzero(cell == c) for c in range(int(cell.max()) + 1)]
     parts = [_one_piece(stack, rows_of_one) for rows_of_one in rows_of]
     first = np.array([rows_of_one[0] for rows_of_one in rows_of])

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline
 
-from tirelog.inference.stacks.samples import Chunk, Samples
+from tirelog.inference.stacks.samples import Samples, TurnChunk
 from tirelog.vocabulary.arrays import FloatArray
 
 #: angles [rad] that the matched filter looks at, and the template's grid
@@ -43,7 +43,7 @@ FEWEST_FITTED = 4
 
 
 @dataclass(frozen=True)
-class WheelAngle:
+class PassageAngle:
     """theta(t) through the passages `centre_s` (n,): 2 pi i at the i-th; outside of them it goes on
     at the speed of the end.
     """
@@ -52,7 +52,7 @@ class WheelAngle:
     spline: CubicSpline
 
     @classmethod
-    def through(cls, centre_s: FloatArray) -> WheelAngle:
+    def through(cls, centre_s: FloatArray) -> PassageAngle:
         turns = 2.0 * np.pi * np.arange(centre_s.size)
         return cls(centre_s, CubicSpline(centre_s, turns, bc_type="natural"))
 
@@ -78,7 +78,7 @@ def split_turns(theta: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
 
 
 def turned(
-    samples: Samples, angle: WheelAngle, chunk: Chunk
+    samples: Samples, angle: PassageAngle, chunk: TurnChunk
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
     """The samples of a chunk's turns: turn after the chunk's first, phi and value, (k,) each."""
     time_s, values = samples.read(chunk)
@@ -177,7 +177,7 @@ def front_fit(
     return np.where(bad, np.nan, shift), np.where(bad, np.nan, amplitude)
 
 
-def refine(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
+def refine_passages(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArray:
     """Passage times (n,) after matched filtering.
 
     A passage whose front cannot be fitted lies between its neighbours.
@@ -185,7 +185,7 @@ def refine(samples: Samples, centre_s: FloatArray, rounds: int = 3) -> FloatArra
     chunks = samples.chunks(centre_s, 0, centre_s.size)
     knots = knots_for(centre_s, samples.channel.axis.rate_Hz)
     for _ in range(rounds):
-        angle = WheelAngle.through(centre_s)
+        angle = PassageAngle.through(centre_s)
         sums = TemplateSums()
         for chunk in chunks:
             _, phi, values = turned(samples, angle, chunk)

@@ -28,14 +28,14 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel, Recording, Stack
 from tirelog.errors import UsageError
-from tirelog.inference.stacks.align import WheelAngle, refine, turned
+from tirelog.inference.stacks.align import PassageAngle, refine_passages, turned
 from tirelog.inference.stacks.conditions import conditions_of
 from tirelog.inference.stacks.manoeuvres import accelerations, regimes, segment
 from tirelog.inference.stacks.numbers import scalar_stack
 from tirelog.inference.stacks.outward import outward, with_level
-from tirelog.inference.stacks.samples import Chunk, Samples, step_of
+from tirelog.inference.stacks.samples import Samples, TurnChunk, step_of
 from tirelog.inference.stacks.spooled import Stacks
-from tirelog.runs.in_memory import held
+from tirelog.runs.in_memory import in_memory
 from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
@@ -55,7 +55,7 @@ class Turns:
     """
 
     ordinal: NDArray[np.int64]
-    angle: WheelAngle
+    angle: PassageAngle
 
     def __len__(self) -> int:
         return int(self.ordinal.size) - 2
@@ -132,7 +132,7 @@ def stretches_of(
     conditions are those of the whole log.
     """
     radius = recording.setup.tire.radius_m
-    channel = held(channel)
+    channel = in_memory(channel)
     passages = find_passages(channel, radius)
     samples = Samples(channel)
     runs = list(_runs(passages, samples))
@@ -222,7 +222,9 @@ def _runs(passages: Passages, samples: Samples) -> Iterator[Turns]:
     cut = np.flatnonzero(~(passages.turn_after[known[:-1]] & (np.diff(known) == 1))) + 1
     for index in np.split(known, cut):
         if index.size >= _SHORTEST_RUN:
-            yield Turns(index, WheelAngle.through(refine(samples, passages.time_s[index])))
+            yield Turns(
+                index, PassageAngle.through(refine_passages(samples, passages.time_s[index]))
+            )
 
 
 def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> dict[str, Any]:
@@ -245,7 +247,9 @@ def _waveforms(samples: Samples, runs: Sequence[Turns], rows: slice, m: int) -> 
     return {"values": values, "phi_mean": phi_mean, "phi_variance": phi_variance, "count": count}
 
 
-def _binned(samples: Samples, angle: WheelAngle, chunk: Chunk, m: int) -> tuple[NDArray[Any], ...]:
+def _binned(
+    samples: Samples, angle: PassageAngle, chunk: TurnChunk, m: int
+) -> tuple[NDArray[Any], ...]:
     """The same of the turns of a chunk."""
     turn, phi, y = turned(samples, angle, chunk)
     n = chunk.stop - chunk.first

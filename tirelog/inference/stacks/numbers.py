@@ -124,9 +124,9 @@ def patch_widths(recording: Recording, channel: Channel) -> Numbers:
 
 
 def _of_fronts(recording: Recording, channel: Channel, field: str) -> Numbers:
-    from tirelog.wheel.phase_shift import measure
+    from tirelog.wheel.phase_shift import measure_phase_shift
 
-    for found in measure(recording):
+    for found in measure_phase_shift(recording):
         if found.channel == channel.name:
             value = np.where(found.good, np.deg2rad(getattr(found, field)), np.nan)
             unclear = np.zeros(value.size, bool)

@@ -31,7 +31,7 @@ _FEWEST_VALUES, _OFF_STEP = 12, 0.01
 
 
 @dataclass(frozen=True)
-class Chunk:
+class TurnChunk:
     """Turns [first, stop) of a run of passages, and samples [low, high) among which all of theirs
     are.
     """
@@ -97,7 +97,7 @@ class Samples:
 
     def chunks(
         self, centre_s: FloatArray, first: int, stop: int, size: int | None = None
-    ) -> list[Chunk]:
+    ) -> list[TurnChunk]:
         """Turns [first, stop) of the run of passages `centre_s` (n,), about `size` samples at a
         time.
 
@@ -114,11 +114,11 @@ class Samples:
         high = np.minimum(edges[1:] + 1 + _MARGIN, around.size - 1)
         low, high = self.before(around[low]), self.before(around[high])
         return [
-            Chunk(*(int(x) for x in row))
+            TurnChunk(*(int(x) for x in row))
             for row in zip(edges[:-1], edges[1:], low, high, strict=True)
         ]
 
-    def read(self, chunk: Chunk) -> tuple[FloatArray, FloatArray]:
+    def read(self, chunk: TurnChunk) -> tuple[FloatArray, FloatArray]:
         """Times and values of a chunk's samples that are there."""
         values = self.channel.read(chunk.low, chunk.high)
         time_s = self.channel.axis.time(chunk.low, chunk.high)

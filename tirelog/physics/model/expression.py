@@ -85,7 +85,7 @@ class Expression:
         return result
 
 
-def parse(text: str, allowed: frozenset[str] | set[str]) -> Expression:
+def parse_expression(text: str, allowed: frozenset[str] | set[str]) -> Expression:
     """The formula `text` over the `allowed` names; ModelError for anything else, with what is
     allowed.
     """

@@ -75,10 +75,10 @@ def load_model(path: str | Path, *, catalogue: Mapping[str, Effect] | None = Non
     """
     path = Path(path)
     text = toml_text(path, ModelError, what="a model", advice="make one with `tirelog model new`")
-    return replace(parse(text, path, catalogue=catalogue), path=path)
+    return replace(parse_model(text, path, catalogue=catalogue), path=path)
 
 
-def parse(
+def parse_model(
     text: str, path: Path | None = None, *, catalogue: Mapping[str, Effect] | None = None
 ) -> Model:
     """The model that the TOML text describes."""

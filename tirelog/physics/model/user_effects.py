@@ -28,7 +28,7 @@ import numpy as np
 from tirelog.errors import ModelError, TirelogError, nearest
 from tirelog.physics.effects import BY_ID, Drive, Effect, Site, Structure
 from tirelog.physics.effects.base import Values
-from tirelog.physics.model.expression import FUNCTIONS, Expression, parse
+from tirelog.physics.model.expression import FUNCTIONS, Expression, parse_expression
 from tirelog.physics.parameters import Parameter
 from tirelog.physics.spectral import grid_angles, to_modes
 from tirelog.vocabulary import conditions
@@ -73,7 +73,7 @@ def effect_by_expression(
             do="rename it",
         )
     places = PLACES if acts_on in _WAVES else ()
-    formula = parse(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
+    formula = parse_expression(expression, {*places, *CONDITIONS, *(p.name for p in parameters)})
     return Effect(
         id=name,
         mechanism=f"by expression: {expression}",

@@ -18,7 +18,7 @@ import numpy as np
 from tirelog.errors import ModelError
 from tirelog.physics.moving import contact_kernels as kernels
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.moving.road import Road
+from tirelog.physics.moving.road import RoadProfile
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -55,7 +55,7 @@ class Tread:
     """
 
     tire: CoupledRing
-    road: Road
+    road: RoadProfile
     nodes: int = 1536
     bristles: FloatArray = field(init=False)
     lost: float = field(init=False, default=0.0)

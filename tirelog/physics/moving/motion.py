@@ -2,7 +2,7 @@
 
 A symmetric step of kicks (road, sidewall) and an exact step of the belt's modes between them.
 
-Scenario -> `simulate` -> `Motion`, columns over time.  One step h:
+Scenario -> `stepped_motion` -> `RingMotion`, columns over time.  One step h:
 
     half kick   road and sidewall act on velocities and spin
     drift       rigid parts move on; every mode takes the exact step of  m V'' + (c + 2 i gamma
@@ -30,7 +30,7 @@ import numpy as np
 from tirelog.errors import ModelError
 from tirelog.physics.moving.contact import RoadForces, Tread
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.moving.road import FlatRoad, Road, check_climbable
+from tirelog.physics.moving.road import FlatRoad, RoadProfile, check_climbable
 from tirelog.physics.moving.steady import steady_rolling
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
@@ -93,7 +93,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Drive:
+class HubMotion:
     """What is done to the hub, as functions of time [s]: load [N] downwards, speed [m/s] (None:
     free), torque [N m] with the spin.
     """
@@ -104,7 +104,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Motion:
+class RingMotion:
     """Columns over time, each (k,) or (k, N - 1): the road's forces, the spindle's, the spin, and
     the belt.
 
@@ -152,8 +152,8 @@ class Stepper:
         self,
         tire: CoupledRing,
         state: State,
-        drive: Drive,
-        road: Road | None = None,
+        drive: HubMotion,
+        road: RoadProfile | None = None,
         *,
         step_s: float = 1e-4,
         nodes: int = 1536,
@@ -310,7 +310,7 @@ class Stepper:
         return tire.k_s * a + tire.c_s * (s.centre_rate - s.hub_rate - 1j * s.omega_hub * a)
 
 
-def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
+def stepped_motion(stepper: Stepper, duration_s: float, *, every: int = 10) -> RingMotion:
     """Moves on for `duration_s` and keeps every `every`-th step; ModelError where the ring turns
     inside out or flies apart.
     """
@@ -331,6 +331,6 @@ def simulate(stepper: Stepper, duration_s: float, *, every: int = 10) -> Motion:
         shapes.append((s.V, s.V_rate, s.hub_rate, s.centre_rate))
     columns = dict(zip(_COLUMNS, np.array(rows).T))
     V, V_rate, hub_rate, centre_rate = (np.array(each) for each in zip(*shapes))
-    return Motion(
+    return RingMotion(
         stepper.tire, V=V, V_rate=V_rate, hub_rate=hub_rate, centre_rate=centre_rate, **columns
     )

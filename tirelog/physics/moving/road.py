@@ -31,7 +31,7 @@ HIGHEST = 0.2
 RAMP = 0.01
 
 
-class Road(Protocol):
+class RoadProfile(Protocol):
     """What the contact asks of a road."""
 
     def profile(self, x_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -114,7 +114,7 @@ class MeasuredRoad:
 class Placed:
     """A road that begins at `at_m`, and comes again every `spacing_m` where that is above zero."""
 
-    road: Road
+    road: RoadProfile
     at_m: float
     spacing_m: float = 0.0
 
@@ -126,7 +126,7 @@ class Placed:
         )
 
 
-def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) -> Road:
+def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) -> RoadProfile:
     """The road in words, its obstacle beginning at `at_m`; ModelError where its kind lacks a
     number, or cannot be rolled over.
 
@@ -227,7 +227,7 @@ def load_road(path: str | Path) -> MeasuredRoad:
         raise problem.at(path) from None
 
 
-def check_climbable(road: Road, radius_m: float) -> None:
+def check_climbable(road: RoadProfile, radius_m: float) -> None:
     """ModelError where a measured profile rises by more than the tire can take within one of its
     diameters.
     """

@@ -1,6 +1,6 @@
 """A coupled ring model driven over a road, and what a sensor on its belt reads meanwhile.
 
-    Model, Conditions (1,), Course --`drive`--> Transient: motion on a grid in time, and strain or
+    Model, Conditions (1,), Course --`driven`--> Transient: motion on a grid in time, and strain or
                                                 radial acceleration of a sensor
 
 A reading is the steady waveform of `Model.predict` at the conditions of the start, with all of the
@@ -29,9 +29,9 @@ from tirelog.errors import ModelError
 from tirelog.physics.model.stages import loaded_site, loads, structure
 from tirelog.physics.model.task import Task
 from tirelog.physics.moving.modes import of_model
-from tirelog.physics.moving.motion import Drive, Motion, State, Stepper, simulate
+from tirelog.physics.moving.motion import HubMotion, RingMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing
-from tirelog.physics.moving.road import Road
+from tirelog.physics.moving.road import RoadProfile
 from tirelog.physics.moving.steady import steady_rolling
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
@@ -80,7 +80,7 @@ class Course:
 
     speed_m_s: Schedule
     load_N: Schedule
-    road: Road
+    road: RoadProfile
     duration_s: float
 
 
@@ -93,7 +93,7 @@ class Transient:
     model: Model
     conditions: Conditions
     course: Course
-    motion: Motion
+    motion: RingMotion
     steady: ComplexArray
     task: Task
     remarks: tuple[str, ...]
@@ -239,7 +239,7 @@ class Transient:
         return factor
 
 
-def drive(
+def driven(
     model: Model,
     conditions: Conditions,
     course: Course,
@@ -279,7 +279,7 @@ def drive(
         else step_s
     )
     stepper = Stepper(
-        tire, start, Drive(weight, course.speed_m_s), course.road, step_s=step, nodes=NODES
+        tire, start, HubMotion(weight, course.speed_m_s), course.road, step_s=step, nodes=NODES
     )
     tire.check_speed(max(course.speed_m_s.value, key=abs))
     if not min(course.load_N.value) >= 0.0:
@@ -287,7 +287,7 @@ def drive(
             f"load of {min(course.load_N.value):g} N on the axle; zero and above is allowed; "
             "correct the load"
         )
-    motion = simulate(stepper, course.duration_s, every=max(round(KEEP_S / step), 1))
+    motion = stepped_motion(stepper, course.duration_s, every=max(round(KEEP_S / step), 1))
     remarks = tuple(
         f"{a.effect.id} acts on the steady waveform alone; what the road adds is computed "
         "without it"
@@ -296,7 +296,7 @@ def drive(
     return Transient(model, conditions, course, motion, steady, task, remarks)
 
 
-def rolling_radius(model: Model, conditions: Conditions) -> float:
+def free_rolling_radius(model: Model, conditions: Conditions) -> float:
     """v / Omega [m] of the model that rolls freely under the one set of conditions."""
     task = next(model._tasks(conditions, model.values))[1]
     speed = float(conditions.speed_m_s[0])
@@ -329,7 +329,7 @@ def tire_of(task: Task) -> CoupledRing:
     return replace(tire, pb=tire.pb + float(np.mean(s.tension)) / R, modes=MODES)
 
 
-def _begins_level(road: Road, radius_m: float) -> None:
+def _begins_level(road: RoadProfile, radius_m: float) -> None:
     height, _ = road.profile(np.linspace(-_CLEAR, _CLEAR, 101) * radius_m)
     if np.any(height != 0.0):
         raise ModelError(

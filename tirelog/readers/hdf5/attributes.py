@@ -19,7 +19,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.hdf5.source import LIBRARY_ERRORS, Column
+from tirelog.readers.hdf5.source import LIBRARY_ERRORS, SourceColumn
 from tirelog.readers.rates import RATES, rate_Hz
 
 #: (name of the factor, name of the offset, True where the offset is added before the factor)
@@ -134,7 +134,7 @@ def as_number(value: Any) -> float | None:
     return None
 
 
-def scale_of(column: Column) -> Scale:
+def scale_of(column: SourceColumn) -> Scale:
     """How the column's stored numbers become values."""
     attributes = Attributes(column.dataset)
     lost = tuple(v for v in map(attributes.number, FILL_NAMES) if v is not None)
@@ -155,13 +155,13 @@ def scale_of(column: Column) -> Scale:
     return Scale(1.0, offset, lost, 0 if integer and offset == 0.0 else None)
 
 
-def unit_of(column: Column) -> str | None:
+def unit_of(column: SourceColumn) -> str | None:
     """The unit that the file itself gives, as it spells it."""
     attributes = Attributes(column.dataset)
     return next((text for text in map(attributes.text, UNIT_NAMES) if text), None)
 
 
-def above(column: Column) -> Iterator[h5py.Group]:
+def above(column: SourceColumn) -> Iterator[h5py.Group]:
     """The groups above the column's dataset, nearest first, the file's root last."""
     group = column.dataset.parent
     while True:
@@ -171,7 +171,7 @@ def above(column: Column) -> Iterator[h5py.Group]:
         group = group.parent
 
 
-def rate_of(column: Column) -> float | None:
+def rate_of(column: SourceColumn) -> float | None:
     """The sampling rate [Hz] that the file states for the column, or None."""
     for item in (column.dataset, *above(column)):
         attributes = Attributes(item)

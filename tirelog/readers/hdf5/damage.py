@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from tirelog.readers.hdf5.source import Column, chunks_of
+from tirelog.readers.hdf5.source import SourceColumn, chunks_of
 
 
 class Padded:
@@ -64,7 +64,7 @@ def declared_size(problem: Exception) -> int | None:
     return int(match[1]) if match else None
 
 
-def unstored(found: Column, start: int, stop: int, end: int | None) -> list[tuple[int, int]]:
+def unstored(found: SourceColumn, start: int, stop: int, end: int | None) -> list[tuple[int, int]]:
     """Sample ranges in [start, stop) that were never written, or that lie behind `end` (the size of
     a file that was cut).
     """
@@ -90,7 +90,7 @@ def unstored(found: Column, start: int, stop: int, end: int | None) -> list[tupl
     return [(max(start, whole), stop)] if whole < stop else []
 
 
-def kept(found: Column, end: int | None, step: int) -> int:
+def kept(found: SourceColumn, end: int | None, step: int) -> int:
     """Samples up to the last one that is stored: what lies behind it was never written or cut off.
 
     Looks at `step` samples at once.

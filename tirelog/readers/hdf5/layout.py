@@ -21,11 +21,11 @@ from tirelog.errors import ReadError, SetupError, nearest
 from tirelog.readers.hdf5.attributes import SINCE, Attributes, unit_of
 from tirelog.readers.hdf5.source import (
     LIBRARY_ERRORS,
-    Column,
+    SourceColumn,
     column,
     first_number,
     names,
-    split,
+    split_source,
     walk,
 )
 from tirelog.vocabulary import units
@@ -64,15 +64,15 @@ class TimeColumn:
     1970 (or `since`).
     """
 
-    column: Column
+    column: SourceColumn
     step_s: float
     absolute: bool = False
     since: str | None = None
 
 
-def find(file: h5py.File, source: str) -> Column:
+def find_columns(file: h5py.File, source: str) -> SourceColumn:
     """The column that `source` means.  ReadError where there is none, or where it is refused."""
-    path, field, index = split(source)
+    path, field, index = split_source(source)
     item = walk(file, path)
     if isinstance(item, h5py.Dataset):
         return column(path, item, field, index)
@@ -87,7 +87,7 @@ def find(file: h5py.File, source: str) -> Column:
     if kind.endswith("_table"):
         return _table_frame(file, path, field, index)
     if kind == "series":
-        return find(file, f"{path}/values")
+        return find_columns(file, f"{path}/values")
     if signal := _signal(item):
         return column(
             f"{path}/{signal}", _dataset(walk(file, f"{path}/{signal}"), path), field, index
@@ -124,7 +124,7 @@ def _signal(group: h5py.Group) -> str | None:
 
 def _fixed_frame(
     path: str, group: h5py.Group, field: str | None, index: tuple[int | None, ...]
-) -> Column:
+) -> SourceColumn:
     known: list[str] = []
     for block in range(len(group)):
         if f"block{block}_items" not in group:
@@ -156,7 +156,7 @@ def column_labels(item: h5py.Group | h5py.Dataset) -> list[str]:
 
 def _table_frame(
     file: h5py.File, path: str, field: str | None, index: tuple[int | None, ...]
-) -> Column:
+) -> SourceColumn:
     where = f"{path}/table"
     table = _dataset(walk(file, where), where)
     if table.dtype.names and field in table.dtype.names:
@@ -193,7 +193,7 @@ def pickled_labels(raw: object) -> list[str]:
 
 
 def time_of(
-    file: h5py.File, found: Column, setup_time: str | None, time_unit: str | None
+    file: h5py.File, found: SourceColumn, setup_time: str | None, time_unit: str | None
 ) -> TimeColumn | None:
     """The stamps of the column's samples, or None.
 
@@ -204,7 +204,7 @@ def time_of(
     group = found.dataset.parent
     for candidate in _candidates(found, group):
         try:
-            stamps = find(file, candidate)
+            stamps = find_columns(file, candidate)
         except (ReadError, *LIBRARY_ERRORS):
             continue
         if (
@@ -216,12 +216,12 @@ def time_of(
     return None
 
 
-def _named_time(file: h5py.File, found: Column, name: str) -> Column:
+def _named_time(file: h5py.File, found: SourceColumn, name: str) -> SourceColumn:
     problem: ReadError | None = None
     beside = found.dataset.parent.name
     for candidate in (name, f"{beside}/{name}", f"{found.path}:{name}"):
         try:
-            stamps = find(file, candidate)
+            stamps = find_columns(file, candidate)
         except ReadError as error:
             problem = problem or error
             continue
@@ -234,7 +234,7 @@ def _named_time(file: h5py.File, found: Column, name: str) -> Column:
     raise ReadError(f"time {name!r} of the setup: {problem.message if problem else 'not found'}")
 
 
-def _candidates(found: Column, group: h5py.Group) -> list[str]:
+def _candidates(found: SourceColumn, group: h5py.Group) -> list[str]:
     """Sources that may hold the column's time, likeliest first."""
     base = group.name if group.name != "/" else ""
     listed = [
@@ -270,7 +270,7 @@ def _counts_time(item: h5py.Dataset, attribute: str) -> bool:
     return kind.startswith("datetime64") or kind == "float"
 
 
-def _stamps(stamps: Column, time_unit: str | None) -> TimeColumn:
+def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
     """Step and origin of stored stamps: the setup's unit, the file's, the one in the name, or
     seconds.
     """

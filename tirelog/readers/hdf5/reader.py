@@ -27,9 +27,9 @@ from tirelog.errors import ReadError
 from tirelog.readers.base import Group, RawBlock, ReadReport
 from tirelog.readers.hdf5.attributes import Scale, rate_of, scale_of, unit_of
 from tirelog.readers.hdf5.damage import Padded, declared_size, kept, unstored
-from tirelog.readers.hdf5.layout import TimeColumn, find, time_of
+from tirelog.readers.hdf5.layout import TimeColumn, find_columns, time_of
 from tirelog.readers.hdf5.slabs import SLAB_BYTES, Slabs
-from tirelog.readers.hdf5.source import LIBRARY_ERRORS, Column, first_number
+from tirelog.readers.hdf5.source import LIBRARY_ERRORS, SourceColumn, first_number
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
@@ -47,7 +47,7 @@ EARLIEST_DATE_S = 631152000.0
 class _Channel:
     name: str
     kind: str
-    column: Column
+    column: SourceColumn
     scale: Scale
 
 
@@ -131,7 +131,7 @@ class Hdf5Log:
         channels, problems = [], []
         for name, channel in self.setup.channels.items():
             try:
-                column = find(self.file, channel.source)
+                column = find_columns(self.file, channel.source)
                 channels.append(_Channel(name, channel.kind, column, scale_of(column)))
                 if unit := unit_of(column):
                     self.stated[name] = unit
@@ -199,7 +199,7 @@ class Hdf5Log:
             raise self._error("; ".join(self.report.losses))
         return self._common_origin(clocks)
 
-    def _is_lost(self, column: Column, start: int, stop: int) -> bool:
+    def _is_lost(self, column: SourceColumn, start: int, stop: int) -> bool:
         return bool(unstored(column, start, stop, self.end))
 
     def _time(self, channel: _Channel) -> TimeColumn | None:
@@ -282,7 +282,7 @@ class Hdf5Log:
         )
 
     def _read(
-        self, column: Column, start: int, stop: int, slabs: Slabs
+        self, column: SourceColumn, start: int, stop: int, slabs: Slabs
     ) -> tuple[NDArray[Any], list[tuple[int, int]]]:
         """Stored values [start, stop), and the ranges of them that are lost (their values mean
         nothing).

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from tirelog.readers.hdf5.source import Column
+from tirelog.readers.hdf5.source import SourceColumn
 
 #: bytes of one dataset read at once
 SLAB_BYTES = 1 << 24
@@ -17,14 +17,14 @@ class Slabs:
     little beside them.
     """
 
-    def __init__(self, columns: list[Column], start: int, stop: int) -> None:
+    def __init__(self, columns: list[SourceColumn], start: int, stop: int) -> None:
         self.start, self.stop = start, stop
-        self.shared: dict[Any, list[Column]] = {}
+        self.shared: dict[Any, list[SourceColumn]] = {}
         for column in columns:
             self.shared.setdefault((column.dataset.id, column.axis), []).append(column)
         self.slabs: dict[Any, NDArray[Any]] = {}
 
-    def read(self, column: Column) -> NDArray[Any]:
+    def read(self, column: SourceColumn) -> NDArray[Any]:
         """The column's stored values in the slice.
 
         One of LIBRARY_ERRORS where a chunk is damaged.
@@ -52,7 +52,7 @@ class Slabs:
         element: tuple[Any, ...] = (slice(None), *column.element)
         return values[element] if column.element else values
 
-    def _narrow(self, column: Column, wanted: int) -> bool:
+    def _narrow(self, column: SourceColumn, wanted: int) -> bool:
         """True where the whole rows are few more than what is wanted of them."""
         width = column.dataset.size // max(len(column), 1)
         return (

@@ -53,7 +53,7 @@ MOST_NAMES = 5000
 
 
 @dataclass(frozen=True)
-class Column:
+class SourceColumn:
     """Numbers along the axis `axis` of a dataset: at `index` (None at `axis`) on the others,
     `field` and `element` of a compound.
     """
@@ -158,7 +158,7 @@ def names(file: h5py.File) -> list[str]:
     return found[:MOST_NAMES]
 
 
-def split(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
+def split_source(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
     """(dataset path, field or column, index) of a source; None in the index is ':'. ReadError where
     it does not parse.
     """
@@ -184,7 +184,7 @@ def split(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
 
 def column(
     path: str, dataset: h5py.Dataset, field: str | None, index: tuple[int | None, ...]
-) -> Column:
+) -> SourceColumn:
     """The column `index` of `dataset` (of its compound field `field`), checked.
 
     ReadError says what is refused.
@@ -229,7 +229,7 @@ def column(
         )
     check_type(path, dtype.base if dtype.shape else dtype)
     axis, where = time_axis(path, dataset.shape, index)
-    found = Column(path, dataset, axis, where, field, element)
+    found = SourceColumn(path, dataset, axis, where, field, element)
     check_shape(found)
     return found
 
@@ -339,7 +339,7 @@ def time_axis(
     return axis, tuple(full)
 
 
-def check_shape(found: Column) -> None:
+def check_shape(found: SourceColumn) -> None:
     """Refuses what holds nothing, or declares more than its file can hold or than can be read in
     bounded memory.
     """
@@ -371,7 +371,7 @@ def check_shape(found: Column) -> None:
         )
 
 
-def first_number(found: Column, is_lost: Callable[[Column, int, int], bool]) -> Any:
+def first_number(found: SourceColumn, is_lost: Callable[[SourceColumn, int, int], bool]) -> Any:
     """The first stored value that can be read and is a number, or None; `is_lost` tells what the
     file does not hold.
     """
@@ -389,7 +389,7 @@ def first_number(found: Column, is_lost: Callable[[Column, int, int], bool]) -> 
 
 
 def chunks_of(
-    found: Column, start: int, stop: int
+    found: SourceColumn, start: int, stop: int
 ) -> Iterator[tuple[int, int, h5py.h5d.StoreInfo]]:
     """(first sample, end, where the file keeps it) of each chunk of the column that meets [start,
     stop).

@@ -14,7 +14,7 @@ import struct
 from dataclasses import dataclass
 
 from tirelog.readers.mcap.source import Token, Want
-from tirelog.readers.mcap.templates import NoPlanError, Place, Plan
+from tirelog.readers.mcap.templates import MessagePlan, NoPlanError, Place
 
 PRIMITIVES = {
     "bool": "u1", "byte": "u1", "char": "i1", "uint8": "u1", "int8": "i1", "uint16": "u2",
@@ -92,10 +92,10 @@ class CdrTemplate:
         self.order = "<" if data[1] else ">"
         self.at = ENCAPSULATION
         self.parts = 0
-        self.plan = Plan(len(data), [None] * len(wants))
+        self.plan = MessagePlan(len(data), [None] * len(wants))
         self.plan.guard_exact(data, 0, 2)
 
-    def walk(self, root: str, wants: list[tuple[int, tuple[Token, ...]]]) -> Plan:
+    def walk(self, root: str, wants: list[tuple[int, tuple[Token, ...]]]) -> MessagePlan:
         try:
             self._structure(root, wants, 0)
         except (struct.error, KeyError, IndexError):
@@ -202,7 +202,7 @@ def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> 
 
 def cdr_plan(
     data: bytes, root: str, definitions: dict[str, list[Member]], wants: list[Want]
-) -> Plan:
+) -> MessagePlan:
     """The plan of one ROS 2 message.  NoPlanError where it has none."""
     return CdrTemplate(data, definitions, wants).walk(
         root, [(i, want.tokens) for i, want in enumerate(wants)]

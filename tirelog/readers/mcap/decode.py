@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from tirelog.errors import ReadError, nearest
 from tirelog.readers.mcap.columns import FieldColumn
 from tirelog.readers.mcap.source import FieldError, Want, extract
-from tirelog.readers.mcap.templates import FrozenPlan, NoPlanError, Plan
-from tirelog.readers.mcap.walk import Table
+from tirelog.readers.mcap.templates import FrozenPlan, MessagePlan, NoPlanError
+from tirelog.readers.mcap.walk import MessageTable
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ PIECE_BYTES = 1 << 21
 LARGEST_MESSAGE_BYTES = 1 << 23
 #: what a decoder raises on a damaged or foreign message
 DECODE_ERRORS = (Exception,)  # three libraries, each with a tree of its own
-PlanMaker = Callable[[bytes, list[Want]], Plan]
+PlanMaker = Callable[[bytes, list[Want]], MessagePlan]
 
 
 @dataclass
@@ -100,7 +100,7 @@ class ChannelDecoder:
         except DECODE_ERRORS as problem:
             raise FieldError(f"does not decode ({type(problem).__name__})") from None
 
-    def of_bounded_size(self, table: Table, *, count: bool) -> Table:
+    def of_bounded_size(self, table: MessageTable, *, count: bool) -> MessageTable:
         """The table without messages that are too large to be decoded, which are counted as faults
         if `count`.
         """
@@ -114,7 +114,7 @@ class ChannelDecoder:
             )
         return table.take(small)
 
-    def some(self, table: Table) -> list[Any]:
+    def some(self, table: MessageTable) -> list[Any]:
         """The decoded messages of a short table, without those that do not decode."""
         decoded = []
         for data in table.messages():
@@ -122,7 +122,7 @@ class ChannelDecoder:
                 decoded.append(self.message(data))
         return decoded
 
-    def read(self, table: Table, wants: list[Want]) -> list[list[FieldColumn]]:
+    def read(self, table: MessageTable, wants: list[Want]) -> list[list[FieldColumn]]:
         """The columns of the table's messages, piece by piece."""
         sizes = np.cumsum(table.sizes)
         edges = np.searchsorted(
@@ -133,7 +133,7 @@ class ChannelDecoder:
             self.read_piece(table.take(slice(a, b)), wants) for a, b in itertools.pairwise(cuts)
         ]
 
-    def read_piece(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
+    def read_piece(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
         if self.json is not None:
             columns = self.json.read(table, wants)
             return columns if columns is not None else self.read_slowly(table, wants)
@@ -141,7 +141,7 @@ class ChannelDecoder:
             return self.read_slowly(table, wants)
         return self._read_by_plans(table, wants)
 
-    def read_slowly(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
+    def read_slowly(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
         """Message by message through the library.
 
         What gives no number is NaN (one number a message) or an empty batch.
@@ -169,7 +169,7 @@ class ChannelDecoder:
             )
             return None
 
-    def _read_by_plans(self, table: Table, wants: list[Want]) -> list[FieldColumn]:
+    def _read_by_plans(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
         """Layout by layout; messages for which no plan can be made go to the library."""
         pieces: list[tuple[IntArray, list[FieldColumn]]] = []
         rest = np.arange(len(table))
@@ -206,7 +206,9 @@ class ChannelDecoder:
             plan = self.plan_of(data, wants).freeze()
             _, columns = _by_plan(
                 plan,
-                Table(data, np.zeros(1, np.int64), np.array([len(data)]), np.zeros(1, np.int64)),
+                MessageTable(
+                    data, np.zeros(1, np.int64), np.array([len(data)]), np.zeros(1, np.int64)
+                ),
             )
             message = self.decode(data)
             for want, column in zip(wants, columns, strict=True):
@@ -221,7 +223,7 @@ class ChannelDecoder:
         return True
 
 
-def _by_plan(plan: FrozenPlan, table: Table) -> tuple[NDArray[np.bool_], list[FieldColumn]]:
+def _by_plan(plan: FrozenPlan, table: MessageTable) -> tuple[NDArray[np.bool_], list[FieldColumn]]:
     fits, numbers = plan.read(table)
     columns = []
     for place, values in zip(plan.places, numbers, strict=True):

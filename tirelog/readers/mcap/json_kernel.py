@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tirelog.readers.text.digits import Bytes, as_float, number
+from tirelog.readers.text.digits import Bytes, as_float, digits_number
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -51,7 +51,7 @@ def numbers_between(
             elif at == end or data[at] == 43:
                 return i
             else:
-                m, e, stop = number(data, at, 46)
+                m, e, stop = digits_number(data, at, 46)
                 value, good = as_float(m, e, data[at] == 45)
                 if stop < 0 or (slots[k] >= 0 and not good):
                     return i

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tirelog.readers.mcap.json_table import Shape, read_table, shape_of
+from tirelog.readers.mcap.json_table import Shape, read_messages, shape_of
 from tirelog.readers.mcap.source import Want
 
 if TYPE_CHECKING:
     from tirelog.readers.mcap.columns import FieldColumn
-    from tirelog.readers.mcap.walk import Table
+    from tirelog.readers.mcap.walk import MessageTable
 
 
 class JsonReader:
@@ -29,14 +29,14 @@ class JsonReader:
     def __init__(self) -> None:
         self.shape: Shape | None = None
 
-    def read(self, table: Table, wants: list[Want]) -> list[FieldColumn] | None:
+    def read(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn] | None:
         """The columns of the table's JSON messages, one object each, or None."""
         if not len(table):
             return None
-        columns = read_table(table, self.shape) if self.shape is not None else None
+        columns = read_messages(table, self.shape) if self.shape is not None else None
         if columns is None:
             self.shape = shape_of(table.take(slice(0, 1)).messages()[0], wants)
-            columns = read_table(table, self.shape) if self.shape is not None else None
+            columns = read_messages(table, self.shape) if self.shape is not None else None
         if columns is not None:
             return columns
         text = b"\n".join(table.messages())

@@ -23,7 +23,7 @@ from tirelog.vocabulary.arrays import IntArray
 
 if TYPE_CHECKING:
     from tirelog.readers.mcap.columns import FieldColumn
-    from tirelog.readers.mcap.walk import Table
+    from tirelog.readers.mcap.walk import MessageTable
 
 MOST_CELLS = 4096
 
@@ -140,7 +140,7 @@ def _number(value: Any) -> int:
     return value.number
 
 
-def read_table(table: Table, shape: Shape) -> list[FieldColumn] | None:
+def read_messages(table: MessageTable, shape: Shape) -> list[FieldColumn] | None:
     """The columns of the table's messages; None where they have not all this shape."""
     from tirelog.readers.mcap.columns import FieldColumn
     from tirelog.readers.mcap.json_kernel import numbers_between

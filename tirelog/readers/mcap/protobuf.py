@@ -14,7 +14,7 @@ from typing import Any
 from google.protobuf.descriptor import FieldDescriptor
 
 from tirelog.readers.mcap.source import Token, Want
-from tirelog.readers.mcap.templates import NoPlanError, Place, Plan
+from tirelog.readers.mcap.templates import MessagePlan, NoPlanError, Place
 
 VARINT, FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 F = FieldDescriptor
@@ -34,7 +34,7 @@ class ProtobufTemplate:
 
     def __init__(self, data: bytes, wants: list[Want]) -> None:
         self.data = data
-        self.plan = Plan(len(data), [None] * len(wants))
+        self.plan = MessagePlan(len(data), [None] * len(wants))
 
     def message(self, descriptor: Any, wants: Wants, at: int, end: int, depth: int = 0) -> None:
         seen: set[int] = set()
@@ -137,7 +137,7 @@ def is_repeated(field: Any) -> bool:
     return bool(repeated) if repeated is not None else field.label == F.LABEL_REPEATED
 
 
-def protobuf_plan(data: bytes, descriptor: Any, wants: list[Want]) -> Plan:
+def protobuf_plan(data: bytes, descriptor: Any, wants: list[Want]) -> MessagePlan:
     """The plan of one protobuf message.  NoPlanError where it has none."""
     template = ProtobufTemplate(data, wants)
     try:

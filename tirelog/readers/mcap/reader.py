@@ -22,10 +22,10 @@ from tirelog.data.setup import Setup
 from tirelog.errors import ReadError, nearest
 from tirelog.readers.base import Group, RawBlock, ReadReport
 from tirelog.readers.mcap.decode import LARGEST_MESSAGE_BYTES, ChannelDecoder
-from tirelog.readers.mcap.records import RECORD_ERRORS, Chunk, Records
+from tirelog.readers.mcap.records import RECORD_ERRORS, RecordChunk, Records
 from tirelog.readers.mcap.source import FieldError, Want, parse_path, split_source
 from tirelog.readers.mcap.topic import Topic
-from tirelog.readers.mcap.walk import Table, split
+from tirelog.readers.mcap.walk import MessageTable, split_pieces
 
 READ_AHEAD_BYTES = 1 << 23
 EARLIEST_DATE_NS = 631_152_000_000_000_000  # 1990
@@ -72,7 +72,7 @@ class McapLog:
         self.origin_ns: int | None = None
         self.samples = 0
         self.source = self.records.chunks()
-        self.ahead: deque[Chunk] = deque()
+        self.ahead: deque[RecordChunk] = deque()
         self._read_ahead()
         self.groups: tuple[Group, ...] = tuple(
             group.group for topic in self.topics.values() for group in topic.groups
@@ -112,7 +112,7 @@ class McapLog:
             self._missing()
             raise ReadError("; ".join(self.report.losses), file=self.log_name)
 
-    def _start_topics(self, chunk: Chunk) -> None:
+    def _start_topics(self, chunk: RecordChunk) -> None:
         for topic, decoder, table in self._messages(chunk, count=False):
             if not topic.started:
                 self._start(topic, decoder, table)
@@ -120,7 +120,7 @@ class McapLog:
     def _group_count(self) -> int:
         return sum(len(topic.groups) for topic in self.topics.values())
 
-    def _start(self, topic: Topic, decoder: ChannelDecoder, table: Table) -> None:
+    def _start(self, topic: Topic, decoder: ChannelDecoder, table: MessageTable) -> None:
         """Learn what a topic holds from the first of its messages that decodes."""
         for row in range(min(len(table), 100)):
             try:
@@ -144,10 +144,10 @@ class McapLog:
             return
 
     def _messages(
-        self, chunk: Chunk, *, count: bool = True
-    ) -> Iterator[tuple[Topic, ChannelDecoder, Table]]:
+        self, chunk: RecordChunk, *, count: bool = True
+    ) -> Iterator[tuple[Topic, ChannelDecoder, MessageTable]]:
         """The messages of the topics wanted; a topic that was not met before starts with them."""
-        tables, definitions, rest = split(chunk.data)
+        tables, definitions, rest = split_pieces(chunk.data)
         for opcode, body in definitions:
             try:
                 self.records.define(opcode, body)

@@ -55,7 +55,7 @@ PRIVATE = 0x80
 
 
 @dataclass(frozen=True)
-class Chunk:
+class RecordChunk:
     """Uncompressed records, and where in the file they began."""
 
     data: bytes
@@ -109,7 +109,7 @@ class Records:
         if count <= MOST_SAID:
             self.report.losses.append(what)
 
-    def chunks(self) -> Iterator[Chunk]:
+    def chunks(self) -> Iterator[RecordChunk]:
         """The chunks in the file's order; messages outside of chunks in chunks of their own."""
         loose: list[bytes] = []
         size, began = 0, 0
@@ -122,7 +122,7 @@ class Records:
                 size += len(record)
                 self.unchecked = True
             if loose and (opcode != Opcode.MESSAGE or size >= LOOSE_BYTES):
-                yield Chunk(b"".join(loose), began)
+                yield RecordChunk(b"".join(loose), began)
                 loose, size = [], 0
             if opcode == Opcode.CHUNK:
                 chunk = self._chunk(record[HEAD.size :], at)
@@ -266,7 +266,7 @@ class Records:
             skipped += len(behind) - len(keep)
             behind = keep + more
 
-    def _chunk(self, body: bytes, at: int) -> Chunk | None:
+    def _chunk(self, body: bytes, at: int) -> RecordChunk | None:
         self.chunks_met += 1
         try:
             _, _, size, crc, name_size = CHUNK_HEAD.unpack_from(body)
@@ -289,7 +289,7 @@ class Records:
             self.lose(f"the chunk at byte {at} is lost ({_short(problem)}); copy the log again")
             return None
         self.unchecked |= not crc
-        return Chunk(data, at)
+        return RecordChunk(data, at)
 
 
 def find_chunk(data: bytes) -> int | None:

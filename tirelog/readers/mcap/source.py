@@ -77,7 +77,7 @@ def parse_path(path: str) -> Want:
     )
 
 
-def number(value: Any) -> float:
+def number_of(value: Any) -> float:
     """A number of a message as float64; null is a lost sample. FieldError: it is something else."""
     if value is None:
         return float("nan")
@@ -103,8 +103,8 @@ def extract(message: Any, tokens: tuple[Token, ...]) -> float | FloatArray:
             return np.array([_scalar(item, rest) for item in items], np.float64)
         value = _step(value, token)
     if is_list(value):
-        return np.array([number(item) for item in value], np.float64)
-    return number(value)
+        return np.array([number_of(item) for item in value], np.float64)
+    return number_of(value)
 
 
 def _scalar(item: Any, tokens: tuple[Token, ...]) -> float:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tirelog.readers.mcap.walk import Table, rows
+from tirelog.readers.mcap.walk import MessageTable, message_rows
 from tirelog.vocabulary.arrays import FloatArray
 
 #: bytes that fix a layout
@@ -49,7 +49,7 @@ class Place:
 
 
 @dataclass
-class Plan:
+class MessagePlan:
     """The layout of messages of `size` bytes: `places[i]` for wanted path i; guards as (byte
     offset, mask, value).
     """
@@ -90,11 +90,11 @@ class FrozenPlan:
     mask: NDArray[np.uint8]
     value: NDArray[np.uint8]
 
-    def read(self, table: Table) -> tuple[NDArray[np.bool_], list[FloatArray]]:
+    def read(self, table: MessageTable) -> tuple[NDArray[np.bool_], list[FloatArray]]:
         """(which of the messages, all of this size, have this layout; their numbers for each wanted
         path, shape (m, count)).
         """
-        bytes_ = rows(table.data, table.starts, self.size)
+        bytes_ = message_rows(table.data, table.starts, self.size)
         fits = ((bytes_[:, self.at] & self.mask) == self.value).all(axis=1)
         if not fits.all():
             bytes_ = bytes_[fits]

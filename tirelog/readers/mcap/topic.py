@@ -26,7 +26,7 @@ from tirelog.readers.mcap.columns import FieldColumn
 from tirelog.readers.mcap.decode import ChannelDecoder, spread
 from tirelog.readers.mcap.order import OrderedGroup
 from tirelog.readers.mcap.source import FieldError, Want, extract, field_names, parse_path
-from tirelog.readers.mcap.walk import Table
+from tirelog.readers.mcap.walk import MessageTable
 from tirelog.readers.rates import RATES, rate_Hz
 from tirelog.vocabulary import units
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -202,7 +202,7 @@ class Topic:
         )
         return _Stamp(found.wants, found.factors, ahead)
 
-    def feed(self, table: Table, decoder: ChannelDecoder) -> None:
+    def feed(self, table: MessageTable, decoder: ChannelDecoder) -> None:
         """Decode the messages of a chunk and add their samples to the groups."""
         channels = list(self.wants)
         at = 0

@@ -30,7 +30,7 @@ _8 = np.uint64(8)
 
 
 @dataclass(frozen=True)
-class Table:
+class MessageTable:
     """Messages of one channel in a chunk: `data[starts[i] : starts[i] + sizes[i]]` is message i.
 
     All shape (n,), int64; log time in ns.
@@ -44,8 +44,10 @@ class Table:
     def __len__(self) -> int:
         return int(self.starts.size)
 
-    def take(self, which: Any) -> Table:
-        return Table(self.data, self.starts[which], self.sizes[which], self.log_time_ns[which])
+    def take(self, which: Any) -> MessageTable:
+        return MessageTable(
+            self.data, self.starts[which], self.sizes[which], self.log_time_ns[which]
+        )
 
     def messages(self) -> list[bytes]:
         data = self.data
@@ -81,10 +83,10 @@ def _chain(data: Bytes, starts: IntArray) -> tuple[int, Whole]:
 def gather(data: bytes, starts: IntArray, dtype: str) -> NDArray[Any]:
     """The numbers of type `dtype` at the byte offsets `starts`, shape (n,)."""
     size = np.dtype(dtype).itemsize
-    return rows(data, starts, size).view(dtype)[:, 0] if starts.size else np.zeros(0, dtype)
+    return message_rows(data, starts, size).view(dtype)[:, 0] if starts.size else np.zeros(0, dtype)
 
 
-def rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
+def message_rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
     """The `size` bytes from each of `starts`, shape (n, size), contiguous."""
     steps = np.diff(starts)
     if steps.size and (steps == steps[0]).all():
@@ -99,7 +101,7 @@ def rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
     return anywhere[starts].view(np.uint8).reshape(starts.size, size)
 
 
-def split(data: bytes) -> tuple[dict[int, Table], Iterator[tuple[int, bytes]], int]:
+def split_pieces(data: bytes) -> tuple[dict[int, MessageTable], Iterator[tuple[int, bytes]], int]:
     """(messages by channel id, definitions as (opcode, body) one by one, bytes at the end that are
     no whole record).
 
@@ -116,7 +118,7 @@ def split(data: bytes) -> tuple[dict[int, Table], Iterator[tuple[int, bytes]], i
     tables = {}
     for channel in np.unique(ids).tolist():
         which = ids == channel
-        tables[channel] = Table(
+        tables[channel] = MessageTable(
             data, starts[which] + MESSAGE_HEAD_BYTES, sizes[which], times[which]
         )
     return tables, definitions, len(data) - end

@@ -98,7 +98,7 @@ def _most_digits(what: Whole, power: Whole) -> Whole:
 
 
 @compiled
-def learn(
+def learn_alike(
     data: Bytes,
     begin: Whole,
     stop: Whole,

@@ -63,7 +63,7 @@ class Columns:
     errors: int | None = None
 
 
-def assign(layout: Layout, setup: Setup, name: str) -> Columns:
+def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
     """The columns of the setup's channels.
 
     ReadError where none is there; SetupError where `[log] time` names no column.
@@ -75,7 +75,7 @@ def assign(layout: Layout, setup: Setup, name: str) -> Columns:
         if by_wavelength(layout, what):
             peaks.append(channel)
             continue
-        column = find(layout, what.source)
+        column = find_column(layout, what.source)
         if column is None:
             missing[channel] = _absent(layout, what.source)
         else:
@@ -192,7 +192,9 @@ def by_wavelength(layout: Layout, channel: ChannelSetup) -> bool:
         or (unnamed and not layout.ragged)
     ):
         return True
-    return channel.window_nm is not None and (layout.ragged or find(layout, channel.source) is None)
+    return channel.window_nm is not None and (
+        layout.ragged or find_column(layout, channel.source) is None
+    )
 
 
 def _keeps_places(layout: Layout) -> bool:
@@ -208,7 +210,7 @@ def _trailing(layout: Layout) -> bool:
     return len(layout.names) == layout.width - 1 and layout.kinds[layout.width - 1] == "blank"
 
 
-def find(layout: Layout, source: str) -> int | None:
+def find_column(layout: Layout, source: str) -> int | None:
     """The column of a source, None where there is none."""
     if match := re.fullmatch(r"#(\d+)", source.strip()):
         column = int(match[1]) - 1
@@ -256,7 +258,7 @@ def _time(
 ) -> tuple[int | None, int | None, str, float]:
     """(column, column of the time of day, form, seconds a unit) of the stamps."""
     if setup.log.time:
-        column = find(layout, setup.log.time)
+        column = find_column(layout, setup.log.time)
         if column is None:
             raise SetupError(
                 f"[log] time: {_absent(layout, setup.log.time)}; mend time in the setup",

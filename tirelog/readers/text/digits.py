@@ -111,7 +111,7 @@ def leading_digits(word: Whole) -> Whole:
 
 
 @compiled
-def number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole]:
+def digits_number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole]:
     """(m, e, place behind) of the number at `at`; the place is -1 where there is none, or too many
     digits.
 

@@ -23,12 +23,12 @@ from tirelog.readers.text.alike import LARGEST
 from tirelog.readers.text.digits import Block, bytes_of
 from tirelog.readers.text.kernels import cells, separated
 from tirelog.readers.text.numbers import cell_numbers
-from tirelog.readers.text.rows import ERROR_CODE, Parsed, Plan, joined, without_lost
+from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 
-def flat(plan: Plan, line: int, block: Block) -> Parsed:
+def flat(plan: RowPlan, line: int, block: Block) -> Parsed:
     """The block, which a newline ends, cell by cell; `line` is the number of its first line."""
     layout = plan.layout
     data = bytes_of(block)
@@ -67,7 +67,7 @@ class _Rows:
     Row i has the cells first[i] to first[i + 1].
     """
 
-    plan: Plan
+    plan: RowPlan
     line: int
     block: Block
     data: NDArray[np.uint8]
@@ -154,7 +154,7 @@ class _Rows:
         rows = np.arange(self.first.size - 1)
         if columns.form != "number":
             parts = [(columns.time, columns.form), (columns.clock, "hms")]
-            return joined(
+            return joined_blocks(
                 [
                     column_ns(self.data, *self._span(rows, k), form, self.plan.us)
                     for k, form in parts

@@ -5,9 +5,9 @@
     cells      a block of anything to its cells, with the number in each
     separated, collapsed      small helpers
 
-`rows` hands rows that are written like the one above to `alike`, and takes others cell by cell: it
-measures a cell's digits a word at a time and loads them as words; only a cell that is written
-otherwise is read byte by byte.
+`parse_rows` hands rows that are written like the one above to `alike`, and takes others cell by
+cell: it measures a cell's digits a word at a time and loads them as words; only a cell that is
+written otherwise is read byte by byte.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tirelog.readers.text.alike import (
     WHAT,
     Counts,
     alike_rows,
-    learn,
+    learn_alike,
     unlearnt,
 )  # fmt: skip
 from tirelog.readers.text.digits import (
@@ -43,8 +43,8 @@ from tirelog.readers.text.digits import (
     Whole,
     as_count,
     as_float,
+    digits_number,
     leading_digits,
-    number,
     value_of,
     word,
 )
@@ -130,7 +130,7 @@ def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
 
 
 @compiled
-def rows(
+def parse_rows(
     data: Bytes, at: Whole, guides: IntArray, separator: int, decimal: int, least: int, rest: bool,
     begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray,
     hard: IntArray,
@@ -155,7 +155,7 @@ def rows(
         if wait == 0 and used == kept:  # the row above left nothing to the caller
             first_row, many = (
                 r,
-                learn(data, begin, at, guides, separator, decimal, pattern, template),
+                learn_alike(data, begin, at, guides, separator, decimal, pattern, template),
             )
             if many:
                 r, at = alike_rows(
@@ -225,7 +225,7 @@ def rows(
             start = stop = at
             if not ended and COUNT <= what <= TICK:
                 start = _after_blanks(data, at, separator)
-                m, e, stop = number(data, start, decimal)
+                m, e, stop = digits_number(data, start, decimal)
                 if stop >= 0:
                     end = _after_blanks(data, stop, separator)
                     if data[end] == separator or data[end] == 10:
@@ -315,7 +315,7 @@ def cells(
         column = cell - first[row]
         wanted = column >= text.size or not text[column]
         if wanted:
-            m, e, stop = number(data, start, decimal)
+            m, e, stop = digits_number(data, start, decimal)
         end = _after_blanks(data, max(stop, start), separator)
         if data[end] != separator and data[end] != 10:
             stop = -1

@@ -99,7 +99,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
         sample = [clean[i] for i in full[-tail:]]
         timed = sum(bool(_TIMED.match(line)) for line in sample) > len(sample) // 2
         separator, decimal = _separator(sample, timed, given)
-        cells = {i: split(clean[i], separator, timed) for i in full}
+        cells = {i: split_cells(clean[i], separator, timed) for i in full}
         first = (
             _first_row(full, cells, decimal, tail)
             if given.header_rows is None
@@ -199,7 +199,7 @@ def _mostly_nul(head: bytes) -> bool:
     return 2 * sum(b"\0" in line for line in lines) >= len(lines)
 
 
-def split(line: str, separator: str, timed: bool = False) -> list[str]:
+def split_cells(line: str, separator: str, timed: bool = False) -> list[str]:
     """A line's cells, without blanks and quotes around them; a separator behind the last cell makes
     one more, blank cell.
     """
@@ -238,7 +238,7 @@ def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, st
         for decimal in given.decimal or ".,":
             if separator == decimal:
                 continue
-            cells = [split(line, separator, timed) for line in sample]
+            cells = [split_cells(line, separator, timed) for line in sample]
             flat = [cell for row in cells for cell in row]
             known = sum(_kind(cell, decimal) != "text" for cell in flat) / max(len(flat), 1)
             many = sum(map(len, cells)) / len(cells)

@@ -17,10 +17,10 @@ import numpy as np
 
 from tirelog.readers.text.digits import Block
 from tirelog.readers.text.flat import flat
-from tirelog.readers.text.plain import plain
-from tirelog.readers.text.rows import Parsed, Plan, concatenated, normalized
+from tirelog.readers.text.plain import plain_rows
+from tirelog.readers.text.rows import Parsed, RowPlan, concatenated_rows, normalized
 
-__all__ = ["Parsed", "Plan", "parse"]
+__all__ = ["Parsed", "RowPlan", "parse_block"]
 
 
 #: bytes that are read carefully at once, from a row on that is unlike the others: more where the
@@ -28,7 +28,7 @@ __all__ = ["Parsed", "Plan", "parse"]
 _PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18
 
 
-def parse(plan: Plan, block: Block) -> Parsed:
+def parse_block(plan: RowPlan, block: Block) -> Parsed:
     """The rows of one block, whose lines count from 0."""
     if block.isspace():
         return Parsed(
@@ -46,7 +46,7 @@ def parse(plan: Plan, block: Block) -> Parsed:
     while at < len(block):
         if plan.regular:
             begin = at
-            parsed, at, careful = plain(plan, block, at)
+            parsed, at, careful = plain_rows(plan, block, at)
             parsed.bad_cells = [(line + row, what) for row, what in parsed.bad_cells]
             line += parsed.size
             parts.append(parsed)
@@ -56,6 +56,6 @@ def parse(plan: Plan, block: Block) -> Parsed:
             parts.append(flat(plan, line, block[at:stop]))
             line += block.count(b"\n", at, stop)
             at = stop
-    parsed = concatenated(parts, plan.places)
+    parsed = concatenated_rows(parts, plan.places)
     parsed.lines = line
     return parsed

@@ -19,9 +19,9 @@ import numpy as np
 from tirelog.readers.base import Samples, counted_floats
 from tirelog.readers.text.alike import COUNT, FLOAT, GUIDE, SPAN, TICK, TOO_WIDE
 from tirelog.readers.text.digits import Block, bytes_of
-from tirelog.readers.text.kernels import rows
+from tirelog.readers.text.kernels import parse_rows
 from tirelog.readers.text.numbers import cell_numbers
-from tirelog.readers.text.rows import ERROR_CODE, Parsed, Plan, joined, without_lost
+from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
@@ -31,7 +31,7 @@ _ROWS, _HARD = 1 << 16, 1 << 15
 _MOST_PLACES = 9
 
 
-def plain(plan: Plan, block: Block, at: int) -> tuple[Parsed, int, bool]:
+def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]:
     """(rows from the byte `at` of the block on, byte behind them, whether the row there is one for
     the careful way).
 
@@ -56,7 +56,7 @@ def plain(plan: Plan, block: Block, at: int) -> tuple[Parsed, int, bool]:
 class _Table:
     """What the compiled pass made of the rows of a block: `size` rows, up to the byte `stop`."""
 
-    def __init__(self, plan: Plan, block: Block, at: int) -> None:
+    def __init__(self, plan: RowPlan, block: Block, at: int) -> None:
         self.plan, self.block, self.columns = plan, block, plan.columns
         self.whats, self.slots = self._roles()
         guides = np.zeros((plan.across, GUIDE), np.int64)
@@ -74,7 +74,7 @@ class _Table:
             np.empty((spans, lines, 2), np.int64),
         )
         hard = np.empty((_HARD + plan.across, 4), np.int64)
-        self.size, self.stop, used = rows(
+        self.size, self.stop, used = parse_rows(
             data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least,
             plan.layout.ragged, self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
         )  # fmt: skip
@@ -179,7 +179,7 @@ class _Table:
             ]
         data = bytes_of(self.block)
         parts = [(columns.time, columns.form), (columns.clock, "hms")]
-        return joined(
+        return joined_blocks(
             [
                 column_ns(data, *self._spans(k), form, self.plan.us)
                 for k, form in parts

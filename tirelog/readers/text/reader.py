@@ -28,7 +28,7 @@ from tirelog.errors import ReadError
 from tirelog.readers.base import Group, RawBlock, ReadReport, Samples, lost_samples
 from tirelog.readers.text.columns import (
     Columns,
-    assign,
+    assign_columns,
     decimals,
     most_decimals,
     placed,
@@ -36,8 +36,8 @@ from tirelog.readers.text.columns import (
     start_iso,
     stated_units,
 )
-from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split
-from tirelog.readers.text.parse import Parsed, Plan, parse
+from tirelog.readers.text.layout import LOST_WORDS, Layout, filled, is_number, sniff, split_cells
+from tirelog.readers.text.parse import Parsed, RowPlan, parse_block
 from tirelog.readers.text.peaks import GratingTracker
 from tirelog.readers.text.source import LONGEST_LINE_BYTES, ByteSource
 from tirelog.readers.text.times import MISSING, month_first, unwrap_midnight
@@ -80,7 +80,7 @@ class TextReader:
                 file=name,
             )
         self.layout = placed(sniff(head, name, setup.log))
-        self.columns = assign(self.layout, setup, name)
+        self.columns = assign_columns(self.layout, setup, name)
         setup, said = with_stated_units(setup, stated_units(self.layout, self.columns))
         self.setup = setup
         self._plan = _plan(self.layout, self.columns, setup)
@@ -177,7 +177,7 @@ class TextReader:
             number, block = next(blocks, (0, None))
         if block is None:
             return None
-        parsed = parse(self._plan, self._whole(block))
+        parsed = parse_block(self._plan, self._whole(block))
         self._source.reuse(block)
         return number, parsed
 
@@ -293,7 +293,7 @@ def cut_off(layout: Layout, line: str) -> bool:
     """True where a last line without its newline is shorter than the rows before it: in cells, in
     peaks, or in its last decimals.
     """
-    cells = split(line, layout.separator, layout.timed)
+    cells = split_cells(line, layout.separator, layout.timed)
     usual = layout.rows[:-1]
     if not usual:
         return len(cells) < layout.width
@@ -324,7 +324,7 @@ def cut_off(layout: Layout, line: str) -> bool:
     return len(lengths) == 1 and most_decimals([last], layout.decimal) < lengths.pop()
 
 
-def _plan(layout: Layout, columns: Columns, setup: Setup) -> Plan:
+def _plan(layout: Layout, columns: Columns, setup: Setup) -> RowPlan:
     time = columns.time or 0  # a form of stamp is there only with a column of stamps
     stamps = [row[time] for row in layout.rows if len(row) > time]
     us = columns.form == "dmy" and month_first(stamps)
@@ -354,7 +354,7 @@ def _plan(layout: Layout, columns: Columns, setup: Setup) -> Plan:
         if setup.channels[channel].kind.startswith("fbg_")
     }
     places = {column: decimals(layout, column) for column in columns.values.values()}
-    return Plan(
+    return RowPlan(
         layout,
         columns,
         us,

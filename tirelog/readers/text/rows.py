@@ -49,7 +49,7 @@ class Parsed:
     bad_cells: list[tuple[int, str]] = field(default_factory=list)
 
 
-def concatenated(parts: list[Parsed], places: Mapping[int, int | None]) -> Parsed:
+def concatenated_rows(parts: list[Parsed], places: Mapping[int, int | None]) -> Parsed:
     """The rows of several pieces after one another; a column of which a piece is no counts is all
     floats.
     """
@@ -92,7 +92,7 @@ def _stamps(part: Parsed) -> Nanoseconds | FloatArray:
 
 
 @dataclass(frozen=True)
-class Plan:
+class RowPlan:
     """What to take out of every block: the layout, the columns, and whether dates have the month
     first (`us`).
 
@@ -174,7 +174,7 @@ def without_lost(wavelengths: FloatArray) -> FloatArray:
     return np.where((wavelengths == 0.0) | (wavelengths == -1.0), np.nan, wavelengths)
 
 
-def joined(stamps: list[Nanoseconds]) -> Nanoseconds:
+def joined_blocks(stamps: list[Nanoseconds]) -> Nanoseconds:
     """Date plus time of day."""
     if len(stamps) == 1:
         return stamps[0]

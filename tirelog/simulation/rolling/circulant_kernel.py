@@ -119,7 +119,7 @@ def solve(system: Factors, right: FloatArray, x: FloatArray) -> None:
 
 
 @compiled
-def apply(stencil: FloatArray, x: FloatArray, out: FloatArray) -> None:
+def apply_circulant(stencil: FloatArray, x: FloatArray, out: FloatArray) -> None:
     """The circulant of `stencil` times x (N,)."""
     size = x.size
     for i in range(HALF, size - HALF):

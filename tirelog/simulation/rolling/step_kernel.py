@@ -21,7 +21,14 @@ from __future__ import annotations
 import numpy as np
 
 from tirelog.runtime import compiled
-from tirelog.simulation.rolling.circulant_kernel import HALF, Factors, apply, factor, factors, solve
+from tirelog.simulation.rolling.circulant_kernel import (
+    HALF,
+    Factors,
+    apply_circulant,
+    factor,
+    factors,
+    solve,
+)
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: functions that live on an element
@@ -165,8 +172,8 @@ def kick(
     work: FloatArray,
 ) -> tuple[float, float, float]:  # fmt: skip
     """Impulses of the road (`work[0]` on the coefficients, `torque`), of hub and drive (`order`:
-    see `run`) over one step, and the spin that follows; leaves the spin of the next belt step's
-    middle. The sidewall's force on the hub backwards and upwards, and the spin.
+    see `run_steps`) over one step, and the spin that follows; leaves the spin of the next belt
+    step's middle. The sidewall's force on the hub backwards and upwards, and the spin.
     """
     load, kicked, swirled, spun, pulling = work[0], work[1], work[2], work[3], work[4]
     turn_c, turn_s = np.cos(state[ANGLE]), np.sin(state[ANGLE])
@@ -192,9 +199,9 @@ def kick(
     momentum = state[MOMENTUM]
     state[MOMENTUM] += step * (order[3] + torque - off)
     # spin: L = (J + v S v) W + u G v + R m u, and a change of spin kicks the belt by -(G v + R m)
-    apply(stencils[1], v, swirled)
+    apply_circulant(stencils[1], v, swirled)
     solve(mass, swirled, spun)
-    apply(stencils[2], v, pulling)
+    apply_circulant(stencils[2], v, pulling)
     pulled = own = carried = carried_before = mean = mean_before = 0.0
     for j in range(v.size):
         pulled += v[j] * pulling[j]
@@ -245,8 +252,8 @@ def belt_step(
                 + 0.5 * step * place[d]
             )
         factor(system)
-    apply(stencils[0], u, right)
-    apply(place, v, pushed)
+    apply_circulant(stencils[0], u, right)
+    apply_circulant(place, v, pushed)
     for j in range(v.size):
         right[j] = 2.0 * right[j] - step * pushed[j]
     solve(system, right, moved)
@@ -266,7 +273,7 @@ def belt_step(
 
 
 @compiled
-def run(
+def run_steps(
     v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray,
     basis: FloatArray, circle: FloatArray, middles: FloatArray, corner: FloatArray,
     height: FloatArray, tread: FloatArray, seen: IntArray, drive: FloatArray, riders: FloatArray,

@@ -39,7 +39,7 @@ class Rider:
 
 
 @dataclass(frozen=True)
-class Motion:
+class TireMotion:
     """Columns over time (k,): wheel angle [rad], spin, height of the hub, road's force forward and
     upwards, contact's edges behind the axle [m] (NaN in the air), sidewall's force on the hub
     forward and upwards; `read` (k, rows) the riders' readings.
@@ -58,7 +58,7 @@ class Motion:
     read: FloatArray
 
     @classmethod
-    def of(cls, time_s: FloatArray, table: FloatArray) -> Motion:
+    def of(cls, time_s: FloatArray, table: FloatArray) -> TireMotion:
         angle, spin, hub_z, *forces, spindle_x, spindle_z = table[:, : kernel.COLUMNS].T
         force_x, force_z, entry, exit_ = forces
         return cls(
@@ -247,7 +247,7 @@ class RollingTire:
         )
         weights, begin = _packed(rows)
         table = np.empty((-(-drive.shape[0] // every), kernel.COLUMNS + rows.shape[0]))
-        told = kernel.run(
+        told = kernel.run_steps(
             self.v, self.u, self.state, self.constants, self._stencils, self._basis, self._circle,
             self._middles, self.profile.corner_m, self.profile.height_m, self._tread, self._seen,
             np.ascontiguousarray(drive, np.float64), weights, begin, self.step_s, self.now, every,

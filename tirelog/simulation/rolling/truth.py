@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from tirelog.simulation.rolling.profile import begins
 from tirelog.simulation.rolling.world import RolledWorld
-from tirelog.simulation.steady.truth import truth_of
+from tirelog.simulation.steady.truth import steady_truth
 from tirelog.vocabulary.arrays import FloatArray
 
 
 def truth_of_rolled(world: RolledWorld, pitch_rad: Mapping[str, FloatArray]) -> dict[str, Any]:
     """The whole truth of a log: that of other truths, and `coupled_ring`."""
-    truth = truth_of(world, pitch_rad, partial(_passages, world))
+    truth = steady_truth(world, pitch_rad, partial(_passages, world))
     return {
         **truth,
         "load_steps": [asdict(step) for step in world.scenario.load_steps],

@@ -25,7 +25,7 @@ from tirelog.simulation.rolling.belt import Belt
 from tirelog.simulation.rolling.profile import profile_of
 from tirelog.simulation.rolling.splines import Splines
 from tirelog.simulation.rolling.step_kernel import COLUMNS, OUT_ANGLE
-from tirelog.simulation.rolling.tire import Motion, Rider, RollingTire, standing
+from tirelog.simulation.rolling.tire import Rider, RollingTire, TireMotion, standing
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Drive, Roughness
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING, Trace, lagrange
@@ -130,7 +130,7 @@ class RolledWorld(World):
 
     # ---- the roll --------------------------------------------------------------------------------
 
-    def _rolled(self) -> tuple[Motion, dict[str, Ridden]]:
+    def _rolled(self) -> tuple[TireMotion, dict[str, Ridden]]:
         """The motion from just before the log to just behind it, and every riding sensor's."""
         scenario, step = self.scenario, self.scenario.step_s
         riding = {name: s for name, s in scenario.channels.items() if s.kind in RIDING}
@@ -165,7 +165,7 @@ class RolledWorld(World):
                 self._orders(moment), every=every, riders=riders
             )
         table[:, OUT_ANGLE] -= zero
-        motion = Motion.of(-before + step * every * np.arange(table.shape[0]), table)
+        motion = TireMotion.of(-before + step * every * np.arange(table.shape[0]), table)
         return motion, {
             name: self._place(motion, 3 * k, np.radians(s.angle_deg))
             for k, (name, s) in enumerate(riding.items())
@@ -205,7 +205,7 @@ class RolledWorld(World):
             )
         )
 
-    def _place(self, motion: Motion, first: int, angle_rad: float) -> Ridden:
+    def _place(self, motion: TireMotion, first: int, angle_rad: float) -> Ridden:
         v, w, strain = motion.read[:, first : first + 3].T
         phi = motion.angle_rad - angle_rad
         arm = self.belt.radius_m + w

@@ -45,7 +45,7 @@ class Stretch:
     load_factor: float
 
 
-def stretches(scenario: Scenario, random: np.random.Generator) -> list[Stretch]:
+def drive_stretches(scenario: Scenario, random: np.random.Generator) -> list[Stretch]:
     """The manoeuvres in order, regimes named, load scatter drawn."""
     out: list[Stretch] = []
     start, speed = 0.0, scenario.manoeuvres[0].speed_m_s
@@ -140,7 +140,7 @@ class Drive:
 
 def drive_of(scenario: Scenario, random: np.random.Generator) -> Drive:
     """The scenario's manoeuvres as a Drive."""
-    parts = stretches(scenario, random)
+    parts = drive_stretches(scenario, random)
     radius = scenario.tire.rolling_radius_m
     time = np.arange(0.0, parts[-1].end_s + STEP_S, STEP_S)
     corners = np.array([0.0, *(p.end_s for p in parts)])

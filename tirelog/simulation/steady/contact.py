@@ -45,7 +45,7 @@ class _TooNarrow(Exception):
     """The contact reaches the end of the sector."""
 
 
-class FlatRoad:
+class FlatRoadContact:
     """The contact problem of one scenario's ring; remembers compliances, and the last contact as
     the next one's start.
     """

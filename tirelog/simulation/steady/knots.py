@@ -38,7 +38,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Chunk:
+class KnotChunk:
     """The span's samples lie between the knots of `solutions`: its first knot is one step before
     the span, its last two steps behind. Solutions at the loads 1, 1 + LOAD_STEP, 1 - LOAD_STEP; the
     first alone on a smooth road.
@@ -49,7 +49,9 @@ class Chunk:
     solutions: list[Solution]
 
 
-def plan(drive: Drive, step_s: float, quick: bool, start_s: float, end_s: float) -> list[Span]:
+def plan_knots(
+    drive: Drive, step_s: float, quick: bool, start_s: float, end_s: float
+) -> list[Span]:
     """The spans from start_s to end_s, in order; finer ones where `quick` and the acceleration
     changes.
     """
@@ -83,15 +85,15 @@ def plan(drive: Drive, step_s: float, quick: bool, start_s: float, end_s: float)
     return spans
 
 
-def chunks(world: World, start_s: float, end_s: float) -> Iterator[Chunk]:
+def chunks(world: World, start_s: float, end_s: float) -> Iterator[KnotChunk]:
     """Every span of the plan with its solutions."""
     scenario = world.scenario
     quick = (
         scenario.planted("traction") is not None or scenario.planted("load_transfer") is not None
     )
     factors = (1.0, 1.0 + LOAD_STEP, 1.0 - LOAD_STEP) if scenario.road.roughness else (1.0,)
-    for span in plan(world.drive, scenario.knot_s, quick, start_s, end_s):
+    for span in plan_knots(world.drive, scenario.knot_s, quick, start_s, end_s):
         times = np.asarray(span.start_s + np.arange(-1, span.steps + 2) * span.step_s, float)
         middle = world.solve(world.instants(times))
         rest = [world.solve(world.instants(times, f), middle.w * f) for f in factors[1:]]
-        yield Chunk(span, times.size, [middle, *rest])
+        yield KnotChunk(span, times.size, [middle, *rest])

@@ -32,7 +32,7 @@ Passages = Callable[[str, float], dict[str, FloatArray]]
 MOTION_STEP_S = 0.05
 
 
-def truth_of(
+def steady_truth(
     world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages | None = None
 ) -> dict[str, Any]:
     """The whole truth of a log; `passed` gives a channel's passages where they are not the steady

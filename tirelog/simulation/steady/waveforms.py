@@ -18,7 +18,7 @@ from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors import ramp
 from tirelog.simulation.steady.carcass import carcass, curvature_operator
-from tirelog.simulation.steady.contact import FlatRoad
+from tirelog.simulation.steady.contact import FlatRoadContact
 from tirelog.simulation.steady.loads import Friction, Instants, friction, parabola, pressure
 from tirelog.simulation.steady.operators import ComplexArray, Ring
 from tirelog.simulation.steady.strains import extra_strain, seen_by
@@ -51,7 +51,7 @@ class World:
         self.ring = Ring(scenario.grid_points, 2.0 * np.pi * scenario.tire.rolling_radius_m)
         self.curvature = curvature_operator(scenario, self.ring)
         flat = scenario.truth == "ring" and scenario.tire.contact == "flat_road"
-        self.road = FlatRoad(scenario, self.ring) if flat else None
+        self.road = FlatRoadContact(scenario, self.ring) if flat else None
 
     # ---- conditions ------------------------------------------------------------------------------
 

@@ -161,7 +161,7 @@ class PassageFits:
             getattr(self, f.name)[rows] = getattr(other, f.name)
 
 
-def fit(
+def fit_edges(
     windows: PatchWindows, motion: FloatArray, tables: FormTables, number: IntArray, noise: float
 ) -> PassageFits:
     """The rows of `windows`, which move as `motion` says (`PatchWindows.motion`), each against the

@@ -21,7 +21,7 @@ from tirelog.dsp.lowpass import Cutoff
 from tirelog.strain.footprint.fit import PassageFits
 from tirelog.strain.footprint.kernels import FITTED
 from tirelog.strain.footprint.learn import Learnt, learn_reference
-from tirelog.strain.footprint.measure import Measured, find_onsets, measure
+from tirelog.strain.footprint.measure import Measured, find_onsets, measure_windows
 from tirelog.strain.footprint.refine import REMARKABLE
 from tirelog.strain.footprint.slip_onset import SlipOnset
 from tirelog.strain.passages.find import Passages
@@ -97,7 +97,7 @@ def footprint(
         if cutoff.unit == "auto":
             asked = np.minimum(asked, 0.9 * nyquist)
         lowpass_Hz = np.minimum(asked, 0.98 * nyquist)
-        look = measure(channel, passages, learnt, lowpass_Hz, work, block_samples)
+        look = measure_windows(channel, passages, learnt, lowpass_Hz, work, block_samples)
         left_out = np.zeros(n, bool)
         for _ in range(MOST_LEARNT):
             if not _mixed(learnt, work) or not (work.driven & ~left_out).any():
@@ -107,7 +107,7 @@ def footprint(
             if freed is None:
                 break
             learnt, work = freed, Measured.empty(n)
-            look = measure(channel, passages, learnt, lowpass_Hz, work, block_samples)
+            look = measure_windows(channel, passages, learnt, lowpass_Hz, work, block_samples)
         if look is not None:
             find_onsets(look, work)
     return _assembled(passages, learnt, work, asked, nyquist, speed, acceleration)

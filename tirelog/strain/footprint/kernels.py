@@ -136,7 +136,7 @@ def own_inverse(
 
 
 @compiled
-def apply(inverse: FloatArray, right: FloatArray, out: FloatArray) -> None:
+def apply_inverse(inverse: FloatArray, right: FloatArray, out: FloatArray) -> None:
     """`inverse` times the first OWN of `right`."""
     for i in range(OWN):
         value = 0.0
@@ -173,7 +173,7 @@ def fitted(
     `bends` (3, OWN): the inverse times the right side, and times the two quadratic columns.
     """
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
-        apply(inverse, gram[column], bends[k])
+        apply_inverse(inverse, gram[column], bends[k])
     for turn in range(ROUNDS + 1):
         for i in range(OWN):
             whole[i] = bends[0, i] - (
@@ -267,11 +267,11 @@ def class_sums(
             continue
         products(columns, used, wide, gram)
         own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
-        apply(inverse, gram[wide], own)
+        apply_inverse(inverse, gram[wide], own)
         for i in range(OWN):
             rows[row, i] = own[i]
         for s in range(shared):
-            apply(inverse, gram[OWN + s], cross[s])
+            apply_inverse(inverse, gram[OWN + s], cross[s])
             sums[s, shared + 1] -= cross[s, LENGTH]
         for s in range(shared):
             for t in range(shared + 1):

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.strain.footprint.family import HIGHEST, LOWEST, EdgeFamily
 from tirelog.strain.footprint.reference import Average, Reference, average, fit_averages
-from tirelog.strain.footprint.refine import Sample, refine
-from tirelog.strain.footprint.windows import gather_windows, joined
+from tirelog.strain.footprint.refine import Sample, refine_edges
+from tirelog.strain.footprint.windows import gather_windows, joined_windows
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -202,7 +202,7 @@ def _samples(
                 channel, passages.sign, passages.index, same, chosen, block_samples
             )
         ]
-        windows = joined(parts)
+        windows = joined_windows(parts)
         out.append(Sample(windows, windows.motion(speed, acceleration)))
     return sorted(out, key=lambda sample: sample.speed_m_s)
 
@@ -253,9 +253,11 @@ def _from_averages(
         passages.radius_m,
         rough_m,
     )
-    straight = refine(start, samples, passages.noise, half_window_m)
+    straight = refine_edges(start, samples, passages.noise, half_window_m)
     ring = EdgeFamily(start.family.radius_m, start.family.highest_1_m, closed=True)
-    return straight, refine(replace(straight, family=ring), samples, passages.noise, half_window_m)
+    return straight, refine_edges(
+        replace(straight, family=ring), samples, passages.noise, half_window_m
+    )
 
 
 def _better_first(both: tuple[Reference, ...]) -> tuple[Reference, Reference]:
@@ -294,7 +296,7 @@ def learn_reference(
         None
         if like is None
         else tuple(
-            refine(_at(one, samples), samples, passages.noise, window)
+            refine_edges(_at(one, samples), samples, passages.noise, window)
             for one in (like.reference, like.other)
         )
     )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.strain.footprint.fit import FormTables, PassageFits, fit
+from tirelog.strain.footprint.fit import FormTables, PassageFits, fit_edges
 from tirelog.strain.footprint.learn import ENOUGH_STEADY, FREE_ROLLING_M_S2, Learnt
 from tirelog.strain.footprint.plain_edges import DENSE, SEARCH, Edges, find_edges
 from tirelog.strain.footprint.slip_onset import (
@@ -101,7 +101,7 @@ class Forms:
         return self._tractions[number]
 
 
-def measure(
+def measure_windows(
     channel: Channel,
     passages: Passages,
     learnt: Learnt,
@@ -160,7 +160,7 @@ def measure(
 
 @dataclass(frozen=True)
 class Look:
-    """Windows of some rows again, for the tractions: what `measure` knows of all rows (n,)."""
+    """Windows of some rows for the tractions: what `measure_windows` knows of all rows (n,)."""
 
     channel: Channel
     passages: Passages
@@ -264,7 +264,7 @@ def _fit_alike(
     speed is.
     """
     row = windows.row
-    fits = fit(windows, windows.motion(*motions), forms.tables, number, noise)
+    fits = fit_edges(windows, windows.motion(*motions), forms.tables, number, noise)
     work.fits.put(row, fits)
     known = np.isfinite(fits.length_m)
     work.slip.reason[row] = np.where(known, np.where(vague[row], SPEED_UNKNOWN, TOO_SMALL), NO_FORM)

@@ -18,7 +18,7 @@ from tirelog.strain.footprint.kernels import (
     OWN,
     SHIFT,
     SPARE,
-    apply,
+    apply_inverse,
     bend,
     fitted,
     look_up,
@@ -68,7 +68,7 @@ def _beside(
         right += wave[k] * columns[k, FITTED]
         for i in range(FITTED):
             along[i] += columns[k, i] * wave[k]
-    apply(inverse, along, moved)
+    apply_inverse(inverse, along, moved)
     free = own
     for i in range(OWN):
         free -= along[i] * moved[i]
@@ -149,7 +149,7 @@ def _joint(
     products(columns, used, wide, gram)
     own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
-        apply(inverse, gram[column], bends[k])
+        apply_inverse(inverse, gram[column], bends[k])
     rough, top, lowest = abs(bends[0, HEIGHT]), 0, np.inf
     for t in range(tried.size):
         _wave(waves, tried[t], place, used, wave)

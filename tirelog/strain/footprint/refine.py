@@ -145,7 +145,7 @@ def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Refere
     )
 
 
-def refine(
+def refine_edges(
     reference: Reference,
     samples: list[Sample],
     noise: float,

@@ -139,12 +139,12 @@ def gather_windows(
                 )
             )
             if sum(part.values.size for part in held) >= _AT_ONCE:
-                yield joined(waiting.pop(size))
+                yield joined_windows(waiting.pop(size))
     for held in waiting.values():
-        yield joined(held)
+        yield joined_windows(held)
 
 
-def joined(parts: list[PatchWindows]) -> PatchWindows:
+def joined_windows(parts: list[PatchWindows]) -> PatchWindows:
     """Windows of one length and rate after one another."""
     if len(parts) == 1:
         return parts[0]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
-from tirelog.runs.in_memory import held
+from tirelog.runs.in_memory import in_memory
 from tirelog.strain.passages import marks
 from tirelog.strain.passages.decimate import AT_ONCE
 from tirelog.strain.passages.fit import Signal
@@ -29,7 +29,7 @@ from tirelog.strain.passages.gate import doubt, sentence
 from tirelog.strain.passages.kinematics import kinematics, turns_between
 from tirelog.strain.passages.match import match
 from tirelog.strain.passages.screen import one_turn
-from tirelog.strain.passages.search import search
+from tirelog.strain.passages.search import search_passages
 from tirelog.strain.passages.template import Template
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked, none_of
@@ -160,9 +160,9 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
 
     The rows do not depend on `block_samples`.  A log without passages, or all lost, gives no rows.
     """
-    channel = held(channel)
+    channel = in_memory(channel)
     sign = patch_sign(channel)
-    pulses, data = search(channel, sign, block_samples)
+    pulses, data = search_passages(channel, sign, block_samples)
     noise, extremes = data.noise, data.extremes
     del data  # memory
     if not len(pulses):

@@ -58,7 +58,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Fit:
+class PassageFit:
     """A row's result, shape (n,): `time_s`, `time_se_s`, `omega` [rad/s] with the stretch in it,
     `omega_se`, `height`, `offset`, `misfit` (rms residual), `used` samples, `lost`, `spike`,
     `clipped`, `outside`: whether the window holds such samples.
@@ -78,7 +78,9 @@ class Fit:
     outside: NDArray[np.bool_]
 
     @classmethod
-    def choose(cls, which: NDArray[np.bool_], there: Fit, elsewhere: Fit) -> Fit:
+    def choose(
+        cls, which: NDArray[np.bool_], there: PassageFit, elsewhere: PassageFit
+    ) -> PassageFit:
         """Rows of `there` where `which`, of `elsewhere` otherwise."""
         return cls(
             **{
@@ -172,7 +174,7 @@ def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
 
 
 def residuals(
-    windows: Windows, template: Template, found: Fit, alpha: FloatArray, rows: IntArray
+    windows: Windows, template: Template, found: PassageFit, alpha: FloatArray, rows: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Angles [rad] of the rows' samples, and what the template leaves of them over its height, (N,)
     each.
@@ -215,7 +217,9 @@ def _scratch() -> FloatArray:
     return np.empty((kernels.SCRATCH_ROWS, kernels.MOST_SAMPLES))
 
 
-def fit(windows: Windows, template: Template, start: Start, height: FloatArray) -> Fit:
+def fit_passages(
+    windows: Windows, template: Template, start: Start, height: FloatArray
+) -> PassageFit:
     """Each row's centre by the template; `height` (n,) a first guess."""
     fits = _Fits(windows.signal.noise, template, start, height)
     fits.fit(slice(None), windows.source, windows.spans)
@@ -224,8 +228,8 @@ def fit(windows: Windows, template: Template, start: Start, height: FloatArray) 
 
 def fit_blocks(
     signal: Signal, template: Template, start: Start, height: FloatArray, block_samples: int
-) -> Fit:
-    """`fit` of rows from all over the log, in order, a block of it at a time."""
+) -> PassageFit:
+    """`fit_passages` of rows from all over the log, in order, a block of it at a time."""
     fits = _Fits(signal.noise, template, start, height)
     spans, outside = _spans(signal, start, template.window_rad)
     empty = np.zeros(0)
@@ -257,10 +261,10 @@ class _Fits:
         made = self._found[part], self._used[part], self._marks[part]
         kernels.fit_rows(*source, *self._known, self._rows[part], spans, *made, self._scratch)
 
-    def found(self, outside: NDArray[np.bool_]) -> Fit:
+    def found(self, outside: NDArray[np.bool_]) -> PassageFit:
         time_s, time_se_s, omega, omega_se, height, offset, misfit = self._found.T.copy()
         lost, spike, clipped = self._marks.T.copy()
-        return Fit(
+        return PassageFit(
             time_s,
             time_se_s,
             omega,

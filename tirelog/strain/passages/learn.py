@@ -14,17 +14,17 @@ import numpy as np
 
 from tirelog.dsp.noise import NORMAL_MEDIAN
 from tirelog.strain.passages.fit import (
-    Fit,
+    PassageFit,
     Signal,
     Start,
     Windows,
     curve_sums,
-    fit,
+    fit_passages,
     gather,
     residuals,
 )
 from tirelog.strain.passages.search import Pulses
-from tirelog.strain.passages.template import WIDEST_RAD, Template, learn
+from tirelog.strain.passages.template import WIDEST_RAD, Template, learned_template
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: passages that the template is learnt from, in clusters of neighbours, and rounds
@@ -74,13 +74,13 @@ def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses)
     like = np.ones(chosen.size, bool)
     template: Template | None = None
     for _ in range(ROUNDS):
-        template = learn(
+        template = learned_template(
             curve_sums(windows.take(like), at.take(like), offset[like], height[like], window),
             window,
         )
         if template is None:
             return None
-        found = fit(windows, template, at, height)
+        found = fit_passages(windows, template, at, height)
         like = (found.height > 0.5 * np.median(height)) & (
             found.misfit < np.maximum(ALIKE * found.height, 3 * signal.noise)
         )
@@ -91,7 +91,9 @@ def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses)
     return replace(template, scatter=_scatter(windows, template, found, at.alpha))
 
 
-def _scatter(windows: Windows, template: Template, found: Fit, alpha: FloatArray) -> FloatArray:
+def _scatter(
+    windows: Windows, template: Template, found: PassageFit, alpha: FloatArray
+) -> FloatArray:
     """Standard deviation between turns beyond the noise at each angle of the template's table, over
     the height, (g,).
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
-from tirelog.strain.passages.fit import Fit
+from tirelog.strain.passages.fit import PassageFit
 from tirelog.strain.passages.kinematics import TURN_RAD
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.quality import Quality, QualityFlags, marked
@@ -24,7 +24,7 @@ LOST_SHARE = 0.3
 
 
 def window_quality(
-    channel: Channel, found: Fit, index: FloatArray, reach: FloatArray
+    channel: Channel, found: PassageFit, index: FloatArray, reach: FloatArray
 ) -> QualityFlags:
     """Quality words of each row's window, which lies within `reach` [samples] of `index`; (n,)."""
     flags = (

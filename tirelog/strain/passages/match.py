@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.strain.passages.decimate import AT_ONCE
-from tirelog.strain.passages.fit import Fit, Signal, Start, fit, fit_blocks, gather
+from tirelog.strain.passages.fit import PassageFit, Signal, Start, fit_blocks, fit_passages, gather
 from tirelog.strain.passages.kinematics import TURN_RAD, kinematics, may_have_stopped, turns_between
 from tirelog.strain.passages.learn import learn_template
 from tirelog.strain.passages.screen import one_turn, screen, usual, width_turns
@@ -44,15 +44,15 @@ TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
 
 @dataclass(frozen=True)
 class Matched:
-    """The fitted passages: the `pulses` that are left, the `start` of their fits, the `fit`,
-    standard errors of its times (n,); `standing`: the wheel stood in the passage (n,), `backwards`:
-    it rolled backwards (n,).
+    """The fitted passages: the `pulses` that are left, the `start` of their fits, the
+    `fit`, standard errors of its times (n,); `standing`: the wheel stood in the passage
+    (n,), `backwards`: it rolled backwards (n,).
     """
 
     template: Template | None
     pulses: Pulses
     start: Start
-    fit: Fit
+    fit: PassageFit
     time_se_s: FloatArray
     standing: NDArray[np.bool_]
     backwards: NDArray[np.bool_]
@@ -84,7 +84,9 @@ def match(signal: Signal, pulses: Pulses) -> Matched:
         start = _start(signal.channel, pulses, back[1:] != back[:-1])
         template = _learn(signal, start, pulses, ~back) or template
         found = _fit_all(signal, start, pulses.height, template)
-        found = Fit.choose(back, _fit_all(signal, start, pulses.height, template.mirrored()), found)
+        found = PassageFit.choose(
+            back, _fit_all(signal, start, pulses.height, template.mirrored()), found
+        )
     return _matched(signal, template, pulses, start, found, back)
 
 
@@ -103,7 +105,7 @@ def _matched(
     template: Template | None,
     pulses: Pulses,
     start: Start,
-    found: Fit,
+    found: PassageFit,
     back: NDArray[np.bool_],
 ) -> Matched:
     """The fits with what they say about themselves."""
@@ -123,7 +125,7 @@ def _matched(
     )
 
 
-def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
+def _foreign(found: PassageFit, start: Start, noise: float) -> NDArray[np.bool_]:
     """Pulses that are no passage by their fit: of another height than those around, or a bad fit
     between two that are one turn apart.
     """
@@ -144,7 +146,7 @@ def _foreign(found: Fit, start: Start, noise: float) -> NDArray[np.bool_]:
     return foreign
 
 
-def _doubt(found: Fit, noise: float) -> FloatArray:
+def _doubt(found: PassageFit, noise: float) -> FloatArray:
     """Factor on the standard error where a row fits far worse than most: its residual then is no
     white noise, (n,).
     """
@@ -180,19 +182,19 @@ def _start(channel: Channel, pulses: Pulses, turned: NDArray[np.bool_] | None = 
     )
 
 
-def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Template) -> Fit:
+def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Template) -> PassageFit:
     """All rows, a block of the log at a time."""
     return fit_blocks(signal, template, start, height, AT_ONCE)
 
 
-def _rough(signal: Signal, start: Start, pulses: Pulses) -> Fit:
+def _rough(signal: Signal, start: Start, pulses: Pulses) -> PassageFit:
     """Rows without a template: the middle of the half-level crossings, with an error of a tenth of
     the width.
     """
     n = len(pulses)
     no, nan = np.zeros(n, bool), np.full(n, np.nan)
     width_s = pulses.width / signal.channel.axis.rate_Hz
-    return Fit(
+    return PassageFit(
         start.time_s,
         0.1 * width_s,
         nan,
@@ -208,7 +210,9 @@ def _rough(signal: Signal, start: Start, pulses: Pulses) -> Fit:
     )
 
 
-def _backwards(signal: Signal, template: Template, start: Start, found: Fit) -> NDArray[np.bool_]:
+def _backwards(
+    signal: Signal, template: Template, start: Start, found: PassageFit
+) -> NDArray[np.bool_]:
     """Passages of a wheel that rolled backwards, shape (n,): stretches whose waveform fits better
     the other way round.
 
@@ -232,7 +236,7 @@ def _backwards(signal: Signal, template: Template, start: Start, found: Fit) -> 
         windows = gather(signal, some, template.window_rad)
         height = np.abs(found.height[rows])
         forth, other = (
-            fit(windows, shape, some, height) for shape in (template, template.mirrored())
+            fit_passages(windows, shape, some, height) for shape in (template, template.mirrored())
         )
         floor = signal.noise**2
         ratio = (forth.misfit**2 + floor) / (other.misfit**2 + floor)

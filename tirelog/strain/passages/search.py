@@ -117,7 +117,9 @@ def _without_plateaus(
     return peak[kept], left[kept], right[kept]
 
 
-def search(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> tuple[Pulses, Decimated]:
+def search_passages(
+    channel: Channel, sign: float, block_samples: int = AT_ONCE
+) -> tuple[Pulses, Decimated]:
     """The pulses of `channel`, and what they were found in. `sign` turns the patch upward.
 
     Radial acceleration, whose pulses grow with the square of the speed, is searched in units of its

@@ -103,7 +103,7 @@ def half_level(phi: FloatArray, values: FloatArray) -> tuple[float, float] | Non
     return float(0.5 * (entry + leave)), float(0.5 * (leave - entry))
 
 
-def learn(sums: CurveSums, window: float) -> Template | None:
+def learned_template(sums: CurveSums, window: float) -> Template | None:
     """The template of the samples in `sums`, within +-`window` [rad]; None where the curve has no
     two half-level crossings.
 
