@@ -362,7 +362,7 @@ def _calibration(options: Options) -> Calibration | None:
 
 
 def _inflation(recording: Recording, options: Options) -> Iterator[Part]:
-    from tirelog.strain.inflation_table import inflation_of
+    from tirelog.strain.inflation import inflation_of
 
     for found in inflation_of(recording, _ends_Pa(options)):
         yield Part("inflation", found.columns, found.remarks, found)

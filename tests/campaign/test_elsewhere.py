@@ -13,8 +13,8 @@ import pytest
 from tests.campaign.conftest import dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, dying_once, patient
 from tests.campaign.test_campaign import remove
-from tirelog.campaign import cluster as cluster_of
 from tirelog.campaign import runner
+from tirelog.campaign import runner as cluster_of
 from tirelog.cli import run
 from tirelog.storage import remote
 

@@ -13,7 +13,7 @@ import pytest
 
 from tests.campaign.conftest import MANIFEST, dataset
 from tests.cli.conftest import Command
-from tirelog.campaign import cluster
+from tirelog.campaign import runner
 from tirelog.campaign.ledger import Entry, _entry
 from tirelog.campaign.names import json_of
 from tirelog.campaign.remote_folder import _refuse_if_alive
@@ -106,7 +106,7 @@ def test_a_scheduler_that_does_not_answer(
     manifest: Path, tirelog: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(cluster, "_TIMEOUT_S", 0.5)
+    monkeypatch.setattr(runner, "_TIMEOUT_S", 0.5)
     with socket.socket() as deaf:  # a port of our own that takes no connection
         deaf.bind(("127.0.0.1", 0))
         outcome = tirelog(

@@ -15,8 +15,8 @@ import pytest
 from tests.campaign.conftest import MANIFEST, dataset, make_campaign
 from tests.campaign.processes import PATIENCE_S, killed_in_the_midst, patient, waited_for
 from tests.campaign.test_elsewhere import bucket, local_cluster, without_credentials  # noqa: F401
-from tirelog.campaign import cluster as cluster_of
 from tirelog.campaign import remote_folder
+from tirelog.campaign import runner as cluster_of
 from tirelog.campaign.folder import folder_at
 from tirelog.campaign.remote_folder import RemoteFolder
 from tirelog.cli import run

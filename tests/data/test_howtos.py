@@ -27,7 +27,7 @@ from tirelog.data.recording import Conditions, Recording
 from tirelog.data.setup import parse_setup
 from tirelog.diagnosis.leftover import _factors
 from tirelog.diagnosis.separation import ALLOWED
-from tirelog.diagnosis.unvaried import not_varied
+from tirelog.diagnosis.wording import not_varied
 from tirelog.errors import ModelError, SetupError
 from tirelog.inference.stacks.conditions import conditions_of
 from tirelog.inference.stacks.numbers import MEASURED

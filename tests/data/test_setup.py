@@ -6,7 +6,7 @@ import pytest
 
 from tirelog.data.setup import load_setup, parse_setup, setup_beside
 from tirelog.errors import SetupError
-from tirelog.runs.convert import scaled_to_si
+from tirelog.runs.column import scaled_to_si
 
 GOOD = """[tire]
 name = "215/45 R17"

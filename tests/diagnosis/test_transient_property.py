@@ -55,7 +55,8 @@ def noiseless(hit_s: float, phase: float = 0.7) -> TransientLog:
     flat = TransientLog(
         "made.csv", "groove", "outer", "strain", 0.305, ROAD, "", conditions, time,
         np.zeros(time.size), passages, np.arange(passages.size) * 1.0,
-        PassageAngle.through(passages), CubicSpline([0.0, 1.0], [0.0, 0.0]), SPIN, np.ones(time.size, bool), np.array([hit_s]),
+        PassageAngle.through(passages), CubicSpline([0.0, 1.0], [0.0, 0.0]), SPIN,
+        np.ones(time.size, bool), np.array([hit_s]),
         RATE,
     )  # fmt: skip
     transient, reached = motion_at(flat, MODEL, hit_s, 0.5)

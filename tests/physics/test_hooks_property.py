@@ -7,7 +7,7 @@ from tirelog.data.recording import Conditions
 from tirelog.physics.effects import CATALOGUE, Drive, Site
 from tirelog.physics.effects.base import REACH, Structure
 from tirelog.physics.model.entry import ModelEffect
-from tirelog.physics.model.task import Active, Task
+from tirelog.physics.model.stages import Active, Task
 
 CONDITIONS = Conditions.of(
     2,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tirelog.dsp.differentiator import bridged, differentiator
-from tirelog.strain.dissipation_kernels import SCRATCH_ROWS, revolution_sums
+from tirelog.strain.dissipation import SCRATCH_ROWS, revolution_sums
 
 
 @pytest.mark.parametrize("half", [10, 13, 3])

@@ -15,8 +15,7 @@ from tirelog.errors import UsageError
 from tirelog.products import tables_of
 from tirelog.strain.dissipation import dissipation
 from tirelog.strain.passages.find import find_passages
-from tirelog.strain.speed import speed_columns
-from tirelog.strain.speed_radius import calibrate_radius, travelled
+from tirelog.strain.speed import calibrate_radius, speed_columns, travelled
 from tirelog.vocabulary.columns import TABLES
 from tirelog.vocabulary.quality import Quality, having
 

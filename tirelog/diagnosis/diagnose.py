@@ -49,9 +49,8 @@ from tirelog.diagnosis.results import Candidate, Comparison, plain_values
 from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.signatures import candidate_effects
-from tirelog.diagnosis.unvaried import not_varied
 from tirelog.diagnosis.validity import out_of_range
-from tirelog.diagnosis.wording import next_command, sentence_of, unexplained_sentence
+from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
 from tirelog.inference.base import Base, settled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model

@@ -5,12 +5,57 @@ The only place where a diagnosis is put into words.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from tirelog.data.recording import Conditions
 from tirelog.diagnosis.sign_flips import least_p
+from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
+from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 from tirelog.vocabulary.observables import OBSERVABLES, shown
+
+# Said with every diagnosis, since no statistic can.
+#
+# conditions of the cells, the catalogue's `follows`
+#     -> one sentence, or none where everything that effects follow varies
+
+#: a range below this share of the largest value is none
+_SAME = 0.02
+
+
+def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
+    """The sentence, '' where there is nothing to say."""
+    same: list[str] = []
+    unknown: list[str] = []
+    who: list[str] = []
+    candidates = list(effects)
+    for field in SETUP_KEYS:
+        followers = [
+            effect.id for effect in candidates if field in [name for name, _ in effect.followed]
+        ]
+        values = getattr(conditions, field)
+        known = bool(np.isfinite(values).all())
+        if not followers or (known and np.ptp(values) > _SAME * np.abs(values).max()):
+            continue
+        condition = CONDITIONS[field]
+        (same if known else unknown).append(
+            f"{condition.name} {np.mean(values):.6g} {condition.unit}" if known else condition.name
+        )
+        who += [name for name in followers if name not in who]
+    if not who:
+        return ""
+    parts = ([f"the same throughout: {', '.join(same)}"] if same else []) + (
+        [f"not known: {', '.join(unknown)}"] if unknown else []
+    )
+    said = "; ".join(parts)
+    return (
+        f"{said[0].upper()}{said[1:]}. What follows them ({', '.join(who)}) shows here by its "
+        "shape at most; logs that differ in them would tell more."
+    )
+
 
 _WHERE = {
     "entry": "at the entry edge",
@@ -20,7 +65,7 @@ _WHERE = {
 }
 _SHAPELESS = "does not repeat from manoeuvre to manoeuvre, or is too small to matter"
 #: wrong conditions look like missing physics, and are likelier
-CONDITIONS = "First check what the setups say of load, pressure, water depth and radius."
+FIRST_CHECK = "First check what the setups say of load, pressure, water depth and radius."
 #: an error is below what rounding leaves from this share of its mean square on: 5 % in size, more
 #: than chance does on a short log. Half of it would pass copied values by
 BELOW_ROUNDING = 0.9
@@ -48,7 +93,7 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
             "floor."
         )
     if verdict == "scatter":
-        return f"{_scatter(facts)} {CONDITIONS}"
+        return f"{_scatter(facts)} {FIRST_CHECK}"
     if verdict == "too_few":
         return (
             f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none "
@@ -57,7 +102,7 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     if verdict == "unknown":
         return (
             f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. "
-            f"{CONDITIONS}"
+            f"{FIRST_CHECK}"
         )
     if verdict == "ambiguous":
         sets = "; ".join(" or ".join(group) for group in facts["groups"])
@@ -78,12 +123,12 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         if share >= 0.9:
             return (
                 f"{explains} repeats and is within what a somewhat different form of {names} "
-                f"would leave. {CONDITIONS}"
+                f"would leave. {FIRST_CHECK}"
             )
         if not rest.get("significant"):
-            return f"{explains} has no name: {_SHAPELESS}. {CONDITIONS}"
+            return f"{explains} has no name: {_SHAPELESS}. {FIRST_CHECK}"
         where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
-        return f"{explains} repeats{where} and has no name yet. {CONDITIONS}"
+        return f"{explains} repeats{where} and has no name yet. {FIRST_CHECK}"
     one = len(selected) == 1
     return (
         f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} "

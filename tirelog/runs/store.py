@@ -36,8 +36,7 @@ from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
 from tirelog.runs.chunks import CHUNK, ChunkWriter, unfiltered
-from tirelog.runs.column import DatasetWriter
-from tirelog.runs.convert import scaled_to_si
+from tirelog.runs.column import DatasetWriter, scaled_to_si
 from tirelog.runs.store_checks import (
     COLUMN_DIGEST,
     DIGEST,

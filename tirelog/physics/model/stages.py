@@ -8,21 +8,140 @@ the values it read, so that a derivative recomputes only the stages that its par
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 
 from tirelog.errors import ModelError
 from tirelog.physics.carcass import beam, contact, ring
 from tirelog.physics.carcass.hardening import hardened_load
-from tirelog.physics.effects.base import Site, Structure
-from tirelog.physics.model.task import Task
+from tirelog.physics.effects.base import Drive, Effect, Site, Structure, Values
 from tirelog.physics.pressure import parabola, tilted_parabola
 from tirelog.physics.spectral import MODES, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
+
+# Patch length, dissipation factor, and P4's phase shift and patch width.
+
+
+def scalar(task: Task, observable: str, lever_m: float) -> FloatArray:
+    """The observable as a column (n or 1, 1) in its SI unit."""
+    return LAWS[observable](task, lever_m)
+
+
+def patch_length(task: Task, lever_m: float) -> FloatArray:
+    """2 L [m], after the effects on the load."""
+    return 2.0 * loaded_site(task)[0].half_length_m
+
+
+def phase_shift(task: Task, lever_m: float) -> FloatArray:
+    """The level, what follows the force, and the regressors [rad] (P4 III, IV)."""
+    return _with_regressors(task, "phase_shift", 0.0)
+
+
+def patch_width(task: Task, lever_m: float) -> FloatArray:
+    """The patch's length as an angle [rad] beside what the phase shift has (P4)."""
+    site = loaded_site(task)[0]
+    return _with_regressors(task, "patch_width", 2.0 * site.half_length_m / site.radius_m)
+
+
+def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float) -> FloatArray:
+    site = loaded_site(task)[0]
+    value = task.base["offset_rad"] + task.base["per_acceleration_rad_s2_m"] * np.nan_to_num(
+        task.drive.acceleration_m_s2
+    )
+    value = value + width_rad
+    for added in task.hooks(lambda effect: effect.regressor).values():
+        value = value + added(site, observable)
+    return value
+
+
+def dissipation_factor(task: Task, lever_m: float) -> FloatArray:
+    """int eps'^2 ds over one revolution [1/m] (P1 (27)), from the modes by Parseval."""
+    modes, _ = waveform(task, "strain", lever_m)
+    R = task.base["radius_m"]
+    slopes = (np.arange(MODES) / R) ** 2 * (modes.real**2 + modes.imag**2)
+    integral: FloatArray = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
+    return integral
+
+
+#: observable of one number per revolution -> its law: (task, signed lever arm [m]) -> column
+LAWS: Mapping[str, Callable[[Task, float], FloatArray]] = {
+    "patch_length": patch_length,
+    "dissipation_factor": dissipation_factor,
+    "phase_shift": phase_shift,
+    "patch_width": patch_width,
+}
+
+
+# One block of revolutions, the numbers, the effects that are on, and what was computed before.
+
+More = ParamSpec("More")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Active:
+    """An effect that is on, with its own values."""
+
+    effect: Effect
+    values: Values
+
+
+@dataclass(frozen=True)
+class Task:
+    """What to compute: the carcass and its numbers, the effects that are on (by id), the
+    conditions, the observable.
+    """
+
+    carcass: str
+    flat_road: bool
+    base: Mapping[str, float]
+    active: Sequence[Active]
+    drive: Drive
+    memo: dict[Any, Any] = field(default_factory=dict)
+
+    def having(self, *hooks: str) -> list[Active]:
+        """The effects that enter by one of these hooks."""
+        return [
+            a for a in self.active if any(getattr(a.effect, hook) is not None for hook in hooks)
+        ]
+
+    def hooks(
+        self, hook: Callable[[Effect], Callable[Concatenate[Values, Drive, More], Result] | None]
+    ) -> dict[str, Callable[More, Result]]:
+        """One hook of the effects that have it, by their ids, given their values and conditions.
+
+        `hook` names it by what it takes from an effect, as in `task.hooks(lambda e: e.gain)`: so
+        its type is checked where it is called. What remains to be given is the site and what
+        follows it.
+        """
+        return {
+            a.effect.id: partial(found, a.values, self.drive)
+            for a in self.active
+            if (found := hook(a.effect)) is not None
+        }
+
+    def key(self, names: Sequence[str] | None, *hooks: str) -> tuple[Any, ...]:
+        """What a stage reads: the named base values (all for None) and the values of the effects
+        with these hooks.
+        """
+        base = (
+            tuple(self.base.items())
+            if names is None
+            else tuple(self.base.get(name) for name in names)
+        )
+        return base, tuple((a.effect.id, *a.values.values()) for a in self.having(*hooks))
+
+    def once(self, stage: str, key: tuple[Any, ...], compute: Callable[[], Result]) -> Result:
+        """The stage's result, from the memo where the same values were read before."""
+        if (stage, key) not in self.memo:
+            self.memo[stage, key] = compute()
+        return cast(Result, self.memo[stage, key])
+
 
 #: Parameters of the carcass and the load by the stage that reads them; the ring on a flat road
 #: reads its carcass in the load stage too.

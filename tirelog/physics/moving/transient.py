@@ -26,8 +26,7 @@ from scipy.interpolate import CubicSpline
 
 from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
-from tirelog.physics.model.stages import loaded_site, loads, structure
-from tirelog.physics.model.task import Task
+from tirelog.physics.model.stages import Task, loaded_site, loads, structure
 from tirelog.physics.moving.modes import of_model
 from tirelog.physics.moving.motion import HubMotion, RingMotion, State, Stepper, stepped_motion
 from tirelog.physics.moving.ring import CoupledRing

@@ -28,8 +28,13 @@ from tirelog.readers.base import Group, RawBlock, ReadReport
 from tirelog.readers.hdf5.attributes import Scale, rate_of, scale_of, unit_of
 from tirelog.readers.hdf5.damage import Padded, declared_size, kept, unstored
 from tirelog.readers.hdf5.layout import TimeColumn, find_columns, time_of
-from tirelog.readers.hdf5.slabs import SLAB_BYTES, Slabs
-from tirelog.readers.hdf5.source import LIBRARY_ERRORS, SourceColumn, first_number
+from tirelog.readers.hdf5.source import (
+    LIBRARY_ERRORS,
+    SLAB_BYTES,
+    Slabs,
+    SourceColumn,
+    first_number,
+)
 from tirelog.readers.units_stated import with_stated_units
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS

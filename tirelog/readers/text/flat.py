@@ -12,6 +12,7 @@ cell that is no number is NaN.
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -22,10 +23,30 @@ from tirelog.readers.base import counted_floats
 from tirelog.readers.text.alike import LARGEST
 from tirelog.readers.text.digits import Block, bytes_of
 from tirelog.readers.text.kernels import cells, separated
-from tirelog.readers.text.numbers import cell_numbers
+from tirelog.readers.text.layout import LOST_WORDS
 from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
+
+# Words, extremes, and what is no number at all.
+
+
+def cell_numbers(
+    block: Block, starts: IntArray, stops: IntArray, decimal: str
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """(each cell as a number, NaN where it is none or infinite; True where it is neither a number
+    nor a word for a lost one).
+    """
+    numbers, unread = np.full(starts.size, np.nan), np.zeros(starts.size, bool)
+    for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist())):
+        cell = block[start:stop].decode("latin-1").replace(decimal, ".")
+        if cell.lower() in LOST_WORDS:
+            continue
+        with suppress(ValueError):
+            numbers[i] = float(cell) if "_" not in cell else np.nan
+        unread[i] = np.isnan(numbers[i])
+        numbers[i] = np.nan if np.isinf(numbers[i]) else numbers[i]
+    return numbers, unread
 
 
 def flat(plan: RowPlan, line: int, block: Block) -> Parsed:

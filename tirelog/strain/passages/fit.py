@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.strain.passages import fit_kernels as kernels
-from tirelog.strain.passages.spline_kernels import spline_sums
+from tirelog.strain.passages.fit_kernels import spline_sums
 from tirelog.strain.passages.template import CurveSums, Template
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.strain.passages.spline_kernels import spline_curve
+from tirelog.strain.passages.fit_kernels import spline_curve
 from tirelog.vocabulary.arrays import FloatArray
 
 #: knots over the template's window, and points of its table
