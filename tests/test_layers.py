@@ -12,6 +12,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "tirelog"
 #: a folder or file imports only itself and what stands before it
 ORDER = (
+    "version",
     "errors",
     "runtime",
     "vocabulary",

@@ -20,6 +20,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from tirelog.version import __version__
+
 if TYPE_CHECKING:
     from tirelog.api.answers import compare, diagnose, fit, ladder, measure
     from tirelog.api.logs import open_log
@@ -30,8 +32,6 @@ if TYPE_CHECKING:
     from tirelog.errors import TirelogError
     from tirelog.physics.model.file import save_model
     from tirelog.physics.model.model import Model
-
-__version__ = "0.2.0.dev0"
 
 #: where each public name is defined
 _HOMES = {
@@ -58,9 +58,9 @@ _HOMES = {
 }
 
 __all__ = [
-    "Conditions", "Model", "Recording", "TirelogError", "compare", "contributions", "diagnose",
-    "dissipation", "fit", "footprint", "inflation", "ladder", "load_model", "measure", "open_log",
-    "phase_shift", "predict", "save_model", "simulate", "speed",
+    "Conditions", "Model", "Recording", "TirelogError", "__version__", "compare", "contributions",
+    "diagnose", "dissipation", "fit", "footprint", "inflation", "ladder", "load_model", "measure",
+    "open_log", "phase_shift", "predict", "save_model", "simulate", "speed",
 ]  # fmt: skip
 
 

@@ -24,13 +24,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from tirelog import __version__
 from tirelog.campaign.ledger import Ledger
 from tirelog.campaign.manifest import Campaign, CampaignModel
 from tirelog.campaign.names import json_of
 from tirelog.campaign.work import LogTask, pieces_name
 from tirelog.errors import ReadError, TirelogError, UsageError
 from tirelog.physics.model.file import load_model
+from tirelog.version import __version__
 
 if TYPE_CHECKING:
     from tirelog.inference.cells.pieces import Pieces

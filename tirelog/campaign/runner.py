@@ -22,12 +22,12 @@ from dataclasses import replace
 from fnmatch import fnmatch
 from pathlib import Path
 
-from tirelog import __version__
 from tirelog.campaign.ledger import Entry, Ledger, key_of
 from tirelog.campaign.manifest import Campaign, CampaignLog
 from tirelog.campaign.work import LogTask, make_tables, pieces_name, table_part_name
 from tirelog.errors import ExitStatus, OutputError, ReadError, UsageError
 from tirelog.runtime import end_with_parent, one_heap
+from tirelog.version import __version__
 
 #: a scheduler that has not answered after this time [s] does not answer
 _TIMEOUT_S = 8

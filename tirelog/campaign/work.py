@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from tirelog import __version__
 from tirelog.campaign.folder import moved_into
 from tirelog.campaign.ledger import Entry
 from tirelog.campaign.names import HIDDEN
@@ -33,6 +32,7 @@ from tirelog.runs.ingest import open_recording
 from tirelog.storage.remote import address
 from tirelog.storage.whole import whole_file
 from tirelog.tables.writer import TableWriter
+from tirelog.version import __version__
 
 
 @dataclass(frozen=True)

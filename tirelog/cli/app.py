@@ -38,7 +38,7 @@ COMMANDS = (
 
 def _version(asked: bool) -> None:
     if asked:
-        from tirelog import __version__
+        from tirelog.version import __version__
 
         typer.echo(f"tirelog {__version__}")
         raise typer.Exit()

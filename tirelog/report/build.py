@@ -18,7 +18,6 @@ from typing import Any
 
 import pandas as pd
 
-from tirelog import __version__
 from tirelog.data.recording import Recording
 from tirelog.errors import TirelogError
 from tirelog.physics.model.file import load_model
@@ -28,6 +27,7 @@ from tirelog.report.page import Section
 from tirelog.report.passage import passage_figures
 from tirelog.report.sources import SourceTables, given_tables, made_table, read_ladder
 from tirelog.report.stored import model_pages
+from tirelog.version import __version__
 
 Progress = Callable[[str], None]
 _COMMANDS = ("speed", "footprint", "dissipation", "phase-shift")

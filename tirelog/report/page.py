@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
 
-from tirelog import __version__
 from tirelog.errors import UsageError
 from tirelog.report.figures import Figure
+from tirelog.version import __version__
 
 
 @dataclass(frozen=True)

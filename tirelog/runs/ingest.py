@@ -21,7 +21,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from tirelog import __version__
 from tirelog.data.plausibility import check_recording
 from tirelog.data.recording import Recording
 from tirelog.data.setup import Setup, load_setup, setup_beside
@@ -31,6 +30,7 @@ from tirelog.runs.clock import ClockFit
 from tirelog.runs.store import RunWriter, is_run, open_run
 from tirelog.storage.remote import address, open_remote, shown
 from tirelog.storage.whole import failed_writes, temporary_folder, whole_file
+from tirelog.version import __version__
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 MCAP_MAGIC = b"\x89MCAP0\r\n"

@@ -25,9 +25,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from tirelog import __version__
 from tirelog.errors import UsageError, nearest
 from tirelog.storage.whole import whole_file
+from tirelog.version import __version__
 from tirelog.vocabulary.columns import COLUMNS, TABLES
 
 if TYPE_CHECKING:

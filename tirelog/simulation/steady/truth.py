@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-import tirelog
 from tirelog.simulation.scenario.planted import PLANTABLE
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING
 from tirelog.simulation.sensors.wheel import longitudinal_force, passages, phase_shift
 from tirelog.simulation.steady.knots import CHUNK
 from tirelog.simulation.steady.waveforms import World
+from tirelog.version import __version__
 from tirelog.vocabulary.arrays import FloatArray
 
 #: a channel's name and its delay [s] -> what is true at each of its passages, columns (n,)
@@ -42,7 +42,7 @@ def steady_truth(
     passed = passed or partial(_steady_passages, world)
     time = np.arange(0.0, scenario.duration_s, MOTION_STEP_S)
     return {
-        "tirelog_version": tirelog.__version__,
+        "tirelog_version": __version__,
         "seed": scenario.seed,
         "truth": scenario.truth,
         "contact": "parabola" if scenario.truth == "beam" else scenario.tire.contact,
