@@ -39,11 +39,11 @@ from tirelog.inference.stacks.cut import ANGLES
 from tirelog.inference.stacks.spooled import Stacks, outlines
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: pieces that all logs together may have (25 minutes of mixed driving), of `diagnose` as of a
-#: campaign: a diagnosis takes 0.4 MB for each beside 240 MB, so twice as many would take 530 MB.
-#: Gathering more would cost what error bars rest on: with loads that scatter by 1 %, three
+#: pieces that all logs together may have (an hour of mixed driving), of `diagnose` as of a campaign:
+#: a diagnosis takes 0.35 MB for each beside 240 MB, so it stays below 1 GB, and twice as many would
+#: take 1.5 GB. Gathering costs what error bars rest on: with loads that scatter by 1 %, three
 #: manoeuvres as one raised reduced chi-square from 1.0 to 2.0
-MOST_PIECES = 360
+MOST_PIECES = 1800
 #: pieces that a log gives at least; where there are so many logs that they have no room, only some
 #: of the logs, evenly
 LEAST_SHARE = 2
