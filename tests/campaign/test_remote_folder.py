@@ -165,7 +165,7 @@ def test_a_killed_writer_elsewhere_leaves_a_lock_that_says_how_long(
     assert run(["campaign", "run", str(manifest), "--quiet"]) == 2
     said = capfd.readouterr().err
     assert "elsewhere, process 1" in said
-    assert "60 s where it was killed" in said
+    assert "60 s if it was killed" in said
 
 
 def test_a_host_that_does_not_answer(

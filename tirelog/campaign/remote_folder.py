@@ -172,7 +172,7 @@ def _number(value: object) -> float:
 def _taken(root: str, when: str) -> UsageError:
     return UsageError(
         f"another campaign run works in this folder (last heard {when}); one at a time is "
-        f"allowed; wait for it, or {EXPIRES_S:.0f} s where it was killed",
+        f"allowed; wait for it, or {EXPIRES_S:.0f} s if it was killed",
         file=root,
     )
 
