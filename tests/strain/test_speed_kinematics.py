@@ -74,3 +74,14 @@ def test_a_kink_goes_into_the_error_around_it_only():
 def test_turns_by_the_mean_speed():
     time = passage_times(10.0, 6.0, range(6))
     np.testing.assert_allclose(turns_between(time, 10.0 + 6.0 * time), 1.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("acceleration", [0.0, 3.0])
+def test_times_without_any_error_give_the_speed(acceleration: float) -> None:
+    turns = np.arange(12.0)
+    speed = 40.0  # rad/s at the first passage
+    time_s = TURN_RAD * turns / speed
+    if acceleration:
+        time_s = (np.sqrt(speed**2 + 2 * TURN_RAD * turns * acceleration) - speed) / acceleration
+    found = kinematics(time_s, np.zeros(12), np.r_[np.ones(11), 0.0])
+    np.testing.assert_allclose(found.omega, speed + acceleration * time_s, rtol=2e-4)

@@ -149,7 +149,9 @@ def _corrected(
     acceleration_noise = omega * time_se_s / period**2
     change = _near(alpha, 1) - _near(alpha, -1)
     # white times: (1, -2, 0, 2, -1)
-    level = _local_mean(change**2, 1) / (10.0 * acceleration_noise**2)
+    noise_square = np.maximum(10.0 * acceleration_noise**2, np.finfo(np.float64).tiny)
+    with np.errstate(over="ignore"):  # times without any error tell every change
+        level = _local_mean(change**2, 1) / noise_square
     share = np.where(
         np.isfinite(change), np.clip(1.0 - SIGNIFICANT / np.maximum(level, 1e-9), 0.0, 1.0), 0.0
     )
