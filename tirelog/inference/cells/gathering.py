@@ -39,7 +39,7 @@ from tirelog.inference.stacks.cut import ANGLES
 from tirelog.inference.stacks.spooled import Stacks, outlines
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: pieces that all logs together may have (an hour of mixed driving), of `diagnose` as of a campaign:
+#: pieces that all logs together may have (an hour of mixed driving), in `diagnose` as in campaigns:
 #: a diagnosis takes 0.35 MB for each beside 240 MB, so it stays below 1 GB, and twice as many would
 #: take 1.5 GB. Gathering costs what error bars rest on: with loads that scatter by 1 %, three
 #: manoeuvres as one raised reduced chi-square from 1.0 to 2.0
