@@ -104,16 +104,15 @@ def test_one_run_at_a_time(manifest: Path, tmp_path: Path) -> None:
         "from tirelog.campaign.folder import folder_at; import sys\n"
         "with folder_at(sys.argv[1]).held(): print('held', flush=True); sys.stdin.read()"
     )
-    holder = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-c", program, str(tmp_path / "results")],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-    )
-    assert holder.stdout is not None
-    assert holder.stdout.readline() == b"held\n"
-    assert call("campaign", "run", manifest, "--quiet") == 2
-    holder.send_signal(signal.SIGKILL)
-    holder.wait()
+    ) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == b"held\n"
+        assert call("campaign", "run", manifest, "--quiet") == 2
+        holder.send_signal(signal.SIGKILL)
     assert call("campaign", "run", manifest, "--quiet") == 0  # the lock did not outlive its holder
 
 

@@ -12,8 +12,8 @@ import json
 import numpy as np
 import pytest
 
+from tirelog.api import answers
 from tirelog.cli import run
-from tirelog.diagnosis.obstacles import compare as transient
 from tirelog.simulation import Scenario, scenario_of, simulate, write_log
 
 TIRE = {"radial_damping_N_s_m2": 200.0, "tangential_damping_N_s_m2": 200.0}
@@ -52,7 +52,7 @@ pytestmark = pytest.mark.xdist_group("cleat")  # one worker makes the log and th
 @pytest.fixture(scope="module", autouse=True)
 def one_fit():
     """The hits are fitted once for all commands that are given the same log and the same model."""
-    fitted, fit = {}, transient.compare_transients
+    fitted, fit = {}, answers.compare_transients
 
     def once(logs, model, *, unit):
         key = (*(log.log for log in logs), *model.values.items())
@@ -61,7 +61,7 @@ def one_fit():
         return fitted[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(transient, "compare_transients", once)
+        patch.setattr(answers, "compare_transients", once)
         yield
     assert len(fitted) == 1
 

@@ -265,11 +265,11 @@ def test_fine_steps_are_not_said():
 
 
 def test_a_floor_that_is_mostly_rounding_is_said():
-    said = rounding_sentences("strain", "1", held=1.0e-12, floor=1.0e-12, rounding=0.7e-12)
+    said = rounding_sentences("strain", held=1.0e-12, floor=1.0e-12, rounding=0.7e-12)
     assert len(said) == 1
     assert said[0].startswith(
         "70.0 % of the floor's mean square is rounding: the steps in which the values come leave "
         "0.837 microstrain"
     )
-    assert not rounding_sentences("strain", "1", held=1.0e-12, floor=1.0e-12, rounding=0.3e-12)
-    assert not rounding_sentences("strain", "1", held=-1.0e-14, floor=1.0e-12, rounding=0.0)
+    assert not rounding_sentences("strain", held=1.0e-12, floor=1.0e-12, rounding=0.3e-12)
+    assert not rounding_sentences("strain", held=-1.0e-14, floor=1.0e-12, rounding=0.0)

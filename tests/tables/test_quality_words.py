@@ -32,7 +32,7 @@ REGISTER = PACKAGE / "vocabulary" / "quality.py"
 #: other things of the same name: a column, an option, a regime of the simulation, a repair's count
 NAMESAKES = {
     "leak": {"vocabulary/columns.py", "strain/inflation.py", "strain/inflation_table.py"},
-    "cutoff": {"products.py", "campaign/manifest.py"},
+    "cutoff": {"products.py", "campaign/manifest.py", "api/tables.py"},
     "standstill": {"simulation/scenario/schema.py", "simulation/scenario/drive.py"},
     "clock_set_back": {"runs/clock.py"},
 }

@@ -6,6 +6,7 @@ In memory while few, then in a temporary file.
 from __future__ import annotations
 
 import tempfile
+import weakref
 from typing import IO
 
 import numpy as np
@@ -30,6 +31,7 @@ class Spool:
         if self.size > _IN_MEMORY:
             if self._file is None:
                 self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
+                weakref.finalize(self, self._file.close)
             self._file.seek(0, 2)
             for part in self._parts:
                 self._file.write(part.tobytes())

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import weakref
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import IO, Any, overload
@@ -109,6 +110,7 @@ class Stacks(Sequence[Stack]):
         try:
             if self._file is None:
                 self._file = tempfile.TemporaryFile(prefix="tirelog-")  # noqa: SIM115
+                weakref.finalize(self, self._file.close)
             place = self._file.seek(0, 2)
             for name in _WAVEFORMS:
                 np.save(self._file, getattr(stack, name), allow_pickle=False)

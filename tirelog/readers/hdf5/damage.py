@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+import weakref
 from pathlib import Path
 
 import h5py
@@ -23,6 +24,7 @@ class Padded:
 
     def __init__(self, path: Path, size: int) -> None:
         self.stream = path.open("rb")
+        weakref.finalize(self, self.stream.close)
         self.end = self.stream.seek(0, 2)
         self.size, self.at = size, 0
 
