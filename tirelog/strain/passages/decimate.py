@@ -28,8 +28,9 @@ BUCKET_S = 1.6e-3
 
 @dataclass(frozen=True)
 class Decimated:
-    """`values` shape (m,): the medians of buckets of `bucket` samples, patch upward; none where the
-    whole channel is lost.
+    """The medians of buckets of a channel's samples, patch upward.
+
+    `values` (m,): of buckets of `bucket` samples; none if the whole channel is lost.
 
     `parts`: number of the bucket with which each gapless segment begins; `extremes`: least and
     largest sample of the channel, as recorded; `noise`: sigma of one sample (NaN: not known).
@@ -89,8 +90,9 @@ def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Dec
 
 
 def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Lost buckets filled by straight lines, at the ends by the nearest; nothing at all where all
-    are lost.
+    """Lost buckets filled by straight lines, at the ends by the nearest.
+
+    Nothing at all if all are lost.
     """
     lost = np.flatnonzero(~np.isfinite(medians))
     if lost.size == medians.size:
