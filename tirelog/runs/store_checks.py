@@ -85,8 +85,9 @@ def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> 
 
 
 def _check_chunks(path: str, dataset: h5py.Dataset) -> None:
-    """Refuses a stored chunk that is larger than the filters make of one: it would grow without
-    end.
+    """Refuses a stored chunk that is larger than the filters make of one.
+
+    It would grow without end.
     """
     if not dataset.chunks:
         return
@@ -118,8 +119,9 @@ def text_at(file: h5py.File, path: str, largest: int) -> str:
 
 
 def _plain(item: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """An attribute's value, None if there is none, or if it lies in the heap, which has no
-    checksum.
+    """An attribute's value, None if there is none.
+
+    Also None if it lies in the heap, which has no checksum.
     """
     try:
         handle = item.attrs.get_id(name)

@@ -191,8 +191,10 @@ class CdrTemplate:
 
 
 def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> bool:
-    """True if a message is small, or can be walked and holds no more than MOST_PARTS parts beside
-    its plain lists of numbers.
+    """True if a message can be decoded in bounded memory.
+
+    It is small, or can be walked and holds no more than MOST_PARTS parts beside its plain lists of
+    numbers.
     """
     try:
         return len(data) <= MOST_PARTS or bool(CdrTemplate(data, definitions, []).walk(root, []))
@@ -203,7 +205,7 @@ def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> 
 def cdr_plan(
     data: bytes, root: str, definitions: dict[str, list[Member]], wants: list[Want]
 ) -> MessagePlan:
-    """The plan of one ROS 2 message.  NoPlanError where it has none."""
+    """The plan of one ROS 2 message.  NoPlanError if it has none."""
     return CdrTemplate(data, definitions, wants).walk(
         root, [(i, want.tokens) for i, want in enumerate(wants)]
     )

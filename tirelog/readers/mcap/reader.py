@@ -1,7 +1,7 @@
 """MCAP logs from a path or a stream that cannot seek, in one pass.
 
-    stream --mcap_records--> chunks --mcap_walk--> messages by channel --mcap_decode--> numbers
-        --mcap_topic, mcap_order--> RawBlock
+    stream --records--> chunks --walk--> messages by channel --decode--> numbers
+        --topic, order--> RawBlock
 
 Groups have to be known before the first block: chunks are read ahead until every topic of the setup
 has shown its first message, or READ_AHEAD_BYTES = 1 << 23 never decoded, so nothing foreign can
@@ -36,8 +36,8 @@ def open_mcap(
 ) -> McapLog:
     """The log in a file or a stream; `log_name` is its name in messages.
 
-    `path` is the file that a stream reads, where there is one: from its end come the definitions
-    that a damaged chunk took away. ReadError where nothing in it can be read.
+    `path` is the file that a stream reads, if there is one: from its end come the definitions
+    that a damaged chunk took away. ReadError if nothing in it can be read.
     """
     if isinstance(source, Path | str):
         try:

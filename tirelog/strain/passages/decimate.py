@@ -1,7 +1,7 @@
 """A channel thinned for the search of passages: medians of short buckets.
 
     channel
-        --block by block, buckets at fixed samples--> Decimated (float32, 1 byte a sample of the
+        --block by block, buckets at fixed samples--> Decimated (float32, 1 byte per sample of the
                                                       log), noise and extremes beside
 
 The median of a bucket ignores a single wild sample; a bucket that is lost is bridged by a straight

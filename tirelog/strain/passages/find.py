@@ -2,13 +2,13 @@
 
 The clock of every other estimator.
 
-    Channel --passage_search--> rough middles and widths
-            --passage_match: a template learnt from some, all fitted by it--> times
-            --passage_kinematics--> speeds --passage_marks--> words --> Passages, a row a passage
+    Channel --search--> rough middles and widths
+            --match: a template learnt from some, all fitted by it--> times
+            --kinematics--> speeds --marks--> words --> Passages, one row per passage
 
 One row is one passage, in the order of the log: its ordinal is the `revolution` of every table. The
 *patch centre* is the zero of the matched template, the middle between its half-level crossings
-(`template`); all commands use it. Only windows around the passages are fitted, a block at a time at
+(`template`); all commands use it. Only windows around the passages are fitted, block by block at
 places fixed by the passages, so the rows do not depend on the size of the blocks that were read.
 """
 

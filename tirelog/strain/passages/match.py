@@ -2,8 +2,8 @@
 
 What each fit starts from, the template, and which pulses are no passage after all.
 
-Pulses --screen, rough speeds--> Start --passage_learn--> Template
-    --passage_fit--> Fit, one row per passage
+Pulses --screen, rough speeds--> Start --learn--> Template
+    --fit--> Fit, one row per passage
 """
 
 from __future__ import annotations

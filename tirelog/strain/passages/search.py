@@ -2,7 +2,7 @@
 
 Pulses that stand out of their surroundings by half of the usual height.
 
-    channel --passage_decimate--> medians of short buckets, patch upward
+    channel --decimate--> medians of short buckets, patch upward
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys
             --half-level crossings--> Pulses: middle and width [samples], one row per passage
 
