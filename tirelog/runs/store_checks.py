@@ -44,6 +44,7 @@ LARGEST_LIST = 1 << 24
 MOST_OBJECTS = 1 << 16
 #: seconds from a log's start: a clock that jumps from 1970 to today stays below
 LATEST_S = 1e11
+#: largest rate that a run may state [Hz]
 FASTEST_HZ = 1e9
 _PROVENANCE = {"losses": list, "remarks": list, "repairs": dict, "counts": dict}
 

@@ -36,6 +36,7 @@ KEYS = (
     "angle",
     "name",
 )
+#: relative tolerance of a column that the register of columns does not know
 _DEFAULT_RELATIVE = 1e-6
 #: what stands for the key of a whole column, and for the column of a whole row
 _ALL_ROWS, _ROW = "(all rows)", "(row)"

@@ -43,6 +43,7 @@ _SUFFIXES = {
     ".parquet": "parquet",
     ".json": "json",
 }
+#: rows of a table that are written at once
 _ROWS_A_PART = 20_000
 
 

@@ -32,11 +32,13 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.forces import ForceMap, fit_force
 from tirelog.wheel.phase_shift import EdgeTimes
 
-#: slower than this the car's acceleration counts as quasi-static
+#: below this the car's acceleration [m/s^2] counts as quasi-static
 QUASI_STATIC_M_S2 = 0.6
-#: driving off: an undriven wheel carries no longitudinal force, and load transfer moves its width
+#: driving off is an acceleration [m/s^2] above this: an undriven wheel then carries no
+#: longitudinal force, and load transfer moves its width
 DRIVE_M_S2 = 0.8
-#: a delay that is so many standard errors long is one
+#: a delay that is more than so many standard errors long is one; with twice as many, delays up to
+#: twice as long are not told
 SURE = 3.0
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"

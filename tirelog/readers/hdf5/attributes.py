@@ -42,6 +42,7 @@ UNIT_NAMES = ("unit", "units", "unit_string", "wf_unit", "unit_y", "yunit", "phy
 FILL_NAMES = ("_FillValue", "missing_value")
 #: words before the unit's own spelling in attributes such as "seconds since 2026-01-01"
 SINCE = re.compile(r"^\s*(\S+)\s+since\s+(.+?)\s*$", re.IGNORECASE)
+#: bytes of an attribute; a larger one is not read
 MOST_ATTRIBUTE_BYTES = 1 << 16
 
 

@@ -101,10 +101,13 @@ LARGEST_CHUNK_BYTES = 1 << 26
 #: declared / stored bytes: deflate shrinks by 1032 at most, a dataset made larger than what was
 #: recorded by some more
 LARGEST_RATIO = 1 << 16
+#: bytes of one element of a dataset, all fields of a compound together: larger ones are refused
 LARGEST_ROW_BYTES = 1 << 22
 #: values looked at together for the first that is there
 FIRST_VALUES = 1 << 12
+#: soft links followed one after the other; more count as a circle
 MOST_LINKS = 32
+#: a list of a file's datasets ends at so many of them, or of objects looked at
 MOST_NAMES = 5000
 
 

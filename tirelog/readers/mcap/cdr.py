@@ -25,6 +25,7 @@ BUILTIN_TIME = dict.fromkeys(
     ("builtin_interfaces/Time", "builtin_interfaces/Duration"), "int32 sec\nuint32 nanosec"
 )
 ENCAPSULATION = 4
+#: elements of a list in a message; one with a longer list has no plan
 LONGEST_LIST = 1 << 20
 #: structures and texts of one message: the library makes a Python object of each
 MOST_PARTS = 1 << 15

@@ -91,6 +91,7 @@ def numbers_between(
     return starts.size
 
 
+#: numbers in a message; one with more has no shape
 MOST_CELLS = 4096
 
 
@@ -120,7 +121,8 @@ class Shape:
 def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
     """The shape of `message`; None without one.
 
-    None if it is no object of numbers, or a want is none of them."""
+    None if it is no object of numbers, or a want is none of them.
+    """
     found: list[_Cell] = []
 
     def cell(text: str) -> _Cell:

@@ -31,7 +31,9 @@ from tirelog.readers.mcap.walk import LARGEST_DEFINITION_BYTES, MOST_RECORDS, re
 MAGIC = b"\x89MCAP0\r\n"
 #: a chunk has to be decompressed whole to check it
 LARGEST_CHUNK_BYTES = 1 << 28
+#: bytes of messages outside of chunks that make up a chunk of our own
 LOOSE_BYTES = 1 << 20
+#: schemas and channels that a file may define
 MOST_DEFINITIONS = 1 << 16
 #: bytes of all schemas and channels that are kept: those of real logs are below 1 MB
 MOST_DEFINITION_BYTES = 1 << 25
@@ -49,6 +51,7 @@ RECORD_ERRORS = (
     OverflowError,
     MemoryError,
 )
+#: damaged places that are told one by one
 MOST_SAID = 5
 #: opcodes from here on are free for private use
 PRIVATE = 0x80

@@ -127,7 +127,8 @@ def month_first(cells: list[str]) -> bool:
 def one_ns(cell: str, form: str, us: bool = False) -> int:
     """Nanoseconds of one cell, MISSING if it is not of this form.
 
-    `us` reads the month first."""
+    `us` reads the month first.
+    """
     match = _FORMS[form].fullmatch(cell.strip().strip('"'))
     if not match:
         return MISSING

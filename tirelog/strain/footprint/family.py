@@ -62,7 +62,8 @@ class EdgeShape:
         return cls(*(float(v) for v in values))
 
 
-#: what a parameter may be (order of the fields)
+#: what a parameter may be, in the order and units of the fields: lengths in m, the rest are ratios;
+#: the tension stays above the critical speed's -2. A form at a bound is doubted (`Learnt.unclear`)
 LOWEST = np.array([0.008, 0.004, -1.97, -0.2, -1.5, -1.5])
 HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
 

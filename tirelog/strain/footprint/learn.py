@@ -33,16 +33,18 @@ WINDOW = 2.7
 CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 6, 1.12, 480, 48, 6
 #: samples are averaged while they lie closer than this share of the half length
 STEP = 1.0 / 36.0
-#: free rolling, as far as the acceleration tells [m/s^2]
+#: free rolling, as far as the acceleration tells [m/s^2]; with so many such passages in a class of
+#: speed it is learnt from them alone
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
 #: the closed ring is believed if it lowers chi-square (per degree of freedom at the misfit) by
 #: this much
 LEAST_LEAD = 10.0
 #: a start from another grating that ends in this many times its misfit is given up
 LIKE_MISFIT = 1.5
-#: relative error of the speed up to which a passage is learnt from, if there are such
+#: largest relative error of the speed of a passage that is learnt from, if there are such
 SURE_SPEED = 0.001
-#: the noise of a sample may be overestimated by this much (variance)
+#: chi-square per degree of freedom below this is not believed: errors shrink by its root at most,
+#: as the noise of a sample may be overestimated
 LEAST_SCATTER = 0.6
 #: what the form may leave of a passage at any place, as a share of its height.  Finite differences
 #: of beam and ring leave 0.001, a planted water film 0.036 and a true length within 0.3 %; a
@@ -52,7 +54,7 @@ LEAST_SCATTER = 0.6
 MOST_LEFT = 0.045
 #: their places among a form's parameters
 TREAD, TILT = 3, 5
-#: of the tilt of the pressure: beyond it the road would pull at one edge
+#: largest tilt of the pressure, as p (1 - tilt xi / L): beyond it the road would pull at one edge
 MOST_TILT = 1.0
 #: the form's own error is this many times the difference between the family's two members
 FORM_FACTOR = 3.0

@@ -24,6 +24,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: cells along xi over the window
 CELLS = 120
+#: Levenberg-Marquardt steps from one start, at most
 ITERATIONS = 25
 #: a start is good enough if the next step gains less of the squared misfit; `refine` does the
 #: rest
@@ -32,7 +33,8 @@ GOOD_ENOUGH = 1.0
 MOST_AVERAGES = 4
 #: highest wave number times half length that the family keeps
 HIGHEST_WAVE = 42.0
-#: forms are tabled at speeds between which tension and length change by no more than this
+#: forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its logarithm)
+#: change by no more than this, at so many speeds at most
 TENSION_STEP, LENGTH_STEP, MOST_KNOTS = 0.08, 0.02, 16
 #: parameters that all speeds share: bending length, tension at rest, inertia (tension per squared
 #: scaled speed), tread, tilt, d0, d1

@@ -26,6 +26,7 @@ from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray
 
+#: rounds of refining, at most
 ROUNDS = 6
 #: stop when the next step promises less than this of the whole chi-square, or the last changed it
 #: by less than this share

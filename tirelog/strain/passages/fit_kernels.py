@@ -106,6 +106,7 @@ def basis(u: float, which: int) -> float:
 
 #: samples per row at most; a creeping wheel's windows are thinned to this
 MOST_SAMPLES = 400
+#: Gauss-Newton steps of a fit; in the first one wild samples lose their weight
 ITERATIONS = 2
 #: a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
 #: of the height

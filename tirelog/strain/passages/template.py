@@ -24,6 +24,7 @@ INTERVALS, TABLE = 40, 4096
 SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8
+#: bounds of that window on either side of the middle [rad]
 NARROWEST_RAD, WIDEST_RAD = 0.1, 0.8
 #: half of the contact length over half of the width at half level, roughly, for both carcasses
 LENGTH_TO_WIDTH = 1.25
