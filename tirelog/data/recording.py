@@ -1,10 +1,10 @@
 """What flows through the package, as frozen values with arrays in SI.
 
-    log --readers, clock--> Recording (channels on exact time axes; `store.py` keeps it as a run
-                            file)
-        --estimators------> passages and tables, one row per revolution
-        --stack-----------> Stack (revolutions x angle) with Conditions (one value per revolution)
-        --discrepancy-----> model against measurement
+    log --readers, clock--> Recording (channels on exact time axes; `runs.store` keeps it as a
+                            run file)
+        --wheel, strain---> passages and tables, one row per revolution
+        --inference-------> Stack (revolutions x angle) with Conditions (one value per revolution)
+        --diagnosis-------> model against measurement
 
 Orientation: the tread coordinate xi [m] and the angle phi = xi / R [rad] grow with time, in the
 direction in which tread material passes through the patch: entry edge at -L, patch centre at 0,

@@ -77,7 +77,7 @@ def _with_viscosity(
 ) -> dict[str, FloatArray]:
     """Power eta P_d of the strip under the grating, and that over speed and over load.
 
-    Each if viscosity, area and load are known as far as it needs them.
+    No columns without viscosity and area; the last one only if the load is known.
 
     P1 (27) is the power of one strip of the belt, of the given section and viscosity, under one
     grating: of a whole tire's rolling resistance (some 1 % of the load) it is a part that only the

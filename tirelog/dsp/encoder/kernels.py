@@ -1,4 +1,4 @@
-"""Compiled kernels of the tooth finder: what is done once a sample, and once a tooth.
+"""Compiled kernels of the tooth finder: what is done once per sample, and once per tooth.
 
     samples (size,)
         --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the hysteresis

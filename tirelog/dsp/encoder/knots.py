@@ -1,7 +1,7 @@
 """From counted passages to the knots of the wheel angle, piece by piece.
 
     pieces of times, counts, stretches (n,)
-        --local cubic least squares--> knots, one in KNOT_STEP_S if the wheel turns quickly
+        --local cubic least squares--> knots, one in KNOT_STEP_S while the wheel turns quickly
         --scatter about the cubics---> noise of a passage
     knots, pitch errors learnt meanwhile --> AngleFunction
 
@@ -23,7 +23,7 @@ from tirelog.dsp.encoder.signal import Integers
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: knots lie at least so far apart if the motion is even: a cubic follows a wheel that shakes at
+#: knots lie at least so far apart while the motion is even: a cubic follows a wheel that shakes at
 #: 20 Hz to a thousandth of a degree
 KNOT_STEP_S = 4e-3
 #: the local least squares take the passages within this time, at least and at most so many on each

@@ -45,7 +45,7 @@ def numbers_between(
     slots: IntArray,
     values: FloatArray,
 ) -> int:
-    """Reads messages from i on into `values`; how many until one is not alike.
+    """Reads messages into the columns of `values`; how many until one is not alike.
 
     Message i is `data[starts[i] : starts[i] + sizes[i]]` and goes into values[:, i]; a message that
     is not read so easily ends it too.
@@ -121,7 +121,7 @@ class Shape:
 def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
     """The shape of `message`; None without one.
 
-    None if it is no object of numbers, or a want is none of them.
+    So if it is no object of numbers, or a want is none of them.
     """
     found: list[_Cell] = []
 

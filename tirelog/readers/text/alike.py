@@ -110,9 +110,10 @@ def learn_alike(
     pattern: Pattern,
     cells: IntArray,
 ) -> Whole:
-    """The template of the row from `begin` to `stop`, newline included.
+    """Learns the row from `begin` to `stop`, newline included, into `pattern` and `cells`.
 
-    The row has been read; of its cells those that are wanted, 0 for none.
+    The row has been read before. Returned is how many of its cells are wanted, 0 if it makes no
+    template.
     """
     width, used, at = guides.shape[0], 0, begin
     if stop - begin > _LONGEST_ROW - 8 or begin < _BEFORE:

@@ -1,6 +1,6 @@
 """Contact length, edges and slip onset of every passage of a strain grating (P2, errata).
 
-    Channel --find_passages--> centres, speeds
+    Channel --passages--> centres, speeds
         --some passages--> averages by speed --physical form--> Reference
         --windows around every passage, block by block--> plain edges (P2 3.2), fits of the form
         --> Footprint, a row per passage

@@ -7,7 +7,7 @@
 
 Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the
 quadratic ones by length and shift, of learning then the shared ones. A table (g, c) has the same
-columns without the offset, on an even grid from `first_m` by `step_m`; one of them, `follows`,
+columns without the offset, on an even grid [m]; one of them, `follows`,
 times `by_speed2` x (the row's squared speed - the table's) is added to the height's.
 """
 

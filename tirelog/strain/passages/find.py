@@ -53,8 +53,8 @@ class Passages:
                               measured as this one was
     break_after      why the next passage is not known to be one turn away, as flags: gap,
                      standstill, reversing; none if it is
-    omega_rad_s      wheel speed at the passage, positive; if no neighbour is a turn away from
-                     the pulse's stretch (NaN: not known)
+    omega_rad_s      wheel speed at the passage, positive; from the pulse's stretch if no neighbour
+                     is a turn away (NaN: not known)
     omega_se_rad_s   its standard error, with that of the differencing
     alpha_rad_s2     wheel acceleration at the passage, NaN if not known
     sides            neighbours on how many sides gave the speed: 2 centred, 1 extrapolated, 0 from

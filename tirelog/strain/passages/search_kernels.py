@@ -43,10 +43,10 @@ def bucket_medians(
 
 @compiled
 def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float32]) -> int:
-    """Fills `medians` with the mean of the inner two of each four; how many are lost.
+    """Fills `medians` with the middle of each four, scaled; how many are lost.
 
-    Sum of the inner two of each row of `fours` (m, 4), times `factor`; NaN if one of the four is
-    lost.
+    The sum of the inner two of each row of `fours` (m, 4), times `factor`; NaN if one of the four
+    is lost.
     """
     lost = 0
     for k in range(fours.shape[0]):
