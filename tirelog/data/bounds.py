@@ -15,8 +15,9 @@ from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
 @dataclass(frozen=True)
 class Bounds:
-    """From `low` to `high` in SI; `units`: what else the number may have been given in, factor to
-    SI by name.
+    """The range of a number, from `low` to `high` in SI.
+
+    `units`: what else the number may have been given in, factor to SI by name.
     """
 
     low: float
@@ -27,8 +28,9 @@ class Bounds:
         return self.low <= value <= self.high
 
     def probable(self, value: float) -> str:
-        """`; 2.2 bar would be 220000` for each other unit in which the value lies inside the
-        bounds, or ''.
+        """A hint on each other unit in which the value lies inside the bounds, or ''.
+
+        It reads `; 2.2 bar would be 220000`.
         """
         fits = [
             f"{value:g} {name} would be {value * factor:g}"

@@ -1,8 +1,8 @@
 """What a log can be: the one check that every command makes before it says anything.
 
-    Recording --`check_recording`--> SetupError where a channel cannot be what its setup says;
-    remarks where
-                           it is only strange
+    Recording
+        --`check_recording`--> SetupError if a channel cannot be what its setup says;
+                               remarks if it is only strange
 
 What a setup can say is judged by `bounds`.
 """
@@ -45,7 +45,7 @@ def check_recording(recording: Recording) -> Recording:
 
 
 def _doubt(recording: Recording, channel: Channel) -> str:
-    """'' or a remark on one channel.  SetupError where its values are out of the question."""
+    """'' or a remark on one channel.  SetupError if its values are out of the question."""
     judge = {
         "fbg_strain": _of_grating,
         "fbg_temperature": _of_grating,

@@ -1,10 +1,10 @@
 """What flows through the package, as frozen values with arrays in SI.
 
-    log --readers, clock--> Recording (channels on exact time axes; `store.py` keeps it as a run
-                            file)
-        --estimators------> passages and tables, a row a revolution
-        --stack-----------> Stack (revolutions x angle) with Conditions (one value a revolution)
-        --discrepancy-----> model against measurement
+    log --readers, clock--> Recording (channels on exact time axes; `runs.store` keeps it as a
+                            run file)
+        --wheel, strain---> passages and tables, one row per revolution
+        --inference-------> Stack (revolutions x angle) with Conditions (one value per revolution)
+        --diagnosis-------> model against measurement
 
 Orientation: the tread coordinate xi [m] and the angle phi = xi / R [rad] grow with time, in the
 direction in which tread material passes through the patch: entry edge at -L, patch centre at 0,
@@ -26,7 +26,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.conditions import ConditionValues
 from tirelog.vocabulary.quality import Doubt
 
-#: Samples a block, for whoever reads a channel piece by piece (1 MB of float64).
+#: Samples per block, for whoever reads a channel piece by piece (1 MB of float64).
 BLOCK_SAMPLES = 1 << 17
 
 
@@ -37,7 +37,7 @@ class TimeAxis:
     Either uniform segments (a gap in the recording starts a new one) or explicit times for samples
     that have no clock of their own. `first` shape (k,): index of each segment's first sample;
     `start_s` shape (k,): its time; `period_s` shape (k,): its step. `explicit` reads times [start,
-    stop) where the axis is not made of segments; `rate_Hz` is then the median rate.
+    stop) if the axis is not made of segments; `rate_Hz` is then the median rate.
     """
 
     size: int
@@ -108,8 +108,9 @@ class TimeAxis:
         return float(self.at(float(self.size - 1)) - self.at(0.0)) if self.size else 0.0
 
     def gaps(self) -> list[tuple[int, float]]:
-        """(index of the first sample after the gap, length of the gap [s]) for each gap between
-        segments.
+        """(index of the first sample after it, its length [s]) for each gap.
+
+        The gaps are those between segments.
         """
         ends = self.start_s[:-1] + (self.first[1:] - 1 - self.first[:-1]) * self.period_s[:-1]
         return [
@@ -120,8 +121,9 @@ class TimeAxis:
 
 @dataclass(frozen=True)
 class Scaled:
-    """Samples as they are stored, brought to SI when they are read: raw x scale + offset, NaN where
-    raw is `lost` (None: never).
+    """Samples as they are stored, brought to SI when they are read.
+
+    raw x scale + offset, NaN if raw is `lost` (None: never).
 
     `raw(start, stop)` gives the stored numbers; counts of int32 take half of the memory of what
     they become.
@@ -147,13 +149,12 @@ class Scaled:
 
 @dataclass(frozen=True)
 class Channel:
-    """One recorded channel in SI. `samples(start, stop)` reads values, shape (stop - start,), NaN
-    where lost.
+    """One recorded channel in SI.
 
-    `unit` is the SI unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only),
-    `resolution` the step of the source in SI (0 where unknown), `flags` (start, stop, word) sample
-    ranges that reader or clock doubted, `settings` the channel's own keys of the setup (steps of an
-    encoder, ...).
+    `samples(start, stop)` reads values, shape (stop - start,), NaN where lost. `unit` is the SI
+    unit ('' for strain and encoder), `surface` 'outer' or 'inner' (strain only), `resolution` the
+    step of the source in SI (0 if unknown), `flags` (start, stop, word) sample ranges that reader
+    or clock doubted, `settings` the channel's own keys of the setup (steps of an encoder, ...).
     """
 
     name: str
@@ -236,7 +237,7 @@ class Conditions(ConditionValues):
         return Conditions(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
 
     def known(self, name: str) -> bool:
-        """True where every revolution has a finite value of the field `name`."""
+        """True if every revolution has a finite value of the field `name`."""
         return bool(np.isfinite(getattr(self, name)).all())
 
     @classmethod
@@ -251,22 +252,23 @@ class Conditions(ConditionValues):
 
 @dataclass(frozen=True)
 class Stack:
-    """One channel cut into revolutions, patch centre to patch centre +- half a turn, on one grid of
-    angle bins.
+    """One channel cut into revolutions, on one grid of angle bins.
 
-    values        (n, m)  mean of the samples in the bin, SI, NaN where the bin holds none
+    From half a turn before each patch centre to half a turn behind it.
+
+    values        (n, m)  mean of the samples in the bin, SI, NaN if the bin holds none
     phi_rad       (m,)    bin centres, ascending in (-pi, pi)
     phi_mean      (n, m)  mean angle of the bin's samples [rad] (samples lock to fixed angles at
                   constant speed, so it is not the centre)
     phi_variance  (n, m)  variance of the angles in the bin [rad^2]
     count         (n, m)  samples in the bin
     noise         (n,)    standard deviation of one sample's noise
-    conditions            one value a revolution
+    conditions            one value per revolution
     log, manoeuvre, revolution  (n,) integers: which log (index in `logs`), which manoeuvre (unique
                                 over all logs), ordinal of the passage
     regime        (n,)    'cruise', 'drive', 'coast' or 'brake'
     step, step_from       the channel's values are whole steps from `step_from`, SI; a step of 0
-                          where they are not seen to be
+                          if they are not seen to be
     """
 
     observable: str

@@ -32,8 +32,9 @@ ROADS = ("flat", "step", "cleat", "sine", "profile")
 
 
 def _number(low: float, high: float, *, above: bool = True, default: Any = None) -> Any:
-    """A number in (low, high] (`above`) or [low, high]; `default` where the key is absent, MISSING
-    if it must stand there.
+    """A number in (low, high] (`above`) or [low, high].
+
+    `default` if the key is absent, MISSING if it must stand there.
     """
     return field(default=default, metadata={"range": (low, high, above)})
 
@@ -53,9 +54,9 @@ class Tire:
 
     @property
     def radius_m(self) -> float:
-        """The rolling radius, or the unloaded radius where the setup has none.
+        """The rolling radius, or the unloaded radius if the setup has none.
 
-        SetupError where it has neither.
+        SetupError if it has neither.
         """
         radius = self.rolling_radius_m or self.unloaded_radius_m
         if radius is None:
@@ -165,7 +166,7 @@ class RoadSetup:
                 ramps of ramp_m within it); sine (amplitude_m (1 - cos(2 pi x / wavelength_m)));
                 profile (file: two columns, distance and height, beside the setup)
     time_s      when the wheel's centre stands over the obstacle's beginning; searched for in the
-                log where it is not given
+                log if it is not given
     position_m  the same as a distance driven since the log's start
     spacing_m   after which the obstacle comes again (a drum's circumference)
     """

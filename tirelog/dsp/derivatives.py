@@ -32,9 +32,10 @@ def gain(frequency_Hz: float, cutoff_Hz: float) -> float:
 
 @compiled
 def closed(windows: FloatArray) -> FloatArray:
-    """`windows` (n, m) with NaN bridged by straight lines (the nearest sample at the ends), less
-    the line through the means of the first and the last m / 32, so that they close without a step;
-    rows that are all NaN become 0.
+    """`windows` (n, m) with NaN bridged, closed without a step.
+
+    Bridged by straight lines (the nearest sample at the ends); less the line through the means of
+    the first and the last m / 32, so that they close. Rows that are all NaN become 0.
     """
     count = windows.shape[1]
     edge = max(count // 32, 1)
@@ -83,8 +84,9 @@ def derivative(
     count: int,
     upsample: int,
 ) -> FloatArray:
-    """The `order`-th time derivative of rows of `count` samples with `spectra`, low-passed at
-    `cutoff_Hz` (n,), at `upsample` x `count` points.
+    """The `order`-th time derivative of rows, low-passed at `cutoff_Hz` (n,).
+
+    Of rows of `count` samples with `spectra`, at `upsample` x `count` points.
     """
     factor: ComplexArray = (2j * np.pi * np.fft.rfftfreq(count, 1.0 / rate_Hz)).astype(
         np.complex128
@@ -98,8 +100,10 @@ def derivative(
 
 @compiled
 def noise_gains(count: int, rate_Hz: float, cutoff_Hz: FloatArray) -> FloatArray:
-    """Standard deviation of the second and of the third time derivative of low-passed white noise
-    of one a sample in windows of `count` samples, shape (n, 2).
+    """Standard deviations of the derivatives of low-passed white noise, shape (n, 2).
+
+    Of the second and of the third time derivative, for noise of one per sample in windows of
+    `count` samples.
     """
     out = np.zeros((cutoff_Hz.size, 2))
     for row in range(cutoff_Hz.size):

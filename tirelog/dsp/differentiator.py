@@ -33,8 +33,9 @@ def averaging_gain(omega: FloatArray, averaged: int) -> FloatArray:
 
 
 def differentiator(rate_Hz: float, edge_Hz: float, averaged: int = 1) -> FloatArray:
-    """Coefficients, shape (2 k + 1,): np.convolve(values, coefficients, 'valid') is the derivative
-    [1/s] of what lies below `edge_Hz`.
+    """Coefficients of the derivative [1/s] of what lies below `edge_Hz`, (2 k + 1,).
+
+    np.convolve(values, coefficients, 'valid') is the derivative.
 
     Least squares: relative error in the pass band, size in the stop band. `averaged`: `values` are
     means of so many samples, whose droop is made up for.
@@ -63,9 +64,11 @@ def response(coefficients: FloatArray, rate_Hz: float, frequency_Hz: FloatArray)
 
 
 def bridged(values: FloatArray, wild: float) -> FloatArray:
-    """`values` (n,) with lost samples, and such as leave the cubic through their four neighbours by
-    more than `wild` and more than those leave theirs, replaced: by that cubic where the neighbours
-    are there, else linearly. `values` themselves where all are good; zeros where all are lost.
+    """`values` (n,) with lost and wild samples replaced.
+
+    Wild are such as leave the cubic through their four neighbours by more than `wild` and more than
+    those leave theirs. Replaced by that cubic if the neighbours are there, else linearly. `values`
+    themselves if all are good; zeros if all are lost.
     """
     if not _doubtful(values, wild):
         return values
@@ -75,7 +78,7 @@ def bridged(values: FloatArray, wild: float) -> FloatArray:
 
 @compiled
 def _doubtful(values: FloatArray, wild: float) -> bool:
-    """True where any of `values` is lost or leaves the cubic by more than `wild`."""
+    """True if any of `values` is lost or leaves the cubic by more than `wild`."""
     count, most = 0, 6.0 * wild
     for i in range(min(values.size, 2)):
         count += (
@@ -91,7 +94,7 @@ def _doubtful(values: FloatArray, wild: float) -> bool:
 
 @compiled
 def _bend(values: FloatArray, i: int) -> float:
-    """How far a sample is off the cubic; 0 where that is not known."""
+    """How far a sample is off the cubic; 0 if that is not known."""
     if i < 2 or i >= values.size - 2:
         return 0.0
     bend = (

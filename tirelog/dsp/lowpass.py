@@ -21,8 +21,9 @@ from tirelog.vocabulary.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Cutoff:
-    """A cut-off setting: `unit` 'Hz' (value in Hz), 'x' (multiples of the wheel frequency) or
-    'auto'.
+    """A cut-off setting.
+
+    `unit` 'Hz' (value in Hz), 'x' (multiples of the wheel frequency) or 'auto'.
     """
 
     unit: str = "auto"
@@ -54,8 +55,9 @@ class Cutoff:
     def frequency(
         self, speed_m_s: FloatArray, radius_m: float, wave_number_1_m: float
     ) -> FloatArray:
-        """The cut-off [Hz] at each speed; `wave_number_1_m` is what `auto` found in the log (a
-        cut-off along the tread).
+        """The cut-off [Hz] at each speed.
+
+        `wave_number_1_m` is what `auto` found in the log (a cut-off along the tread).
         """
         if self.unit == "Hz":
             return np.full(np.shape(speed_m_s), self.value)

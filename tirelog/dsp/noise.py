@@ -29,8 +29,9 @@ PIECES, PIECE_SAMPLES = 64, 4096
 
 @compiled
 def sixth_differences(values: FloatArray, sizes: FloatArray) -> int:
-    """Sizes of the sixth differences of `values` (n,) that no lost sample is in, into `sizes` (n,);
-    how many.
+    """Fills `sizes` (n,) with sizes of the sixth differences of `values` (n,); how many.
+
+    Only of those that no lost sample is in.
     """
     count = 0
     for i in range(values.size - 6):
@@ -47,8 +48,9 @@ def sixth_differences(values: FloatArray, sizes: FloatArray) -> int:
 
 
 def white_noise(values: FloatArray) -> float:
-    """Standard deviation of the white noise on `values`, shape (n,), NaN allowed; NaN where fewer
-    than 7 samples stand in a row.
+    """Standard deviation of the white noise on `values`, shape (n,), NaN allowed.
+
+    NaN if fewer than 7 samples stand in a row.
     """
     sizes = np.empty(values.size)
     count = sixth_differences(values, sizes)
@@ -62,10 +64,10 @@ def white_noise(values: FloatArray) -> float:
 
 
 class SampleNoise:
-    """Gathers the noise of a channel of `size` samples while its blocks pass by; `resolution` is
-    the step of the source (0: unknown).
+    """Gathers the noise of a channel of `size` samples while its blocks pass by.
 
-    Blocks are to start at multiples of PIECE_SAMPLES.
+    `resolution` is the step of the source (0: unknown). Blocks are to start at multiples of
+    PIECE_SAMPLES.
     """
 
     def __init__(self, size: int, resolution: float) -> None:
@@ -83,8 +85,9 @@ class SampleNoise:
             self._sigmas.append(white_noise(values[first - start : first - start + PIECE_SAMPLES]))
 
     def sigma(self) -> float:
-        """Median over the pieces, never below the rounding of the source, resolution / sqrt(12);
-        NaN where all is lost or too short.
+        """Median over the pieces, never below the rounding of the source.
+
+        That is resolution / sqrt(12); NaN if all is lost or too short.
         """
         finite = [sigma for sigma in self._sigmas if np.isfinite(sigma)]
         return max(float(np.median(finite)), self._rounding) if finite else float("nan")

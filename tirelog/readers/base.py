@@ -1,4 +1,4 @@
-"""Bytes to raw blocks: one reader a file format, none of which holds a whole file.
+"""Bytes to raw blocks: one reader per file format, none of which holds a whole file.
 
     open_log(path, setup) -> LogReader
         .groups    the channels that share one sample clock, known before the first block
@@ -30,8 +30,9 @@ LOST_COUNT = -(1 << 31)
 
 
 def counted_floats(samples: Samples, decimals: int | None) -> FloatArray:
-    """Samples as floats: counts are divided by 10^decimals, which rounds correctly, as a parser of
-    decimal numbers does.
+    """Samples as floats: counts are divided by 10^decimals.
+
+    That rounds correctly, as a parser of decimal numbers does.
     """
     if samples.dtype != np.int32:
         return np.asarray(samples, np.float64)
@@ -52,10 +53,10 @@ class Group:
     """Channels sampled together.
 
     `channels` are names of the setup; `rate_Hz` is what the file itself says (None: the setup or
-    the stamps must tell); `stamp_resolution_s` the step of the file's stamps (0 where it is as fine
-    as the samples); `counted` is true where the sample number in the file, not the stamp, is the
+    the stamps must tell); `stamp_resolution_s` the step of the file's stamps (0 if it is as fine
+    as the samples); `counted` is true if the sample number in the file, not the stamp, is the
     clock; `decimals` the decimals of each channel's source (None: binary floats); `scale`, `offset`
-    turn stored numbers into the source's unit where the file has such attributes (already applied
+    turn stored numbers into the source's unit if the file has such attributes (already applied
     in blocks).
     """
 
@@ -73,7 +74,7 @@ class RawBlock:
 
     `values[channel]` shape (n,), source unit: float64, NaN where lost, or int32 counts of
     10^-decimals (those of the group), LOST_COUNT where lost; `stamps_s` shape (n,) seconds from the
-    first stamp of the log, or None where the file has no stamps; `number` shape (n,) the file's own
+    first stamp of the log, or None if the file has no stamps; `number` shape (n,) the file's own
     sample numbers (gaps in them are lost samples), or None; `flags` (channel, start, stop, word):
     doubted samples of this block.
     """
@@ -94,7 +95,7 @@ class ReadReport:
     """
 
     format: str = ""
-    start: str | None = None  # absolute start of the log, ISO 8601, where the file tells it
+    start: str | None = None  # absolute start of the log, ISO 8601, if the file tells it
     losses: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)

@@ -5,7 +5,7 @@ An attribute, a field, a variable beside the data.
 
 from __future__ import annotations
 
-#: name -> True where the value is a period in seconds, False where it is a rate in Hz
+#: name -> True if the value is a period in seconds, False if it is a rate in Hz
 RATES = {
     "sampling_rate_Hz": False,
     "sample_rate_Hz": False,
@@ -29,7 +29,7 @@ RATES = {
 
 
 def rate_Hz(value: float | None, is_period: bool) -> float | None:
-    """The rate [Hz] that a number states, or None where it states none that is possible."""
+    """The rate [Hz] that a number states, or None if it states none that is possible."""
     if value is None or not 1e-9 < value < 1e12:
         return None
     return 1.0 / value if is_period else value

@@ -14,8 +14,9 @@ from tirelog.vocabulary.kinds import KINDS
 
 
 def with_stated_units(setup: Setup, stated: Mapping[str, str]) -> tuple[Setup, list[str]]:
-    """(the setup with the units that the log states for channels without one; what to say about
-    them).
+    """(the setup with the units that the log states, what to say about them).
+
+    Only channels without a unit take it.
     """
     channels, said = dict(setup.channels), []
     for name, spelt in stated.items():
@@ -33,8 +34,9 @@ def _fits(unit: str, channel: ChannelSetup) -> bool:
 
 
 def _contradiction(channel: ChannelSetup, spelt: str, unit: str | None) -> str:
-    """What to say if the log's unit is not the one that is used; the empty string if it is, or if
-    it says nothing.
+    """What to say if the log's unit is not the one that is used; else ''.
+
+    Also '' if the log says nothing.
     """
     used = channel.source_unit
     if channel.unit is None:

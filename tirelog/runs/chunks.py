@@ -28,7 +28,7 @@ try:  # the same format, at a tenth of the cost
 except ImportError:  # no such wheel for this platform
     from zlib import compress as deflate
 
-#: samples a chunk
+#: samples per chunk
 CHUNK = 1 << 15
 _LEVEL = 1
 #: chunks that wait to be written, and threads that pack them
@@ -45,10 +45,10 @@ def packed(values: np.ndarray) -> bytes:
 
 
 def fletcher32(data: bytes) -> int:
-    """HDF5's checksum of at most a few megabytes: the sum of big-endian words of 16 bits, and the
-    sum of that sum's running values.
+    """HDF5's checksum of at most a few megabytes.
 
-    Both modulo 65535, where only zeros give 0 and all else 65535 in its place.
+    The sum of big-endian words of 16 bits, and the sum of that sum's running values. Both modulo
+    65535; only zeros give 0, all else 65535 in its place.
     """
     words = np.frombuffer(data + b"\0" * (len(data) % 2), ">u2")
     running = np.cumsum(words, dtype=np.uint64)
@@ -60,8 +60,9 @@ def _folded(total: int) -> int:
 
 
 class ChunkWriter:
-    """Writes whole chunks of datasets: packed where `compress`, else as they are, for datasets
-    without filters.
+    """Writes whole chunks of datasets.
+
+    Packed if `compress`, else as they are, for datasets without filters.
     """
 
     def __init__(self, *, compress: bool) -> None:
@@ -70,8 +71,9 @@ class ChunkWriter:
         self.options: dict[str, Any] = dict(FILTERS) if compress else {}
 
     def write(self, dataset: h5py.Dataset, start: int, values: np.ndarray) -> None:
-        """Write `values` from sample `start` on, a multiple of CHUNK; behind a last part of a chunk
-        nothing may follow.
+        """Write `values` from sample `start` on, a multiple of CHUNK.
+
+        Behind a last part of a chunk nothing may follow.
         """
         dataset.resize(start + values.size, axis=0)
         for at in range(0, values.size, CHUNK):
@@ -100,10 +102,10 @@ class ChunkWriter:
 
 @dataclass(frozen=True)
 class Unfiltered:
-    """Numbers of a dataset whose chunks are in the file as they are: read past HDF5, where one
-    thread would wait for another.
+    """Numbers of a dataset whose chunks are in the file as they are.
 
-    `places`: the byte at which each chunk begins.
+    Read past HDF5: in it one thread would wait for another. `places`: the byte at which each chunk
+    begins.
     """
 
     file: FileIO
@@ -151,8 +153,9 @@ def recording_closed() -> ReadError:
 
 
 def unfiltered(dataset: h5py.Dataset, file: FileIO) -> Unfiltered | None:
-    """A reader of a dataset without filters in the open `file`; None where a chunk, or the system's
-    call, is missing.
+    """A reader of a dataset without filters in the open `file`, or None.
+
+    None if a chunk, or the system's call, is missing.
     """
     if not hasattr(os, "preadv"):
         return None

@@ -3,7 +3,7 @@
 One streaming pass that keeps the stamps aside, then a fit in bounded memory.
 
     blocks: ClockFit.add(stamps [s] or None, sample numbers or None, n)      n samples each, NaN
-        where a stamp is unknown
+        if its stamp is unknown
     end:    ClockFit.axis() -> TimeAxis, .repairs, .flags, .remarks
 
 How the axis is decided, by what the stamps look like (T the sample period, r = stamp - T x sample
@@ -11,10 +11,10 @@ number):
 
 * no stamps: the rate of the setup or the file; a missing sample number is a gap.
 * stamps on one line to half of their last digit: exactly that line; its rate is the setup's, the
-  file's or a round one where these agree with the stamps to that half digit.
+  file's or a round one if these agree with the stamps to that half digit.
 * otherwise a sample clock seen through the stamps: T from differences over long stretches (their
   median, which isolated gaps do not move), then least squares with one T and a start for each
-  segment.  Where many stamps are alike or nearly so (one second's resolution, buffers that arrive
+  segment.  If many stamps are alike or nearly so (one second's resolution, buffers that arrive
   in bunches) only the first stamp of each bunch takes part.  A lasting rise of r by half a period
   is a gap: a new segment starts there.  A passing one is a late stamp and is repaired.  A lasting
   fall by one period is a repeated row, which gets a segment of its own, half a period after its
@@ -79,8 +79,9 @@ class ClockFit:
         self._axis: TimeAxis | None = None
 
     def add(self, stamps_s: FloatArray | None, number: FloatArray | None, n: int) -> None:
-        """The next `n` samples: their stamps [s], shape (n,), or None; their sample numbers, shape
-        (n,), or None.
+        """Takes the next `n` samples.
+
+        Their stamps [s], shape (n,), or None; their sample numbers, shape (n,), or None.
         """
         if number is not None and n and not self._leaping:
             self._note_missing(number)
@@ -161,7 +162,7 @@ class ClockFit:
         return self._fitted(stamps, declared)
 
     def _by_rate(self, declared: float | None) -> TimeAxis:
-        """The axis where no stamps tell it."""
+        """The axis if no stamps tell it."""
         if not declared:
             if self.size < 2:
                 return TimeAxis.uniform(self.size, 1.0)
@@ -204,8 +205,9 @@ class ClockFit:
         return axis
 
     def _settled(self, period: float, tolerance: float) -> float:
-        """The period: of a declared or a round rate where the stamps agree within `tolerance` [s],
-        else that of the stamps.
+        """The period in which rate and stamps agree, else that of the stamps.
+
+        Of a declared or a round rate if the stamps agree within `tolerance` [s].
         """
         rate = 1.0 / period
         for said, declared in (("the setup", self.setup_rate_Hz), ("the file", self.file_rate_Hz)):
@@ -222,7 +224,7 @@ class ClockFit:
     def _compare(self, said: str, declared: float, rate: float) -> None:
         """Says how the stamps' rate differs from a declared one.
 
-        SetupError beyond a fifth, where the setup declared it.
+        SetupError beyond a fifth, if the setup declared it.
         """
         factor = max(declared / rate, rate / declared)
         if factor > _ABSURD and said == "the setup":
@@ -241,8 +243,9 @@ class ClockFit:
     # ---- building --------------------------------------------------------------------------------
 
     def _continued(self, pieces: list[Piece], period: float) -> list[Piece]:
-        """Pieces whose lines never run backwards: a repeated row stands alone between two, a clock
-        set back is made to run on.
+        """Pieces whose lines never run backwards.
+
+        A repeated row stands alone between two, a clock set back is made to run on.
         """
         out, shift = [pieces[0]], 0.0
         for before, piece in pairwise(pieces):
@@ -265,8 +268,9 @@ class ClockFit:
         return [piece for piece in out if piece.first < self.size]
 
     def _pieces(self, period: float, pieces: list[Piece]) -> TimeAxis:
-        """Segments of one period: one for each piece, and one behind each run of missing sample
-        numbers.
+        """Segments of one period.
+
+        One for each piece, and one behind each run of missing sample numbers.
         """
         for index, samples in self._missing:
             self._gap(index, samples)
@@ -299,8 +303,9 @@ class ClockFit:
         self.flags.append((index - 1, index + 1, Quality.GAP))
 
     def _count_against_stamps(self, stamps: Stamps, period: float) -> None:
-        """Samples that whole seconds should hold and do not, where every stamp of a coarse clock is
-        there.
+        """Notes samples that whole seconds should hold and do not.
+
+        Only if every stamp of a coarse clock is there.
         """
         steps, ticks, first, last = [], 0, 0, 0
         for index, k, _ in stamps.points(period):

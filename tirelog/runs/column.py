@@ -26,7 +26,7 @@ from tirelog.vocabulary.kinds import KINDS, WAVELENGTH_KINDS
 #
 # Every conversion is linear in the channel's own sample, so a run keeps the source's exact counts
 # beside a factor and an offset; the temperature term of P1 (1) is the one that needs a second
-# channel, and is subtracted where samples are read.
+# channel, and is subtracted when samples are read.
 
 
 def scaled_to_si(channel: ChannelSetup) -> tuple[float, float]:
@@ -54,8 +54,9 @@ _CHUNKS_AT_ONCE = 4
 
 
 class DatasetWriter:
-    """One channel of `decimals` decimals in its source (None: binary floats); `lost` counts its
-    lost samples.
+    """Writes one channel of `decimals` decimals in its source (None: binary floats).
+
+    `lost` counts its lost samples.
     """
 
     def __init__(
@@ -71,8 +72,9 @@ class DatasetWriter:
         self._digest = hashlib.sha256()
 
     def append(self, samples: Samples) -> None:
-        """Take a block; whole chunks go to the file once there are enough of them to be worth a
-        write.
+        """Take a block.
+
+        Whole chunks go to the file once there are enough of them to be worth a write.
         """
         self._waiting.append(samples)
         self._held += samples.size
@@ -84,7 +86,7 @@ class DatasetWriter:
             self._waiting = [joined[whole:].copy()]
 
     def _joined(self) -> Samples:
-        """What waits, in one piece: counts where all of it is."""
+        """What waits, in one piece: counts if all of it is."""
         counts = all(part.dtype == np.int32 for part in self._waiting) and self._waiting
         return np.concatenate(
             self._waiting
@@ -109,8 +111,9 @@ class DatasetWriter:
             self._digest.update(stored.astype(stored.dtype.newbyteorder("<"), copy=False).data)
 
     def _encode(self, samples: Samples) -> np.ndarray:
-        """`samples` as counts, float32 or float64: the smallest that this channel's blocks so far
-        and this one fit exactly.
+        """`samples` as counts, float32 or float64.
+
+        The smallest that this channel's blocks so far and this one fit exactly.
         """
         kind = (
             None

@@ -1,7 +1,7 @@
 """A channel in memory, in as few bytes as its numbers need: it is gone through more than once.
 
     Channel of a run
-        --counts, piece by piece, above the least of the piece: two bytes a sample if they fit-->
+        --counts, piece by piece, above the least of the piece: two bytes per sample if they fit-->
         Channel in memory
     Channel of a temporary run, as counts: is where it is, and only read more quickly
     any other Channel --float64--> Channel in memory
@@ -34,7 +34,7 @@ Read = Callable[[int, int], FloatArray]
 
 @dataclass(frozen=True)
 class _Packed:
-    """A piece of a channel as counts above a `least` one, 0 where a sample is lost."""
+    """A piece of a channel as counts above a `least` one, 0 if a sample is lost."""
 
     short: NDArray[np.uint16]
     least: int
@@ -79,8 +79,9 @@ class _Held:
 
 @dataclass(frozen=True)
 class _Streamed:
-    """The counts of a temporary run, read anew each time: from the system's own memory, so that
-    they need none here.
+    """The counts of a temporary run, read anew each time.
+
+    From the system's own memory, so that they need none here.
     """
 
     stored: Scaled
@@ -94,7 +95,7 @@ class _Streamed:
 
 
 def in_memory(channel: Channel) -> Channel:
-    """The channel in memory, where it is not too long for that."""
+    """The channel in memory, if it is not too long for that."""
     stored = channel.samples
     if (
         isinstance(stored, Scaled)
@@ -133,8 +134,9 @@ def _piece(stored: Read, start: int, stop: int) -> Read:
 
 
 def _packed(raw: NDArray[Any], lost: int) -> tuple[NDArray[np.uint16], int] | None:
-    """Counts above the second number, 0 where `lost`; None where they are too far apart for two
-    bytes.
+    """(counts above a base, the base), or None if two bytes do not hold them.
+
+    The base is one below the least count; a count that is `lost` becomes 0.
     """
     least, most = (int(raw.min()), int(raw.max())) if raw.size else (0, 0)
     if lost in (least, most):
@@ -149,7 +151,7 @@ def _packed(raw: NDArray[Any], lost: int) -> tuple[NDArray[np.uint16], int] | No
 
 @compiled
 def pack(raw: NDArray[Any], lost: int, least: int, short: NDArray[np.uint16]) -> None:
-    """How far each count is above `least`, 0 where it is `lost`."""
+    """How far each count is above `least`, 0 if it is `lost`."""
     for i in range(raw.size):
         short[i] = np.uint16(0) if raw[i] == lost else np.uint16(raw[i] - least)
 

@@ -38,8 +38,9 @@ _HEAD_BYTES = 4096
 
 
 class _Stream(io.RawIOBase):
-    """A binary stream behind a head that was read before; counts, and where asked for hashes, what
-    is read through it.
+    """A binary stream behind a head that was read before.
+
+    Counts, and if asked for hashes, what is read through it.
     """
 
     def __init__(self, head: bytes, rest: BinaryIO, hashed: bool) -> None:
@@ -62,8 +63,9 @@ class _Stream(io.RawIOBase):
         return got
 
     def finish(self) -> str:
-        """Read to the end (a reader may stop before it) and give the hash of the whole, '' where it
-        was not asked for, or not to be had.
+        """Read to the end and give the hash of the whole.
+
+        A reader may stop before the end. '' if the hash was not asked for, or not to be had.
         """
         buffer = bytearray(1 << 20)
         try:
@@ -131,8 +133,9 @@ def _unreadable(log: str, problem: Exception) -> ReadError:
 
 
 def is_file(log: str) -> bool:
-    """True if `log` is a regular file, which can be read again and from any place; a pipe or device
-    cannot.
+    """True if `log` is a regular file, which can be read again and from any place.
+
+    A pipe or device cannot.
     """
     try:
         return log != "-" and address(log) is None and stat.S_ISREG(os.stat(log).st_mode)
@@ -202,12 +205,12 @@ def ingest(
     blocks: int | None = None,
     hashed: bool = False,
 ) -> IngestSummary:
-    """Write the run of `log` ('-' for standard input) to `path`, in one pass over its blocks (or
-    the first `blocks` of them).
+    """Write the run of `log` ('-' for standard input) to `path`.
 
-    `hashed` has its sha256 in the provenance, which for a text log takes as long as reading it: for
-    who keeps or prints it. ReadError: nothing could be read. SetupError: no setup, or it does not
-    fit. What was lost, though the rest could be read, is in the summary's `losses` and in the run.
+    In one pass over its blocks (or the first `blocks` of them). With `hashed` its sha256 is in the
+    provenance, which for a text log takes as long as reading it: for who keeps or prints it.
+    ReadError: nothing could be read. SetupError: no setup, or it does not fit. What was lost,
+    though the rest could be read, is in the summary's `losses` and in the run.
     """
     summary = IngestSummary(shown(log))
     with _open(log) as raw:  # before its setup: a log that is not there is no log without a setup
@@ -245,7 +248,7 @@ def _read_head(raw: BinaryIO, log: str) -> bytes:
 
 
 def _blocks(reader: LogReader, summary: IngestSummary) -> Iterator[RawBlock]:
-    """The reader's blocks, up to where the system gives no more of the log, which is a loss.
+    """The reader's blocks, until the system gives no more of the log, which is a loss.
 
     ReadError: not even the first.
     """
@@ -326,8 +329,9 @@ def _size(groups: tuple[Group, ...], summary: IngestSummary, name: str) -> int:
 
 
 def _clock(group: Group, setup: Setup) -> ClockFit:
-    """The clock of a group, with the rate that the setup declares for one of its channels or for
-    the log.
+    """The clock of a group, with the rate that the setup declares.
+
+    For one of its channels or for the log.
     """
     own = [setup.channels[name].sampling_rate_Hz for name in group.channels]
     declared = next((rate for rate in own if rate is not None), setup.log.sampling_rate_Hz)
@@ -357,11 +361,11 @@ def _setup_remarks(setup: Setup, read: set[str]) -> list[str]:
 def open_recording(
     log: str, setup: Setup | None = None, *, blocks: int | None = None, hashed: bool = False
 ) -> Iterator[Recording]:
-    """`log` (a run, a log, or '-') as a Recording, open as long as the context is; of a log only
-    the first `blocks` where given.
+    """`log` (a run, a log, or '-') as a Recording, open as long as the context is.
 
-    A run has its log's sha256 in its provenance, a log only where `hashed`. ReadError: nothing
-    could be read. SetupError: no setup for it, or one that does not fit (`plausibility`).
+    Of a log only the first `blocks` if given. A run has its log's sha256 in its provenance, a log
+    only if `hashed`. ReadError: nothing could be read. SetupError: no setup for it, or one that
+    does not fit (`plausibility`).
     """
     if is_file(log) and is_run(log):
         with open_run(log, shown(log), setup) as recording:

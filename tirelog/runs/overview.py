@@ -1,4 +1,4 @@
-"""What is in a recording, from its metadata alone: a row a channel."""
+"""What is in a recording, from its metadata alone: one row per channel."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tirelog.data.recording import Recording
 
 
 def channel_rows(recording: Recording) -> dict[str, Any]:
-    """What is in a recording, a row a channel, from its metadata alone."""
+    """What is in a recording, one row per channel, from its metadata alone."""
     channels = list(recording.channels.values())
     counts = recording.provenance.get("counts", {})
     return {

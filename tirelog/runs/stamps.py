@@ -6,7 +6,7 @@ Period, noise, lasting jumps, the line through them.
 
 k is the clock index of a sample: its own index plus the samples missing before it (known from
 sample numbers). r = t - T k is the residual against a clock of period T [s]. A *point* is a sample
-whose stamp takes part: all of them, or the first one of each bunch where many stamps are alike.
+whose stamp takes part: all of them, or the first one of each bunch if many stamps are alike.
 Every pass works in chunks, whatever the length of the log.
 """
 
@@ -29,14 +29,15 @@ _SAME, _BUNCHED = 0.3, 0.45
 #: points on each side of a jump that say whether it lasts: for stamps much finer than a period, and
 #: for others
 _FEW, _MANY = 5, 60
-#: a pause is told where samples without a clock leave out this many usual steps
+#: a pause is told if samples without a clock leave out this many usual steps
 _PAUSE = 10.0
 
 
 @dataclass(frozen=True)
 class Jump:
-    """A lasting change of level: sample `index` is the first behind it, whose stamps are `size_s`
-    later than the clock says.
+    """A lasting change of level.
+
+    Sample `index` is the first behind it, whose stamps are `size_s` later than the clock says.
     """
 
     index: int
@@ -45,8 +46,9 @@ class Jump:
 
 @dataclass(frozen=True)
 class Piece:
-    """Stamps between two lasting jumps: means of clock index and stamp [s] over its points; `first`
-    is its first sample.
+    """Stamps between two lasting jumps.
+
+    Means of clock index and stamp [s] over its points; `first` is its first sample.
     """
 
     first: int
@@ -60,8 +62,9 @@ class Piece:
 
 
 class Stamps:
-    """All stamps of a group [s], NaN where unknown, with the samples that are known to be missing
-    between them.
+    """All stamps of a group [s], NaN if unknown.
+
+    With the samples that are known to be missing between them.
     """
 
     def __init__(self) -> None:
@@ -125,7 +128,7 @@ class Stamps:
         return low, high
 
     def rough_period(self) -> float:
-        """T from differences over long stretches, by their median; 0 where stamps do not rise.
+        """T from differences over long stretches, by their median; 0 if stamps do not rise.
 
         Sets `bunched`.
         """
@@ -151,8 +154,9 @@ class Stamps:
         return self._between_bunches(period) if self.bunched and period > 0.0 else period
 
     def _between_bunches(self, period: float) -> float:
-        """T from the first stamps of bunches far apart, which lie on the clock more closely than
-        stamps in general.
+        """T from the first stamps of bunches far apart.
+
+        These lie on the clock more closely than stamps in general.
         """
         slopes = []
         for _, k, stamps in self.points(period):
@@ -171,8 +175,9 @@ class Stamps:
         return out
 
     def noise(self, period: float) -> float:
-        """Standard deviation of a stamp [s], from successive residuals (their median, so that jumps
-        do not count).
+        """Standard deviation of a stamp [s], from successive residuals.
+
+        Their median, so that jumps do not count.
         """
         found = [
             np.median(np.abs(np.diff(stamps - period * k)))
@@ -215,10 +220,10 @@ class Stamps:
     def fit(
         self, period: float, jumps: list[Jump], passing: list[tuple[int, int]]
     ) -> tuple[float, float, float, list[Piece]]:
-        """(T, its standard error, standard deviation of the stamps about their lines, pieces), by
-        least squares with one T.
+        """(T, its standard error, scatter of the stamps about their lines, pieces).
 
-        Sums are kept about their means and merged, so that no digits cancel in long logs.
+        By least squares with one T; the scatter is a standard deviation. Sums are kept about their
+        means and merged, so that no digits cancel in long logs.
         """
         edges = np.array([jump.index for jump in jumps], np.int64)
         sums = np.zeros((edges.size + 1, 6))  # points, mean k, mean r, S_kk, S_kr, S_rr
@@ -244,11 +249,10 @@ class Stamps:
         return period + slope, spread / np.sqrt(total) if total > 0 else np.inf, spread, pieces
 
     def rising(self) -> tuple[Spool, int, float, list[int]]:
-        """(the stamps, made to rise; how many were repaired; their median step [s]; first samples
-        behind long pauses).
+        """(stamps made to rise, number repaired, median step [s], samples behind pauses).
 
-        A stamp that is unknown, or not later than all before it, lies evenly between its
-        neighbours.
+        The first sample behind each long pause. A stamp that is unknown, or not later than all
+        before it, lies evenly between its neighbours.
         """
         out, repaired, medians, far = Spool(), 0, [1.0], []
         held, highest, done = np.zeros(0), -np.inf, 0
@@ -303,7 +307,7 @@ def _clusters(residual: FloatArray, threshold: float, window: int) -> list[tuple
 def _judge(
     at: IntArray, residual: FloatArray, a: int, b: int, window: int, threshold: float
 ) -> Jump | None:
-    """The lasting jump of the steps at positions a to b, None where the residual comes back."""
+    """The lasting jump of the steps at positions a to b, None if the residual comes back."""
     before, after = residual[max(0, a - window) : a], residual[b : b + window]
     size = float(np.median(after) - np.median(before))
     if abs(size) < 0.8 * threshold:
@@ -315,8 +319,10 @@ def _judge(
 def _unpaired(
     jumps: list[Jump], passing: list[tuple[int, int]], threshold: float
 ) -> tuple[list[Jump], list[tuple[int, int]]]:
-    """A rise that the next jump takes back is a stretch of late stamps (a fall that is taken back,
-    of early ones).
+    """(lasting jumps, stretches of late or early stamps).
+
+    A rise that the next jump takes back is a stretch of late stamps (a fall that is taken back, of
+    early ones).
     """
     kept: list[Jump] = []
     for jump in jumps:

@@ -156,8 +156,9 @@ class RunWriter(AbstractContextManager["RunWriter"]):
         place.create_dataset("word", data=words, chunks=True, fletcher32=True)
 
     def flush(self) -> dict[str, int]:
-        """All samples are in the file after this, and nothing may follow: how many of each channel
-        are lost.
+        """How many samples of each channel are lost.
+
+        All samples are in the file after this, and nothing may follow.
         """
         for column in self._columns.values():
             column.flush()
@@ -173,7 +174,7 @@ class RunWriter(AbstractContextManager["RunWriter"]):
 
 
 def is_run(path: Path | str) -> bool:
-    """True where `path` is an HDF5 file that `ingest` wrote, and says so."""
+    """True if `path` is an HDF5 file that `ingest` wrote, and says so."""
     try:
         with h5py.File(path, "r") as file:
             return "tirelog_run" in file.attrs
@@ -182,8 +183,9 @@ def is_run(path: Path | str) -> bool:
 
 
 def changed_columns(path: Path | str) -> list[str]:
-    """The channels and stamps of a run whose sha256 is not that of what was written; reads it
-    whole.
+    """The channels and stamps of a run whose sha256 is not that of what was written.
+
+    The run is read whole.
     """
     try:
         with h5py.File(path, "r") as file:
@@ -308,8 +310,9 @@ def _about_foreign(words: set[str]) -> tuple[str, ...]:
 
 
 def _with_units(setup: Setup, file: h5py.File) -> Setup:
-    """The setup with the units that were taken from the log itself, where it names none: the run
-    keeps them with its samples.
+    """The setup with the units that were taken from the log itself, if it names none.
+
+    The run keeps them with its samples.
     """
     channels = dict(setup.channels)
     held = walk(file, "channels")
@@ -333,8 +336,9 @@ def _channel(
     flags: tuple[Doubt, ...],
     losses: list[str],
 ) -> Channel:
-    """A channel whose samples are read, and scaled to SI, slice by slice; `plain`: as of
-    `_recording`.
+    """A channel whose samples are read, and scaled to SI, slice by slice.
+
+    `plain`: as of `_recording`.
     """
     factor, offset = scaled_to_si(channel)
     counts = dataset.dtype.kind == "i"
@@ -391,8 +395,9 @@ def _read(dataset: h5py.Dataset, start: int, stop: int, name: str, losses: list[
 
 
 def _compensated(strain: Channel, twin: Channel, expansion_1_K: float) -> Channel:
-    """Strain without the thermal expansion that its unbonded twin grating reads: the last term of
-    P1 (1).
+    """Strain without the thermal expansion that its unbonded twin grating reads.
+
+    That is the last term of P1 (1).
     """
     plain: Callable[[int, int], FloatArray] = strain.samples
 

@@ -44,6 +44,7 @@ LARGEST_LIST = 1 << 24
 MOST_OBJECTS = 1 << 16
 #: seconds from a log's start: a clock that jumps from 1970 to today stays below
 LATEST_S = 1e11
+#: largest rate that a run may state [Hz]
 FASTEST_HZ = 1e9
 _PROVENANCE = {"losses": list, "remarks": list, "repairs": dict, "counts": dict}
 
@@ -85,8 +86,9 @@ def _checked(path: str, item: Any, kind: str = "", chunk: int | None = None) -> 
 
 
 def _check_chunks(path: str, dataset: h5py.Dataset) -> None:
-    """Refuses a stored chunk that is larger than the filters make of one: it would grow without
-    end.
+    """Refuses a stored chunk that is larger than the filters make of one.
+
+    It would grow without end.
     """
     if not dataset.chunks:
         return
@@ -118,8 +120,9 @@ def text_at(file: h5py.File, path: str, largest: int) -> str:
 
 
 def _plain(item: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """An attribute's value, None if there is none, or if it lies in the heap, which has no
-    checksum.
+    """An attribute's value, None if there is none.
+
+    Also None if it lies in the heap, which has no checksum.
     """
     try:
         handle = item.attrs.get_id(name)

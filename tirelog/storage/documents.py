@@ -34,8 +34,9 @@ _TOO_DOTTED = re.compile(
 
 
 def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice: str) -> str:
-    """The text of the TOML file at `path`, without a byte-order mark; `error` if it cannot be read,
-    is too large or no UTF-8.
+    """The text of the TOML file at `path`, without a byte-order mark.
+
+    `error` if it cannot be read, is too large or no UTF-8.
 
     `what` names the kind of file ("a setup") and `advice` says what to do ("give another with
     --setup").
@@ -61,8 +62,9 @@ def toml_text(path: Path | str, error: type[TirelogError], *, what: str, advice:
 
 
 def toml_tables(text: str, error: type[TirelogError], *, file: object) -> dict[str, Any]:
-    """The tables in TOML `text`; `error`, with the line where it is known, if it is no TOML or goes
-    too far.
+    """The tables in TOML `text`; `error` if it is no TOML or goes too far.
+
+    The error names the line if it is known.
     """
     try:
         if _TOO_DOTTED.search(text):
@@ -93,8 +95,9 @@ def json_value(text: str | bytes) -> Any:
 
 
 def _bounded(tables: Any) -> Any:
-    """`tables` as they are; ValueError for what is nested too deep, and for whole numbers of more
-    than 64 bits.
+    """`tables` as they are.
+
+    ValueError for what is nested too deep, and for whole numbers of more than 64 bits.
     """
     level = [tables]
     for _ in range(DEEPEST):

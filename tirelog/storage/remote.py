@@ -26,12 +26,12 @@ ANSWER_S = 8.0
 #: object stores: a put is seen whole or not at all; elsewhere a file is put under another name and
 #: moved
 _WHOLE_PUTS = {"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "adl", "oci", "memory"}
-#: the name under which a file is put where it would be seen half written, and what it is swept by
+#: the name under which a file is put if it would be seen half written, and what it is swept by
 PART = ".part"
 
 
 def address(path: Path | str) -> str | None:
-    """`path` as a remote address, or None where it is a local path.
+    """`path` as a remote address, or None if it is a local path.
 
     (A `Path` keeps only one of the two slashes.)
     """
@@ -41,8 +41,9 @@ def address(path: Path | str) -> str | None:
 
 
 def shown(path: Path | str) -> str:
-    """A log's path as it may stand in a table: an address without user, password or values of its
-    query.
+    """A log's path as it may stand in a table.
+
+    An address stands without user, password or values of its query.
 
     A local path stays as it is given; bytes of a name that are no UTF-8 are escaped, as \\xff.
     """
@@ -67,7 +68,7 @@ def _filesystem(url: str) -> Any:
 
 
 def _refusal(kind: type[TirelogError], url: str, problem: BaseException) -> TirelogError:
-    """What a store says, with advice where credentials are the trouble."""
+    """What a store says, with advice if credentials are the trouble."""
     text = f"{type(problem).__name__}: {problem}".splitlines()[0][:200]
     credentials = (
         isinstance(problem, PermissionError)
@@ -83,8 +84,9 @@ def _refusal(kind: type[TirelogError], url: str, problem: BaseException) -> Tire
 
 
 def _answer(url: str, kind: type[TirelogError], question: Callable[[Any], T]) -> T:
-    """What the store of `url` answers; `kind` of error where it refuses, or does not answer in time
-    (its own retries take minutes).
+    """What the store of `url` answers; `kind` of error if it refuses.
+
+    Also if it does not answer in time (its own retries take minutes).
 
     FileNotFoundError and FileExistsError are answers, and are raised as they are.
     """
@@ -121,7 +123,7 @@ def open_remote(url: str) -> BinaryIO:
 
 
 def read_remote(url: str) -> bytes | None:
-    """A small object's bytes, or None where it is not there.  ReadError: it cannot be known."""
+    """A small object's bytes, or None if it is not there.  ReadError: it cannot be known."""
     try:
         return bytes(_answer(url, ReadError, lambda system: system.cat_file(url)))
     except FileNotFoundError:
@@ -129,8 +131,9 @@ def read_remote(url: str) -> bytes | None:
 
 
 def read_several(urls: Sequence[str]) -> dict[str, bytes]:
-    """Small objects' bytes by address, read side by side where the store can; those that are not
-    there are left out.
+    """Small objects' bytes by address; those that are not there are left out.
+
+    Read side by side if the store can.
     """
     if not urls:
         return {}
@@ -141,8 +144,9 @@ def read_several(urls: Sequence[str]) -> dict[str, bytes]:
 
 
 def list_remote(url: str) -> list[str]:
-    """Names of all that lies below the folder `url`, at any depth, relative to it; nothing where it
-    is not there.
+    """Names of all that lies below the folder `url`, at any depth, relative to it.
+
+    Nothing if it is not there.
     """
 
     def names(system: Any) -> list[str]:
@@ -215,11 +219,11 @@ def write_remote(url: str, data: bytes) -> None:
 
 
 def create_remote(url: str, data: bytes) -> bool:
-    """A small object that was not there; False where it was.
+    """A small object that was not there; False if it was.
 
     Exact on stores that can refuse to overwrite (S3, GCS, ...), see below.
 
-    Where a store cannot, it is looked for first, which leaves a moment between looking and writing.
+    If a store cannot, it is looked for first, which leaves a moment between looking and writing.
     """
 
     def create(system: Any) -> bool:
@@ -258,7 +262,7 @@ def remove_remote(urls: Sequence[str]) -> None:
 
 
 def upload(path: Path, url: str) -> None:
-    """Copy a whole local file to `url`, where it is seen whole or not at all.
+    """Copy a whole local file to `url`, so that it is seen whole or not at all.
 
     OutputError: it could not be stored.
     """

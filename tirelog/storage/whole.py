@@ -65,7 +65,7 @@ def output_error(path: Path | str, problem: Exception) -> OutputError:
 
 
 def _number(problem: Exception) -> int:
-    """The system's error number, 0 where there is none.
+    """The system's error number, 0 if there is none.
 
     HDF5 says it in its text, among pages of others.
     """
@@ -75,7 +75,7 @@ def _number(problem: Exception) -> int:
 
 @contextmanager
 def failed_writes(path: Path | str) -> Iterator[None]:
-    """What the system and HDF5 raise where `path` cannot be written becomes an OutputError."""
+    """What the system and HDF5 raise if `path` cannot be written becomes an OutputError."""
     try:
         yield
     except (OSError, RuntimeError) as problem:  # HDF5 raises either
@@ -125,7 +125,7 @@ def _owner() -> str:
 
 
 def _gone(owner: re.Match[str]) -> bool:
-    """True where the process of this machine that chose the name has ended."""
+    """True if the process of this machine that chose the name has ended."""
     if owner["machine"] != _machine():
         return False
     now, then = _started(int(owner["pid"])), int(owner["start"])
@@ -237,8 +237,9 @@ def refuse_inputs(*outputs: Path | str | int, name: str | None = None) -> None:
 
 @contextmanager
 def whole_file(path: Path | str) -> Iterator[Path]:
-    """A path beside `path` to write to; it takes the name `path` when the block ends well, and is
-    removed when it does not.
+    """A path beside `path` to write to, which becomes `path` when all went well.
+
+    It takes the name when the block ends well, and is removed when it does not.
 
     A link is followed; a device or pipe is opened now and written through at the end; a remote
     address is uploaded to at the end.
@@ -314,7 +315,7 @@ def all_or_none() -> Iterator[None]:
 
 
 def _stream_of(path: Path) -> int | None:
-    """The descriptor that the path means, None where it is an ordinary path."""
+    """The descriptor that the path means, None if it is an ordinary path."""
     own = _OWN_STREAM.fullmatch(str(path))
     return int(own[1]) if own else _STREAMS.get(str(path))
 
@@ -357,7 +358,7 @@ def _written_through(path: Path) -> Iterator[Path]:
 
 
 def make_folder(path: Path | str) -> None:
-    """The folder for several output files, made where it is missing; a remote address needs none.
+    """The folder for several output files, made if it is missing; a remote address needs none.
 
     OutputError: it cannot be made.
     """

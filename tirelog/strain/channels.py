@@ -8,7 +8,7 @@ from tirelog.vocabulary.kinds import STRAIN_KINDS
 
 
 def strain_channels(recording: Recording) -> list[Channel]:
-    """The strain channels.  UsageError where there is none."""
+    """The strain channels.  UsageError if there is none."""
     channels = recording.of_kind(*STRAIN_KINDS)
     if not channels:
         have = ", ".join(f"{c.name} ({c.kind})" for c in recording.channels.values()) or "none"

@@ -57,11 +57,13 @@ def revolution_sums(
     high: IntArray,
     sums: FloatArray,
 ) -> None:
-    """Adds to `sums` (m, 2) of the `rows` (k,) the squared derivative of `values` (n,) over [low,
-    high) (k,), and its squared change from one place to the next. Places count as `first` does, the
-    place of the first value.
+    """Adds to `sums` the squared derivative of `values`, and its squared changes.
 
-    derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 where that leaves
+    `sums` (m, 2) of the `rows` (k,): the squared derivative of `values` (n,) over [low, high) (k,),
+    and its squared change from one place to the next. Places count as `first` does, the place of
+    the first value.
+
+    derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 if that leaves
     `values`; `scratch` (SCRATCH_ROWS, n or more). Sums go four by four at multiples of FOUR, so
     that they do not depend on where the values were cut, if at such places.
     """
@@ -119,8 +121,9 @@ def _derivative(values: FloatArray, side: FloatArray, slope: FloatArray) -> None
 
 @compiled
 def _fours(slope: FloatArray, begin: int, energies: FloatArray, bends: FloatArray) -> None:
-    """Squares of `slope`, and of half of its change over two places, summed over four places from
-    `begin` on, and so on.
+    """Sums over each four places of the squared slope and of its squared change.
+
+    The change is half of that over two places; the first four begin at `begin`.
     """
     around = slope[begin - 1 :]
     for k in range((slope.size - begin - 1) // FOUR):
@@ -142,7 +145,7 @@ def _fours(slope: FloatArray, begin: int, energies: FloatArray, bends: FloatArra
 PASS = 20.0
 #: and at most this share of the Nyquist frequency; below LEAST the derivative itself is lost
 SHARE_OF_NYQUIST, LEAST = 0.8, 6.0
-#: means are taken of as many samples as leave this many a period of the pass edge
+#: means are taken of as many samples as leave this many per period of the pass edge
 OVERSAMPLING = 4.0
 #: a sample off its neighbours' cubic by more than these many sigmas and this share of the passages'
 #: height is bridged
@@ -162,9 +165,11 @@ STEADY_STEP_M_S, AVERAGED = 0.08, 9
 
 @dataclass(frozen=True)
 class Dissipation:
-    """One row a passage, shape (n,): factor p_d [1/m] with its standard error, specific power P_d
-    [m^3/s^2] (NaN without an area), whether the speed is constant there, and the moving averages in
-    such stretches (NaN elsewhere); `stretch`: number of the stretch, -1 outside; `quality`: flags.
+    """One row per passage, shape (n,): the dissipation factor and what follows from it.
+
+    Factor p_d [1/m] with its standard error, specific power P_d [m^3/s^2] (NaN without an area),
+    whether the speed is constant there, and the moving averages in such stretches (NaN elsewhere);
+    `stretch`: number of the stretch, -1 outside; `quality`: flags.
     """
 
     factor_1_m: FloatArray
@@ -179,8 +184,10 @@ class Dissipation:
 
 @dataclass(frozen=True)
 class _Filter:
-    """How the derivative is taken: coefficients on means of `averaged` samples, at `rate_Hz` means
-    a second; `limited`: the sampling is too coarse for the patch.
+    """How the derivative is taken.
+
+    Coefficients on means of `averaged` samples, with `rate_Hz` means per second; `limited`: the
+    sampling is too coarse for the patch.
     """
 
     coefficients: FloatArray
@@ -212,8 +219,9 @@ def _filter(channel: Channel, passages: Passages) -> _Filter:
 
 
 def _bounds(passages: Passages) -> tuple[FloatArray, FloatArray]:
-    """First and last sample (fractional) of each passage's revolution: half way to neighbours a
-    turn away, else half a turn.
+    """First and last sample (fractional) of each passage's revolution.
+
+    Half way to a neighbour that is one turn away, else half a turn.
     """
     index = passages.index
     step = np.diff(index)
@@ -228,7 +236,7 @@ def _bounds(passages: Passages) -> tuple[FloatArray, FloatArray]:
 
 
 def _means(values: FloatArray, averaged: int) -> FloatArray:
-    """Means of `averaged` neighbours, NaN where any of them is lost."""
+    """Means of `averaged` neighbours, NaN if any of them is lost."""
     return (
         values
         if averaged == 1
@@ -239,8 +247,9 @@ def _means(values: FloatArray, averaged: int) -> FloatArray:
 def _energies(
     channel: Channel, passages: Passages, how: _Filter, block_samples: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over each revolution: of the squared derivative, of its own squared slope (for the
-    error), and how many means; (n,) each.
+    """Sums over each revolution: energy, bend, and how many means; (n,) each.
+
+    The squared derivative, and its own squared slope (for the error).
     """
     bounds = [np.round(b / how.averaged) for b in _bounds(passages)]
     last = channel.size // how.averaged
@@ -305,8 +314,9 @@ def steady_stretches(
 
 
 def moving_average(values: FloatArray, stretch: IntArray, width: int = AVERAGED) -> FloatArray:
-    """Centred mean over `width` rows within each stretch, narrower at its ends; NaN outside of
-    stretches. NaN values are left out.
+    """Centred mean over `width` rows within each stretch, narrower at its ends.
+
+    NaN outside of stretches. NaN values are left out.
     """
     n = values.size
     good = np.isfinite(values)
@@ -338,11 +348,10 @@ def dissipation(
     averaged: int = AVERAGED,
     block_samples: int = BLOCK_SAMPLES,
 ) -> Dissipation:
-    """The dissipation in each revolution of the strain `channel`; `area_m2` of the section (None:
-    no specific power).
+    """The dissipation in each revolution of the strain `channel`.
 
-    `quality` (n,): the flags that the speeds already have; `averaged`: revolutions of a moving
-    average.
+    `area_m2` of the section (None: no specific power); `quality` (n,): the flags that the speeds
+    already have; `averaged`: revolutions of a moving average.
     """
     n = len(passages)
     if not np.isfinite(passages.speed_m_s).any():

@@ -1,6 +1,6 @@
 """Regressions of the dissipation on speed, through the means of the stretches of constant speed.
 
-rows of constant speed --cut where the speed has moved on, mean of each piece--> points
+rows of constant speed --cut when the speed has moved on, mean of each piece--> points
     --line, weights from the scatter within and between stretches (Paule, Mandel), t quantiles-->
     Regression
 
@@ -21,7 +21,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: rows of constant speed that a regression needs
 LEAST_ROWS = 8
-#: a stretch is cut where its speed has moved by this much [m/s]: a slow coast-down is no single
+#: a stretch is cut when its speed has moved by this much [m/s]: a slow coast-down is no single
 #: speed; twice as much halves the points of such a stretch and leaves others alone
 PIECE_M_S = 1.0
 #: means nearer than this are of one speed [m/s]: under one speed's scatter from stretch to stretch,
@@ -41,11 +41,12 @@ _HALVINGS = 60
 
 @dataclass(frozen=True)
 class Regression:
-    """quantity = intercept + slope x speed through the means of `points` pieces of `stretches`
-    stretches at `speeds` speeds.
+    """The line quantity = intercept + slope x speed, and what can be said of it.
+
+    Through the means of `points` pieces of `stretches` stretches at `speeds` speeds.
 
     Standard errors from the scatter of the means about the line, with `degrees_of_freedom` (points
-    - 2); NaN where that is 0. The slope lies between `slope_lower` and `slope_upper` with 95 %.
+    - 2); NaN if that is 0. The slope lies between `slope_lower` and `slope_upper` with 95 %.
     `scatter`: standard deviation of the revolutions about the line; `miss`: the largest distance of
     a mean from the line, and `miss_sigmas` that in standard errors of the means themselves.
     `parabola`: coefficients (3,) of 1, speed, speed^2 through the same means, `curvature_se` the
@@ -118,8 +119,9 @@ def _reach(free: int) -> float:
 
 
 def pieces(speed_m_s: FloatArray, stretch: IntArray) -> IntArray:
-    """Number of the piece of each row of sorted `stretch` (n,): a stretch, cut where its speed has
-    moved by PIECE_M_S.
+    """Number of the piece of each row of sorted `stretch` (n,).
+
+    A piece is a stretch, cut when its speed has moved by PIECE_M_S.
     """
     out, number, low, high = np.zeros(stretch.size, np.int64), 0, speed_m_s[0], speed_m_s[0]
     for row in range(1, stretch.size):
@@ -131,8 +133,9 @@ def pieces(speed_m_s: FloatArray, stretch: IntArray) -> IntArray:
 
 
 def _through(design: FloatArray, means: FloatArray, variance: FloatArray) -> _Line:
-    """Least squares of `means` (m,) on `design` (m, k); `variance` (m,): of each mean from the
-    scatter within its stretch.
+    """Least squares of `means` (m,) on `design` (m, k).
+
+    `variance` (m,): of each mean, from the scatter within its stretch.
 
     The scatter between stretches is what makes the weighted residuals as large as their degrees of
     freedom (Paule, Mandel); the covariance is scaled by those residuals (Knapp, Hartung), so that
@@ -163,11 +166,10 @@ def _through(design: FloatArray, means: FloatArray, variance: FloatArray) -> _Li
 def regression(
     quantity: str, speed_m_s: FloatArray, values: FloatArray, stretch: IntArray
 ) -> Regression | None:
-    """The line of `values` on `speed_m_s` (n,) through the means of the stretches; None where rows
-    are too few or of one speed.
+    """The line of `values` on `speed_m_s` (n,) through the means of the stretches.
 
-    `stretch` (n,): number of each row's stretch of constant speed, -1 outside, where a row is left
-    out.
+    None if rows are too few or of one speed. `stretch` (n,): number of each row's stretch of
+    constant speed; rows outside of stretches have -1 and are left out.
     """
     good = (stretch >= 0) & np.isfinite(values) & np.isfinite(speed_m_s)
     v, y, group = speed_m_s[good], values[good], stretch[good]
@@ -230,8 +232,9 @@ def regression(
 
 
 def _judgement(speeds: int, free: int, bent: bool, sigmas: float) -> str:
-    """What can be said of a line through means at some `speeds`; empty where nothing speaks against
-    it.
+    """What can be said of a line through means at some `speeds`.
+
+    Empty if nothing speaks against it.
     """
     far = f"the line misses a mean by {sigmas:.0f} of its errors" if sigmas > FAR_OFF else ""
     if speeds < 3 or free <= 1:

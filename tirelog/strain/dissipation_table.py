@@ -3,7 +3,7 @@
 A row per revolution, its moving averages sorted by speed, and the regressions on speed.
 
 Recording --passages, dissipation--> columns
-    --power, force, coefficient where the setup gives what they need--> table
+    --power, force, coefficient if the setup gives what they need--> table
 rows of constant speed
     --`dissipation_fit`: lines through the means of their stretches--> regressions
 """
@@ -75,8 +75,9 @@ def dissipation_of_channel(
 def _with_viscosity(
     recording: Recording, found: Dissipation, speed_m_s: FloatArray
 ) -> dict[str, FloatArray]:
-    """Power eta P_d of the strip under the grating, that over the speed, and that over the load,
-    where viscosity, area and load are known.
+    """Power eta P_d of the strip under the grating, and that over speed and over load.
+
+    No columns without viscosity and area; the last one only if the load is known.
 
     P1 (27) is the power of one strip of the belt, of the given section and viscosity, under one
     grating: of a whole tire's rolling resistance (some 1 % of the load) it is a part that only the
@@ -118,8 +119,9 @@ def _remarks(recording: Recording, surface: str | None) -> tuple[str, ...]:
 
 
 def _in_bending(surface: str | None, height_m: float | None) -> str:
-    """What P1 (27) reads of a strip of height h that bends and does not stretch: 12 (y / h)^2 of
-    its power, y off the neutral axis.
+    """What P1 (27) reads of a strip that bends and does not stretch.
+
+    For a strip of height h: 12 (y / h)^2 of its power, y off the neutral axis.
 
     The strain at z is then z / y times the grating's, so that P1 (25) is eta A h^2 / (12 y^2) int
     (d eps_m / ds)^2 ds; (27) leaves the factor out.
@@ -147,8 +149,9 @@ def clean_rows(found: DissipationOfChannel) -> IntArray:
 def regressions(
     log: str, found: DissipationOfChannel
 ) -> tuple[dict[str, Any] | None, tuple[str, ...]]:
-    """(the regressions of factor and specific power on speed as rows of a table, why there are
-    none); None if there are too few revolutions.
+    """(regressions of factor and specific power on speed, why there are none).
+
+    The regressions are rows of a table; None if there are too few revolutions.
     """
     stretch = clean_rows(found)
     lines = [

@@ -104,8 +104,9 @@ def _refuse_drive(recording: Recording, channel: Channel) -> None:
 
 
 def _refuse_to_and_fro(recording: Recording, channel: Channel, found: Inflation) -> None:
-    """UsageError if the strain goes up and down: filling or emptying takes it one way, apart from
-    leaks.
+    """UsageError if the strain goes up and down.
+
+    Filling or emptying takes it one way, apart from leaks.
     """
     change = found.strain_change
     way, most = (
@@ -159,16 +160,18 @@ MEAN_S, RATE_MEANS, SHORTEST = 0.1, 3, 5
 #: span of a log whose means are held in memory [s]: a week takes 150 MB; stamps that jump span
 #: centuries
 LONGEST_S = 7 * 86400.0
-#: a ramp runs at more than this share of the fast rate
+#: a ramp runs at more than this share of the fast rate, which four fifths of all rates stay below
 RAMP_SHARE = 0.25
-#: a leak is one that exceeds so many standard errors
+#: a leak is one that exceeds so many standard errors of a mean; with twice as many, leaks up to
+#: twice as large are said to be 0
 LEAK_SIGMAS = 7.0
 
 
 @dataclass(frozen=True)
 class Series:
-    """Means of MEAN_S: `time_s`, `strain`, `pressure_Pa` (NaN without), shape (n,); `noise` of a
-    mean of the strain.
+    """Means of MEAN_S: times, strain and pressure, shape (n,).
+
+    `time_s`, `strain`, `pressure_Pa` (NaN without); `noise` of a mean of the strain.
     """
 
     time_s: FloatArray
@@ -179,14 +182,14 @@ class Series:
 
 @dataclass(frozen=True)
 class Inflation:
-    """One row a stretch, the whole first, shape (k,).
+    """One row per stretch, the whole first, shape (k,).
 
     `stretch` 'whole', 'ramp' or 'stop'; `time_s` its beginning, `duration_s`; means of strain (with
     standard error) and pressure; `strain_change`, `pressure_change_Pa` from beginning to end;
-    `slope_1_Pa` of strain on pressure with standard error (NaN where the pressure is not known or
+    `slope_1_Pa` of strain on pressure with standard error (NaN if the pressure is not known or
     stands still); `rate_1_s` of the strain; `nonlinearity`: largest deviation of the strain from
     its straight line on the pressure (on time, without pressure) as a share of its range, ramps and
-    whole; `leak`: strain lost at a stop, 0 where it is not significant.
+    whole; `leak`: strain lost at a stop, 0 if it is not significant.
     """
 
     stretch: NDArray[np.str_]
@@ -205,8 +208,9 @@ class Inflation:
 
 
 def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, means and standard deviations of `channel` in cells of `step_s` from the start of the
-    log; NaN where a cell holds nothing.
+    """Times, means and standard deviations of `channel` in cells of `step_s`.
+
+    From the start of the log; NaN if a cell holds nothing.
     """
     start = float(channel.axis.at(0.0)) if channel.size else 0.0
     if channel.axis.duration_s > LONGEST_S:
@@ -245,11 +249,10 @@ def means(channel: Channel, step_s: float = MEAN_S) -> tuple[FloatArray, FloatAr
 def series(
     strain: Channel, pressure: Channel | None, ends_Pa: tuple[float, float] | None = None
 ) -> Series:
-    """The means of a strain channel with the pressure at the same times; `ends_Pa`: pressures at
-    begin and end where there is no channel.
+    """The means of a strain channel with the pressure at the same times.
 
-    With `ends_Pa` the pressure is taken to follow the strain from one to the other, so only the
-    whole's slope has a meaning.
+    `ends_Pa`: pressures at begin and end if there is no channel. With `ends_Pa` the pressure is
+    taken to follow the strain from one to the other, so only the whole's slope has a meaning.
     """
     time, values, error = means(strain)
     known = np.isfinite(values)
@@ -285,8 +288,9 @@ def _rates(values: Series) -> FloatArray:
 
 
 def inflation_stretches(values: Series) -> tuple[NDArray[np.bool_], IntArray]:
-    """Whether each stretch is a ramp, and the first mean of each, plus the end; short ones go to
-    their neighbours.
+    """Whether each stretch is a ramp, and the first mean of each, plus the end.
+
+    Short ones go to their neighbours.
     """
     rate = _rates(values)
     direction = np.sign(values.strain[-1] - values.strain[0]) or 1.0
@@ -303,8 +307,9 @@ def inflation_stretches(values: Series) -> tuple[NDArray[np.bool_], IntArray]:
 
 
 def _line(x: FloatArray, y: FloatArray, noise: float) -> tuple[float, float, float]:
-    """Slope, its standard error (residuals or noise, what is larger) and largest residual over the
-    range of y; NaN where x stands still.
+    """Slope, its standard error and largest residual over the range of y.
+
+    The error is of the residuals or of the noise, what is larger; NaN if x stands still.
     """
     if x.size < 3 or not np.isfinite(x).all() or np.ptp(x) <= 0:
         return float("nan"), float("nan"), float("nan")
@@ -321,8 +326,9 @@ def _line(x: FloatArray, y: FloatArray, noise: float) -> tuple[float, float, flo
 
 
 def _lost(values: Series, low: int, high: int) -> float:
-    """Strain lost at the stop [low, high): from its highest to its lowest after that, a little
-    beyond its own ends; 0 within the noise.
+    """Strain lost at the stop [low, high); 0 within the noise.
+
+    From its highest to its lowest after that, a little beyond its own ends.
     """
     direction = np.sign(values.strain[-1] - values.strain[0]) or 1.0
     around = direction * values.strain[max(low - RATE_MEANS, 0) : high + RATE_MEANS]

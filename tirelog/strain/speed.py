@@ -1,4 +1,4 @@
-"""The speed table: a row a passage, speed over the rolling circumference with an error that covers.
+"""The speed table: speed with its error, one row per passage.
 
     Recording --find_passages on each strain channel--> Passages
         --here--> columns of the table `speed`
@@ -28,13 +28,13 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, having, marked, qu
 
 # Errata, Speed: R_e is a setting, or calibrated with a speed reference.
 #
-#     vehicle_speed Channel --distance travelled at the passages' times--> distance a turn
+#     vehicle_speed Channel --distance travelled at the passages' times--> distance per turn
 #         --ratio over pieces of the log--> radius, error
 #
 # The distance over whole turns does not depend on where in a turn the speed was sampled; noise and
 # lag of the reference average out.
 
-#: turns are used up to this acceleration [m/s^2], where there are enough of them: the tire slips
+#: turns are used up to this acceleration [m/s^2], if there are enough of them: the tire slips
 #: under torque
 FREE_ROLLING_M_S2 = 1.0
 #: pieces of the log whose scatter gives the error, and the least number of turns
@@ -43,8 +43,9 @@ PIECES, LEAST_TURNS = 40, 10
 
 @dataclass(frozen=True)
 class RadiusCalibration:
-    """Rolling radius and its standard error [m] from so many turns; `channel` is the reference's
-    name.
+    """Rolling radius and its standard error [m] from so many turns.
+
+    `channel` is the reference's name.
     """
 
     radius_m: float
@@ -60,11 +61,11 @@ class RadiusCalibration:
 
 
 def travelled(speed: Channel, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(distance [m], number of holes before) at ascending times, shape (n,) each: the speed
-    integrated, straight lines between samples.
+    """(distance [m], number of holes before) at ascending times, shape (n,) each.
 
-    NaN outside of the channel and in its holes. Between two times with another number of holes
-    samples are missing, and their distance is not known.
+    The speed integrated, straight lines between samples. NaN outside of the channel and in its
+    holes. Between two times with another number of holes samples are missing, and their distance is
+    not known.
     """
     distance = np.full(time_s.size, np.nan)
     hole = np.zeros(time_s.size)
@@ -99,7 +100,7 @@ def calibrate_radius(
 ) -> RadiusCalibration:
     """The rolling radius from the reference `speed` [m/s] and the passages of one wheel's channels.
 
-    UsageError where fewer than LEAST_TURNS whole turns lie within the reference, or the radius
+    UsageError if fewer than LEAST_TURNS whole turns lie within the reference, or the radius
     cannot go with the unloaded one.
     """
     radii, errors, turns = [], [], 0
@@ -144,8 +145,10 @@ LEAST_ERROR_M_S = 1.0
 
 
 def speed_quality(passages: Passages) -> QualityFlags:
-    """The passages' flags, with those on the speed: edge_of_log at the first and last, extrapolated
-    where it is not centred, standstill and reversing beside such a break.
+    """The passages' flags, with those on the speed.
+
+    edge_of_log at the first and last, extrapolated if it is not centred, standstill and reversing
+    beside such a break.
     """
     at_end = np.zeros(len(passages), bool)
     at_end[:1] = at_end[-1:] = True
@@ -163,16 +166,19 @@ def speed_quality(passages: Passages) -> QualityFlags:
 
 
 def period(passages: Passages) -> FloatArray:
-    """Time of one revolution around each passage [s]: half of the time between the passages before
-    and after where these are one turn away, else a turn at the passage's speed.
+    """Time of one revolution around each passage [s].
+
+    Half of the time between the passages before and after if these are one turn away, else a turn
+    at the passage's speed.
     """
     both = 0.5 * (passages.period_before_s + passages.period_after_s)
     return np.where(np.isfinite(both), both, TURN_RAD / passages.omega_rad_s)
 
 
 def begin(log: str, passages: Passages) -> dict[str, Any]:
-    """The columns that every table with a row a revolution begins with; the names take no memory
-    for each row.
+    """The columns that every table with one row per revolution begins with.
+
+    The names take no memory for each row.
     """
     n = len(passages)
     return {
@@ -185,8 +191,9 @@ def begin(log: str, passages: Passages) -> dict[str, Any]:
 
 
 def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dict[str, Any]:
-    """The speed table's columns for one channel's passages; `radius_se_m` is the radius' error
-    where it was calibrated.
+    """The speed table's columns for one channel's passages.
+
+    `radius_se_m` is the radius' error if it was calibrated.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # an error without bounds is none
         error = np.hypot(
@@ -202,8 +209,9 @@ def speed_columns(log: str, passages: Passages, radius_se_m: float = 0.0) -> dic
 
 
 def speed_channels(recording: Recording) -> list[Channel]:
-    """The channels whose passages tell the speed: of strain, or without an encoder the radial
-    acceleration; none if the encoder tells it.  UsageError: nothing does.
+    """The channels whose passages tell the speed; none if the encoder tells it.
+
+    Of strain, or without an encoder the radial acceleration.  UsageError: nothing does.
     """
     channels = recording.of_kind(*STRAIN_KINDS)
     if channels or recording.of_kind("wheel_encoder"):
@@ -237,8 +245,10 @@ def speed_by_encoder(
 def calibrated_speed(
     recording: Recording,
 ) -> Iterator[tuple[Mapping[str, Any], Sequence[str]]]:
-    """(columns of the `speed` table, remarks) of each channel, the rolling radius taken from the
-    log's `vehicle_speed` by all of them together.  UsageError: nothing to calibrate against.
+    """(columns of the `speed` table, remarks) of each channel.
+
+    The rolling radius is taken from the log's `vehicle_speed` by all of them together.  UsageError:
+    nothing to calibrate against.
     """
     reference = _vehicle_speed(recording)
     found = [passages_of(recording, channel) for channel in speed_channels(recording)]
@@ -284,7 +294,7 @@ def _without_rolling_radius(recording: Recording) -> Recording:
 
 
 def radius_remarks(recording: Recording) -> list[str]:
-    """Said where the setup has no rolling radius."""
+    """Remarks to say if the setup has no rolling radius."""
     tire = recording.setup.tire
     if tire.rolling_radius_m is not None:
         return []

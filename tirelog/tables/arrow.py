@@ -18,8 +18,9 @@ TYPES = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "text": p
 
 
 def arrow_column(values: np.ndarray, kind: str, digits: int | None) -> pa.Array:
-    """One column (n,) of a `kind` of TYPES; floats rounded to so many significant `digits` (None:
-    as they are).
+    """One column (n,) of a `kind` of TYPES.
+
+    Floats are rounded to so many significant `digits` (None: as they are).
     """
     if kind == "text":
         return _texts(values.tolist())
@@ -43,7 +44,7 @@ def arrow_field(name: str, type: pa.DataType | None = None) -> pa.Field:
 
 
 def quoting(table: pa.Table) -> str:
-    """Quotes only where a text needs them (arrow's own "needed" quotes every text)."""
+    """Quotes only if a text needs them (arrow's own "needed" quotes every text)."""
     for column in table.columns:
         if pa.types.is_string(column.type):
             for data in (chunk.buffers()[2] for chunk in column.chunks):
@@ -64,14 +65,14 @@ def _rounded(values: np.ndarray, digits: int) -> np.ndarray:
 
 
 def _plain(type: pa.DataType, data: np.ndarray, known: np.ndarray) -> pa.Array:
-    """Numbers (or packed bits) as an arrow array, null where not `known`."""
+    """Numbers (or packed bits) as an arrow array, null if not `known`."""
     lost = known.size - int(np.count_nonzero(known))
     valid = pa.py_buffer(np.packbits(known, bitorder="little")) if lost else None
     return pa.Array.from_buffers(type, known.size, [valid, pa.py_buffer(data)], lost)
 
 
 def _texts(values: Sequence[Any]) -> pa.Array:
-    """Texts as an arrow array, null where None."""
+    """Texts as an arrow array, null if None."""
     texts = {
         value: b"" if value is None else str(value).encode() for value in dict.fromkeys(values)
     }

@@ -36,6 +36,7 @@ KEYS = (
     "angle",
     "name",
 )
+#: relative tolerance of a column that the register of columns does not know
 _DEFAULT_RELATIVE = 1e-6
 #: what stands for the key of a whole column, and for the column of a whole row
 _ALL_ROWS, _ROW = "(all rows)", "(row)"
@@ -45,7 +46,7 @@ _ALL_ROWS, _ROW = "(all rows)", "(row)"
 class Difference:
     """One value that moved.
 
-    `excess` is its difference over what is allowed (inf where the values cannot be compared).
+    `excess` is its difference over what is allowed (inf if the values cannot be compared).
     """
 
     key: str
@@ -99,8 +100,9 @@ def differences(
 def of_like_logs(
     table: pd.DataFrame, against: pd.DataFrame
 ) -> tuple[pd.DataFrame, pd.DataFrame, str]:
-    """Both tables with keys by which rows match, and a sentence if those are not the paths of the
-    logs.
+    """(both tables with keys by which rows match, a sentence on the keys).
+
+    The sentence is there if those are not the paths of the logs.
 
     As they are, if a single row has the same key in both. Else `log` is the file's name in both, or
     that name without its suffixes (a log and the run made of it), if rows match then; and if within
@@ -155,8 +157,9 @@ def summary(found: Sequence[Difference]) -> str:
 
 
 def _indexed(table: pd.DataFrame, keys: list[str]) -> pd.DataFrame:
-    """The table with its key as index: `log=a.csv channel=strain_1 revolution=3`, numbered where
-    keys repeat.
+    """The table with its key as index: `log=a.csv channel=strain_1 revolution=3`.
+
+    Numbered if keys repeat.
     """
     if not keys:
         return table.set_axis([f"row={i}" for i in range(len(table))], axis=0)

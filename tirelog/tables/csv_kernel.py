@@ -26,7 +26,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: rows worked on at once: cells and bytes stay in the cache
 AT_ONCE = 2048
-#: what a column's cells are, where they are not numbers of so many significant digits
+#: what a column's cells are, if they are not numbers of so many significant digits
 WHOLE, WORD = 0, -1
 #: bytes that a number and its comma take at most
 LONGEST = 25
@@ -52,8 +52,9 @@ class _Known(dict[Any, int]):
 
 @dataclass(frozen=True)
 class Words:
-    """A column of few different texts: the `texts`, and the place in them of each row's, shape
-    (n,).
+    """A column of few different texts.
+
+    The `texts`, and the place in them of each row's, shape (n,).
     """
 
     texts: Sequence[str]
@@ -72,7 +73,7 @@ class Words:
 
     @property
     def plain(self) -> bool:
-        """True where no text wants quotes."""
+        """True if no text wants quotes."""
         return not any(mark in text for text in self.texts for mark in '",\r\n')
 
 
@@ -99,7 +100,7 @@ class Rows:
         self._begins = np.cumsum([0, *map(len, texts)])
 
     def written(self, rows: slice) -> Bytes | None:
-        """Some rows as csv, None where a number is arrow's to write."""
+        """Some rows as csv, None if a number is arrow's to write."""
         cells = np.array([column[rows] for column in self._columns], np.float64)
         out = np.empty(self._longest * cells.shape[1], np.uint8)
         size = write_rows(cells, self._digits, self._texts, self._begins, out)
@@ -110,10 +111,10 @@ class Rows:
 def write_rows(
     cells: FloatArray, digits: IntArray, texts: Bytes, begins: IntArray, out: Bytes
 ) -> int:
-    """The rows of `cells` (columns, n) into `out`; how many bytes, -1 where a number cannot be
-    written.
+    """Writes the rows of `cells` (columns, n) into `out`; how many bytes.
 
-    `begins`: where in `texts` each word begins, and the end of the last.
+    -1 if a number cannot be written. `begins`: where in `texts` each word begins, and the end of
+    the last.
     """
     at = 0
     exponents = np.zeros(
@@ -153,7 +154,7 @@ def write_rows(
 
 @compiled
 def _sign(value: float, out: Bytes, at: int) -> int:
-    """The minus of a negative number or zero; where the next byte goes, as everywhere here."""
+    """The minus of a negative number or zero; the place of the next byte, as everywhere here."""
     if np.copysign(1.0, value) > 0.0:
         return at
     out[at] = MINUS
@@ -174,8 +175,9 @@ def _whole(value: float, out: Bytes, at: int) -> int:
 
 @compiled
 def _number(value: float, digits: int, exponent: int, out: Bytes, at: int) -> int:
-    """A number by its first `digits`; its size is at least 10^exponent, and less than ten times
-    that.
+    """Writes a number by its first `digits`.
+
+    Its size is at least 10^exponent, and less than ten times that.
     """
     at = _sign(value, out, at)
     whole = np.int64(np.rint(abs(value) * POWERS[digits - 1 - exponent + EXACT]))

@@ -43,6 +43,7 @@ _SUFFIXES = {
     ".parquet": "parquet",
     ".json": "json",
 }
+#: rows of a table that are written at once
 _ROWS_A_PART = 20_000
 
 
@@ -87,14 +88,15 @@ def _digits(name: str) -> int:
 
 
 def _loop_at_hand() -> bool:
-    """True where compiled loops have been used before: to write csv, one more costs less than
-    arrow, and arrow less than the first.
+    """True if compiled loops have been used before.
+
+    To write csv, one more costs less than arrow, and arrow less than the first.
     """
     return "numba" in sys.modules
 
 
 def _plain(name: str, values: np.ndarray) -> tuple[int, np.ndarray] | Words | None:
-    """A column as the compiled loop takes it; None where it must be left to arrow."""
+    """A column as the compiled loop takes it; None if it must be left to arrow."""
     from tirelog.tables.csv_kernel import WHOLE, Words
 
     kind = _kind(name, values)
@@ -218,8 +220,9 @@ class TableWriter(AbstractContextManager["TableWriter"]):
         self.write({str(name): frame[name].to_numpy() for name in frame.columns})
 
     def _begin(self, names: tuple[str, ...], schema: pa.Schema | None = None) -> None:
-        """Whatever stands before the first row of a table of these columns; parquet needs their
-        `schema`.
+        """Writes whatever stands before the first row of a table of these columns.
+
+        Parquet needs their `schema`.
         """
         if self._names is not None:
             return
@@ -302,10 +305,9 @@ class TableWriter(AbstractContextManager["TableWriter"]):
 
 
 def read_table(path: Path | str) -> Any:
-    """A table that tirelog (or another tool) wrote, as a pandas DataFrame; the suffix decides, '-'
-    is csv on standard input.
+    """A table that tirelog (or another tool) wrote, as a pandas DataFrame.
 
-    ReadError: nothing there, or not a table.
+    The suffix decides, '-' is csv on standard input. ReadError: nothing there, or not a table.
     """
     import pandas as pd
     import pyarrow as pa

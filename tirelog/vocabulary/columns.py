@@ -495,7 +495,7 @@ TABLES: dict[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 
-#: columns that stand in a table only where the setup or calibration gives what they need
+#: columns that stand in a table only if the setup or calibration gives what they need
 OPTIONAL = {
     "strip_power_W", "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient",
     "vertical_force_N", "vertical_force_se_N", "longitudinal_force_N", "longitudinal_force_se_N",

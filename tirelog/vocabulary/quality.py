@@ -120,8 +120,9 @@ def good(flags: QualityFlags, use: Use = Use.ANY) -> NDArray[np.bool_]:
 
 
 def good_rows(column: pd.Series) -> NDArray[np.bool_]:
-    """Which rows of a table's quality column are good, shape (n,); a word that is not of the
-    register spoils its row.
+    """Which rows of a table's quality column are good, shape (n,).
+
+    A word that is not of the register spoils its row.
     """
     return np.asarray(column.isin(_good_texts()), dtype=bool)
 
@@ -140,8 +141,9 @@ def quality_text(flags: int) -> str:
 
 
 def quality_column(flags: QualityFlags) -> NDArray[np.object_]:
-    """The quality column of a table whose rows have these words, texts of shape (n,); few sets of
-    words are different, so each is put once.
+    """The quality column of a table whose rows have these words, texts of shape (n,).
+
+    Few sets of words are different, so each is put once.
     """
     sets, which = np.unique(flags, return_inverse=True)
     return np.array([quality_text(int(one)) for one in sets], object)[which]

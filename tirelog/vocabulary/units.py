@@ -72,7 +72,7 @@ SPELLINGS = {
 
 
 def canonical(unit: str) -> str | None:
-    """The table's name of `unit` as an instrument may spell it; None where it is not known."""
+    """The table's name of `unit` as an instrument may spell it; None if it is not known."""
     text = unit.strip()
     if text in UNITS:
         return text

@@ -24,8 +24,9 @@ PILED_UP = 6
 
 
 def without_held(channel: Channel, low: float, high: float) -> Channel:
-    """The channel with runs of HELD or more equal samples lost, but for those at its limits `low`
-    and `high`; as it is where the channel has too little noise to tell.
+    """The channel with runs of HELD or more equal samples lost.
+
+    Runs at its limits `low` and `high` stay; as it is if the channel has too little noise to tell.
     """
     starts = np.unique(np.linspace(0, max(channel.size - 4096, 0), 32).astype(np.int64))
     pieces = [channel.read(int(s), int(s) + 4096) for s in starts]
@@ -53,8 +54,9 @@ def without_held(channel: Channel, low: float, high: float) -> Channel:
 
 
 def limits(channel: Channel) -> tuple[float, float, float]:
-    """(lower limit, upper limit, share of all samples there); infinite where the extreme of the log
-    is not a pile of equal samples.
+    """(lower limit, upper limit, share of all samples there).
+
+    Infinite if the extreme of the log is not a pile of equal samples.
     """
     extremes = [np.inf, -np.inf]
     counts, known = [0, 0], 0

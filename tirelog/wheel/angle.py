@@ -3,7 +3,7 @@
     encoder channel --teeth--> counted passages
         --pitch table learnt from the log--> WheelAngle (angle and rate at any time)
     WheelAngle, vehicle_speed --> rolling radius with its error
-    Recording --encoder_speed--> columns of the `speed` table, a row a turn of the wheel
+    Recording --encoder_speed--> columns of the `speed` table, one row per turn of the wheel
 
 Angles [rad] grow in the direction of rolling; their zero is the first tooth that was seen. Sine,
 square pulses, counters and angles are taken as they come.
@@ -33,7 +33,7 @@ from tirelog.wheel.direction import untold_stretches, ways_of
 
 #: width of the speed's window: -3 dB at 20 Hz, the low-pass of P4
 SPEED_WINDOW_S = 0.443 / 20.0
-#: slower than this, in turns a second, the wheel counts as standing
+#: slower than this, in turns per second, the wheel counts as standing
 STANDSTILL_TURNS_S = 0.1
 #: third differences [turns] below this are the arithmetic's, not the sensor's
 ROUNDING = 1e-9
@@ -44,9 +44,11 @@ REPEATS, BETTER = 0.8, 0.2
 
 @dataclass(frozen=True)
 class WheelAngle:
-    """`angle`: the function of time; `pitch`: the learnt table; `backward` (n,) knots at which the
-    wheel rolls back; `untold` (stretches,) True where nothing shows the direction after a
-    standstill; `remarks`: sentences on the whole log.
+    """The wheel angle as a function of time, and what is doubtful in it.
+
+    `angle`: the function of time; `pitch`: the learnt table; `backward` (n,) knots at which the
+    wheel rolls back; `untold` (stretches,) True if nothing shows the direction after a standstill;
+    `remarks`: sentences on the whole log.
     """
 
     channel: str
@@ -63,8 +65,9 @@ class WheelAngle:
         return self.angle.mean_rate(time_s, SPEED_WINDOW_S)
 
     def quality(self, start_s: FloatArray, stop_s: FloatArray) -> QualityFlags:
-        """What is wrong with the angle within [start, stop], each shape (n,): flags of standstill,
-        reversing, gap, direction_unknown.
+        """What is wrong with the angle within [start, stop], each shape (n,).
+
+        Flags of standstill, reversing, gap, direction_unknown.
         """
         knots = self.angle.time_s
         first = np.clip(np.searchsorted(knots, start_s) - 1, 0, knots.size - 1)
@@ -84,8 +87,10 @@ class WheelAngle:
 
 
 def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = None) -> WheelAngle:
-    """The wheel angle from an encoder channel; `unit` is the source's (an angle is taken as it is);
-    `vehicle` a speed [m/s] whose sign tells the direction, if it ever falls below zero.
+    """The wheel angle from an encoder channel.
+
+    `unit` is the source's (an angle is taken as it is); `vehicle` a speed [m/s] whose sign tells
+    the direction, if it ever falls below zero.
 
     SetupError: the channel has no `steps`.  DataLoss: it shows no teeth.
     """
@@ -129,15 +134,17 @@ def wheel_angle(channel: Channel, unit: str = "1", vehicle: Channel | None = Non
 
 
 def _noise(found: Probe, steps: int) -> float:
-    """Standard deviation [rad] of one passage where the log is too short to show it: the noise over
-    the slope, five samples.
+    """Standard deviation [rad] of one passage if the log is too short to show it.
+
+    The noise over the slope, five samples.
     """
     return float(found.noise / max(found.amplitude, np.finfo(float).tiny) / steps / np.sqrt(5.0))
 
 
 def _teeth(channel: Channel, found: Probe, steps: int) -> Iterator[Teeth]:
-    """Counted teeth of a sine or square channel, piece by piece; stretches are numbered 0, 1, ...,
-    and gaps in the time axis end one.
+    """Counted teeth of a sine or square channel, piece by piece.
+
+    Stretches are numbered 0, 1, ..., and gaps in the time axis end one.
     """
     if found.form == "dead":
         raise DataLoss(_too_few(channel, 0, steps))
@@ -170,7 +177,7 @@ def _too_few(channel: Channel, passages: int, steps: int) -> str:
 
 
 def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
-    """The wheel angle of a counter (of `steps` counts a turn) or of an angle channel."""
+    """The wheel angle of a counter (of `steps` counts per turn) or of an angle channel."""
     size = 2 * np.pi if is_angle else float(steps)
     time, turns, backward = counter_knots(channel, size, is_angle)
     if time.size < 16:
@@ -218,8 +225,9 @@ def _counted(channel: Channel, is_angle: bool, steps: int) -> WheelAngle:
 
 
 def _scatter(turns: FloatArray) -> float:
-    """Standard deviation of angles (n,), noise and steps of the sensor alike: from their third
-    differences, as far as they move.
+    """Standard deviation of angles (n,), noise and steps of the sensor alike.
+
+    From their third differences, as far as they move.
     """
     third = np.abs(np.diff(turns, 3))
     third = third[third > ROUNDING]
@@ -270,8 +278,10 @@ def _remarks(
 
 @dataclass(frozen=True)
 class Radius:
-    """The rolling radius [m], its standard error (NaN where it is a given) and a sentence on where
-    it comes from ('' for the setup's).
+    """The rolling radius [m], its standard error and where it comes from.
+
+    The error is NaN if the radius is a given; the sentence on where it comes from is '' for the
+    setup's.
     """
 
     radius_m: float
@@ -280,11 +290,10 @@ class Radius:
 
 
 def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
-    """The setup's rolling radius; else calibrated against `vehicle_speed` (P4: v = r omega); else
-    the unloaded radius.
+    """The setup's rolling radius, else a calibrated one, else the unloaded radius.
 
-    Only stretches above 3 rad/s count; the error comes from the scatter of up to 40 pieces of the
-    log.
+    Calibrated against `vehicle_speed` (P4: v = r omega). Only stretches above 3 rad/s count; the
+    error comes from the scatter of up to 40 pieces of the log.
     """
     tire = recording.setup.tire
     speeds = recording.of_kind("vehicle_speed")
@@ -324,8 +333,9 @@ def rolling_radius(recording: Recording, wheel: WheelAngle) -> Radius:
 def _radius_against(
     speed: Channel, wheel: WheelAngle, most: int = 20_000
 ) -> tuple[float, float] | None:
-    """(radius, standard error) [m] from the wheel's rate at up to `most` samples of the vehicle's
-    speed; None where it never rolls.
+    """(radius, standard error) [m] from the wheel's rate and the vehicle's speed.
+
+    At up to `most` samples of the vehicle's speed; None if it never rolls.
     """
     parts, size = [], max(speed.size * 500 // most, 500)
     for start in range(0, speed.size, size):
@@ -375,8 +385,9 @@ def encoder_of(recording: Recording) -> tuple[Channel, WheelAngle]:
 
 
 def encoder_speed(recording: Recording) -> tuple[Mapping[str, Any], list[str]]:
-    """(columns of the `speed` table, remarks): a row a turn of the wheel, for a log without a
-    sensor that passes the patch.
+    """(columns of the `speed` table, remarks): one row per turn of the wheel.
+
+    For a log without a sensor that passes the patch.
 
     `time_s` is the middle of the turn, `speed_m_s` the wheel's speed low-passed at 20 Hz,
     `period_s` the turn's duration, `acceleration_m_s2` from the durations of its two halves. The

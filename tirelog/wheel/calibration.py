@@ -3,7 +3,7 @@
 Learnt from quasi-static and dynamic logs (P4 section IV C, (1)-(3)).
 
     Passages of several logs
-        --quasi-static passages, one constant a log--> SpeedMap of the phase shift and of the patch
+        --quasi-static passages, one constant per log--> SpeedMap of phase shift and patch
                                                        width
         --drive phases of undriven wheels--> cross-talk k
         --force channels--> ForceMap    =: Calibration
@@ -32,11 +32,13 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.wheel.forces import ForceMap, fit_force
 from tirelog.wheel.phase_shift import EdgeTimes
 
-#: slower than this the car's acceleration counts as quasi-static
+#: below this the car's acceleration [m/s^2] counts as quasi-static
 QUASI_STATIC_M_S2 = 0.6
-#: driving off: an undriven wheel carries no longitudinal force, and load transfer moves its width
+#: driving off is an acceleration [m/s^2] above this: an undriven wheel then carries no
+#: longitudinal force, and load transfer moves its width
 DRIVE_M_S2 = 0.8
-#: a delay that is so many standard errors long is one
+#: a delay that is more than so many standard errors long is one; with twice as many, delays up to
+#: twice as long are not told
 SURE = 3.0
 #: the channel by which a shift's map is freed of what is force
 FORCE = "longitudinal_force"
@@ -49,9 +51,10 @@ LEAST_PASSAGES, LEAST_RANGE_M_S = 30, 3.0
 
 @dataclass(frozen=True)
 class SpeedMap:
-    """Change with speed against the reference: `linear` [deg/(m/s)], `quadratic` [deg/(m/s)^2],
-    `covariance` (2, 2), valid from `low_m_s` to `high_m_s`; `rms_deg` the residuals' standard
-    deviation, `passages` their number.
+    """Change of a quantity [deg] with speed against the reference.
+
+    `linear` [deg/(m/s)], `quadratic` [deg/(m/s)^2], `covariance` (2, 2), valid from `low_m_s` to
+    `high_m_s`; `rms_deg` the residuals' standard deviation, `passages` their number.
     """
 
     linear: float
@@ -74,7 +77,7 @@ class Calibration:
     `reference_speed_m_s` is where the phase shift is zero by convention; `patch_width_deg` the mean
     width there; `crosstalk` k of P4 (3) with `crosstalk_se`; `delay_s` the constant lag of the
     accelerometer behind the encoder, if the part of the phase shift linear in speed is nothing
-    else; NaN or None where the logs did not show it. `beside_force` is True where the shift's map
+    else; NaN or None if the logs did not show it. `beside_force` is True if the shift's map
     was learnt beside the measured longitudinal force.
     """
 
@@ -92,8 +95,9 @@ class Calibration:
 
     @property
     def has_delay(self) -> bool:
-        """Whether the phase shift holds a part linear in speed, as from a constant telemetry delay,
-        that is more than its error.
+        """Whether the phase shift holds a part linear in speed, more than its error.
+
+        As from a constant telemetry delay.
         """
         return bool(np.isfinite(self.delay_s) and abs(self.delay_s) > SURE * self.delay_se_s)
 
@@ -134,8 +138,9 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Cleaned:
-    """Regressors of one accelerometer without trend and cross-talk, shape (n,) [deg];
-    `extrapolated` (n,) speed outside of the maps.
+    """Regressors of one accelerometer without trend and cross-talk, shape (n,) [deg].
+
+    `extrapolated` (n,): speed outside of the maps.
     """
 
     width_deg: FloatArray
@@ -190,8 +195,9 @@ def quasi_static(p: EdgeTimes) -> np.ndarray:
 
 
 def _force_of_all(logs: Sequence[EdgeTimes]) -> bool:
-    """Whether every log that a map is learnt on has its longitudinal force measured, at most of its
-    passages.
+    """Whether every log that a map is learnt on has its longitudinal force measured.
+
+    At most of its passages.
     """
     used = [p for p in logs if quasi_static(p).any()]
     return bool(used) and all(
@@ -202,12 +208,14 @@ def _force_of_all(logs: Sequence[EdgeTimes]) -> bool:
 
 
 def _speed_map(logs: Sequence[EdgeTimes], what: str, reference: float) -> SpeedMap:
-    """Weighted least squares of one constant a log, (v - v0), (v - v0)^2 and what little force a
-    quasi-static drive has, as nuisances.
+    """The speed map of `what` by weighted least squares over the logs.
 
-    That is the measured longitudinal force for the shift where all logs have it; and where the logs
-    climb and fall the acceleration, for the shift apart for either sign, since a wheel that drives
-    does not mirror one that coasts. All of it would else bend the map.
+    One constant per log, (v - v0), (v - v0)^2 and what little force a quasi-static drive has, as
+    nuisances.
+
+    That force is the measured longitudinal force for the shift if all logs have it; and if the logs
+    climb and fall it is the acceleration, for the shift apart for either sign, since a wheel that
+    drives does not mirror one that coasts. All of it would else bend the map.
     """
     by_force = what == "shift" and _force_of_all(logs)
     parts = []
@@ -258,8 +266,9 @@ def _speed_map(logs: Sequence[EdgeTimes], what: str, reference: float) -> SpeedM
 def _least_squares(
     design: FloatArray, y: FloatArray, se: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(solution, covariance, residuals): weighted, wild values left out, the covariance widened by
-    scatter and correlation.
+    """(solution, covariance, residuals) of weighted least squares.
+
+    Wild values are left out, the covariance is widened by scatter and correlation.
     """
     keep = np.isfinite(y) & np.isfinite(se) & (se > 0)
     scale = np.sqrt(np.mean(design**2, axis=0))
@@ -281,8 +290,9 @@ def _least_squares(
 
 
 def _delay(shift: SpeedMap, reference: float, radius: float) -> tuple[float, float]:
-    """(delay, standard error) [s] from the part of the shift that is linear in Omega: forces (drag)
-    follow v^2, a delay Omega.
+    """(delay, standard error) [s] from the part of the shift that is linear in Omega.
+
+    Forces (drag) follow v^2, a delay Omega.
     """
     to_s = np.pi / 180 * radius
     gradient = np.array([1.0, -2 * reference])
@@ -309,10 +319,10 @@ def clean_passages(p: EdgeTimes, calibration: Calibration) -> Cleaned:
 
 
 def _crosstalk(logs: Sequence[EdgeTimes], calibration: Calibration) -> tuple[float, float]:
-    """(k, standard error) of P4 (3): no phase shift left on undriven wheels while the car drives
-    off. NaN where no log shows it.
+    """(k, standard error) of P4 (3); NaN if no log shows it.
 
-    The width's own noise would pull k towards zero; its known variance is taken off.
+    k leaves no phase shift on undriven wheels while the car drives off. The width's own noise would
+    pull k towards zero; its known variance is taken off.
     """
     shifts, widths, noise = [], [], []
     for p in logs:

@@ -215,14 +215,14 @@ class _Taker:
         )
 
     def pair(self, name: str, value: str, se: str, most: float) -> tuple[float, float]:
-        """A value and its standard error; NaN where the file has no such table."""
+        """A value and its standard error; NaN if the file has no such table."""
         if name not in self.data:
             return float("nan"), float("nan")
         table = self.table(name)
         return self.number(table, name, value, -most, most), self.number(table, name, se, 0.0, most)
 
     def flag(self, name: str, key: str) -> bool:
-        """True or false; false where the file does not have it."""
+        """True or false; false if the file does not have it."""
         value = self.table(name).get(key, False) if name in self.data else False
         if not isinstance(value, bool):
             raise self.error(name, key, value, "true or false")

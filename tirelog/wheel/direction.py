@@ -1,4 +1,4 @@
-"""Which way the wheel rolled after a standstill, where its one-track encoder does not show it.
+"""Which way the wheel rolled after a standstill, if its one-track encoder does not show it.
 
     stretches, a vehicle speed with a sign --mean over each stretch--> ways (1, -1)
     wheel angle, placings --what nothing tells--> untold (stretches,)
@@ -19,7 +19,7 @@ from tirelog.dsp.encoder.angle import AngleFunction
 from tirelog.dsp.encoder.pitch import Placing, StretchSums
 from tirelog.dsp.encoder.teeth import FASTEST_BACK_Hz
 
-#: a wheel that turns this fast, in turns a second, on both sides of a hole in its signal did not
+#: a wheel that turns this fast, in turns per second, on both sides of a hole in its signal did not
 #: stand in it
 ROLLING_TURNS_S = 0.5
 #: a mean speed below this tells no direction
@@ -29,8 +29,9 @@ PIECE = 1 << 17
 
 
 def ways_of(stretches: Sequence[StretchSums], vehicle: Channel | None) -> dict[int, int]:
-    """The direction of stretches, by number, that a vehicle speed [m/s] tells; none where it never
-    falls below zero: it has no sign.
+    """The direction of stretches, by number, that a vehicle speed [m/s] tells.
+
+    None of them if it never falls below zero: it has no sign.
     """
     ways: dict[int, int] = {}
     if vehicle is None or len(stretches) < 2:
@@ -49,8 +50,9 @@ def ways_of(stretches: Sequence[StretchSums], vehicle: Channel | None) -> dict[i
 
 
 def untold_stretches(angle: AngleFunction, placings: Sequence[Placing]) -> np.ndarray:
-    """Stretches, shape (n,), after a standstill of which neither the tone wheel, nor the vehicle,
-    nor the speed tells the direction.
+    """Stretches after a standstill whose direction nothing tells, shape (n,).
+
+    Neither the tone wheel, nor the vehicle, nor the speed.
     """
     untold = np.zeros(len(placings), bool)
     for number in range(1, len(placings)):

@@ -16,15 +16,18 @@ from tirelog.errors import SetupError
 from tirelog.wheel.angle import Radius, WheelAngle
 from tirelog.wheel.fronts.fronts import Fronts
 
-#: times between swings more alike than this are an encoder's
+#: times between swings more alike than this (shorter over longer, median) are an encoder's
 EVEN = 0.7
-#: level outside over Omega^2 R: beyond these the time axis or a unit is wrong
+#: level outside over Omega^2 R: beyond these the time axis or a unit is wrong. It goes with the
+#: square of the sampling rate, so a rate that is wrong by a factor of 0.84 to 1.18
+#: still passes
 LEVEL_RATIO = (0.7, 1.4)
 
 
 def refuse_swapped(recording: Recording, accelerometer: Channel, encoder: Channel) -> None:
-    """SetupError where the accelerometer's channel swings like an encoder, evenly, and the
-    encoder's does not.
+    """SetupError if accelerometer and encoder are swapped.
+
+    The accelerometer's channel swings like an encoder, evenly, and the encoder's does not.
     """
     if _evenness(accelerometer) > EVEN > _evenness(encoder):
         raise SetupError(
@@ -36,9 +39,10 @@ def refuse_swapped(recording: Recording, accelerometer: Channel, encoder: Channe
 
 
 def _evenness(channel: Channel) -> float:
-    """How like each other the times between a channel's swings are: the shorter over the longer of
-    two neighbours, the median; 0 where it does not swing. A passage of the patch and the rest of
-    its turn are 1 to 20.
+    """How like each other the times between a channel's swings are, up to 1.
+
+    The shorter over the longer of two neighbours, the median; 0 if it does not swing. A passage of
+    the patch and the rest of its turn are 1 to 20.
     """
     found = probe(channel.read, channel.size)
     if found.form not in ("sine", "square"):

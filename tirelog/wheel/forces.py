@@ -22,9 +22,10 @@ LEAST, FOLDS = 40, 5
 
 @dataclass(frozen=True)
 class ForceMap:
-    """Force [N] as a polynomial in (regressor - centre_deg), lowest power first; `covariance` of
-    the coefficients; valid from `low_deg` to `high_deg`; `rms_N` the residual on held-out parts of
-    the logs, which holds what the regressor does not know.
+    """Force [N] as a polynomial in (regressor - centre_deg), lowest power first.
+
+    `covariance` of the coefficients; valid from `low_deg` to `high_deg`; `rms_N` the residual on
+    held-out parts of the logs, which holds what the regressor does not know.
     """
 
     centre_deg: float
@@ -38,7 +39,7 @@ class ForceMap:
 def fit_force(
     logs: Sequence[EdgeTimes], regressors: Sequence[FloatArray], kind: str
 ) -> ForceMap | None:
-    """The map of one force; None where the logs have no such channel, or too few passages."""
+    """The map of one force; None if the logs have no such channel, or too few passages."""
     xs, ys = [], []
     for p, x in zip(logs, regressors, strict=True):
         if kind in p.forces_N:
@@ -82,7 +83,7 @@ def predict_force(
     """(force, standard error, outside of the map's range), shape (n,).
 
     The error is that of a single passage: the map's, and what held-out passages scattered, which
-    holds the regressor's usual noise; more where the passage is noisier than its range allows.
+    holds the regressor's usual noise; more if the passage is noisier than its range allows.
     """
     degree = force.coefficients.size - 1
     design = np.vander(np.nan_to_num(x) - force.centre_deg, degree + 1, increasing=True)

@@ -1,4 +1,4 @@
-"""P4's regressors: patch width and phase shift, a row a passage of an in-tire accelerometer.
+"""P4's regressors: patch width and phase shift at each passage of an accelerometer.
 
     Recording --wheel angle, fronts--> Passages (one accelerometer of one log) --zero--> phase shift
         --Calibration--> detrended, corrected, forces --columns--> the `phase-shift` table
@@ -37,13 +37,13 @@ ELSEWHERE_DEG = 2.0
 
 @dataclass(frozen=True)
 class EdgeTimes:
-    """One accelerometer of one log, arrays of shape (n,), NaN where a passage was not found.
+    """One accelerometer of one log, arrays of shape (n,), NaN if a passage was not found.
 
     Angles in degrees: `entry_deg`, `exit_deg` within one turn, `width_deg`, `shift_deg` (NaN
     without a zero) and standard errors; `speed_m_s` low-passed at 20 Hz, `acceleration_m_s2` over
     the turn; `quality` flags; `steady` (n,) in a constant-speed stretch; `zero_speed_m_s`
-    where the zero was taken (NaN without one); `forces_N` means of the force channels around the
-    passage. `without_zero` says why there is no zero, '' where there is one. `example` (3, m), for
+    at which the zero was taken (NaN without one); `forces_N` means of the force channels around the
+    passage. `without_zero` says why there is no zero, '' if there is one. `example` (3, m), for
     pictures: angles from the middle of one passage [deg], the signal there in levels outside, and
     its two fronts.
     """
@@ -183,7 +183,7 @@ def _passages(
 
 
 def _example(channel: Channel, wheel: WheelAngle, fronts: Fronts, clean: np.ndarray) -> FloatArray:
-    """The samples within 45 degrees of one good passage; empty where there is none."""
+    """The samples within 45 degrees of one good passage; empty if there is none."""
     rows = np.flatnonzero(clean)
     if rows.size == 0:
         return np.zeros((3, 0))
@@ -209,11 +209,12 @@ def _acceleration(
 def _one_turn(
     middle: FloatArray, wheel: WheelAngle, time: FloatArray
 ) -> tuple[FloatArray, int, np.ndarray]:
-    """(middles within one turn [deg], how often whole teeth were given back, passages of stretches
-    in which the patch is elsewhere).
+    """(middles within one turn [deg], times that whole teeth were given back, passages).
+
+    The passages are those of stretches in which the patch is elsewhere.
 
     After a standstill or a hole the count may have lost whole teeth. The patch cannot have moved by
-    half a tooth, so its place against the first stretch gives them back. Where it lies between two
+    half a tooth, so its place against the first stretch gives them back. If it lies between two
     teeth the wheel must have rolled the other way.
     """
     tooth = 360.0 / wheel.steps
@@ -239,8 +240,9 @@ def _one_turn(
 
 
 def steady_passages(speed: FloatArray, clean: np.ndarray) -> IntArray:
-    """Number of the constant-speed stretch of each passage, from 0 in order of time; -1 outside of
-    one.
+    """Number of the constant-speed stretch of each passage, -1 outside of one.
+
+    From 0 in order of time.
     """
     n = speed.size
     small = np.zeros(n + 1, bool)
@@ -272,7 +274,7 @@ def _zero(
     clean: np.ndarray,
     zero: str,
 ) -> tuple[float, float]:
-    """(middle [deg] that counts as zero, speed there); NaN where the log has no such stretch.
+    """(middle [deg] that counts as zero, speed there), NaN without such a stretch.
 
     UsageError: `zero` is none of the forms.
     """
@@ -320,7 +322,7 @@ def _without_zero(zero: str) -> str:
 
 
 def _means(channel: Channel, start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
-    """Mean of a channel over [start, stop] of each passage; NaN where it has no sample."""
+    """Mean of a channel over [start, stop] of each passage; NaN if it has no sample."""
     means = np.full(start_s.size, np.nan)
     for k, (start, stop) in enumerate(zip(start_s, stop_s, strict=True)):
         if np.isfinite(start) and np.isfinite(stop) and stop - start < 5.0:

@@ -1,6 +1,6 @@
 """A calibration applied to a log.
 
-Its zero where the log has none of its own, and the rows of the `phase-shift` table.
+Its zero if the log has none of its own, and the rows of the `phase-shift` table.
 
 Passages, Calibration --no zero stretch in the log--> Passages with the calibration's zero
 Passages, Calibration --clean, force maps--> columns of the table, words
@@ -32,10 +32,11 @@ def measure_with(
 
 
 def with_zero(p: EdgeTimes, calibration: Calibration) -> EdgeTimes:
-    """The passages with the calibration's zero, where their log has none; as they are where it has
-    one, or too few quasi-static passages.
+    """The passages with the calibration's zero, if their log has none.
 
-    Where no force is transmitted the phase shift is what the calibration's speed map says: the
+    As they are if it has one, or too few quasi-static passages.
+
+    If no force is transmitted the phase shift is what the calibration's speed map says: the
     quasi-static passages, at whatever speed the map knows, give the wheel angle at which it is
     zero.
     """

@@ -28,8 +28,9 @@ PIECE = 1 << 15
 def _hermite(
     at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: float, result: FloatArray
 ) -> None:
-    """`result` (n,): the cubics' angles [rad] at the times `at` in any order, NaN outside of the
-    knots. Ascending times are quickest.
+    """Fills `result` (n,) with the cubics' angles [rad] at the times `at`.
+
+    These are in any order; NaN outside of the knots. Ascending times are quickest.
     """
     n, k = time.size, 0
     low = high = np.nan
@@ -60,9 +61,11 @@ def _hermite(
 
 @dataclass(frozen=True)
 class AngleFunction:
-    """Knots of the wheel angle, shape (n,): `time_s` ascending, `count` in units of `unit_rad`,
-    `rate_rad_s`, `stretch` the run without a loss of the count; `noise_rad` standard deviation of
-    an angle read from it. The types are small: an hour has millions of knots.
+    """Knots of the wheel angle, shape (n,).
+
+    `time_s` ascending, `count` in units of `unit_rad`, `rate_rad_s`, `stretch` the run without a
+    loss of the count; `noise_rad` standard deviation of an angle read from it. The types are small:
+    an hour has millions of knots.
     """
 
     time_s: FloatArray
@@ -86,8 +89,9 @@ class AngleFunction:
 
     @cached_property
     def _climbing(self) -> NDArray[np.int32] | FloatArray:
-        """The counts, none below one before it: a wheel that has rolled back has its angles again
-        later.
+        """The counts, none below one before it.
+
+        A wheel that has rolled back has its angles again later.
         """
         forward = all(
             bool(np.all(np.diff(self.count[s : s + PIECE + 1]) >= 0))
@@ -145,8 +149,9 @@ class AngleFunction:
         return np.where(inside, near, np.nan)
 
     def mean_rate(self, time_s: FloatArray, span_s: float) -> FloatArray:
-        """Rate [rad/s] over a window of `span_s` centred at each time, cut at the ends: a low-pass
-        with -3 dB at 0.443 / span_s.
+        """Rate [rad/s] over a window of `span_s` centred at each time, cut at the ends.
+
+        A low-pass with -3 dB at 0.443 / span_s.
         """
         first, last = (
             np.maximum(time_s - span_s / 2, self.time_s[0]),

@@ -12,15 +12,16 @@ import numpy as np
 from tirelog.data.recording import Channel
 from tirelog.vocabulary.arrays import FloatArray
 
-#: knots a second that an angle channel keeps
+#: knots per second that an angle channel keeps
 ANGLE_KNOTS_Hz = 500.0
 
 
 def counter_knots(
     channel: Channel, size: float, is_angle: bool
 ) -> tuple[FloatArray, FloatArray, np.ndarray]:
-    """(times [s], turns, backward) of a channel that counts `size` a turn: knots shape (n,),
-    `backward` True where it rolls back.
+    """(times [s], turns, backward) of a channel that counts `size` per turn.
+
+    Knots shape (n,), `backward` True if it rolls back.
 
     A counter that jumps from c to d between two samples has passed (c + d + 1) / 2 in their middle.
     A counter that falls by more than half of the next power of two has wrapped; an angle wraps at a

@@ -1,4 +1,4 @@
-"""Compiled kernels of the tooth finder: what is done once a sample, and once a tooth.
+"""Compiled kernels of the tooth finder: what is done once per sample, and once per tooth.
 
     samples (size,)
         --extremes of chunks, sliding--> upper, lower (chunks,): the sides of the hysteresis
@@ -55,8 +55,10 @@ def extremes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @compiled
 def without_spikes(high: FloatArray) -> FloatArray:
-    """Maxima of chunks, none above all of the chunks two and three places away: a glitch lies in
-    one chunk or two, not so a tooth.
+    """Maxima of chunks without those of glitches.
+
+    None is above all of the chunks two and three places away: a glitch lies in one chunk or two,
+    not so a tooth.
     """
     n = high.size
     clean = np.empty(n)
@@ -69,8 +71,9 @@ def without_spikes(high: FloatArray) -> FloatArray:
 
 @compiled
 def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
-    """Largest value within `reach` places on both sides, shape as given: by maxima from the edges
-    of blocks of one window.
+    """Largest value within `reach` places on both sides, shape as given.
+
+    By maxima from the edges of blocks of one window.
     """
     n, width = values.size, 2 * reach + 1
     size = n + 2 * reach
@@ -94,8 +97,9 @@ def sliding_maximum(values: FloatArray, reach: int) -> FloatArray:
 
 @compiled
 def sides(x: FloatArray, upper: FloatArray, lower: FloatArray) -> Bytes:
-    """1 where a sample is above its chunk's `upper`, -1 where it is below its `lower`, else 0,
-    shape (size,).
+    """1 if a sample is above its chunk's `upper`, -1 if below its `lower`, else 0.
+
+    Shape (size,).
     """
     side = np.empty(x.size, np.int8)
     for c in range(upper.size):
@@ -110,7 +114,7 @@ def sides(x: FloatArray, upper: FloatArray, lower: FloatArray) -> Bytes:
 def changes(side: Bytes, at: int, last: int) -> tuple[IntArray, IntArray]:
     """Every change of side: last sample on the old side and first on the new one, shape (n,).
 
-    `last` is the side before the first sample (0 where it is not known), `at` (negative) when it
+    `last` is the side before the first sample (0 if it is not known), `at` (negative) when it
     was taken.
     """
     before, after, n = np.empty(side.size + 1, np.int64), np.empty(side.size + 1, np.int64), 0
@@ -126,8 +130,9 @@ def changes(side: Bytes, at: int, last: int) -> tuple[IntArray, IntArray]:
 
 @compiled
 def _sums(x: FloatArray) -> FloatArray:
-    """Sums of the first 0, 1, ..., size samples, shape (size + 1,): four at a time, so that each
-    sum waits for one addition only.
+    """Sums of the first 0, 1, ..., size samples, shape (size + 1,).
+
+    Four at a time, so that each sum waits for one addition only.
     """
     total = np.empty(x.size + 1)
     total[0] = s = 0.0
@@ -151,15 +156,14 @@ def _sums(x: FloatArray) -> FloatArray:
 def places(
     x: FloatArray, before: IntArray, after: IntArray, slow: float, square: bool
 ) -> FloatArray:
-    """Fractional index in `x` of each change of side between the samples `before` and `after`,
-    shape (n,).
+    """Fractional index in `x` of each change of side, shape (n,).
 
-    Half a sample ahead of `after` where the change took `slow` samples or longer; half way where
-    the signal is square or there are too few changes; else the zero of the sine whose samples
-    around it have the same sum, and the same difference between the k samples after the middle one
-    and the k before it. For A sin(omega (i - t)) the sum over its factor is A sin, the difference
-    over its factor A cos of omega (centre - t); the quotient of the factors is 2 / (cot(k omega /
-    2) + cot((k + 1) omega / 2)).
+    The change lies between the samples `before` and `after`. Half a sample ahead of `after` if the
+    change took `slow` samples or longer; half way if the signal is square or there are too few
+    changes; else the zero of the sine whose samples around it have the same sum, and the same
+    difference between the k samples after the middle one and the k before it. For A sin(omega (i -
+    t)) the sum over its factor is A sin, the difference over its factor A cos of omega (centre -
+    t); the quotient of the factors is 2 / (cot(k omega / 2) + cot((k + 1) omega / 2)).
     """
     coarse = np.where((before >= 0) & (after - before < slow), 0.5 * (before + after), after - 0.5)
     if square or coarse.size <= 2 * AROUND:
@@ -174,8 +178,10 @@ def places(
 def _windows(
     x: FloatArray, coarse: FloatArray, before: IntArray, after: IntArray, slow: float
 ) -> tuple[FloatArray, ...]:
-    """(n,) each: the middle level's crossing between `before` and `after` by a straight line; the
-    middle of the window, k, omega, and the sum over the difference, NaN where no sine can be laid.
+    """The middle level's crossing by a straight line, and the sine around it; (n,) each.
+
+    The crossing between `before` and `after`; the middle of the window, k, omega, and the sum over
+    the difference, NaN if no sine can be laid.
     """
     n, total = coarse.size, _sums(x)
     level = _middles(x, total, coarse, before, after, slow)
@@ -230,9 +236,10 @@ def _middles(
     after: IntArray,
     slow: float,
 ) -> FloatArray:
-    """Middle level at each crossing (n,): the mean over the whole periods within AROUND on both
-    sides, from crossing to crossing; half way between the samples `before` and `after` where they
-    are slow.
+    """Middle level at each crossing (n,).
+
+    The mean over the whole periods within AROUND on both sides, from crossing to crossing; half way
+    between the samples `before` and `after` if they are slow.
     """
     n = coarse.size
     below, level = np.empty(n), np.empty(n)
@@ -252,5 +259,5 @@ def _middles(
 
 
 def finite(x: Any) -> FloatArray:
-    """`x` as the kernels take it: float64, contiguous, writable (a copy where it is not)."""
+    """`x` as the kernels take it: float64, contiguous, writable (a copy if it is not)."""
     return np.require(x, np.float64, ["C", "W"])

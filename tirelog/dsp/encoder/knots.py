@@ -1,7 +1,7 @@
 """From counted passages to the knots of the wheel angle, piece by piece.
 
     pieces of times, counts, stretches (n,)
-        --local cubic least squares--> knots, one in KNOT_STEP_S where the wheel turns quickly
+        --local cubic least squares--> knots, one in KNOT_STEP_S while the wheel turns quickly
         --scatter about the cubics---> noise of a passage
     knots, pitch errors learnt meanwhile --> AngleFunction
 
@@ -23,7 +23,7 @@ from tirelog.dsp.encoder.signal import Integers
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: knots lie at least so far apart where the motion is even: a cubic follows a wheel that shakes at
+#: knots lie at least so far apart while the motion is even: a cubic follows a wheel that shakes at
 #: 20 Hz to a thousandth of a degree
 KNOT_STEP_S = 4e-3
 #: the local least squares take the passages within this time, at least and at most so many on each
@@ -34,9 +34,11 @@ EVEN = 2.0
 
 
 def _cubic_weights() -> tuple[FloatArray, FloatArray]:
-    """Weights that give value and slope of the least-squares cubic at the middle of 2 r + 1 even
-    points, for every reach r; each shape (MOST_REACH + 1, 2 MOST_REACH + 1), the middle at
-    MOST_REACH. Up to LEAST_REACH the middle point itself is its value.
+    """Weights of the least-squares cubic: its value and its slope in the middle.
+
+    At the middle of 2 r + 1 even points, for every reach r; each shape (MOST_REACH + 1, 2
+    MOST_REACH + 1), the middle at MOST_REACH. Up to LEAST_REACH the middle point itself is its
+    value.
     """
     value, slope = (
         np.zeros((MOST_REACH + 1, 2 * MOST_REACH + 1)),
@@ -57,8 +59,9 @@ PIECE = 1 << 14
 
 @compiled
 def _even_runs(time: FloatArray, count: Integers, stretch: Integers) -> Integers:
-    """How many passages before each one, in a row, are even with it: neighbours in count and
-    stretch, and their teeth like each other.
+    """How many passages before each one, in a row, are even with it.
+
+    Neighbours in count and stretch, and their teeth like each other.
     """
     run = np.zeros(time.size, np.int64)
     for i in range(1, time.size):
@@ -88,11 +91,11 @@ def _local_cubics(
     last: float,
     sums: FloatArray,
 ) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.int8]]:
-    """Which of the passages [first, stop) become knots (k,): those KNOT_STEP_S after the one before
-    them, which is at `last` [s], and all beside uneven ones; their times, rates [rad/s] and
-    reaches. Reach 0: no cubic could be laid, the rate is the neighbours'.
+    """Which passages become knots (k,); their times, rates [rad/s] and reaches.
 
-    Adds number, sum and sum of squares of what the cubics leave [rad] to `sums` (reaches, 3,
+    Of the passages [first, stop) those KNOT_STEP_S after the one before them, which is at `last`
+    [s], and all beside uneven ones. Reach 0: no cubic could be laid, the rate is the neighbours'.
+
     classes), by the count modulo the classes.
     """
     n, run, classes = time.size, _even_runs(time, count, stretch), sums.shape[2]
@@ -157,8 +160,10 @@ def _local_cubics(
 
 @dataclass(frozen=True)
 class Knots:
-    """Knots of a piece or of a log, arrays of shape (n,): what `Teeth` says of them, `rate_rad_s`,
-    and the `reach` of the cubic that was laid through it, 0 for none.
+    """Knots of a piece or of a log, arrays of shape (n,).
+
+    What `Teeth` says of them, `rate_rad_s`, and the `reach` of the cubic that was laid through it,
+    0 for none.
     """
 
     time_s: FloatArray
@@ -170,8 +175,9 @@ class Knots:
 
 
 class KnotBuilder:
-    """Takes passages piece by piece, `unit_rad` a count and `classes` counts a turn (1 where the
-    counts have no pitch errors).
+    """Takes passages piece by piece, and gives their knots.
+
+    `unit_rad` per count and `classes` counts per turn (1 if the counts have no pitch errors).
     """
 
     def __init__(self, unit_rad: float, classes: int) -> None:
@@ -228,8 +234,9 @@ class KnotBuilder:
         self._held, self._first = tuple(p[begin:] for p in parts), stop - begin
 
     def _note_scatter(self, sums: FloatArray) -> None:
-        """What the cubics of each reach left, each class of counts about its own mean: a cubic that
-        keeps w of a passage leaves 1 - w.
+        """Notes what the cubics of each reach left.
+
+        Each class of counts about its own mean: a cubic that keeps w of a passage leaves 1 - w.
         """
         number, total, squares = sums[:, 0], sums[:, 1], sums[:, 2]
         kept = VALUE[:, MOST_REACH]
@@ -253,8 +260,9 @@ class KnotBuilder:
         return Knots(*joined)
 
     def noise_rad(self, otherwise: float) -> float:
-        """Standard deviation of a knot: from what the cubics leave; of a passage alone,
-        `otherwise`, where the log is too short.
+        """Standard deviation of a knot: from what the cubics leave.
+
+        Of a passage alone, `otherwise`, if the log is too short.
         """
         if self._freedom < 100:
             return otherwise

@@ -39,10 +39,12 @@ KEPT_TURNS = 200
 
 @dataclass(frozen=True)
 class PitchTable:
-    """`error_rad` (2 steps,) true angle of a passage minus its nominal angle, zero mean; `se_rad`
-    its standard error (a number); `turns` it was learnt from; `scatter_rad` standard deviation of
-    one passage about the table; `repeats` the share of the deviations' variance that the table
-    explains beyond chance, in [0, 1].
+    """The pitch errors of a tone wheel, learnt from a log.
+
+    `error_rad` (2 steps,) true angle of a passage minus its nominal angle, zero mean; `se_rad` its
+    standard error (a number); `turns` it was learnt from; `scatter_rad` standard deviation of one
+    passage about the table; `repeats` the share of the deviations' variance that the table explains
+    beyond chance, in [0, 1].
     """
 
     error_rad: FloatArray
@@ -58,8 +60,9 @@ class PitchTable:
 
 @compiled
 def _window_mean(x: FloatArray, turn: int) -> FloatArray:
-    """Mean over the turn around each of x (n,), half weights at the ends of the window; NaN within
-    half a turn of the ends.
+    """Mean over the turn around each of x (n,), half weights at the window's ends.
+
+    NaN within half a turn of the ends.
     """
     half, mean = turn // 2, np.full(x.size, np.nan)
     total = 0.0
@@ -75,9 +78,10 @@ def _window_mean(x: FloatArray, turn: int) -> FloatArray:
 def _deviation_sums(
     time: FloatArray, seen: NDArray[np.bool_], first: int, turn: int, limit: float, sums: FloatArray
 ) -> None:
-    """Adds number, deviations [rad] and their squares of passages of one stretch to `sums` (3,
-    turn), without the turn at each end and without uneven turns. `time` of the counts `first`,
-    `first` + 1, ..., of those `seen` only.
+    """Adds the deviations of the passages of one stretch to `sums` (3, turn).
+
+    Number, deviations [rad] and their squares, without the turn at each end and without uneven
+    turns. `time` of the counts `first`, `first` + 1, ..., of those `seen` only.
     """
     n, half = time.size, turn // 2
     pace = (time[n - 1] - time[0]) / (n - 1)
@@ -103,8 +107,10 @@ def _deviation_sums(
 
 @dataclass
 class StretchSums:
-    """What a stretch showed: its number, first and last count and their times, whether it was
-    counted forwards, the sums of its deviations.
+    """What a stretch showed of the tone wheel.
+
+    Its number, first and last count and their times, whether it was counted forwards, the sums of
+    its deviations.
     """
 
     number: int
@@ -118,8 +124,9 @@ class StretchSums:
 
 @dataclass(frozen=True)
 class Placing:
-    """Where a stretch lies on the wheel: count x `sign` + `offset` half teeth; `told`: the pattern
-    showed it.
+    """Where a stretch lies on the wheel: count x `sign` + `offset` half teeth.
+
+    `told`: the pattern showed it.
     """
 
     sign: int
@@ -202,8 +209,9 @@ class PitchLearner:
         self._held = time, at
 
     def placings(self, ways: dict[int, int] | None = None) -> list[Placing]:
-        """Where each stretch lies against the one with the most turns, by their patterns, and after
-        the stretch before it.
+        """Where each stretch lies against the one with the most turns.
+
+        By their patterns, and after the stretch before it.
 
         After a standstill or a hole the count may have lost teeth, and the wheel may roll the other
         way; the tone wheel's own pattern tells. A stretch that is too short, or whose pattern is
@@ -284,8 +292,10 @@ def _placing(reference: PitchTable, table: PitchTable) -> Placing:
 
 
 def _match(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Correlation of `a` with `b` moved by 0, 2, 4 ... counts; rising and falling passages each
-    without their mean (a level offset shifts all rising ones alike).
+    """Correlation of `a` with `b` moved by 0, 2, 4 ... counts.
+
+    Rising and falling passages each without their mean (a level offset shifts all rising ones
+    alike).
     """
     result = np.zeros(a.size // 2)
     for k in (0, 1):
@@ -297,12 +307,12 @@ def _match(a: FloatArray, b: FloatArray) -> FloatArray:
 def steps_that_repeat(
     sample: tuple[FloatArray, Integers], steps: int, most: int = 256
 ) -> tuple[int, float, float]:
-    """(steps a turn with which the deviations repeat best, share of their variance that these
-    explain beyond chance, the same of `steps`).
+    """(steps per turn that repeat best, their share of the variance, that of `steps`).
 
-    The passages are smoothed over a few teeth only, so that the turn of the setup is not presumed.
-    Of multiples the least that explains as much as the best. Shares are zero where the log is too
-    short.
+    The deviations repeat best with them; the shares of their variance are what is explained beyond
+    chance. The passages are smoothed over a few teeth only, so that the turn of the setup is not
+    presumed. Of multiples the least that explains as much as the best. Shares are zero if the log
+    is too short.
     """
     time_s, count = sample
     if count.size < 64 or count[-1] - count[0] != count.size - 1:

@@ -36,14 +36,14 @@ from tirelog.dsp.encoder.kernels import (
 )
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: samples a block: small enough for the second-level cache
+#: samples per block: small enough for the second-level cache
 BLOCK = 1 << 17
 #: changes of side on each side that the place of one depends on
 BESIDE = 2 * AROUND + 2
 #: the middle level and the amplitude follow the signal within this time; a slower tooth counts as
 #: standstill
 FOLLOW_S = 0.3
-#: longer where the amplitude does not follow the speed, so that a wheel that begins to turn shows a
+#: longer if the amplitude does not follow the speed, so that a wheel that begins to turn shows a
 #: whole swing
 FOLLOW_STEADY_S = 1.2
 #: half of the hysteresis, as a share of the amplitude: a noise of 10 % never bridges it twice
@@ -66,7 +66,7 @@ class Probe:
     `form`: 'sine', 'square' (two levels), 'counter' (monotone whole numbers, or an angle) or 'dead'
     (no teeth). `amplitude` is half of the range, `noise` the standard deviation of one sample, in
     the channel's unit. A swing below `least` is no tooth: noise at a standstill, or part of a
-    period where the sensor's amplitude does not follow the speed. Levels are taken from a window of
+    period if the sensor's amplitude does not follow the speed. Levels are taken from a window of
     `follow_s`.
     """
 
@@ -79,9 +79,11 @@ class Probe:
 
 @dataclass(frozen=True)
 class Crossings:
-    """Tooth passages of one block: `index` (n,) fractional sample, `rising` (n,) direction of the
-    signal, `breaks` (m,) sample indices of holes in the signal, longer than a few samples, over
-    which a tooth may have gone unseen.
+    """Tooth passages of one block.
+
+    `index` (n,) fractional sample, `rising` (n,) direction of the signal, `breaks` (m,) sample
+    indices of holes in the signal, longer than a few samples, over which a tooth may have gone
+    unseen.
     """
 
     index: FloatArray
@@ -103,8 +105,9 @@ class Crossings:
 
 
 def probe(read: Read, size: int, pieces: int = 24, length: int = 2048) -> Probe:
-    """Form, amplitude and noise of a channel of `size` samples, from `pieces` short pieces of it,
-    evenly spread.
+    """Form, amplitude and noise of a channel of `size` samples.
+
+    From `pieces` short pieces of it, evenly spread.
     """
     starts = np.unique(np.linspace(0, max(size - length, 0), pieces).astype(np.int64))
     amplitudes, noises, squares, monotone, swings = [], [], [], [], []
@@ -155,8 +158,9 @@ def _swings(x: FloatArray, low: float, high: float) -> int:
 def crossings(
     read: Read, size: int, rate_Hz: float, found: Probe, block: int | None = None
 ) -> Iterator[Crossings]:
-    """Tooth passages of a 'sine' or 'square' channel of `size` samples at `rate_Hz`, block by
-    block.
+    """Tooth passages of a 'sine' or 'square' channel, block by block.
+
+    Of `size` samples at `rate_Hz`.
     """
     # eight slow half periods, half of the time that the levels follow, and the chunks in which
     # spikes are sought
@@ -184,8 +188,9 @@ def crossings(
 
 
 def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
-    """`x` with lost samples bridged by straight lines, and the first index of every hole of more
-    than eight samples.
+    """`x` with lost samples bridged, and the first index of every longer hole.
+
+    By straight lines; longer is more than eight samples.
     """
     x = finite(x)
     if np.isfinite(x.sum()):
@@ -202,8 +207,9 @@ def _filled(x: FloatArray) -> tuple[FloatArray, IntArray]:
 
 
 def _hysteresis(x: FloatArray, rate_Hz: float, found: Probe) -> tuple[FloatArray, FloatArray]:
-    """Levels above and below which a sample is sure of its side, for every chunk; infinite where
-    the signal does not move.
+    """Levels above and below which a sample is sure of its side, for every chunk.
+
+    Infinite if the signal does not move.
     """
     reach = int(np.ceil(0.5 * found.follow_s * rate_Hz / CHUNK))
     high, low = extremes(x)

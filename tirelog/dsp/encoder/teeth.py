@@ -10,10 +10,10 @@ What is missing, what is too many, where the count was lost.
 
 A passage through the middle level is half a tooth; a rising one has an even count. Rising and
 falling passages take turns, so an interval between neighbours is an odd number of half teeth. A
-one-track encoder does not show direction: a turning point is inferred where the signal comes back
+one-track encoder does not show direction: a turning point is inferred if the signal comes back
 from less than its peak, and the stretch after it is counted downwards.
 
-Pieces are cut where the wheel rolls forward evenly, so what is said of a passage does not depend on
+Pieces are cut while the wheel rolls forward evenly, so what is said of a passage does not depend on
 where they are cut.
 """
 
@@ -41,7 +41,7 @@ SLOW_S = 0.06
 #: half teeth shorter than this on both sides of a long interval: the wheel did not stand
 ROLLING_S = 0.02
 #: slow intervals within so many of each other are one place; a car does not roll backwards faster
-#: than so many turns a second
+#: than so many turns per second
 SAME_PLACE, FASTEST_BACK_Hz = 12, 4.0
 #: intervals on each side that say how long one should be
 NEIGHBOURS = 3
@@ -52,14 +52,14 @@ SHORT, LONG = 0.65, 1.5
 
 @dataclass(frozen=True)
 class Teeth:
-    """Counted tooth passages, a piece of the log.
+    """Counted tooth passages of one piece of the log.
 
     index    (n,) fractional sample of the passage, ascending
-    count    (n,) position in half teeth, even where the signal rises; falls while the wheel rolls
+    count    (n,) position in half teeth, even if the signal rises; falls while the wheel rolls
              backwards
     stretch  (n,) number of the stretch without a loss of the count; between stretches any whole
              number of teeth may be missing
-    forward  (n,) False where the wheel was inferred to roll backwards
+    forward  (n,) False if the wheel was inferred to roll backwards
     missing, extra  passages that were filled in and left out
     """
 
@@ -73,9 +73,11 @@ class Teeth:
 
 @dataclass(frozen=True)
 class _Piece:
-    """Teeth whose counts and stretches begin anywhere; `uneven` (n,) where the interval after a
-    passage is not even or not forwards; `repairs` (m, 3) passage, missing and extra teeth;
-    `open_from` the passage from which the direction is not settled yet.
+    """Teeth whose counts and stretches begin anywhere.
+
+    `uneven` (n,): the interval after a passage is not even or not forwards; `repairs` (m, 3)
+    passage, missing and extra teeth; `open_from` the passage from which the direction is not
+    settled yet.
     """
 
     teeth: Teeth
@@ -87,8 +89,9 @@ class _Piece:
 def count_teeth(
     read: Read, found: Probe, passages: Iterator[Crossings], rate_Hz: float, steps: int
 ) -> Iterator[Teeth]:
-    """Teeth from the `passages` of an encoder of `steps` teeth a turn, piece by piece; `read` gives
-    the signal again, around standstills only.
+    """Teeth from the `passages` of an encoder of `steps` teeth per turn, piece by piece.
+
+    `read` gives the signal again, around standstills only.
     """
     held, last, wanted = (
         Crossings(np.zeros(0), np.zeros(0, bool), np.zeros(0, np.int64)),
@@ -114,8 +117,9 @@ def count_teeth(
 
 
 def _last_cut(piece: _Piece) -> int:
-    """How many passages of the piece can be settled: up to the last one with CONTEXT even intervals
-    on both sides; 0 if there is none.
+    """How many passages of the piece can be settled; 0 if none.
+
+    Up to the last one with CONTEXT even intervals on both sides.
     """
     bad = np.flatnonzero(piece.uneven[: piece.open_from])
     edges = np.concatenate([[-1], bad, [min(piece.open_from, piece.uneven.size)]])
@@ -124,8 +128,9 @@ def _last_cut(piece: _Piece) -> int:
 
 
 def _continued(piece: _Piece, cut: int, last: Teeth | None) -> Teeth:
-    """The first `cut` passages, counted on from the piece before, whose last CONTEXT + 1 passages
-    they begin with.
+    """The first `cut` passages, counted on from the piece before.
+
+    They begin with the last CONTEXT + 1 passages of that.
     """
     teeth, begins = piece.teeth, 0 if last is None else CONTEXT
     count, stretch = teeth.count[:cut], teeth.stretch[:cut]
@@ -202,8 +207,10 @@ def _count(read: Read, found: Probe, passages: Crossings, rate_Hz: float, steps:
 
 
 def _bridge(halves: Integers, intervals: FloatArray, still: Integers, rolling: float) -> None:
-    """Half teeth of long intervals over holes in the signal that begin and end in full motion: the
-    mean of both speeds says how many, near enough that no turn is lost.
+    """Fills in half teeth of long intervals over holes in the signal.
+
+    The holes begin and end in full motion: the mean of both speeds says how many, near enough that
+    no turn is lost.
     """
     for at in still.tolist():
         before, after = (
@@ -222,7 +229,7 @@ def _directions(
 
     A turning point starts a stretch backwards, and the next slow place ends it, seen as a turning
     point or not: a missed one must not turn the rest of the log around. A stretch that is faster
-    than `fastest` half teeth a sample, or lasts to the end, was none.
+    than `fastest` half teeth per sample, or lasts to the end, was none.
     """
     sign, changes, done = np.ones(index.size - 1, np.int8), [], -1
     for at in turned:
@@ -242,12 +249,12 @@ def _directions(
 def _regular(
     index: FloatArray, rising: np.ndarray, slowest: float
 ) -> tuple[FloatArray, np.ndarray, Integers, np.ndarray, Integers]:
-    """(indices (n,), rising (n,), half teeth of each interval (n - 1,), uneven intervals (n,),
-    repairs (m, 3)).
+    """(indices, rising, half teeth of each interval, uneven intervals, repairs).
 
-    A run of intervals that are too long or too short for the motion around it becomes one interval:
-    of as many half teeth as its length says, odd or even as the passages in it were. Where the
-    intervals before and after a run disagree (near standstill), it stays.
+    Shapes (n,), (n,), (n - 1,), (n,), (m, 3). A run of intervals that are too long or too short for
+    the motion around it becomes one interval: of as many half teeth as its length says, odd or even
+    as the passages in it were. If the intervals before and after a run disagree (near standstill),
+    it stays.
     """
     steps = np.diff(index)
     halves, uneven, none = (
@@ -289,8 +296,9 @@ def _regular(
 
 @compiled
 def _all_regular(steps: FloatArray) -> bool:
-    """Whether no interval differs much from those five before and after it (at the ends: one of
-    them); then no closer look is needed.
+    """Whether no interval differs much from those five before and after it.
+
+    At the ends: one of them. Then no closer look is needed.
     """
     n = steps.size
     for i in range(n):
@@ -301,11 +309,11 @@ def _all_regular(steps: FloatArray) -> bool:
 
 
 def _turning_points(read: Read, found: Probe, index: FloatArray, slow: Integers) -> list[int]:
-    """The intervals of `slow` in which the signal came back before its peak, or passed it, came
-    back and passed it again.
+    """The intervals of `slow` in which the signal turned.
 
-    A turn within a sixth of a half tooth of the peak is not seen. Nothing is inferred where the
-    amplitude falls with speed (an inductive sensor): there the peak says nothing.
+    It came back before its peak, or passed it, came back and passed it again. A turn within a sixth
+    of a half tooth of the peak is not seen. Nothing is inferred if the amplitude falls with speed
+    (an inductive sensor): there the peak says nothing.
     """
     turned = []
     for at in slow:

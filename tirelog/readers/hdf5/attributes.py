@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, SourceColumn
 from tirelog.readers.rates import RATES, rate_Hz
 
-#: (name of the factor, name of the offset, True where the offset is added before the factor)
+#: (name of the factor, name of the offset, True if the offset is added before the factor)
 SCALES = (
     ("scale_factor", "add_offset", False),  # netCDF, CF
     ("scaling_factor", "offset", True),  # NeXus
@@ -42,6 +42,7 @@ UNIT_NAMES = ("unit", "units", "unit_string", "wf_unit", "unit_y", "yunit", "phy
 FILL_NAMES = ("_FillValue", "missing_value")
 #: words before the unit's own spelling in attributes such as "seconds since 2026-01-01"
 SINCE = re.compile(r"^\s*(\S+)\s+since\s+(.+?)\s*$", re.IGNORECASE)
+#: bytes of an attribute; a larger one is not read
 MOST_ATTRIBUTE_BYTES = 1 << 16
 
 
@@ -49,7 +50,7 @@ MOST_ATTRIBUTE_BYTES = 1 << 16
 class Scale:
     """factor x stored + offset; stored values in `lost` are lost samples.
 
-    `decimals` where the stored numbers are decimal counts.
+    `decimals` if the stored numbers are decimal counts.
     """
 
     factor: float = 1.0
@@ -109,7 +110,7 @@ class Attributes:
         return as_number(self.raw(name))
 
     def text(self, name: str) -> str | None:
-        """A text attribute (the first where there are several), or None."""
+        """A text attribute (the first if there are several), or None."""
         value = self.raw(name)
         if isinstance(value, np.ndarray) and value.size:
             value = value.flat[0]

@@ -59,16 +59,18 @@ class Padded:
 
 
 def declared_size(problem: Exception) -> int | None:
-    """The size that a file should have, from what libhdf5 says of one that was cut off; None where
-    it says something else.
+    """The size that a file should have, from what libhdf5 says; None if it says else.
+
+    It says so of a file that was cut off.
     """
     match = re.search(r"truncated file.*stored_eof = (\d+)", str(problem))
     return int(match[1]) if match else None
 
 
 def unstored(found: SourceColumn, start: int, stop: int, end: int | None) -> list[tuple[int, int]]:
-    """Sample ranges in [start, stop) that were never written, or that lie behind `end` (the size of
-    a file that was cut).
+    """Sample ranges in [start, stop) that the file does not hold.
+
+    They were never written, or lie behind `end` (the size of a file that was cut).
     """
     dataset = found.dataset
     if dataset.is_virtual:

@@ -60,8 +60,9 @@ PICKLE_TEXT = {"UNICODE", "BINUNICODE", "SHORT_BINUNICODE"}
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """Stored stamps: seconds = (stored - first stored) x `step_s`; `absolute` where they count from
-    1970 (or `since`).
+    """Stored stamps: seconds = (stored - first stored) x `step_s`.
+
+    `absolute` if they count from 1970 (or `since`).
     """
 
     column: SourceColumn
@@ -71,7 +72,7 @@ class TimeColumn:
 
 
 def find_columns(file: h5py.File, source: str) -> SourceColumn:
-    """The column that `source` means.  ReadError where there is none, or where it is refused."""
+    """The column that `source` means.  ReadError if there is none, or it is refused."""
     path, field, index = split_source(source)
     item = walk(file, path)
     if isinstance(item, h5py.Dataset):
@@ -108,8 +109,9 @@ def _dataset(item: h5py.Group | h5py.Dataset, path: str) -> h5py.Dataset:
 
 
 def _signal(group: h5py.Group) -> str | None:
-    """The name of a NeXus group's signal: its attribute `signal`, or the dataset with the attribute
-    signal = 1.
+    """The name of a NeXus group's signal.
+
+    Its attribute `signal`, or the dataset with the attribute signal = 1.
     """
     named = Attributes(group).text("signal")
     if named:
@@ -174,7 +176,7 @@ def _table_frame(
 
 
 def pickled_labels(raw: object) -> list[str]:
-    """The texts in a pickled list of texts, read off its opcodes; empty where it is anything else.
+    """The texts in a pickled list of texts, read off its opcodes; empty if it is anything else.
 
     Nothing is executed.
     """
@@ -197,7 +199,7 @@ def time_of(
 ) -> TimeColumn | None:
     """The stamps of the column's samples, or None.
 
-    ReadError where the setup names a time that cannot be used.
+    ReadError if the setup names a time that cannot be used.
     """
     if setup_time:
         return _stamps(_named_time(file, found, setup_time), time_unit)
@@ -271,8 +273,9 @@ def _counts_time(item: h5py.Dataset, attribute: str) -> bool:
 
 
 def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
-    """Step and origin of stored stamps: the setup's unit, the file's, the one in the name, or
-    seconds.
+    """Step and origin of stored stamps.
+
+    By the setup's unit, the file's, the one in the name, or seconds.
     """
     unit = time_unit or unit_of(stamps) or ""
     since = SINCE.match(unit)
@@ -296,8 +299,9 @@ def _stamps(stamps: SourceColumn, time_unit: str | None) -> TimeColumn:
 
 
 def _unit_by_size(first: float | None) -> str:
-    """The unit of a stamp without one: a date in ms, us or ns since 1970 is known by its size, all
-    else is seconds.
+    """The unit of a stamp without one, told by its size.
+
+    A date in ms, us or ns since 1970 is known by its size, all else is seconds.
     """
     return next(
         (

@@ -1,7 +1,7 @@
 """HDF5 logs of any layout, read in slices.
 
-    path, setup --source--> Column each channel (hdf5_source, hdf5_layout) --rate, scale, unit
-                            (hdf5_attributes)
+    path, setup --source--> Column per channel (source, layout) --rate, scale, unit
+                            (attributes)
         --channels of one length, rate and time dataset--> Group
             --slices of a bounded size--> RawBlock
 
@@ -40,7 +40,7 @@ from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.kinds import WAVELENGTH_KINDS
 from tirelog.vocabulary.quality import Quality
 
-#: values a block over all channels of a group
+#: values per block over all channels of a group
 BLOCK_VALUES = 1 << 20
 #: chunk cache of each dataset; a chunk that is larger is read past it
 CACHE_BYTES = 1 << 20
@@ -74,7 +74,7 @@ class _Clock:
 def open_hdf5(path: Path | str, setup: Setup, log_name: str) -> Hdf5Log:
     """The log at `path`; `log_name` is its name in messages.
 
-    ReadError where nothing in it can be read.
+    ReadError if nothing in it can be read.
     """
     return Hdf5Log(Path(path), setup, log_name)
 
@@ -215,8 +215,9 @@ class Hdf5Log:
             return None
 
     def _common_origin(self, clocks: list[_Clock]) -> list[_Clock]:
-        """The clocks with times from the first stamp of any of them; clocks of dates and clocks of
-        seconds each have their own.
+        """The clocks with times from the first stamp of any of them.
+
+        Clocks of dates and clocks of seconds each have their own.
         """
         starts = [float(c.first) * c.time.step_s if c.time else 0.0 for c in clocks]
         dated = [
@@ -262,8 +263,9 @@ class Hdf5Log:
                     )
 
     def _block(self, clock: _Clock, start: int, stop: int) -> tuple[RawBlock, int, int]:
-        """Samples [start, stop) of a group, how many are lost (in any channel, once each), and how
-        many stamps are.
+        """Samples [start, stop) of a group, how many samples and how many stamps are lost.
+
+        A sample is lost in any channel, and counted once in each.
         """
         values: dict[str, FloatArray] = {}
         flags: list[tuple[str, int, int, Quality]] = []
@@ -289,8 +291,9 @@ class Hdf5Log:
     def _read(
         self, column: SourceColumn, start: int, stop: int, slabs: Slabs
     ) -> tuple[NDArray[Any], list[tuple[int, int]]]:
-        """Stored values [start, stop), and the ranges of them that are lost (their values mean
-        nothing).
+        """Stored values [start, stop), and the ranges of them that are lost.
+
+        The values in these mean nothing.
         """
         missing = unstored(column, start, stop, self.end)
         if not missing:
@@ -328,7 +331,7 @@ class Hdf5Log:
 
 
 def _rows(clock: _Clock) -> int:
-    """Samples a block: whole chunks where they are small enough, and never more than the budget."""
+    """Samples per block: whole chunks if these are small, never more than the budget."""
     columns = [c.column for c in clock.channels]
     widest = max(c.dataset.dtype.itemsize if c.field else c.dtype.itemsize for c in columns)
     rows = max(min(BLOCK_VALUES // len(columns), SLAB_BYTES // widest), 1)
@@ -341,8 +344,9 @@ def _rows(clock: _Clock) -> int:
 
 
 def _absolute(time: TimeColumn, start_s: float) -> str | None:
-    """The start of the log as ISO 8601: stamps count from 1970, or from the date that the file
-    names.
+    """The start of the log as ISO 8601.
+
+    Stamps count from 1970, or from the date that the file names.
     """
     try:
         since = (

@@ -32,8 +32,9 @@ SLAB_BYTES = 1 << 24
 
 
 class Slabs:
-    """One slice of several columns; columns of one dataset are read together, where that reads
-    little beside them.
+    """One slice of several columns.
+
+    Columns of one dataset are read together, if that reads little beside them.
     """
 
     def __init__(self, columns: list[SourceColumn], start: int, stop: int) -> None:
@@ -46,7 +47,7 @@ class Slabs:
     def read(self, column: SourceColumn) -> NDArray[Any]:
         """The column's stored values in the slice.
 
-        One of LIBRARY_ERRORS where a chunk is damaged.
+        One of LIBRARY_ERRORS if a chunk is damaged.
         """
         key = (column.dataset.id, column.axis)
         together = self.shared.get(key, [])
@@ -72,7 +73,7 @@ class Slabs:
         return values[element] if column.element else values
 
     def _narrow(self, column: SourceColumn, wanted: int) -> bool:
-        """True where the whole rows are few more than what is wanted of them."""
+        """True if the whole rows are few more than what is wanted of them."""
         width = column.dataset.size // max(len(column), 1)
         return (
             column.field is None
@@ -100,17 +101,21 @@ LARGEST_CHUNK_BYTES = 1 << 26
 #: declared / stored bytes: deflate shrinks by 1032 at most, a dataset made larger than what was
 #: recorded by some more
 LARGEST_RATIO = 1 << 16
+#: bytes of one element of a dataset, all fields of a compound together: larger ones are refused
 LARGEST_ROW_BYTES = 1 << 22
 #: values looked at together for the first that is there
 FIRST_VALUES = 1 << 12
+#: soft links followed one after the other; more count as a circle
 MOST_LINKS = 32
+#: a list of a file's datasets ends at so many of them, or of objects looked at
 MOST_NAMES = 5000
 
 
 @dataclass(frozen=True)
 class SourceColumn:
-    """Numbers along the axis `axis` of a dataset: at `index` (None at `axis`) on the others,
-    `field` and `element` of a compound.
+    """Numbers along the axis `axis` of a dataset.
+
+    At `index` (None at `axis`) on the others, `field` and `element` of a compound.
     """
 
     path: str
@@ -131,7 +136,7 @@ class SourceColumn:
 
     @property
     def chunk(self) -> int:
-        """Samples a chunk along time (the whole length where there are no chunks)."""
+        """Samples per chunk along time (the whole length if there are no chunks)."""
         return int(self.dataset.chunks[self.axis]) if self.dataset.chunks else len(self)
 
     def selection(self, start: int, stop: int) -> tuple[int | slice, ...]:
@@ -140,7 +145,7 @@ class SourceColumn:
     def read(self, start: int, stop: int) -> NDArray[Any]:
         """Stored values [start, stop), shape (stop - start,).
 
-        One of LIBRARY_ERRORS where a chunk is damaged.
+        One of LIBRARY_ERRORS if a chunk is damaged.
         """
         source = self.dataset if self.field is None else self.dataset.fields(self.field)
         values = source[self.selection(start, stop)]
@@ -155,7 +160,7 @@ def refuse(path: str, what: str, allowed: str, action: str) -> ReadError:
 def walk(file: h5py.File, path: str, links: int = MOST_LINKS) -> h5py.Group | h5py.Dataset:
     """The object at `path`, link by link, soft links within the file followed.
 
-    ReadError where a link leaves it or leads nowhere.
+    ReadError if a link leaves it or leads nowhere.
     """
     at: Any = file["/"]
     here: list[str] = []
@@ -214,8 +219,9 @@ def names(file: h5py.File) -> list[str]:
 
 
 def split_source(source: str) -> tuple[str, str | None, tuple[int | None, ...]]:
-    """(dataset path, field or column, index) of a source; None in the index is ':'. ReadError where
-    it does not parse.
+    """(dataset path, field or column, index) of a source.
+
+    None in the index is ':'. ReadError if it does not parse.
     """
     match = re.fullmatch(
         r"(?P<path>[^\[\]:]+?)(?::(?P<field>[^\[\]]+))?(?:\[(?P<index>[\d\s,:]+)\])?",
@@ -353,8 +359,9 @@ def check_type(path: str, dtype: np.dtype[Any]) -> None:
 def time_axis(
     path: str, shape: tuple[int, ...] | None, index: tuple[int | None, ...]
 ) -> tuple[int, tuple[int | None, ...]]:
-    """(time axis, full index) for a dataset of `shape`: ':' marks time, else it is the longest axis
-    (the first of equals).
+    """(time axis, full index) for a dataset of `shape`.
+
+    ':' marks time, else it is the longest axis (the first of equals).
     """
     if not shape:
         raise refuse(
@@ -395,8 +402,9 @@ def time_axis(
 
 
 def check_shape(found: SourceColumn) -> None:
-    """Refuses what holds nothing, or declares more than its file can hold or than can be read in
-    bounded memory.
+    """Refuses columns that are empty or cannot be read in bounded memory.
+
+    Also such as declare more than their file can hold.
     """
     dataset, path = found.dataset, found.path
     declared = math.prod(dataset.shape) * dataset.dtype.itemsize
@@ -427,8 +435,9 @@ def check_shape(found: SourceColumn) -> None:
 
 
 def first_number(found: SourceColumn, is_lost: Callable[[SourceColumn, int, int], bool]) -> Any:
-    """The first stored value that can be read and is a number, or None; `is_lost` tells what the
-    file does not hold.
+    """The first stored value that can be read and is a number, or None.
+
+    `is_lost` tells what the file does not hold.
     """
     step = min(found.chunk, FIRST_VALUES)
     for start in range(0, len(found), step):
@@ -446,9 +455,7 @@ def first_number(found: SourceColumn, is_lost: Callable[[SourceColumn, int, int]
 def chunks_of(
     found: SourceColumn, start: int, stop: int
 ) -> Iterator[tuple[int, int, h5py.h5d.StoreInfo]]:
-    """(first sample, end, where the file keeps it) of each chunk of the column that meets [start,
-    stop).
-    """
+    """(first sample, end, where the file keeps it) of each chunk that meets [start, stop)."""
     dataset = found.dataset
     for first in range(start - start % found.chunk, stop, found.chunk):
         at = [

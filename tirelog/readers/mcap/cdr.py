@@ -25,6 +25,7 @@ BUILTIN_TIME = dict.fromkeys(
     ("builtin_interfaces/Time", "builtin_interfaces/Duration"), "int32 sec\nuint32 nanosec"
 )
 ENCAPSULATION = 4
+#: elements of a list in a message; one with a longer list has no plan
 LONGEST_LIST = 1 << 20
 #: structures and texts of one message: the library makes a Python object of each
 MOST_PARTS = 1 << 15
@@ -191,8 +192,10 @@ class CdrTemplate:
 
 
 def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> bool:
-    """True if a message is small, or can be walked and holds no more than MOST_PARTS parts beside
-    its plain lists of numbers.
+    """True if a message can be decoded in bounded memory.
+
+    It is small, or can be walked and holds no more than MOST_PARTS parts beside its plain lists of
+    numbers.
     """
     try:
         return len(data) <= MOST_PARTS or bool(CdrTemplate(data, definitions, []).walk(root, []))
@@ -203,7 +206,7 @@ def is_bounded(data: bytes, root: str, definitions: dict[str, list[Member]]) -> 
 def cdr_plan(
     data: bytes, root: str, definitions: dict[str, list[Member]], wants: list[Want]
 ) -> MessagePlan:
-    """The plan of one ROS 2 message.  NoPlanError where it has none."""
+    """The plan of one ROS 2 message.  NoPlanError if it has none."""
     return CdrTemplate(data, definitions, wants).walk(
         root, [(i, want.tokens) for i, want in enumerate(wants)]
     )

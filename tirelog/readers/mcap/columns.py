@@ -11,7 +11,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 class FieldColumn:
     """Numbers for one want.
 
-    `lengths` shape (n,) where each message holds a batch; `values` are then the batches end to end.
+    `lengths` shape (n,) if each message holds a batch; `values` are then the batches end to end.
     """
 
     values: FloatArray

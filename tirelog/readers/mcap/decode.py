@@ -1,9 +1,9 @@
 """Messages of one MCAP channel to numbers.
 
-By layout with numpy where layouts repeat, by pyarrow for JSON, else by the library one by one.
+By layout with numpy if layouts repeat, by pyarrow for JSON, else by the library one by one.
 
     Table, wants --plans | arrow | library--> FieldColumn per want: `values` flat float64, `lengths`
-                                              (n,) where a message holds a batch
+                                              (n,) if a message holds a batch
 
 The library's decoder is the authority: a plan is used only if it gives the numbers that the library
 gives for its template.
@@ -60,7 +60,7 @@ class Faults:
 class ChannelDecoder:
     """Decodes the messages of one channel.
 
-    ReadError where its encoding is not one of JSON, protobuf and ROS 2.
+    ReadError if its encoding is not one of JSON, protobuf and ROS 2.
     """
 
     def __init__(self, topic: str, encoding: str, schema: Any) -> None:
@@ -94,15 +94,16 @@ class ChannelDecoder:
             self.json = JsonReader()
 
     def message(self, data: bytes) -> Any:
-        """One decoded message.  FieldError where it does not decode."""
+        """One decoded message.  FieldError if it does not decode."""
         try:
             return self.decode(data)
         except DECODE_ERRORS as problem:
             raise FieldError(f"does not decode ({type(problem).__name__})") from None
 
     def of_bounded_size(self, table: MessageTable, *, count: bool) -> MessageTable:
-        """The table without messages that are too large to be decoded, which are counted as faults
-        if `count`.
+        """The table without messages that are too large to be decoded.
+
+        These are counted as faults if `count`.
         """
         small = table.sizes <= LARGEST_MESSAGE_BYTES
         if small.all():
@@ -144,7 +145,7 @@ class ChannelDecoder:
     def read_slowly(self, table: MessageTable, wants: list[Want]) -> list[FieldColumn]:
         """Message by message through the library.
 
-        What gives no number is NaN (one number a message) or an empty batch.
+        What gives no number is NaN (one number per message) or an empty batch.
         """
         found: list[list[Any]] = [[] for _ in wants]
         for data in table.messages():
@@ -197,8 +198,9 @@ class ChannelDecoder:
         return self.failures >= MOST_FAILURES or len(self.plans) >= MOST_PLANS
 
     def _learn(self, data: bytes, wants: list[Want]) -> bool:
-        """Add the plan of the message `data`, if it has one and gives the numbers that the library
-        gives.
+        """Add the plan of the message `data`, if it has a true one.
+
+        True is a plan that gives the numbers that the library gives.
         """
         if self._given_up() or self.plan_of is None:
             return False
@@ -270,8 +272,9 @@ def _column(values: list[float | FloatArray | None]) -> FieldColumn:
 
 
 def _decoder(encoding: str, schema: Any) -> tuple[Callable[[bytes], Any] | None, PlanMaker | None]:
-    """(decoder of one message, maker of plans) of an encoding; (None, None) for one that is not
-    known.
+    """(decoder of one message, maker of plans) of an encoding.
+
+    (None, None) for one that is not known.
     """
     if encoding == "json":
         return json.loads, None

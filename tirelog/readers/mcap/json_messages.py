@@ -1,11 +1,11 @@
 """JSON messages to numbers, a whole piece of a chunk at once.
 
-    messages, wants --all of one shape--> a table of numbers (mcap_json_table)
+    messages, wants --all of one shape--> a table of numbers
         --> FieldColumn per want
                     --else, a schema of the wanted fields only--> arrow's JSON reader
                         --> FieldColumn per want
 
-None where arrow cannot tell (text or true among the numbers, an element that a list does not have):
+None if arrow cannot tell (text or true among the numbers, an element that a list does not have):
 then each message is decoded alone.
 """
 
@@ -45,8 +45,10 @@ def numbers_between(
     slots: IntArray,
     values: FloatArray,
 ) -> int:
-    """Reads message i, `data[starts[i] : starts[i] + sizes[i]]`, into values[:, i]; how many until
-    one is not alike, or not read so easily.
+    """Reads messages into the columns of `values`; how many until one is not alike.
+
+    Message i is `data[starts[i] : starts[i] + sizes[i]]` and goes into values[:, i]; a message that
+    is not read so easily ends it too.
 
     Text k of a message is `texts[edges[k] : edges[k + 1]]`, and number k stands behind it: it goes
     to values[slots[k]] (-1: nowhere). `null` is NaN. The last text is not empty and no part of a
@@ -89,6 +91,7 @@ def numbers_between(
     return starts.size
 
 
+#: numbers in a message; one with more has no shape
 MOST_CELLS = 4096
 
 
@@ -102,10 +105,11 @@ class _Cell:
 
 @dataclass(frozen=True)
 class Shape:
-    """One message's `texts` before, between and behind its numbers (joined, cut at `edges`), and
-    for each want its cells (True: a batch).
+    """The form of one message: its texts, and the cells that each want reads.
 
-    `slots` shape (cells,): the place of each cell among those that are wanted, -1 where it is not.
+    `texts` before, between and behind its numbers are joined, and cut at `edges`; each want has its
+    cells (True: a batch). `slots` shape (cells,): the place of each cell among those that are
+    wanted, -1 if it is not.
     """
 
     texts: NDArray[np.uint8]
@@ -115,7 +119,10 @@ class Shape:
 
 
 def shape_of(message: bytes, wants: list[Want]) -> Shape | None:
-    """The shape of `message`; None where it is no object of numbers, or a want is none of them."""
+    """The shape of `message`; None without one.
+
+    So if it is no object of numbers, or a want is none of them.
+    """
     found: list[_Cell] = []
 
     def cell(text: str) -> _Cell:
@@ -180,7 +187,7 @@ def _unlike(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _cells(template: Any, want: Want) -> tuple[list[int], bool]:
-    """The cells that a want reads; ValueError where one is no number of the template."""
+    """The cells that a want reads; ValueError if one is no number of the template."""
     at: Any = template
     for k, token in enumerate(want.tokens):
         if isinstance(token, slice):
@@ -205,7 +212,7 @@ def _number(value: Any) -> int:
 
 
 def read_messages(table: MessageTable, shape: Shape) -> list[FieldColumn] | None:
-    """The columns of the table's messages; None where they have not all this shape."""
+    """The columns of the table's messages; None if not all have this shape."""
     from tirelog.readers.mcap.columns import FieldColumn
     from tirelog.readers.text.digits import bytes_of
 
@@ -255,7 +262,7 @@ class JsonReader:
 
 
 def read_arrow(text: bytes, n: int, wants: list[Want]) -> list[FieldColumn] | None:
-    """The columns of `n` JSON objects, one a line of `text`, or None."""
+    """The columns of `n` JSON objects, one per line of `text`, or None."""
     import pyarrow as pa
     import pyarrow.json
 
@@ -283,8 +290,9 @@ def read_arrow(text: bytes, n: int, wants: list[Want]) -> list[FieldColumn] | No
 
 
 def _plant(tree: dict[str, Any], want: Want) -> bool:
-    """Add a path of names, and at most one index at its end, to the tree of fields; False where it
-    is more than that.
+    """Add a path of names to the tree of fields; False if it is more than that.
+
+    At most one index may stand at its end.
     """
     names = [token for token in want.tokens if isinstance(token, str)]
     if len(names) < len(want.tokens) - 1 or tuple(names) != want.tokens[: len(names)]:

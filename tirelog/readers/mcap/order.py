@@ -7,7 +7,7 @@ They are put in order in bounded memory, and handed on as blocks.
 
 `key` is the message's log time [ns], by which messages are ordered (equal keys keep the file's
 order); `stamp` the time of its first sample [ns]; `within` the sample's number in its batch. A
-batch's samples follow its stamp at the period of the rate that setup or message give, or, where
+batch's samples follow its stamp at the period of the rate that setup or message give, or, if
 neither does, of the median step between batches.
 """
 
@@ -27,7 +27,7 @@ HELD_VALUES = 1 << 19
 class OrderedGroup:
     """The samples of one group on their way out.
 
-    `period_s` of batches, None where it is to be found from the stamps.
+    `period_s` of batches, None if it is to be found from the stamps.
     """
 
     def __init__(self, group: Group, period_s: float | None) -> None:
@@ -39,8 +39,9 @@ class OrderedGroup:
         self.refused = 0
 
     def add(self, keys: IntArray, stamps: IntArray, within: IntArray, values: FloatArray) -> None:
-        """Samples in the file's order: `keys`, `stamps`, `within` shape (n,), `values` (n,
-        channels).
+        """Takes samples in the file's order.
+
+        `keys`, `stamps`, `within` shape (n,), `values` (n, channels).
         """
         self.parts.append((keys, stamps, within, values))
         self.held += values.size
@@ -86,7 +87,7 @@ class OrderedGroup:
             yield RawBlock(self.group.name, columns, seconds)
 
     def _find_period(self, stamps: IntArray, within: IntArray) -> None:
-        """The period of a batch's samples from the stamps, where nothing states it."""
+        """The period of a batch's samples from the stamps, if nothing states it."""
         if not self.batched or self.period_s is not None:
             return
         first = np.flatnonzero(within == 0)

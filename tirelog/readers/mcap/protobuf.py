@@ -138,7 +138,7 @@ def is_repeated(field: Any) -> bool:
 
 
 def protobuf_plan(data: bytes, descriptor: Any, wants: list[Want]) -> MessagePlan:
-    """The plan of one protobuf message.  NoPlanError where it has none."""
+    """The plan of one protobuf message.  NoPlanError if it has none."""
     template = ProtobufTemplate(data, wants)
     try:
         template.message(

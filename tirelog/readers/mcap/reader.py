@@ -1,11 +1,12 @@
 """MCAP logs from a path or a stream that cannot seek, in one pass.
 
-    stream --mcap_records--> chunks --mcap_walk--> messages by channel --mcap_decode--> numbers
-        --mcap_topic, mcap_order--> RawBlock
+    stream --records--> chunks --walk--> messages by channel --decode--> numbers
+        --topic, order--> RawBlock
 
 Groups have to be known before the first block: chunks are read ahead until every topic of the setup
-has shown its first message, or READ_AHEAD_BYTES = 1 << 23 never decoded, so nothing foreign can
-stop the reading.
+has shown its first message, or READ_AHEAD_BYTES have been read. Channels of one topic with batches
+of one length form a group. Topics that the setup does not name are never decoded, so nothing
+foreign can stop the reading.
 """
 
 from __future__ import annotations
@@ -27,8 +28,11 @@ from tirelog.readers.mcap.source import FieldError, Want, parse_path, split_sour
 from tirelog.readers.mcap.topic import Topic
 from tirelog.readers.mcap.walk import MessageTable, split_pieces
 
+#: bytes of chunks that are held until every topic of the setup has begun; twice as many take twice
+#: the memory if a topic comes late or never
 READ_AHEAD_BYTES = 1 << 23
-EARLIEST_DATE_NS = 631_152_000_000_000_000  # 1990
+#: stamps beyond this [ns since 1970] are dates: 1990; smaller ones count from some start
+EARLIEST_DATE_NS = 631_152_000_000_000_000
 
 
 def open_mcap(
@@ -36,8 +40,8 @@ def open_mcap(
 ) -> McapLog:
     """The log in a file or a stream; `log_name` is its name in messages.
 
-    `path` is the file that a stream reads, where there is one: from its end come the definitions
-    that a damaged chunk took away. ReadError where nothing in it can be read.
+    `path` is the file that a stream reads, if there is one: from its end come the definitions
+    that a damaged chunk took away. ReadError if nothing in it can be read.
     """
     if isinstance(source, Path | str):
         try:

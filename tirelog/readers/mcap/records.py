@@ -5,8 +5,8 @@ Whole chunks, checksums verified.
     bytes --record by record--> schemas, channels, chunks
         --decompress, CRC--> Chunk (records, uncompressed)
 
-A chunk whose checksum fails is a loss and is left out. Where the chain of records breaks, the next
-chunk is looked for; where none follows, the file is cut off there. Messages outside of chunks are
+A chunk whose checksum fails is a loss and is left out. If the chain of records breaks, the next
+chunk is looked for; if none follows, the file is cut off there. Messages outside of chunks are
 gathered into chunks of our own.
 """
 
@@ -31,7 +31,9 @@ from tirelog.readers.mcap.walk import LARGEST_DEFINITION_BYTES, MOST_RECORDS, re
 MAGIC = b"\x89MCAP0\r\n"
 #: a chunk has to be decompressed whole to check it
 LARGEST_CHUNK_BYTES = 1 << 28
+#: bytes of messages outside of chunks that make up a chunk of our own
 LOOSE_BYTES = 1 << 20
+#: schemas and channels that a file may define
 MOST_DEFINITIONS = 1 << 16
 #: bytes of all schemas and channels that are kept: those of real logs are below 1 MB
 MOST_DEFINITION_BYTES = 1 << 25
@@ -49,6 +51,7 @@ RECORD_ERRORS = (
     OverflowError,
     MemoryError,
 )
+#: damaged places that are told one by one
 MOST_SAID = 5
 #: opcodes from here on are free for private use
 PRIVATE = 0x80
@@ -139,8 +142,9 @@ class Records:
             self.report.losses.append(f"{said - MOST_SAID} more damaged places")
 
     def _record(self, at: int) -> tuple[int | None, bytes]:
-        """(opcode, whole record) that begins at `at`; (None, b"") where it is passed over, broken,
-        or the file ends.
+        """(opcode, whole record) that begins at `at`.
+
+        (None, b"") if it is passed over, broken, or the file ends.
         """
         head = self._take(HEAD.size)
         if not head:
@@ -293,8 +297,9 @@ class Records:
 
 
 def find_chunk(data: bytes) -> int | None:
-    """Where a record in `data` is beyond doubt a chunk: its two lengths agree, and its compression
-    is one that exists.
+    """Place of a record in `data` that is beyond doubt a chunk.
+
+    Its two lengths agree, and its compression is one that exists.
     """
     at = data.find(b"\x06")
     while at >= 0:
@@ -316,7 +321,7 @@ def find_chunk(data: bytes) -> int | None:
 
 
 def decompress(compression: str, stored: memoryview, size: int) -> bytes:
-    """`size` bytes of records.  ValueError where they cannot be had."""
+    """`size` bytes of records.  ValueError if they cannot be had."""
     if compression == "":
         return bytes(stored)
     if compression == "zstd":

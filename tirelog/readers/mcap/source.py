@@ -1,6 +1,6 @@
 """`topic:field.path[index]`: what it means, and how a decoded message is read by it.
 
-"/tire:strain"            a number: one sample a message
+"/tire:strain"            a number: one sample per message
 "/tire:data[3]"           one element (from 0)
 "/tire:samples"           a list of numbers: a batch of samples, in the order of time
 "/tire:data[3::16]"       a batch that is every 16th element (rows of 16 laid end to end)
@@ -31,8 +31,9 @@ class Want:
 
 
 class FieldError(ValueError):
-    """A message that has no number at a path: `what` says why, `known` are the names that it has
-    there.
+    """A message that has no number at a path.
+
+    `what` says why, `known` are the names that it has there.
     """
 
     def __init__(self, what: str, known: tuple[str, ...] = (), name: str = "") -> None:
@@ -41,7 +42,7 @@ class FieldError(ValueError):
 
 
 def split_source(source: str) -> tuple[str, str]:
-    """(topic, field path) of a source.  ReadError where it does not parse."""
+    """(topic, field path) of a source.  ReadError if it does not parse."""
     match = re.fullmatch(r"(.+):((?:[^:\[\]]|\[[^\[\]]*\])+)", source.strip())
     if match is None:
         raise ReadError(
@@ -51,7 +52,7 @@ def split_source(source: str) -> tuple[str, str]:
 
 
 def parse_path(path: str) -> Want:
-    """The tokens of a field path.  ReadError where it does not parse."""
+    """The tokens of a field path.  ReadError if it does not parse."""
     tokens: list[Token] = []
     end = 0
     for match in re.finditer(r"\.?([A-Za-z_]\w*)|\[\s*([-\d:\s]*)\]", path):
@@ -93,7 +94,7 @@ def number_of(value: Any) -> float:
 def extract(message: Any, tokens: tuple[Token, ...]) -> float | FloatArray:
     """The number, or the batch of numbers shape (k,), at `tokens` of a decoded message.
 
-    FieldError where there is none.
+    FieldError if there is none.
     """
     value = message
     for at, token in enumerate(tokens):

@@ -32,10 +32,9 @@ class NoPlanError(ValueError):
 
 @dataclass(frozen=True)
 class Place:
-    """Numbers in a message: `count` of `dtype` (None: a varint of `size` bytes) from byte `offset`,
-    every `step` bytes; or a constant.
+    """Numbers in a message: `count` of `dtype` from byte `offset`, every `step` bytes.
 
-    `batch` is true for a list of numbers.
+    `dtype` None: a varint of `size` bytes. Or a constant. `batch` is true for a list of numbers.
     """
 
     offset: int
@@ -50,8 +49,9 @@ class Place:
 
 @dataclass
 class MessagePlan:
-    """The layout of messages of `size` bytes: `places[i]` for wanted path i; guards as (byte
-    offset, mask, value).
+    """The layout of messages of `size` bytes.
+
+    `places[i]` for wanted path i; guards as (byte offset, mask, value).
     """
 
     size: int
@@ -68,7 +68,7 @@ class MessagePlan:
         self.guards += [(at, 0xFF, data[at]) for at in range(start, stop)]
 
     def freeze(self) -> FrozenPlan:
-        """The plan as arrays.  NoPlanError where a wanted path has no place."""
+        """The plan as arrays.  NoPlanError if a wanted path has no place."""
         if any(place is None for place in self.places):
             raise NoPlanError
         table = np.array(self.guards, np.int64).reshape(-1, 3)
@@ -91,8 +91,9 @@ class FrozenPlan:
     value: NDArray[np.uint8]
 
     def read(self, table: MessageTable) -> tuple[NDArray[np.bool_], list[FloatArray]]:
-        """(which of the messages, all of this size, have this layout; their numbers for each wanted
-        path, shape (m, count)).
+        """(which of the messages have this layout, their numbers for each wanted path).
+
+        All messages are of this size; the numbers have shape (m, count).
         """
         bytes_ = message_rows(table.data, table.starts, self.size)
         fits = ((bytes_[:, self.at] & self.mask) == self.value).all(axis=1)

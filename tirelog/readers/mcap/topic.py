@@ -5,7 +5,7 @@ Its first message tells what its channels are, the others give samples.
     first message --> batches or single samples, which field holds the stamp, the rate --> groups
     Table, decoder --> Columns --> samples of each group (`order`)
 
-The time of a sample is the message's `header.stamp` (or the field that [log] time names) where it
+The time of a sample is the message's `header.stamp` (or the field that [log] time names) if it
 has one, else its log time. Of a batch it is the time of its first sample.
 """
 
@@ -52,8 +52,9 @@ MOST_DECIMALS = 9
 
 @dataclass(frozen=True)
 class _Stamp:
-    """Which fields hold the stamp, [ns] per unit of each, and what to add to get to the log's
-    clock.
+    """Which fields hold the stamp, and how they are read.
+
+    [ns] per unit of each, and what to add to get to the log's clock.
     """
 
     wants: list[Want]
@@ -75,8 +76,9 @@ class Topic:
         self.failed: dict[str, str] = {}
 
     def assume(self, used: int) -> None:
-        """Groups for a topic whose first message is still to come: one a channel, which fits
-        whatever comes.
+        """Sets groups for a topic whose first message is still to come.
+
+        One per channel, which fits whatever comes.
         """
         self.groups = [self._group([name], used + k, None) for k, name in enumerate(self.wants)]
 
@@ -218,7 +220,7 @@ class Topic:
                     group.add(*self._samples(group, present, keys, stamps))
 
     def _stamps(self, columns: list[FieldColumn], keys: IntArray) -> IntArray:
-        """The messages' stamps [ns] on the log's clock; the log time where a message has none."""
+        """The messages' stamps [ns] on the log's clock; the log time if a message has none."""
         if not columns:
             return keys
         numbers = [column.values for column in columns]
@@ -238,8 +240,9 @@ class Topic:
         keys: IntArray,
         stamps: IntArray,
     ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        """keys, stamps, within, values of every sample; batches of unlike length are filled up with
-        NaN.
+        """keys, stamps, within, values of every sample.
+
+        Batches of unlike length are filled up with NaN.
         """
         sizes = [_lengths(column, keys.size) for column in columns]
         lengths = np.max(sizes, axis=0)
@@ -270,7 +273,7 @@ def _messages(column: FieldColumn) -> int:
 
 
 def _lengths(column: FieldColumn | None, n: int) -> IntArray:
-    """Samples a message."""
+    """Samples per message."""
     if column is None:
         return np.zeros(n, np.int64)
     return np.ones(n, np.int64) if column.lengths is None else column.lengths
@@ -293,8 +296,9 @@ def _stamp_ns(numbers: list[FloatArray], factors: list[float]) -> IntArray:
 
 
 def decimals_of(messages: Sequence[Any], want: Want) -> int | None:
-    """The decimals with which a number is written in `messages` of text, None where they are no
-    decimals of an instrument.
+    """The decimals with which a number is written in `messages` of text.
+
+    None if they are no decimals of an instrument.
     """
     most = None
     for message in messages:

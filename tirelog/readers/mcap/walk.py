@@ -1,6 +1,6 @@
 """Where the messages of a chunk are.
 
-chunk (bytes) --chain of record lengths, compiled--> starts (n,) --by channel--> Table a channel
+chunk (bytes) --chain of record lengths, compiled--> starts (n,) --by channel--> Table per channel
 """
 
 from __future__ import annotations
@@ -102,10 +102,10 @@ def message_rows(data: bytes, starts: IntArray, size: int) -> NDArray[np.uint8]:
 
 
 def split_pieces(data: bytes) -> tuple[dict[int, MessageTable], Iterator[tuple[int, bytes]], int]:
-    """(messages by channel id, definitions as (opcode, body) one by one, bytes at the end that are
-    no whole record).
+    """(messages by channel id, definitions one by one, bytes at the end that are no record).
 
-    Of a definition that is too large to be kept comes no more than shows that it is.
+    Definitions as (opcode, body). Of one that is too large to be kept comes no more than shows that
+    it is.
     """
     starts, end = record_starts(data)
     opcodes = gather(data, starts, "u1")

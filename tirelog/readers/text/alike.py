@@ -78,8 +78,9 @@ def _masked(first: Whole, stop: Whole) -> Whole:
 def _group(
     cells: IntArray, k: int, at: int, point: Whole, end: Whole, whole: Whole, behind: Whole
 ) -> None:
-    """Where a group of digits is loaded from: `whole` of them before the byte `point`, `behind`
-    before the byte `end` (both in the row).
+    """Sets where a group of digits is loaded from.
+
+    `whole` of them before the byte `point`, `behind` before the byte `end` (both in the row).
     """
     cells[k, at] = point - 8 + behind + _BEFORE
     cells[k, at + 1] = _masked(8 - behind - whole, 8 - behind)
@@ -89,8 +90,9 @@ def _group(
 
 @compiled
 def _most_digits(what: Whole, power: Whole) -> Whole:
-    """Digits of a cell that two groups give and that, times the power of ten, int64 holds; a tick
-    may be too large even so.
+    """Digits of a cell that two groups give and that int64 holds.
+
+    It has to hold them times the power of ten; a tick may be too large even so.
     """
     if what == FLOAT:
         return 15
@@ -108,8 +110,10 @@ def learn_alike(
     pattern: Pattern,
     cells: IntArray,
 ) -> Whole:
-    """The template of the row from `begin` to `stop`, newline included, which has been read: its
-    cells that are wanted, 0 for none.
+    """Learns the row from `begin` to `stop`, newline included, into `pattern` and `cells`.
+
+    The row has been read before. Returned is how many of its cells are wanted, 0 if it makes no
+    template.
     """
     width, used, at = guides.shape[0], 0, begin
     if stop - begin > _LONGEST_ROW - 8 or begin < _BEFORE:
@@ -239,10 +243,10 @@ def alike_rows(
     data: Bytes, at: Whole, size: Whole, pattern: Pattern, cells: IntArray, row: Whole,
     begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray,
 ) -> tuple[Whole, Whole]:  # fmt: skip
-    """Rows of `size` bytes like the one learnt, which lies before them, into columns from `row` on;
-    (row behind them, byte behind them).
+    """Rows of `size` bytes like the one learnt into columns; (row, byte) behind them.
 
-    Ends before a row that does not fit, and before some whose numbers may be too large.
+    The one learnt lies before them; they go into columns from `row` on. Ends before a row that does
+    not fit, and before some whose numbers may be too large.
     """
     numbers = np.empty(_BATCH, np.int64)
     r = row

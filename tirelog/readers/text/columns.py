@@ -5,7 +5,7 @@ The setup's channels, the time, the sample number, the error codes.
     Layout + Setup --names, else shapes of the cells--> Columns
 
 A channel's `source` is a header's name (its unit suffix may be left out; upper and lower case,
-blanks and underscores are forgiven where that leaves one column), or `#3`, the third column.
+blanks and underscores are forgiven if that leaves one column), or `#3`, the third column.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Columns:
 def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
     """The columns of the setup's channels.
 
-    ReadError where none is there; SetupError where `[log] time` names no column.
+    ReadError if none is there; SetupError if `[log] time` names no column.
     """
     values: dict[str, int] = {}
     missing: dict[str, str] = {}
@@ -98,8 +98,9 @@ def assign_columns(layout: Layout, setup: Setup, name: str) -> Columns:
 
 
 def placed(layout: Layout) -> Layout:
-    """The layout with each name on the column that it names, or without names if that cannot be
-    told.
+    """The layout with each name on the column that it names.
+
+    Without names if that cannot be told.
 
     A header one name shorter than the rows stands one to the right of an unnamed row number, as R
     writes it and pandas reads it. Any other difference may be a separator too many or too few
@@ -125,7 +126,9 @@ def placed(layout: Layout) -> Layout:
 
 
 def _lone_mark(layout: Layout) -> Layout:
-    """A lone `#` names a row number; over anything else it is the mark of a comment, and the names
+    """The layout without a lone `#` that is no name.
+
+    A lone `#` names a row number; over anything else it is the mark of a comment, and the names
     behind it are one too far right.
     """
     if (
@@ -138,8 +141,9 @@ def _lone_mark(layout: Layout) -> Layout:
 
 
 def _is_row_number(layout: Layout) -> bool:
-    """True if the first column counts rows, and the name that would be its own is that of the
-    second one, as far as can be told.
+    """True if the first column counts rows without a name of its own.
+
+    The name that would be its own is that of the second one, as far as can be told.
     """
     first, kinds = _bare(layout.names[0]), layout.kinds
     if not _whole_and_rising(layout, 0) or _NUMBER_NAMES.fullmatch(first):
@@ -180,8 +184,9 @@ def _is_length(unit: str) -> bool:
 
 
 def by_wavelength(layout: Layout, channel: ChannelSetup) -> bool:
-    """True where a grating has to be found by wavelength, as its rows hold a varying number of
-    peaks or its column has no name.
+    """True if a grating has to be found by wavelength.
+
+    Its rows hold a varying number of peaks or its column has no name.
     """
     if not channel.kind.startswith("fbg_") or channel.source.startswith("#"):
         return False
@@ -198,20 +203,21 @@ def by_wavelength(layout: Layout, channel: ChannelSetup) -> bool:
 
 
 def _keeps_places(layout: Layout) -> bool:
-    """True where rows are shorter only because blank cells at their ends are left out: others hold
-    blanks inside of them.
+    """True if rows are shorter only as blank cells at their ends are left out.
+
+    Others hold blanks inside of them.
     """
     blanks = any("" in row[: filled(row)] for row in layout.rows)
     return blanks and max(map(filled, layout.rows)) <= len(layout.names)
 
 
 def _trailing(layout: Layout) -> bool:
-    """True where the rows merely have a separator behind the last cell."""
+    """True if the rows merely have a separator behind the last cell."""
     return len(layout.names) == layout.width - 1 and layout.kinds[layout.width - 1] == "blank"
 
 
 def find_column(layout: Layout, source: str) -> int | None:
-    """The column of a source, None where there is none."""
+    """The column of a source, None if there is none."""
     if match := re.fullmatch(r"#(\d+)", source.strip()):
         column = int(match[1]) - 1
         return column if 0 <= column < max(layout.width, len(layout.kinds)) else None
@@ -256,7 +262,7 @@ def _absent(layout: Layout, source: str) -> str:
 def _time(
     layout: Layout, setup: Setup, taken: set[int]
 ) -> tuple[int | None, int | None, str, float]:
-    """(column, column of the time of day, form, seconds a unit) of the stamps."""
+    """(column, column of the time of day, form, seconds per unit) of the stamps."""
     if setup.log.time:
         column = find_column(layout, setup.log.time)
         if column is None:
@@ -277,8 +283,9 @@ def _time(
 
 
 def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
-    """Columns that look like stamps: those whose cells are times, then numbers under a name of
-    time, then a leading ramp.
+    """Columns that look like stamps.
+
+    Those whose cells are times, then numbers under a name of time, then a leading ramp.
     """
     kinds = layout.kinds[: layout.width]
     found = [k for k, kind in enumerate(kinds) if kind in ("iso", "dmy", "hms")]
@@ -300,8 +307,9 @@ def _time_candidates(layout: Layout, taken: set[int]) -> list[int]:
 
 
 def _is_ramp(layout: Layout) -> bool:
-    """True where the first column, whatever it is called, rises in even steps that are not whole:
-    nothing but a time does.
+    """True if the first column rises in even steps that are not whole.
+
+    Whatever it is called: nothing but a time does.
     """
     steps = _steps(layout, 0)
     whole = all(layout.decimal not in row[0] for row in layout.rows)
@@ -323,14 +331,15 @@ def _steps(layout: Layout, column: int) -> list[float]:
 
 
 def _ascending(layout: Layout, column: int) -> bool:
-    """True where a number column hardly ever falls."""
+    """True if a number column hardly ever falls."""
     steps = _steps(layout, column)
     return sum(step >= 0 for step in steps) >= 0.9 * len(steps)
 
 
 def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | None, str, float]:
-    """The stamps' column with its form; a date alone is joined with the first column of times of
-    day.
+    """The stamps' column with its form.
+
+    A date alone is joined with the first column of times of day.
     """
     kind = layout.kinds[column]
     if kind in ("iso", "dmy"):
@@ -348,8 +357,9 @@ def _with_clock(layout: Layout, setup: Setup, column: int) -> tuple[int, int | N
 
 
 def _time_factor(layout: Layout, setup: Setup, column: int) -> float:
-    """Seconds a unit of a numeric time column: the setup's `time_unit`, the header's unit, the
-    name's suffix, else seconds.
+    """Seconds per unit of a numeric time column.
+
+    By the setup's `time_unit`, the header's unit, the name's suffix, else seconds.
     """
     if setup.log.time_unit:
         return units.to_si(setup.log.time_unit, "time")[0]
@@ -380,7 +390,7 @@ def _sample_number(layout: Layout, taken: set[int | None]) -> int | None:
 
 
 def resolution_s(layout: Layout, columns: Columns) -> float:
-    """The step of the stamps [s] as written in the sample rows; 0 where the log has none."""
+    """The step of the stamps [s] as written in the sample rows; 0 if the log has none."""
     if columns.time is None:
         return 0.0
     shown = columns.time if columns.clock is None else columns.clock
@@ -403,8 +413,9 @@ def most_decimals(cells: Sequence[str], decimal: str) -> int:
 
 
 def decimals(layout: Layout, column: int) -> int | None:
-    """Decimals of a channel's column in the sample rows; None if it is written with exponents or
-    more than MOST_DECIMALS.
+    """Decimals of a channel's column in the sample rows, or None.
+
+    None if it is written with exponents or more than MOST_DECIMALS.
     """
     cells = [row[column] for row in layout.rows if len(row) > column]
     if any(re.search(r"\d[eE]", cell) for cell in cells):
@@ -414,7 +425,7 @@ def decimals(layout: Layout, column: int) -> int | None:
 
 
 def start_iso(layout: Layout, columns: Columns, us: bool) -> str | None:
-    """The first stamp in ISO 8601, where it tells a date."""
+    """The first stamp in ISO 8601, if it tells a date."""
     if columns.time is None or columns.form not in ("iso", "dmy") or not layout.rows:
         return None
     row, shown = layout.rows[0], columns.time if columns.clock is None else columns.clock

@@ -6,9 +6,9 @@ A mantissa and an exponent of ten, both whole, so that nothing is rounded on the
     m, e --as_count--> int32 counts of 10^-places                  exact, or WIDE
     m, e --as_float--> float64                                     correctly rounded, or none
 
-Where |m| <= 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or
+If |m| <= 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or
 division rounds once, as a correct parser does. Else 128 bits of 5^e decide (D. Lemire, "Number
-parsing at a gigabyte per second", Software: Practice and Experience 51, 2021); where even they
+parsing at a gigabyte per second", Software: Practice and Experience 51, 2021); if even they
 leave a doubt, or the result is no ordinary number, the caller has to ask a slower parser.
 """
 
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from tirelog.runtime import compiled
 
-#: in place of a count, where none holds the number
+#: in place of a count, if none holds the number
 WIDE = 1 << 31
 #: powers of ten that int64, and that float64, hold exactly; a mantissa from the last number on
 #: takes no further digit
@@ -54,8 +54,9 @@ Whole = Any
 
 
 def bytes_of(block: Block) -> Bytes:
-    """The block as an array, which is never written to, so that kernels are compiled for one kind
-    of array.
+    """The block as an array, which is never written to.
+
+    So kernels are compiled for one kind of array.
     """
     data = np.frombuffer(block, np.uint8)
     data.flags.writeable = False
@@ -63,8 +64,9 @@ def bytes_of(block: Block) -> Bytes:
 
 
 def word(data: Bytes, at: Whole) -> Whole:
-    """The eight bytes from the place `at` of `data` on as a little-endian word; one load in
-    compiled code.
+    """The eight bytes from the place `at` of `data` on as a little-endian word.
+
+    One load in compiled code.
     """
     return np.frombuffer(data[at : at + 8].tobytes(), np.uint64)[0]
 
@@ -112,10 +114,9 @@ def leading_digits(word: Whole) -> Whole:
 
 @compiled
 def digits_number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, Whole]:
-    """(m, e, place behind) of the number at `at`; the place is -1 where there is none, or too many
-    digits.
+    """(m, e, place behind) of the number at `at`; place -1 without one.
 
-    Some byte that is no part of a number has to stand behind it.
+    Also -1 with too many digits. Some byte that is no part of a number has to stand behind it.
     """
     negative = data[at] == 45
     if negative or data[at] == 43:
@@ -155,8 +156,9 @@ def digits_number(data: Bytes, at: Whole, decimal: int) -> tuple[Whole, Whole, W
 
 @compiled
 def as_count(m: Whole, e: Whole, places: Whole) -> Whole:
-    """m 10^e in units of 10^-places (at most 9), WIDE where int32 does not hold it or it is written
-    with more places. m = 0 is 0.
+    """m 10^e in units of 10^-places (at most 9), or WIDE.
+
+    WIDE if int32 does not hold it or it is written with more places. m = 0 is 0.
     """
     up = e + places
     if m == 0:
@@ -169,7 +171,7 @@ def as_count(m: Whole, e: Whole, places: Whole) -> Whole:
 
 @compiled
 def as_float(m: Whole, e: Whole, negative: bool) -> tuple[float, bool]:
-    """(m 10^e, True), or (NaN, False) where that is left to a slower parser.
+    """(m 10^e, True), or (NaN, False) if that is left to a slower parser.
 
     `negative` gives zero its sign.
     """
@@ -184,8 +186,9 @@ def as_float(m: Whole, e: Whole, negative: bool) -> tuple[float, bool]:
 
 
 def _powers_of_five() -> NDArray[np.uint64]:
-    """The first 128 bits of 5^e (rounded up where e is negative), upper and lower half; shape (2
-    _MOST_POWER + 1, 2).
+    """The first 128 bits of 5^e, upper and lower half; shape (2 _MOST_POWER + 1, 2).
+
+    Rounded up if e is negative.
     """
     found = []
     for e in range(-_MOST_POWER, _MOST_POWER + 1):
@@ -214,8 +217,9 @@ def _product(a: Whole, b: Whole) -> tuple[Whole, Whole]:
 
 @compiled
 def _rounded(m: Whole, e: Whole) -> tuple[float, bool]:
-    """m 10^e, rounded to nearest, ties to even, for 0 < m < 2^63; (NaN, False) where 128 bits of
-    the power do not decide.
+    """m 10^e, rounded to nearest, ties to even, for 0 < m < 2^63.
+
+    (NaN, False) if 128 bits of the power do not decide.
     """
     shift = 0
     while m < _TOP_BIT:

@@ -2,8 +2,8 @@
 
 Rows of any width, and cells that are no numbers, with the line where each stands.
 
-    block --text_kernels.cells--> cells and their numbers
-        --text_numbers: those that take a slower parser--> rows --> Parsed
+    block --kernels.cells--> cells and their numbers
+        --here: those that take a slower parser--> rows --> Parsed
 
 A row whose stamp cannot be read is left out; one of the wrong width keeps its place with NaN; a
 cell that is no number is NaN.
@@ -34,8 +34,9 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 def cell_numbers(
     block: Block, starts: IntArray, stops: IntArray, decimal: str
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """(each cell as a number, NaN where it is none or infinite; True where it is neither a number
-    nor a word for a lost one).
+    """(each cell as a number, whether it is neither a number nor a word for a lost one).
+
+    NaN if it is none or infinite.
     """
     numbers, unread = np.full(starts.size, np.nan), np.zeros(starts.size, bool)
     for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist())):
@@ -132,8 +133,9 @@ class _Rows:
         return out
 
     def _least(self) -> int:
-        """Cells that a row needs: up to its stamp where rows differ in width anyway, up to the last
-        column that is wanted where not.
+        """Cells that a row needs.
+
+        Up to its stamp if rows differ in width anyway, else up to the last column that is wanted.
         """
         columns = self.plan.columns
         used = [
@@ -157,13 +159,13 @@ class _Rows:
         return short_rows
 
     def _column(self, rows: IntArray, k: int, wide: NDArray[np.bool_]) -> FloatArray:
-        """Column k of these rows, NaN where the row has no such cell or the wrong width."""
+        """Column k of these rows, NaN if the row has no such cell or the wrong width."""
         cell = self.first[rows] + k
         there = (cell < self.first[rows + 1]) & wide[rows]
         return np.where(there, self.numbers[np.minimum(cell, self.numbers.size - 1)], np.nan)
 
     def _span(self, rows: IntArray, k: int) -> tuple[IntArray, IntArray]:
-        """(start, stop) of the cells of column k, empty where a row has none."""
+        """(start, stop) of the cells of column k, empty if a row has none."""
         cell = np.minimum(self.first[rows] + k, self.starts.size - 1)
         there = self.first[rows] + k < self.first[rows + 1]
         return self.starts[cell], np.where(there, self.stops[cell], self.starts[cell])
@@ -235,7 +237,7 @@ class _Rows:
 
 
 def _tick(cell: str) -> int:
-    """A decimal in units of 1e-9, MISSING where it is none that int64 holds."""
+    """A decimal in units of 1e-9, MISSING if it is none that int64 holds."""
     try:
         value = Decimal(cell).scaleb(9)
         return int(value) if abs(value) <= LARGEST else MISSING

@@ -6,7 +6,7 @@
     separated, collapsed      small helpers
 
 `parse_rows` hands rows that are written like the one above to `alike`, and takes others cell by
-cell: it measures a cell's digits a word at a time and loads them as words; only a cell that is
+cell: it measures a cell's digits one word at a time and loads them as words; only a cell that is
 written otherwise is read byte by byte.
 """
 
@@ -56,15 +56,16 @@ _UNREAD, _NUMBER, _BLANK = range(3)
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
 
-#: rows that are read cell by cell before alike ones are looked for: at first, and at most, where
+#: rows that are read cell by cell before alike ones are looked for: at first, and at most, if
 #: none were found
 _SOON, _MOST_PATIENCE = 2, 256
 
 
 @compiled
 def collapsed(data: Bytes, out: Bytes) -> int:
-    """Copies `data` to `out` with one blank for each run of blanks and tabs, and none at the ends
-    of lines; the bytes written.
+    """Copies `data` to `out` with one blank for each run of blanks; the bytes written.
+
+    Runs of blanks and tabs; none is left at the ends of lines.
     """
     size, gap, begun = 0, False, False
     for i in range(data.size):
@@ -84,8 +85,9 @@ def collapsed(data: Bytes, out: Bytes) -> int:
 
 @compiled
 def _after_blanks(data: Bytes, at: Whole, separator: int) -> Whole:
-    """The first place from `at` on that is neither carriage return nor, unless blanks separate,
-    blank.
+    """The first place from `at` on that is not skipped.
+
+    Skipped are carriage returns and, unless blanks separate, blanks.
     """
     while data[at] == 13 or (data[at] == 32 and separator != 32):
         at += 1
@@ -117,8 +119,9 @@ def _together(front: Whole, back: Whole, whole: Whole, behind: Whole) -> Whole:
 
 @compiled
 def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
-    """True where a cell of so many digits, before and behind the decimal sign, is read from two
-    words and fits the column.
+    """True if a cell is read from two words and fits the column.
+
+    It has so many digits before and behind the decimal sign.
     """
     if not 1 <= whole <= 8:
         return False
@@ -144,7 +147,7 @@ def parse_rows(
             (slots, n, 2)
     hard    (h, 4): row, column, first byte, byte behind of cells that are left to the caller
 
-    Ends before a row of another width, before one whose tick is no plain number, or where `hard`
+    Ends before a row of another width, before one whose tick is no plain number, or if `hard`
     has no room. A newline ends `data`. One long function, since an array that is passed on costs
     more than a cell.
     """
@@ -297,12 +300,13 @@ def cells(
     data: Bytes, separator: int, decimal: int, text: NDArray[np.bool_], starts: IntArray,
     stops: IntArray, first: IntArray, numbers: FloatArray, hard: NDArray[np.bool_],
 ) -> None:  # fmt: skip
-    """Every cell of `data`, which a newline ends: where it is, without blanks around it, and the
-    number in it.
+    """Fills places and numbers of every cell of `data`, which a newline ends.
 
-    text    (columns,) True where cells are no numbers
+    Where it is, without blanks around it, and the number in it.
+
+    text    (columns,) True if cells are no numbers
     starts, stops, numbers, hard: (cells,) first byte, byte behind, number (NaN where blank), True
-    where it is left to the caller
+    if it is left to the caller
     first   (rows + 1,) the cells of row i are first[i] to first[i + 1]
     """
     at: Whole = 0

@@ -46,7 +46,7 @@ class Layout:
     `separator` ' ' stands for runs of blanks; `skip` bytes and `first_line` lead to the first row.
 
     `names` are the header's cells, and `units` those of a unit row or of suffixes like `[nm]`, both
-    of `width` or empty; `width` is the usual number of cells a row, `ragged` true where rows differ
+    of `width` or empty; `width` is the usual number of cells per row, `ragged` true if rows differ
     in it; `counts` is the number of columns of peak counts, which begin at column `counts_at`;
     `kinds` says what the cells of each column are: number, time form, blank or text; `timed` rows
     begin with a time of day and `: `. `rows` are sample rows, cut into cells. `damaged` are the
@@ -192,16 +192,18 @@ def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
 
 
 def _mostly_nul(head: bytes) -> bool:
-    """True if lines with a NUL byte are no fewer than whole ones: then it is no text that lost a
-    block to a power cut.
+    """True if lines with a NUL byte are no fewer than whole ones.
+
+    Then it is no text that lost a block to a power cut.
     """
     lines = [line for line in head.replace(b"\r", b"\n").split(b"\n") if line.strip()]
     return 2 * sum(b"\0" in line for line in lines) >= len(lines)
 
 
 def split_cells(line: str, separator: str, timed: bool = False) -> list[str]:
-    """A line's cells, without blanks and quotes around them; a separator behind the last cell makes
-    one more, blank cell.
+    """A line's cells, without blanks and quotes around them.
+
+    A separator behind the last cell makes one more, blank cell.
     """
     if timed and (match := _TIMED.match(line)):
         line = (
@@ -250,8 +252,9 @@ def _separator(sample: list[str], timed: bool, given: LogSetup) -> tuple[str, st
 
 
 def _is_row(cells: list[str], decimal: str, like: str) -> bool:
-    """True where a line's first cell is of the rows' kind and at least half of its cells can be
-    read.
+    """True if a line's first cell is of the rows' kind and half of it can be read.
+
+    At least half of its cells.
     """
     kinds = [_kind(cell, decimal) for cell in cells]
     readable = sum(kind != "text" for kind in kinds)
@@ -287,14 +290,14 @@ def _first_row(full: list[int], cells: dict[int, list[str]], decimal: str, most:
 
 
 def _ragged(rows: list[list[str]], width: int) -> bool:
-    """True where more than a stray row differs in width."""
+    """True if more than a stray row differs in width."""
     return sum(len(row) != width for row in rows[:-1]) > max(1, len(rows) // 50)
 
 
 def _header(
     above: list[int], cells: dict[int, list[str]], width: int, separator: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """(names, units) from the lines above the first row; both empty where there is no header."""
+    """(names, units) from the lines above the first row; both empty without a header."""
     if not above:
         return (), ()
     last = _uncommented(cells[above[-1]], width)
@@ -315,8 +318,9 @@ def _header(
 
 
 def _uncommented(cells: list[str], width: int) -> list[str]:
-    """A header's cells without a comment mark in front (numpy writes `# a b c`); alone, as in
-    `#;time`, it is a name if it has a column.
+    """A header's cells without a comment mark in front (numpy writes `# a b c`).
+
+    Alone, as in `#;time`, it is a name if it has a column.
     """
     if cells[0] in _MARKS:
         return cells[1:] if filled(cells) > width else cells
@@ -331,7 +335,7 @@ def _units_only(cells: list[str]) -> bool:
 
 
 def _unsuffixed(name: str) -> tuple[str, str]:
-    """(`WL 1`, `nm`) of `WL 1[nm]`; the unit is empty where the header has none."""
+    """(`WL 1`, `nm`) of `WL 1[nm]`; the unit is empty if the header has none."""
     match = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]", name)
     if match and match[1] and units.canonical(match[2]) is not None:
         return match[1], match[2]
@@ -339,14 +343,16 @@ def _unsuffixed(name: str) -> tuple[str, str]:
 
 
 def _column_kind(cells: list[str], decimal: str) -> str:
-    """What most cells of a column are; blank only where all are."""
+    """What most cells of a column are; blank only if all are."""
     seen = Counter(kind for cell in cells if (kind := _kind(cell, decimal)) != "blank")
     return seen.most_common(1)[0][0] if seen else "blank"
 
 
 def _counts(layout: Layout) -> tuple[int, int]:
-    """(`counts_at`, `counts`) where small whole numbers stand in front that add up to the number of
-    cells behind them, in all rows.
+    """(`counts_at`, `counts`): the place and number of columns of peak counts.
+
+    They are small whole numbers in front that add up to the number of cells behind them, in all
+    rows.
     """
     rows = layout.rows[:-1] or layout.rows
     for at in range(min(4, layout.width)):

@@ -2,8 +2,8 @@
 
 Pure functions without state, so that several blocks are parsed at once.
 
-    block (bytes) --text_plain: rows like the layout says, as far as they go--> Parsed
-                  --text_flat:  a piece cell by cell, where rows differ--> Parsed
+    block (bytes) --plain: rows like the layout says, as far as they go--> Parsed
+                  --flat:  a piece cell by cell, if rows differ--> Parsed
                                 and on with the next row
 
 Both take their numbers from the same compiled scanner, and those that it leaves from the same
@@ -23,7 +23,7 @@ from tirelog.readers.text.rows import Parsed, RowPlan, concatenated_rows, normal
 __all__ = ["Parsed", "RowPlan", "parse_block"]
 
 
-#: bytes that are read carefully at once, from a row on that is unlike the others: more where the
+#: bytes that are read carefully at once, from a row on that is unlike the others: more if the
 #: next such row follows soon, and at most so many, as cells need much memory
 _PIECE_BYTES, _MOST_PIECE_BYTES = 1 << 12, 1 << 18
 

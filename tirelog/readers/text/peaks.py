@@ -3,9 +3,9 @@
 Found by wavelength and followed as they move, never by position.
 
     rows of peaks (Parsed.first, .cells, .counts)
-        --GratingTracker, block after block--> one value a row and grating
+        --GratingTracker, block after block--> one value per row and grating
 
-A row is *plain* for a grating where exactly one peak lies in its window, no other grating claims
+A row is *plain* for a grating if exactly one peak lies in its window, no other grating claims
 that peak, and it lies within the gate of the grating's peak before. Plain rows, which is nearly all
 of them, are taken at once. The others are decided one by one, in order: the pairs of grating and
 peak are taken by distance from the last accepted position, nearest first, each once. The gate opens
@@ -45,8 +45,10 @@ Flag = tuple[str, int, int, Quality]
 
 @dataclass
 class _Grating:
-    """One followed grating: its window [nm], its fibre (None: any), the last accepted position and
-    how many samples ago it was.
+    """One followed grating.
+
+    Its window [nm], its fibre (None: any), the last accepted position and how many samples ago it
+    was.
     """
 
     name: str
@@ -77,8 +79,9 @@ class GratingTracker:
         self._peaks: dict[float, int] = {}
 
     def follow(self, parsed: Parsed) -> tuple[dict[str, FloatArray], list[Flag]]:
-        """(values [as in the log] of each grating, shape (n,), NaN where it has no peak; flags) of
-        a block's rows.
+        """(values of each grating, shape (n,), NaN if it has no peak; flags) of a block's rows.
+
+        The values are as in the log.
         """
         n = parsed.size
         row = np.repeat(np.arange(n), np.diff(parsed.first))
@@ -142,8 +145,9 @@ class GratingTracker:
         cells: FloatArray,
         fibre: IntArray | None,
     ) -> dict[str, list[int]]:
-        """Fills `values` in the doubtful rows, one after another; returns the rows of each grating
-        with refused peaks.
+        """Fills `values` in the doubtful rows; the rows of each grating with refused peaks.
+
+        One row after another.
         """
         refused: dict[str, list[int]] = {grating.name: [] for grating in self._gratings}
         n = values.shape[1]
@@ -183,8 +187,9 @@ class GratingTracker:
 
 
 def _grating(name: str, channels: Mapping[str, ChannelSetup]) -> _Grating:
-    """A channel's grating, in the unit of its source; without a window it reaches half way to its
-    neighbours, at most 3 nm.
+    """A channel's grating, in the unit of its source.
+
+    Without a window it reaches half way to its neighbours, at most 3 nm.
     """
     channel = channels[name]
     scale = {"nm": 1.0, "pm": 1e3, "um": 1e-3, "m": 1e-9, "mm": 1e-6}.get(channel.source_unit, 1.0)
@@ -234,8 +239,9 @@ def _fibres(parsed: Parsed, row: IntArray) -> IntArray | None:
 def _plain(
     grating: _Grating, cells: FloatArray, row: IntArray, claims: NDArray[np.bool_], n: int
 ) -> tuple[FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
-    """(the lone peak of each row, rows that have to be decided one by one, peaks beside the window
-    that may be the grating's).
+    """(the lone peak of each row, rows to decide one by one, peaks beside the window).
+
+    The last ones may be the grating's.
     """
     values = np.full(n, np.nan)
     many = np.bincount(row[claims], minlength=n)

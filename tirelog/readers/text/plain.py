@@ -2,12 +2,12 @@
 
 This is the way that nearly all rows of nearly all logs take.
 
-    block, first byte --text_kernels.rows--> columns of counts, floats, ticks, spans
-                      --text_numbers: cells that take a slower parser; text_time: times-->
+    block, first byte --kernels.rows--> columns of counts, floats, ticks, spans
+                      --flat: cells that take a slower parser; times: stamps-->
                       Parsed, byte behind
 
 A channel whose column has few decimals comes as int32 counts of 10^-decimals, which a run stores as
-they are; it comes as floats where a number of the block is not such a count.
+they are; it comes as floats if a number of the block is not such a count.
 """
 
 from __future__ import annotations
@@ -32,8 +32,7 @@ _MOST_PLACES = 9
 
 
 def plain_rows(plan: RowPlan, block: Block, at: int) -> tuple[Parsed, int, bool]:
-    """(rows from the byte `at` of the block on, byte behind them, whether the row there is one for
-    the careful way).
+    """(rows from the byte `at` on, byte behind them, whether a row for the careful way follows).
 
     A newline ends the block; `plan.regular` is true.  Lines of `bad_cells` count from 0 at `at`.
     """

@@ -1,12 +1,12 @@
 """Text logs: what an interrogator or a logger wrote, as blocks of the setup's channels.
 
-    path or stream --text_source--> whole lines --sniff--> Layout --text_columns--> Columns
-                   --text_parse, two blocks at once--> rows
+    path or stream --source--> whole lines --layout--> Layout --columns--> Columns
+                   --parse, two blocks at once--> rows
                        --here: lost samples, stamps, flags--> RawBlock
 
 What happens to a row that is not like the others: a cell that is no number is NaN and counted; a
-row of the wrong width keeps its place with NaN where its stamp can be read (or where the log has
-none) and is left out where not; a last row that is cut off is left out. All three are losses, told
+row of the wrong width keeps its place with NaN if its stamp can be read (or if the log has
+none) and is left out if not; a last row that is cut off is left out. All three are losses, told
 with their first line. Samples that the instrument marks as lost are NaN and counted.
 """
 
@@ -146,10 +146,10 @@ class TextReader:
             self._source.close()
 
     def _parsed(self) -> Generator[Parsed]:
-        """Parsed blocks in order, each read and parsed by one thread while others are used: all of
-        that leaves the interpreter's lock.
+        """Parsed blocks in order, each read and parsed by one thread.
 
-        What a thread has read is still near to its processor when it parses it.
+        Meanwhile others are used: all of that leaves the interpreter's lock. What a thread has read
+        is still near to its processor when it parses it.
         """
         blocks = enumerate(self._source.blocks(self.layout.skip, returns=self.layout.returns))
         reading, early, number = Lock(), dict[int, Parsed](), 0
@@ -226,8 +226,9 @@ class TextReader:
         return np.asarray((ticks - int(self._origin)) * (factor / 1e9), np.float64)
 
     def _errors(self, parsed: Parsed) -> list[tuple[str, int, int, Quality]]:
-        """Sample ranges whose rows carry error codes, for every channel: the codes do not say whose
-        they are.
+        """Sample ranges whose rows carry error codes, for every channel.
+
+        The codes do not say whose they are.
         """
         codes = np.zeros(0, np.int64) if parsed.errors is None else parsed.errors
         self._count("rows_with_error_codes", int((codes > 0).sum()))
@@ -290,8 +291,9 @@ def _about_names(layout: Layout) -> list[str]:
 
 
 def cut_off(layout: Layout, line: str) -> bool:
-    """True where a last line without its newline is shorter than the rows before it: in cells, in
-    peaks, or in its last decimals.
+    """True if a last line without its newline is shorter than the rows before it.
+
+    In cells, in peaks, or in its last decimals.
     """
     cells = split_cells(line, layout.separator, layout.timed)
     usual = layout.rows[:-1]

@@ -50,8 +50,9 @@ class Parsed:
 
 
 def concatenated_rows(parts: list[Parsed], places: Mapping[int, int | None]) -> Parsed:
-    """The rows of several pieces after one another; a column of which a piece is no counts is all
-    floats.
+    """The rows of several pieces after one another.
+
+    A column of which a piece is no counts is all floats.
     """
     first = parts[0]
     if len(parts) == 1:
@@ -93,14 +94,15 @@ def _stamps(part: Parsed) -> Nanoseconds | FloatArray:
 
 @dataclass(frozen=True)
 class RowPlan:
-    """What to take out of every block: the layout, the columns, and whether dates have the month
-    first (`us`).
+    """What to take out of every block.
 
-    `exact` reads a numeric time column as decimals of 1e-9 units, where float64 would round its
+    The layout, the columns, and whether dates have the month first (`us`).
+
+    `exact` reads a numeric time column as decimals of 1e-9 units, if float64 would round its
     stamps; `peaks_at` is the first column of a flat list of peaks; `gratings` are the columns of
-    wavelengths, where 0 and -1 are lost peaks; `places` are the decimals of the channels' columns
-    (None: written with exponents). `uncounted` grows: columns that held numbers which no count can
-    hold; it saves work, and the numbers are the same without.
+    wavelengths, in which 0 and -1 are lost peaks; `places` are the decimals of the channels'
+    columns (None: written with exponents). `uncounted` grows: columns that held numbers which no
+    count can hold; it saves work, and the numbers are the same without.
     """
 
     layout: Layout
@@ -114,8 +116,9 @@ class RowPlan:
 
     @property
     def least(self) -> int:
-        """Cells that a row needs: up to its stamp where rows differ in width anyway, all but a
-        blank one at the end where not.
+        """Cells that a row needs.
+
+        Up to its stamp if rows differ in width anyway, else all but a blank one at the end.
         """
         columns, layout = self.columns, self.layout
         if not layout.ragged:
@@ -135,7 +138,7 @@ class RowPlan:
 
     @property
     def regular(self) -> bool:
-        """True where columns, not lists of peaks, make up a row, each for one use."""
+        """True if columns, not lists of peaks, make up a row, each for one use."""
         wanted = self._wanted
         return (
             not self.columns.peaks
@@ -151,8 +154,9 @@ class RowPlan:
 
 
 def normalized(layout: Layout, block: Block) -> Block:
-    """The block with one byte between cells, without quotes, and with a newline behind its last
-    row.
+    """The block with one byte between cells and without quotes.
+
+    A newline stands behind its last row.
     """
     if b'"' in block:
         block = block.translate(None, b'"')

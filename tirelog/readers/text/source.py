@@ -22,7 +22,7 @@ from tirelog.errors import ReadError
 
 #: bytes that sniffing may look at
 HEAD_BYTES = 1 << 18
-#: bytes a block that is parsed at once: larger ones are no faster and hold more memory
+#: bytes per block that is parsed at once: larger ones are no faster and hold more memory
 BLOCK_BYTES = 2 << 20
 #: a line longer than this is no text row
 LONGEST_LINE_BYTES = 8 << 20
@@ -47,7 +47,7 @@ def _unpacker(kind: str) -> Any:
 def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
     """Unpacked bytes of one or several members after one another.
 
-    EOFError where the last member is not whole.
+    EOFError if the last member is not whole.
     """
     unpacker, started = _unpacker(kind), False
     for piece in pieces:
@@ -69,9 +69,9 @@ def _unpack(kind: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
 class ByteSource:
     """The unpacked bytes of a log, read forward only.
 
-    `kind` is plain, gzip, zstd or xz; `problem` is a sentence where the compressed stream ended
-    early or is damaged; `endless` is true where a line has no end within LONGEST_LINE_BYTES (a hole
-    in the file), and neither it nor what follows was given.
+    `kind` is plain, gzip, zstd or xz; `problem` is a sentence if the compressed stream ended early
+    or is damaged; `endless` is true if a line has no end within LONGEST_LINE_BYTES (a hole in the
+    file), and neither it nor what follows was given.
     """
 
     def __init__(self, source: Path | str | BinaryIO, name: str) -> None:
@@ -97,7 +97,7 @@ class ByteSource:
     def _read(self, start: bytes) -> Iterator[bytes]:
         """Unpacked pieces.
 
-        A plain file gives its start alone: what follows is read where it is wanted.
+        A plain file gives its start alone: what follows is read when it is wanted.
         """
 
         def raw() -> Iterator[bytes]:
@@ -138,8 +138,9 @@ class ByteSource:
         return self._held
 
     def _into(self, buffer: bytearray, at: int = 0) -> int:
-        """Fills the buffer from the byte `at` on; the bytes read, fewer than there is room for only
-        at the end.
+        """Fills the buffer from the byte `at` on; the bytes read.
+
+        They are fewer than there is room for only at the end.
         """
         begun = at
         with memoryview(buffer) as view:
@@ -160,10 +161,10 @@ class ByteSource:
     def blocks(
         self, skip: int, size: int = BLOCK_BYTES, *, returns: bool = False
     ) -> Iterator[bytearray]:
-        """Whole lines from byte `skip` to the end; `returns` takes carriage returns for the ends of
-        lines.
+        """Whole lines from byte `skip` to the end.
 
-        A last line without its end comes as it is.
+        `returns` takes carriage returns for the ends of lines. A last line without its end comes as
+        it is.
         """
         rest, self._held = bytearray(self._held[skip:]), b""
         while True:

@@ -7,7 +7,7 @@
 Forms, each recognized on its own cells (see `form_of`):
     iso   2022-04-14T13:00:00.123+02:00, 2022-04-14 13:00:00,5, also a date alone
           -> ns since 1970, UTC if there is an offset
-    dmy   14/04/2022 13:00:00.5, 14-04-2022, 14.04.2022 13:00 (day first; or month first, where a
+    dmy   14/04/2022 13:00:00.5, 14-04-2022, 14.04.2022 13:00 (day first; or month first, if a
           field above 12 proves it)
     hms   13:00:00.5, 13-00-00.5 (also with a trailing colon)
           -> ns since midnight
@@ -32,10 +32,10 @@ _FIRST_YEAR, _LAST_YEAR = 1678, 2261
 
 @compiled
 def _days(year: Whole, month: Whole, day: Whole) -> Whole:
-    """Days since 1970 of a proleptic Gregorian date (counted in years that begin in March, so that
-    the leap day comes last).
+    """Days since 1970 of a proleptic Gregorian date.
 
-    Month 13 is the next January.
+    Counted in years that begin in March, so that the leap day comes last. Month 13 is the next
+    January.
     """
     year -= month <= 2
     month = (month + 9) % 12
@@ -55,10 +55,10 @@ def times_alike(
     out: IntArray,
     done: NDArray[np.bool_],
 ) -> None:
-    """Times from the bytes `starts` on that are written like `pattern`: nanoseconds `out`, and True
-    in `done`; others are False.
+    """Fills `out` with times [ns] that are written like `pattern`, and `done`.
 
-    `dated` ones count from 1970, and lie `offset_s` east of UTC.
+    From the bytes `starts` on; True in `done`, others are False. `dated` ones count from 1970, and
+    lie `offset_s` east of UTC.
     """
     fields = np.empty(8, np.int64)
     decimals = (roles == FRACTION).sum()
@@ -99,7 +99,7 @@ _FORMS = {
 
 
 def form_of(cell: str) -> str | None:
-    """The form's name of one cell, None where it is no time."""
+    """The form's name of one cell, None if it is no time."""
     cell = cell.strip().strip('"')
     return next((name for name, pattern in _FORMS.items() if pattern.fullmatch(cell)), None)
 
@@ -119,13 +119,16 @@ def fraction_digits(cell: str) -> int:
 
 
 def month_first(cells: list[str]) -> bool:
-    """True where dates like 04/14/2022 prove that the month stands first."""
+    """True if dates like 04/14/2022 prove that the month stands first."""
     pairs = [m for cell in cells if (m := _FORMS["dmy"].fullmatch(cell.strip().strip('"')))]
     return any(int(m["M"]) > 12 for m in pairs) and not any(int(m["D"]) > 12 for m in pairs)
 
 
 def one_ns(cell: str, form: str, us: bool = False) -> int:
-    """Nanoseconds of one cell, MISSING where it is not of this form; `us` reads the month first."""
+    """Nanoseconds of one cell, MISSING if it is not of this form.
+
+    `us` reads the month first.
+    """
     match = _FORMS[form].fullmatch(cell.strip().strip('"'))
     if not match:
         return MISSING
@@ -216,8 +219,9 @@ def _roles(match: re.Match[str], us: bool) -> NDArray[np.int64]:
 
 
 def unwrap_midnight(ns: Nanoseconds, last_ns: int | None) -> tuple[Nanoseconds, int]:
-    """(times of day made to run on past midnight, number of midnights met), following `last_ns`,
-    the last time before.
+    """(times of day made to run on past midnight, number of midnights met).
+
+    They follow `last_ns`, the last time before.
     """
     known = np.flatnonzero(ns != MISSING)
     if not known.size:

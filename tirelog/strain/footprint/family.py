@@ -6,8 +6,8 @@ A carcass pressed one-sidedly onto a flat road through its tread.
         --spectrum over the tire's own wave numbers--> strain and its derivatives on a grid of xi
 
 One family holds both carcasses of the papers. A bending line with tension on a foundation, EJ w''''
-- T w'' + k w = p, is P1's and P2's beam where T = -mu c^2 (errata: alpha^2 = -tension / 2), and
-P3's ring where T is the hoop tension p0 b R. The contact pressure is what tread springs give on a
+- T w'' + k w = p, is P1's and P2's beam if T = -mu c^2 (errata: alpha^2 = -tension / 2), and
+P3's ring if T is the hoop tension p0 b R. The contact pressure is what tread springs give on a
 flat road, p = k_t (delta - xi^2 / (2 R) - w) and zero outside the patch: for soft tread it is the
 parabola of P2 (12) on a beam, for stiff tread it is the one-sided contact of P3. So the contact
 length needs no choice of a carcass.
@@ -62,7 +62,8 @@ class EdgeShape:
         return cls(*(float(v) for v in values))
 
 
-#: what a parameter may be (order of the fields)
+#: what a parameter may be, in the order and units of the fields: lengths in m, the rest are ratios;
+#: the tension stays above the critical speed's -2. A form at a bound is doubted (`Learnt.unclear`)
 LOWEST = np.array([0.008, 0.004, -1.97, -0.2, -1.5, -1.5])
 HIGHEST = np.array([0.30, 0.30, 60.0, 9.0, 1.5, 1.5])
 
@@ -95,22 +96,25 @@ class EdgeFamily:
         self._tangential = 1.0 / order**2 if closed else np.zeros(order.size)
 
     def spectrum(self, shape: EdgeShape) -> ComplexArray:
-        """Complex amplitude of the strain of an outer grating at each wave number, shape (n,); the
-        height is of the order of one.
+        """Complex amplitude of the strain of an outer grating at each wave number, shape (n,).
+
+        The height is of the order of one.
         """
         return self.jacobian(shape)[:, 0]
 
     def jacobian(self, shape: EdgeShape) -> ComplexArray:
-        """The spectrum, and its derivatives by the six parameters in the order of the fields, shape
-        (n, 7).
+        """The spectrum and its derivatives by the six parameters, shape (n, 7).
+
+        In the order of the fields.
         """
         return form_spectra(
             self.kappa_1_m, self._square, self._tangential, self.radius_m, shape.array(), _mass()
         )
 
     def receptance(self, shape: EdgeShape) -> ComplexArray:
-        """Strain per load at each wave number, shape (n,): a load's transform along xi times this
-        is a spectrum.
+        """Strain per load at each wave number, shape (n,).
+
+        A load's transform along xi times this is a spectrum.
         """
         ell = shape.bending_length_m
         stiffness = (
@@ -123,16 +127,18 @@ class EdgeFamily:
         return np.asarray(height / (stiffness + 1j * shape.damping * self.kappa_1_m * ell), complex)
 
     def basis(self, xi_m: FloatArray) -> ComplexArray:
-        """exp(1j kappa xi), shape (len(xi), n): the real part of basis @ spectrum is the strain
-        there.
+        """exp(1j kappa xi), shape (len(xi), n).
+
+        The real part of basis @ spectrum is the strain at `xi_m`.
         """
         return np.asarray(np.exp(1j * np.multiply.outer(xi_m, self.kappa_1_m)))
 
     def on_grid(
         self, spectra: ComplexArray, points: int, half_window_m: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Waves of `spectra` (n, c) on an even grid of `points` a revolution, as far as
-        +-`half_window_m`: abscissae (g,), (g, c).
+        """Waves of `spectra` (n, c) on an even grid: abscissae (g,), waves (g, c).
+
+        The grid has `points` per revolution and reaches to +-`half_window_m`.
 
         What straight lines between the points take off on average, sinc^2(kappa step / 2), is made
         up for.

@@ -23,14 +23,15 @@ from tirelog.vocabulary.arrays import FloatArray
 TERMS = 7
 #: orders of the Bessel functions: up to that of the last test, and one more for its slope
 ORDERS = 2 * TERMS + 2
-#: where a downward recurrence starts, and the argument above which the upward one is stable
+#: start of a downward recurrence (order), and the argument above which the upward one is stable
 _DEEP, _STABLE = 44, 16.0
 
 
 @compiled
 def spherical_bessel(z: float, out: FloatArray) -> None:
-    """j_0 .. j_(ORDERS - 1) of `z` > 0 into `out`, upwards where that is stable, else downwards
-    (Miller).
+    """Fills `out` with j_0 .. j_(ORDERS - 1) of `z` > 0.
+
+    Upwards if that is stable, else downwards (Miller).
     """
     by_z = 1.0 / z
     first = np.sin(z) * by_z
@@ -53,8 +54,9 @@ def spherical_bessel(z: float, out: FloatArray) -> None:
 
 @compiled
 def inverted(matrix: FloatArray) -> FloatArray:
-    """The inverse of a small square `matrix` (which is overwritten), by elimination with row
-    pivots.
+    """The inverse of a small square `matrix`, which is overwritten.
+
+    By elimination with row pivots.
     """
     size = matrix.shape[0]
     inverse = np.zeros((size, size))
@@ -82,8 +84,9 @@ def inverted(matrix: FloatArray) -> FloatArray:
 
 @compiled
 def _transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArray) -> None:
-    """Transforms at each wave number, and their slopes by L: tests P_2, P_4, ... | terms (1 - x^2)
-    P'_(n+1) | x (1 - x^2), shape (n, 2 TERMS + 1).
+    """Transforms at each wave number, and their slopes by L.
+
+    Columns: tests P_2, P_4, ... | terms (1 - x^2) P'_(n+1) | x (1 - x^2), shape (n, 2 TERMS + 1).
     """
     j, by_z = np.empty(ORDERS), np.empty(ORDERS - 1)
     for k in range(kappa.size):
@@ -118,9 +121,10 @@ def form_spectra(
     shape: FloatArray,
     mass: FloatArray,
 ) -> NDArray[np.complex128]:
-    """Spectrum of `shape` (the fields of EdgeShape) and its six derivatives, (n, 7), at the wave
-    numbers `kappa` (n,) of the operator with `square` (n,) and `tangential` (n,); `mass` (TERMS,
-    TERMS): <test, term>.
+    """Spectrum of `shape` (the fields of EdgeShape) and its six derivatives, (n, 7).
+
+    At the wave numbers `kappa` (n,) of the operator with `square` (n,) and `tangential` (n,);
+    `mass` (TERMS, TERMS): <test, term>.
     """
     L, ell, tension, ratio, damping, tilt = (
         shape[0],

@@ -43,8 +43,9 @@ ODD_SD = 0.3
 def grid_of(
     reference: Reference, number: int, half_window_m: float, spectra: ComplexArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Waves (g, c) of `spectra` (n, c) at speed `number` of `reference`, and the grid as the
-    kernels take it: first, step, squared speed, shift, half window, shape (5,).
+    """Waves (g, c) of `spectra` (n, c) at speed `number` of `reference`, and their grid.
+
+    The grid as the kernels take it: first, step, squared speed, shift, half window, shape (5,).
     """
     xi, columns = reference.family.on_grid(spectra, TABLE_POINTS, 1.02 * half_window_m)
     return columns, np.array(
@@ -61,8 +62,9 @@ def grid_of(
 def shape_table(
     reference: Reference, number: int, half_window_m: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Height, -shift, length, damping, tilt | bending length, tension, tread at speed `number`, and
-    their grid: what learning needs.
+    """The columns that learning needs at speed `number`, and their grid.
+
+    Height, -shift, length, damping, tilt | bending length, tension, tread.
     """
     spectra = reference.family.jacobian(reference.shapes[number])
     slope = -1j * reference.family.kappa_1_m * spectra[:, 0]
@@ -77,8 +79,10 @@ def shape_table(
 def _form_table(
     reference: Reference, number: int, half_window_m: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Height, -shift, length, damping, tilt | second by length, second by shift, by the squared
-    speed, at speed `number`; the height's wave holds what the form left of the learnt passages.
+    """The columns that a fit needs at speed `number`, and their grid.
+
+    Height, -shift, length, damping, tilt | second by length, second by shift, by the squared speed.
+    The height's wave holds what the form left of the learnt passages.
     """
     family, shape = reference.family, reference.shapes[number]
     spectra = family.jacobian(shape)
@@ -110,8 +114,10 @@ def _form_table(
 
 @dataclass(frozen=True)
 class FormTables:
-    """The form at k speeds: `columns` (k, g, 8) on `grids` (k, 5), `half_length_m` and `shift_m`
-    behind the passages' centres (k,).
+    """The form at k speeds: columns, grids, half lengths and shifts.
+
+    `columns` (k, g, 8) on `grids` (k, 5), `half_length_m` and `shift_m` behind the passages'
+    centres (k,).
     """
 
     columns: FloatArray
@@ -134,10 +140,11 @@ class FormTables:
 
 @dataclass(frozen=True)
 class PassageFits:
-    """One row a passage, shape (n,): `height` and `offset` (patch downward), `shift_m` of the
-    patch's middle behind the passage's centre, `length_m` the full contact length, `damping`,
-    `tilt` beside the reference's; standard errors at `noise` one; `chi2` per degree of freedom,
-    `used` samples.
+    """One row per passage, shape (n,): the parameters of its fit.
+
+    `height` and `offset` (patch downward), `shift_m` of the patch's middle behind the passage's
+    centre, `length_m` the full contact length, `damping`, `tilt` beside the reference's; standard
+    errors at `noise` one; `chi2` per degree of freedom, `used` samples.
     """
 
     height: FloatArray
@@ -164,8 +171,10 @@ class PassageFits:
 def fit_edges(
     windows: PatchWindows, motion: FloatArray, tables: FormTables, number: IntArray, noise: float
 ) -> PassageFits:
-    """The rows of `windows`, which move as `motion` says (`PatchWindows.motion`), each against the
-    form `number` (n,) of `tables`; `noise`: standard deviation of a sample of the log.
+    """The fits of the rows of `windows`, each against its form.
+
+    The rows move as `motion` says (`PatchWindows.motion`); `number` (n,): each row's form in
+    `tables`; `noise`: standard deviation of a sample of the log.
     """
     sigma = noise / np.sqrt(windows.averaged)
     found = fit_rows(windows.values, motion, number, tables.columns, tables.grids, sigma, ODD_SD).T

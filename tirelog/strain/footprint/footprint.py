@@ -1,6 +1,6 @@
 """Contact length, edges and slip onset of every passage of a strain grating (P2, errata).
 
-    Channel --find_passages--> centres, speeds
+    Channel --passages--> centres, speeds
         --some passages--> averages by speed --physical form--> Reference
         --windows around every passage, block by block--> plain edges (P2 3.2), fits of the form
         --> Footprint, a row per passage
@@ -43,14 +43,14 @@ LEAST_SAMPLES = 4
 
 @dataclass(frozen=True)
 class Footprint:
-    """One row a passage, shape (n,): the columns of the table `footprint`, and what pictures show.
+    """One row per passage, shape (n,): the table `footprint`, and what pictures show.
 
     Lengths in m, NaN where unknown.
 
-    `length_m` takes a traction into account where there is a slip onset. `form_se_m`: the share of
+    `length_m` takes a traction into account if there is a slip onset. `form_se_m`: the share of
     its error that comes from not knowing the carcass, with the same sign in all rows.
     `edge_asymmetry`: (exit - entry) / (exit + entry) of the sizes of the second derivative's
-    extrema: positive where the exit edge is the sharper one; `d2_entry_m`, `d2_exit_m`: their
+    extrema: positive if the exit edge is the sharper one; `d2_entry_m`, `d2_exit_m`: their
     abscissae from the patch centre. `learnt`: the log's form; `cutoff_Hz`: what the low-pass used.
     """
 
@@ -80,8 +80,10 @@ def footprint(
     block_samples: int = BLOCK_SAMPLES,
     learnt: Learnt | None = None,
 ) -> Footprint:
-    """The footprint at each of `passages` of the strain `channel`; `cutoff` of the low-pass (auto);
-    `learnt`: the form of its passages, which is learnt here where it is not given.
+    """The footprint at each of `passages` of the strain `channel`.
+
+    `cutoff` of the low-pass (auto); `learnt`: the form of its passages, which is learnt here if it
+    is not given.
     """
     cutoff = cutoff or Cutoff()
     n = len(passages)
@@ -114,8 +116,9 @@ def footprint(
 
 
 def _mixed(learnt: Learnt, work: Measured) -> bool:
-    """Whether the form was learnt from passages with and without traction alike, and missed both:
-    to be learnt without them.
+    """Whether the form has to be learnt again, without passages under traction.
+
+    So it is if it was learnt from passages with and without traction alike, and missed both.
     """
     some = (
         DRIVEN_SHARE * work.driven.size
@@ -130,8 +133,9 @@ def _mixed(learnt: Learnt, work: Measured) -> bool:
 
 
 def _unexplained(fits: PassageFits, slip: SlipOnset, scatter: float) -> FloatArray:
-    """Error of a length with traction from what the traction leaves unexplained: so much of what it
-    has moved the length by.
+    """Error of a length with traction from what the traction leaves unexplained.
+
+    That share of what the traction has moved the length by.
     """
     free = np.maximum(fits.used - FITTED, 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -211,8 +215,9 @@ def _assembled(
 
 
 def _told(lengths_m: FloatArray, errors_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lengths and their errors (n,), both NaN where a length is not above its own error: nothing is
-    known of it there.
+    """Lengths and their errors (n,), NaN unless a length is above its own error.
+
+    Nothing is known of a length that is not.
     """
     with np.errstate(invalid="ignore"):
         told = errors_m < lengths_m

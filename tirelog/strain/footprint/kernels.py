@@ -7,7 +7,7 @@
 
 Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the
 quadratic ones by length and shift, of learning then the shared ones. A table (g, c) has the same
-columns without the offset, on an even grid from `first_m` by `step_m`; one of them, `follows`,
+columns without the offset, on an even grid [m]; one of them, `follows`,
 times `by_speed2` x (the row's squared speed - the table's) is added to the height's.
 """
 
@@ -34,11 +34,10 @@ def look_up(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float,
     follows: int, wide: int, columns: FloatArray, place: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
-    """Fill `columns` and `place` (on the grid) of the samples of a row that are used; how many, and
-    their mean, which is taken off.
+    """Fill `columns` and `place` of the samples of a row that are used; count and mean.
 
-    `window`: centre (column), rate, speed, acceleration; `grid`: first and step, squared speed,
-    shift, half window.
+    `place`: on the grid. The mean of the samples is taken off. `window`: centre (column), rate,
+    speed, acceleration; `grid`: first and step, squared speed, shift, half window.
     """
     centre, rate, speed, acceleration = window[0], window[1], window[2], window[3]
     first, step, square, shift, half_window = grid[0], grid[1], grid[2], grid[3], grid[4]
@@ -67,10 +66,10 @@ def look_up(
 
 @compiled
 def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
-    """Products of all pairs of columns and values, summed over the samples; `columns` has room for
-    SPARE more than are used.
+    """Products of all pairs of columns and values, summed over the samples.
 
-    SPARE + 1 samples at a time: what is summed is loaded and stored once for all of them.
+    `columns` has room for SPARE more than are used. SPARE + 1 samples at a time: what is summed is
+    loaded and stored once for all of them.
     """
     for i in range(wide + 1):
         for j in range(i + 1):
@@ -97,11 +96,10 @@ def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> Non
 def own_inverse(
     gram: FloatArray, wide: int, sigma: float, odd_sd: float, lower: FloatArray, inverse: FloatArray
 ) -> float:
-    """Inverse of a passage's own block, with what is known of damping and tilt (`odd_sd`, in
-    heights) added; its rough height.
+    """Inverse of a passage's own block, with what is known added; its rough height.
 
-    Scaled to a diagonal of one, which is lifted a little so that columns that cannot be told apart
-    share what there is.
+    What is known: damping and tilt (`odd_sd`, in heights). Scaled to a diagonal of one, which is
+    lifted a little so that columns that cannot be told apart share what there is.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
     rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
@@ -167,10 +165,10 @@ def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
 def fitted(
     gram: FloatArray, inverse: FloatArray, rough: float, bends: FloatArray, whole: FloatArray
 ) -> None:
-    """The solution (FITTED,) of a fit: linear about the form, what is quadratic in length and shift
-    taken off in turns.
+    """Fills `whole` with the solution (FITTED,) of a fit.
 
-    `bends` (3, OWN): the inverse times the right side, and times the two quadratic columns.
+    Linear about the form; what is quadratic in length and shift is taken off in turns. `bends` (3,
+    OWN): the inverse times the right side, and times the two quadratic columns.
     """
     for k, column in enumerate((FITTED, OWN, OWN + 1)):
         apply_inverse(inverse, gram[column], bends[k])
@@ -195,11 +193,11 @@ def fit_rows(
     sigma: float,
     odd_sd: float,
 ) -> FloatArray:
-    """Each row of `values` (n, m) against the form `number` (n,) of the `tables` (k, g, FITTED) on
-    `grids` (k, 5); `window` (n, 4).
+    """The fit of each row of `values` (n, m) against its form, shape (n, OWN + 4).
 
-    (n, 10): the solution's OWN, the linear height's errors of length and shift, squared residual
-    over sigma^2, samples used; NaN where there are too few samples. The offset is the values' own.
+    Form `number` (n,) of the `tables` (k, g, FITTED) on `grids` (k, 5); `window` (n, 4). Columns:
+    the solution's OWN, the linear height's errors of length and shift, squared residual over
+    sigma^2, samples used; NaN if there are too few samples. The offset is the values' own.
     """
     wide = tables.shape[2]
     out = np.full((values.shape[0], OWN + 4), np.nan)
@@ -235,8 +233,9 @@ def class_sums(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float,
     follows: int, sigma: float, odd_sd: float, cells: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """What the rows of one class of speed say of the columns behind their own, which all passages
-    share; each row's own are eliminated.
+    """What the rows of one class of speed say of the columns that all passages share.
+
+    These are the columns behind the passages' own; each row's own are eliminated.
 
     `table` (g, OWN - 1 + s). (s, s + 2): normal matrix, right side, how far the length's column
     goes with them, all but the last over sigma^2; (n, OWN + 2): own solutions, squared residual

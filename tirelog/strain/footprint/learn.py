@@ -33,16 +33,18 @@ WINDOW = 2.7
 CLASSES, CLASS_RATIO, LEARNT_FROM, LEAST_OF_CLASS, CLUSTERS = 6, 1.12, 480, 48, 6
 #: samples are averaged while they lie closer than this share of the half length
 STEP = 1.0 / 36.0
-#: free rolling, as far as the acceleration tells [m/s^2]
+#: free rolling, as far as the acceleration tells [m/s^2]; with so many such passages in a class of
+#: speed it is learnt from them alone
 FREE_ROLLING_M_S2, ENOUGH_STEADY = 0.6, 12
-#: the closed ring is believed where it lowers chi-square (per degree of freedom at the misfit) by
+#: the closed ring is believed if it lowers chi-square (per degree of freedom at the misfit) by
 #: this much
 LEAST_LEAD = 10.0
 #: a start from another grating that ends in this many times its misfit is given up
 LIKE_MISFIT = 1.5
-#: relative error of the speed up to which a passage is learnt from, if there are such
+#: largest relative error of the speed of a passage that is learnt from, if there are such
 SURE_SPEED = 0.001
-#: the noise of a sample may be overestimated by this much (variance)
+#: chi-square per degree of freedom below this is not believed: errors shrink by its root at most,
+#: as the noise of a sample may be overestimated
 LEAST_SCATTER = 0.6
 #: what the form may leave of a passage at any place, as a share of its height.  Finite differences
 #: of beam and ring leave 0.001, a planted water film 0.036 and a true length within 0.3 %; a
@@ -52,7 +54,7 @@ LEAST_SCATTER = 0.6
 MOST_LEFT = 0.045
 #: their places among a form's parameters
 TREAD, TILT = 3, 5
-#: of the tilt of the pressure: beyond it the road would pull at one edge
+#: largest tilt of the pressure, as p (1 - tilt xi / L): beyond it the road would pull at one edge
 MOST_TILT = 1.0
 #: the form's own error is this many times the difference between the family's two members
 FORM_FACTOR = 3.0
@@ -60,8 +62,10 @@ FORM_FACTOR = 3.0
 
 @dataclass(frozen=True)
 class Learnt:
-    """`reference`: the member of the family (straight line, closed ring) that fits better; `other`:
-    the one that fits worse.
+    """The log's form: both members of the family, and what was found with them.
+
+    `reference`: the member (straight line, closed ring) that fits better; `other`: the one that
+    fits worse.
 
     `half_window_m`: what averages and fits look at; `wave_number_1_m`: where a passage's spectrum
     sinks into the noise, the `auto` cut-off; `free_rolling`: whether it was learnt from passages at
@@ -75,11 +79,11 @@ class Learnt:
     free_rolling: bool
 
     def length_errors(self, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Standard errors [m] of the full length at each speed that all rows share: from learning
-        the form, and for the form itself.
+        """Standard errors [m] of the full length at each speed that all rows share.
 
-        The form's: the difference that the choice of the member makes, times how little the misfits
-        tell the members apart from what even the better one misses (or might miss unseen).
+        From learning the form, and for the form itself. The form's: the difference that the choice
+        of the member makes, times how little the misfits tell the members apart from what even the
+        better one misses (or might miss unseen).
         """
         best = 2.0 * np.array([s.half_length_m for s in self.reference.shapes])
         worse = 2.0 * np.array([s.half_length_m for s in self.other.shapes])
@@ -91,8 +95,9 @@ class Learnt:
         return np.interp(speed_m_s, at, self.reference.length_se_m), np.interp(speed_m_s, at, share)
 
     def unclear(self, speed_m_s: FloatArray) -> NDArray[np.bool_]:
-        """Where the form is none of a tire, (n,): it leaves too much, or stands at a bound; lengths
-        may be wrong by half.
+        """Whether the form is none of a tire at each speed, (n,).
+
+        It leaves too much, or stands at a bound; lengths may be wrong by half.
         """
         values = np.array([shape.array() for shape in self.reference.shapes])
         # a tread without stiffness, the lower bound, is the parabola of an honest beam
@@ -107,16 +112,19 @@ class Learnt:
         return np.asarray(doubted[nearest], dtype=bool)
 
     def scatter(self, chi2: FloatArray) -> float:
-        """How much larger the passages' residuals are than the noise of a sample tells; one number
-        for the log.
+        """How much larger the passages' residuals are than the noise of a sample tells.
+
+        One number for the log.
         """
         known = chi2[np.isfinite(chi2)]
         return float(np.sqrt(max(LEAST_SCATTER, np.median(known)))) if known.size else 1.0
 
 
 def _usable(passages: Passages, without: NDArray[np.bool_] | None) -> IntArray:
-    """Ordinals of passages that no quality word spoils, with a neighbour at a turn on either side,
-    and not among `without` (n,).
+    """Ordinals of passages that a form can be learnt from.
+
+    No quality word spoils them, they have a neighbour at a turn on either side, and they are not
+    among `without` (n,).
     """
     wanted = (
         np.isfinite(passages.time_s) if without is None else np.isfinite(passages.time_s) & ~without
@@ -147,8 +155,9 @@ def _classes(speed_m_s: FloatArray) -> IntArray:
 
 
 def _steady_first(passages: Passages, rows: IntArray) -> tuple[IntArray, IntArray, bool]:
-    """Rows to learn from, their classes of speed, and whether most roll freely: in each class the
-    steady ones where there are enough.
+    """Rows to learn from, their classes of speed, and whether most roll freely.
+
+    In each class the steady rows if there are enough of them.
     """
     classes = _classes(passages.speed_m_s[rows])
     steady = np.abs(np.nan_to_num(passages.acceleration_m_s2[rows])) < FREE_ROLLING_M_S2
@@ -220,8 +229,9 @@ def _average(sample: Sample, passages: Passages, half_window_m: float) -> Averag
 
 
 def _wave_number(reference: Reference, rate_Hz: float, half_window_m: float, noise: float) -> float:
-    """The highest wave number [1/m] at which a passage's spectrum stands above the `noise` of a
-    sample, at the middle speed.
+    """The highest wave number [1/m] at which a passage stands above the noise.
+
+    Its spectrum above the `noise` of a sample, at the middle speed.
     """
     number = len(reference.shapes) // 2
     speed = float(reference.speed_m_s[number])
@@ -245,8 +255,9 @@ def _at(reference: Reference, samples: list[Sample]) -> Reference:
 def _from_averages(
     samples: list[Sample], passages: Passages, half_window_m: float, rough_m: float
 ) -> tuple[Reference, Reference]:
-    """Both members of the family without anything known of them: the closed ring starts from the
-    straight line's result.
+    """Both members of the family without anything known of them.
+
+    The closed ring starts from the straight line's result.
     """
     start = fit_averages(
         [_average(sample, passages, half_window_m) for sample in samples],
@@ -261,8 +272,9 @@ def _from_averages(
 
 
 def _better_first(both: tuple[Reference, ...]) -> tuple[Reference, Reference]:
-    """The member that fits better, and the other; the straight line where noise could make the
-    difference.
+    """The member that fits better, and the other.
+
+    The straight line comes first if noise could make the difference.
     """
     straight, closed = sorted(both, key=lambda one: one.family.closed)
     lead = (straight.misfit - closed.misfit) * straight.freedom
@@ -278,9 +290,8 @@ def learn_reference(
     like: Learnt | None = None,
     without: NDArray[np.bool_] | None = None,
 ) -> Learnt | None:
-    """The form of the passages of `channel`; None where the log has none to learn from.
+    """The form of the passages of `channel`; None if there are none to learn from.
 
-    `like`: what another grating of the same wheel has taught: a start that spares the search for
     one; `without` (n,): passages that are left out.
     """
     if passages.template is None or not len(passages):

@@ -37,7 +37,7 @@ from tirelog.vocabulary.quality import good
 LEAST_SPEED_M_S = 0.3
 #: samples are averaged while they lie closer than this share of the half length, for the fit
 FIT_STEP = 1.0 / 36.0
-#: the low-pass needs this many samples a period of its cut-off; above, samples are averaged
+#: the low-pass needs this many samples per period of its cut-off; above, samples are averaged
 PLAIN_OVERSAMPLING = 10.0
 #: rows whose plain edges are worked on at once
 ROWS = 256
@@ -48,9 +48,10 @@ Motions = tuple[FloatArray, FloatArray]
 
 @dataclass
 class Measured:
-    """What is filled row by row, a row a passage; `inside`: samples between the edges, (n,);
-    `driven`: whether a traction is seen, (n,); `usual`: what free passages leave, None where there
-    is none to ask.
+    """What is filled row by row, one row per passage.
+
+    `inside`: samples between the edges, (n,); `driven`: whether a traction is seen, (n,); `usual`:
+    what free passages leave, None if there are none to ask.
     """
 
     inside: FloatArray
@@ -70,8 +71,9 @@ class Measured:
 
 
 class Forms:
-    """The log's form at the knots of speed: tables of the fit, and of the traction (made when first
-    asked for).
+    """The log's form at the knots of speed.
+
+    Tables of the fit, and of the traction (made when first asked for).
     """
 
     def __init__(self, learnt: Learnt, speed_m_s: FloatArray) -> None:
@@ -109,10 +111,10 @@ def measure_windows(
     work: Measured,
     block_samples: int,
 ) -> Look | None:
-    """Fill `work`, but for slip onsets, for all rows whose speed is known; what `find_onsets`
-    takes, None without such rows.
+    """What `find_onsets` takes, after filling all of `work` but slip onsets.
 
-    `cutoff_Hz` (n,) of the plain edges' low-pass.
+    Filled are the rows whose speed is known; None without such rows. `cutoff_Hz` (n,) of the plain
+    edges' low-pass.
     """
     rate, speed = channel.axis.rate_Hz, passages.speed_m_s
     rows = np.flatnonzero((speed > LEAST_SPEED_M_S) & np.isfinite(passages.time_s))
@@ -196,8 +198,9 @@ class Look:
 
 
 def _seek_driven(look: Look, rows: IntArray, work: Measured) -> None:
-    """Which of `rows` (m,) show a traction beyond what the form misses of free ones: `driven` and
-    `usual` of `work`.
+    """Fill `driven` and `usual` of `work` for `rows` (m,).
+
+    Driven are rows that show a traction beyond what the form misses of free ones.
     """
     free = _free(look, rows)
     if not free.size:
@@ -228,8 +231,9 @@ def find_onsets(look: Look, work: Measured) -> None:
 
 
 def _free(look: Look, rows: IntArray) -> IntArray:
-    """Those of `rows` that no quality word spoils and at steady speed; all clean ones, or all of
-    them, if those are too few.
+    """Those of `rows` that no quality word spoils and that are at steady speed.
+
+    All clean ones, or all of `rows`, if those are too few.
     """
     clean = rows[good(look.passages.quality[rows])]
     steady = clean[np.abs(look.motions[1][clean]) < FREE_ROLLING_M_S2]
@@ -237,7 +241,7 @@ def _free(look: Look, rows: IntArray) -> IntArray:
 
 
 def _alike(windows: PatchWindows, keys: IntArray) -> Iterator[tuple[int, PatchWindows]]:
-    """The rows of `windows` in groups of equal `keys` (a row a passage)."""
+    """The rows of `windows` in groups of equal `keys` (one row per passage)."""
     own = keys[windows.row]
     for key in np.unique(own):
         alike = own == key
@@ -260,8 +264,9 @@ def _fit_alike(
     number: IntArray,
     work: Measured,
 ) -> None:
-    """Fits of rows that share averaging; `number` (rows,) of their forms, `vague` (n,) where the
-    speed is.
+    """Fill the fits of rows that share averaging.
+
+    `number` (rows,) of their forms; `vague` (n,): whether a passage's speed is vague.
     """
     row = windows.row
     fits = fit_edges(windows, windows.motion(*motions), forms.tables, number, noise)

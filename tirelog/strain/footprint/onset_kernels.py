@@ -56,9 +56,11 @@ def _beside(
     along: FloatArray,
     moved: FloatArray,
 ) -> tuple[float, float, float]:
-    """What a wave is beside a form's columns: its square, its product with the values, and what a
-    passage's own columns leave of its square; its products with the columns into `along` (FITTED,),
-    the inverse times them into `moved` (OWN,).
+    """The square of a wave beside a form's columns, its product, and the square left.
+
+    The product is that with the values; what is left of the square is beside a passage's own
+    columns. Filled: its products with the columns `along` (FITTED,), the inverse times them `moved`
+    (OWN,).
     """
     own, right = 0.0, 0.0
     for i in range(FITTED):
@@ -80,10 +82,10 @@ def traction_gains(
     values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray,
     every: int, sigma: float, odd_sd: float,
 ) -> FloatArray:  # fmt: skip
-    """Squared `sigma` of misfit that a small traction removes from the fit of each row, the best of
-    the onsets.
+    """Squared `sigma` of misfit that a small traction removes from the fit of each row.
 
-    `waves` (g, c): tractions on the table's grid, of which `every`-th is tried; shape (n,).
+    That of the best onset. `waves` (g, c): tractions on the table's grid, of which `every`-th is
+    tried; shape (n,).
     """
     out, wide = np.zeros(values.shape[0]), table.shape[1]
     columns, place, wave = (
@@ -127,11 +129,12 @@ def _joint(
     columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray,
     sigma: float, odd_sd: float, trust_m: float, told: FloatArray, best: FloatArray,
 ) -> int:  # fmt: skip
-    """Form and traction together by least squares for each onset in `tried`: squared residual over
-    sigma^2, length over height and its standard error into `told` (t, 3), coefficients of the best
-    (the form's FITTED, the traction's) into `best`; its place in `tried`.
+    """Form and traction together by least squares for each onset in `tried`; the best one.
 
-    What the columns say further than `trust_m` from where the form was put is not to be believed:
+    Returned is the place of the best in `tried`. Filled: `told` (t, 3), squared residual over
+    sigma^2, length over height and its standard error; `best`, its coefficients (the form's FITTED,
+    the traction's).
+
     such a solution costs more.
     """
     gram, lower, inverse = (
@@ -200,17 +203,18 @@ def onset_rows(
     fine: int, shift_m: FloatArray, starts_m: FloatArray, turns: int, sigma: float, odd_sd: float,
     enough: float, apart: int,
 ) -> FloatArray:  # fmt: skip
-    """Form and traction of each row, the form put first where `shift_m` (n,) says, with the evenly
-    spaced `starts_m` about it tried and every `fine`-th of the onsets of `waves` (g, c); from the
-    best of these, and from the next best ones while more than `enough` squared sigmas a sample are
-    left, the form is put `turns` times where the joint solution moves it, with onsets about the
-    best.
+    """Form and traction of each row, (n, 13), with the best onset.
 
-    (n, 13): number of the best onset, and of the onset in the middle of three; squared residual
+    The form is put first where `shift_m` (n,) says, with the evenly spaced `starts_m` about it and
+    every `fine`-th of the onsets of `waves` (g, c) tried. From the best of these the form is put
+    `turns` times where the joint solution moves it, with onsets about the best; the next best ones
+    follow while more than `enough` squared sigmas per sample are left.
+
+    Columns: number of the best onset, and of the onset in the middle of three; squared residual
     over sigma^2 at those; length over height at those; the best's squared residual, length over
     height, and its error; samples used; the least squared residual with an onset more than `apart`
-    from the best one (costs of what is not to be trusted included). NaN: too few, or the form is
-    not upright.
+    from the best one (costs of what is not to be trusted included). NaN: too few samples, or the
+    form is not upright.
     """
     out = np.full((values.shape[0], 13), np.nan)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])

@@ -26,13 +26,13 @@ SEARCH = 2.1
 #: steps towards an extremum, which lies no farther than this many columns from the column that is
 #: least
 STEPS, FARTHEST = 4, 0.75
-#: samples a period of the low-pass' cut-off that need none between them to find an extremum
+#: samples per period of the low-pass' cut-off that need none between them to find an extremum
 DENSE = 8.0
 
 
 @dataclass(frozen=True)
 class Edges:
-    """One row a passage, shape (n,); NaN where an extremum was not found.
+    """One row per passage, shape (n,); NaN if an extremum was not found.
 
     Lengths and abscissae in m, heights in 1/m^2 of strain.
 
@@ -61,8 +61,9 @@ def travelled(
 def _along(
     first_s: float, second_s: float, time: float, speed: float, acceleration: float
 ) -> tuple[float, float]:
-    """First and second derivative along the tread out of those in time, `time` from the patch
-    centre.
+    """First and second derivative along the tread out of those in time.
+
+    `time`: from the patch centre.
     """
     now = max(speed + acceleration * time, 0.05 * abs(speed) + 1e-9)
     first = first_s / now
@@ -85,8 +86,9 @@ def _along_rows(derivatives: FloatArray, motion: FloatArray, upsample: int) -> F
 
 @dataclass(frozen=True)
 class AlongTread:
-    """Low-passed windows, (n, m x upsample): `xi_m` from the patch centre, `first` and `second`
-    derivative by xi [1/m, 1/m^2].
+    """Low-passed windows, (n, m x upsample): abscissae and derivatives.
+
+    `xi_m` from the patch centre, `first` and `second` derivative by xi [1/m, 1/m^2].
     """
 
     xi_m: FloatArray
@@ -146,7 +148,7 @@ def find_edges(
 
     `centre` (n,): column of the patch centre; `half_length_m` (n,): what half of the patch is
     expected to be, to look for extrema; `noise`: standard deviation of a sample; `upsample`: points
-    a sample, 2 unless samples are DENSE.
+    per sample, 2 unless samples are DENSE.
     """
     count, spectra = windows.shape[1], window_spectra(windows)
     first, second = (
@@ -160,11 +162,12 @@ def find_edges(
 
 @compiled
 def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float]:
-    """The least value of `row` between the columns `low` and `high`, of the quartic through five
-    columns: place in columns (NaN where it lies at the border of its range), height, curvature per
-    column^2 (NaN where it is no minimum).
+    """Place, height and curvature of the least value of `row` between two columns.
 
-    At six columns a period of the low-pass' cut-off a place in a passage is true to 0.02 columns
+    Between `low` and `high`, of the quartic through five columns: place in columns (NaN if it lies
+    at the border of its range), height, curvature per column^2 (NaN if it is no minimum).
+
+    At six columns per period of the low-pass' cut-off, a place in a passage is true to 0.02 columns
     (rms); a parabola through three: 0.1.
     """
     count = row.size
@@ -202,9 +205,10 @@ def edge_rows(
     wiggle: FloatArray,
     upsample: int,
 ) -> FloatArray:
-    """The fields of `Edges` of each row, (n, 8), out of derivatives in time (n, m x upsample) that
-    are looked at within `reach_m` (n,) of the centre; `wiggle` (n, 2): standard deviations of the
-    second and third derivative's noise.
+    """The fields of `Edges` of each row, (n, 8), out of derivatives in time.
+
+    The derivatives (n, m x upsample) are looked at within `reach_m` (n,) of the centre; `wiggle`
+    (n, 2): standard deviations of the second and third derivative's noise.
     """
     n, count = first_s.shape
     out = np.empty((n, 8))

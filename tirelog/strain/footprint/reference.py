@@ -24,15 +24,17 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: cells along xi over the window
 CELLS = 120
+#: Levenberg-Marquardt steps from one start, at most
 ITERATIONS = 25
-#: a start is good enough where the next step gains less of the squared misfit; `refine` does the
+#: a start is good enough if the next step gains less of the squared misfit; `refine` does the
 #: rest
 GOOD_ENOUGH = 1.0
 #: averages that a start looks at
 MOST_AVERAGES = 4
 #: highest wave number times half length that the family keeps
 HIGHEST_WAVE = 42.0
-#: forms are tabled at speeds between which tension and length change by no more than this
+#: forms are tabled at speeds between which tension (over sqrt(EJ k)) and length (its logarithm)
+#: change by no more than this, at so many speeds at most
 TENSION_STEP, LENGTH_STEP, MOST_KNOTS = 0.08, 0.02, 16
 #: parameters that all speeds share: bending length, tension at rest, inertia (tension per squared
 #: scaled speed), tread, tilt, d0, d1
@@ -45,9 +47,11 @@ _PRIOR_SD = np.array([2.0, 30.0, 1.0, 30.0, 0.5, 0.3, 0.3])
 
 @dataclass(frozen=True)
 class Average:
-    """Mean passage at one speed: `xi_m` (cells,) mean abscissa of each cell's samples, `values`
-    (cells,) their mean, height about one and patch downward, `weight` (cells,) inverse variance of
-    the mean (0 where a cell holds nothing), `spread_m2` variance of the abscissae.
+    """Mean passage at one speed, by cells along the tread.
+
+    `xi_m` (cells,) mean abscissa of each cell's samples, `values` (cells,) their mean, height about
+    one and patch downward, `weight` (cells,) inverse variance of the mean (0 if a cell holds
+    nothing), `spread_m2` variance of the abscissae.
     """
 
     speed_m_s: float
@@ -66,7 +70,7 @@ class Reference:
     passages it was learnt from. After `refine`: `length_se_m` (k,), the error of a full length from
     not knowing the form's parameters better; `misfit`, squared residual per degree of `freedom`;
     `residuals` (k, cells) at `residual_xi_m`, what the form leaves of the passages in units of
-    their height (None where that is noise).
+    their height (None if that is noise).
     """
 
     family: EdgeFamily
@@ -82,8 +86,9 @@ class Reference:
     residuals: FloatArray | None = None
 
     def at_speeds(self, speed_m_s: FloatArray) -> Reference:
-        """The same reference at other speeds (ascending): tension by the inertia, the rest linear
-        between its own speeds.
+        """The same reference at other speeds (ascending).
+
+        Tension by the inertia, the rest linear between its own speeds.
         """
         own, values = self.speed_m_s, np.array([shape.array() for shape in self.shapes])
         at_rest = values[:, 2] + self.inertia * own**2
@@ -113,8 +118,9 @@ class Reference:
         )
 
     def knots(self, slowest_m_s: float, fastest_m_s: float) -> FloatArray:
-        """Speeds from slowest to fastest, so close that form and tension are straight in the
-        squared speed between them.
+        """Speeds from slowest to fastest, close enough for straight lines between them.
+
+        Form and tension are straight in the squared speed from one to the next.
         """
         fall = abs(self.inertia) * (fastest_m_s**2 - slowest_m_s**2)
         lengths = np.array(
@@ -146,8 +152,9 @@ def average(
     half_window_m: float,
     cells: int = CELLS,
 ) -> Average:
-    """Mean of samples `values` (any shape, height about one) at `xi_m` with standard deviations
-    `noise`, in cells of equal width.
+    """Mean of samples `values` in cells of equal width.
+
+    Samples of any shape, height about one, at `xi_m` with standard deviations `noise`.
     """
     good = np.isfinite(values) & (np.abs(xi_m) < half_window_m)
     xi, value, weight = xi_m[good], values[good], noise[good] ** -2.0
@@ -171,8 +178,9 @@ def average(
 
 
 class _Problem:
-    """Residuals and derivatives of all averages for a vector of parameters: SHARED, then (length,
-    height, offset, shift) per average.
+    """Residuals and derivatives of all averages for a vector of parameters.
+
+    Parameters: SHARED, then (length, height, offset, shift) per average.
     """
 
     def __init__(self, family: EdgeFamily, averages: list[Average], start_length_m: float) -> None:
@@ -212,8 +220,9 @@ class _Problem:
         return waveform
 
     def settled(self, theta: FloatArray) -> FloatArray:
-        """`theta` with the height and offset at each speed that fit best: linear, and leaving them
-        to the steps bends the valley.
+        """`theta` with the height and offset at each speed that fit best.
+
+        They are linear, and leaving them to the steps bends the valley.
         """
         theta = theta.copy()
         for number, (one, root) in enumerate(zip(self.averages, self.roots, strict=True)):
@@ -316,8 +325,9 @@ def _start(averages: list[Average], length_m: float, tread: float) -> FloatArray
 def _best(
     family: EdgeFamily, averages: list[Average], length_m: float
 ) -> tuple[_Problem, FloatArray]:
-    """The best of several starts on the average with the most samples, then all averages from
-    there.
+    """The problem of all averages, and the parameters that solve it.
+
+    The best of several starts on the average with the most samples, then all averages from there.
     """
     richest = int(np.argmax([a.weight.sum() for a in averages]))
     single = _Problem(family, [averages[richest]], length_m)
@@ -337,8 +347,9 @@ def _best(
 
 
 def fit_averages(averages: list[Average], radius_m: float, start_length_m: float) -> Reference:
-    """The family (its straight member) fitted to some of the `averages` of ascending speed;
-    `start_length_m` is a rough half length.
+    """The family (its straight member) fitted to some of the `averages`.
+
+    These are of ascending speed; `start_length_m` is a rough half length.
     """
     family = EdgeFamily(radius_m, HIGHEST_WAVE / (0.8 * start_length_m))
     some = [

@@ -26,8 +26,9 @@ from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
 from tirelog.vocabulary.arrays import FloatArray
 
+#: rounds of refining, at most
 ROUNDS = 6
-#: stop where the next step promises less than this of the whole chi-square, or the last changed it
+#: stop when the next step promises less than this of the whole chi-square, or the last changed it
 #: by less than this share
 GOOD_ENOUGH, SMALL = 1.0, 1e-3
 #: shared columns of a class (bending length, tension, tread), and the place of tension among the
@@ -65,9 +66,11 @@ class Sample:
 
 @dataclass(frozen=True)
 class _Step:
-    """What one class of speed says: normal matrix and right side of the shared columns (3, 3),
-    (3,), the mean fall of a passage's length with them (3,), the passages' own solutions (n, 6),
-    chi2 and degrees of freedom of each (n,), and what is left, by cell.
+    """What one class of speed says of the shared columns and of its passages.
+
+    Normal matrix and right side of the shared columns (3, 3), (3,), the mean fall of a passage's
+    length with them (3,), the passages' own solutions (n, 6), chi2 and degrees of freedom of each
+    (n,), and what is left, by cell.
     """
 
     normal: FloatArray
@@ -110,8 +113,9 @@ def _class_step(
 
 
 def _tire_columns(reference: Reference, number: int) -> FloatArray:
-    """How bending length, tension and tread of a class follow (relative bending length, tension,
-    inertia x top speed^2, tread), (3, 4).
+    """How bending length, tension and tread of a class follow the parameters, (3, 4).
+
+    These are: relative bending length, tension, inertia x top speed^2, tread.
     """
     relative = (reference.speed_m_s[number] / reference.speed_m_s[-1]) ** 2
     ell = reference.shapes[number].bending_length_m
@@ -119,8 +123,9 @@ def _tire_columns(reference: Reference, number: int) -> FloatArray:
 
 
 def _moved(reference: Reference, step: FloatArray, steps: list[_Step]) -> Reference:
-    """The reference after a step of the shared parameters, each class' length, damping and tilt at
-    the median of its passages.
+    """The reference after a step of the shared parameters.
+
+    Each class' length, damping and tilt are at the median of its passages.
     """
     values, shifts = (
         np.array([shape.array() for shape in reference.shapes]),
@@ -152,8 +157,9 @@ def refine_edges(
     half_window_m: float,
     rounds: int = ROUNDS,
 ) -> Reference:
-    """`reference` (one shape a sample, ascending speed) fitted to the samples; `noise`: standard
-    deviation of one sample of the log.
+    """`reference` (one shape per sample, ascending speed) fitted to the samples.
+
+    `noise`: standard deviation of one sample of the log.
     """
     factor = 1.0
     best: tuple[float, Reference, list[_Step], FloatArray] | None = None

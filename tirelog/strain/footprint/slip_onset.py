@@ -35,7 +35,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
 #: friction coefficients of P2 Table 1, adhesion and sliding: only their ratio matters
 STATIC, SLIDING = 0.8, 0.6
-#: a traction must remove this much of the misfit (squared sigmas, where free passages leave noise):
+#: a traction must remove this much of the misfit (squared sigmas, if free passages leave noise):
 #: noise alone does so in far less than one passage of a hundred; twice as much loses the faintest
 #: tenth of the slips
 LEAST_GAIN = 20.0
@@ -46,16 +46,16 @@ TIMES_USUAL = 10.0
 #: free passages that are asked for that, and rows with less than this share of the gain beyond what
 #: free ones leave are not looked at
 ASKED, LEAST_SHARE = 96, 0.5
-#: an onset stands alone where others this far from it (share of the half length) leave so many more
+#: an onset stands alone if others this far from it (share of the half length) leave so many more
 #: squared sigmas; half as many keep a hundredth more of the onsets
 APART, ALONE = 0.28, 20.0
 #: weak knowledge of damping and tilt beside a traction; turns of the joint fit (each puts the form
 #: anew)
 JOINT_ODD_SD, TURNS = 0.1, 4
-#: squared sigmas a sample that a joint fit may leave before another start is followed, and up to
+#: squared sigmas per sample that a joint fit may leave before another start is followed, and up to
 #: which its onset is believed
 ENOUGH, WORST_LEFT = 1.0, 4.0
-#: where the form is put first, as shares of the half length beside its fit without traction
+#: first places of the form, as shares of the half length beside its fit without traction
 START_SHIFTS = tuple(0.05 * k for k in range(-6, 7))
 #: an onset is not told better than this share of the half length
 LEAST_ERROR = 0.015
@@ -79,10 +79,11 @@ SPEED_UNKNOWN, WORST_SPEED = "speed_uncertain", 0.002
 
 @dataclass(frozen=True)
 class SlipOnset:
-    """One row a passage, shape (n,): `onset_m` (entry -L .. exit +L) and `onset_se_m`, NaN without
-    one; `reason` why not, '' where there is one; `length_m`, `length_se_m`: the contact length with
-    the traction taken into account, NaN where there is none to see; `left`: squared sigmas of
-    misfit that it leaves.
+    """One row per passage, shape (n,): the onset or the reason why there is none.
+
+    `onset_m` (entry -L .. exit +L) and `onset_se_m`, NaN without one; `reason` why not, '' if there
+    is one; `length_m`, `length_se_m`: the contact length with the traction taken into account, NaN
+    if there is none to see; `left`: squared sigmas of misfit that it leaves.
     """
 
     onset_m: FloatArray
@@ -111,8 +112,9 @@ def onset_grid(half_length_m: float) -> FloatArray:
 def traction_spectrum(
     family: EdgeFamily, shape: EdgeShape, onset_m: FloatArray
 ) -> NDArray[np.complex128]:
-    """Strain spectra of the traction with onsets `onset_m` (c,) on the carcass of `shape`, shape
-    (n, c); size of the order of one.
+    """Strain spectra of the traction with onsets `onset_m` (c,), shape (n, c).
+
+    On the carcass of `shape`; size of the order of one.
     """
     L, kappa = shape.half_length_m, family.kappa_1_m[:, None]
     at_onset, at_entry, at_exit = (
@@ -134,8 +136,9 @@ def traction_spectrum(
 
 
 def traction_table(reference: Reference, number: int, half_window_m: float) -> FloatArray:
-    """Waves of the traction at speed `number` of `reference`, a column an onset of `onset_grid`, on
-    the grid of the form's table.
+    """Waves of the traction at speed `number` of `reference`, one column per onset.
+
+    The onsets are those of `onset_grid`, the grid that of the form's table.
     """
     shape = reference.shapes[number]
     return grid_of(
@@ -148,9 +151,11 @@ def traction_table(reference: Reference, number: int, half_window_m: float) -> F
 
 @dataclass(frozen=True)
 class Usual:
-    """What passages that roll freely leave in this log: `scatter`, how much larger their residuals
-    are than the noise of a sample tells, and `gain`, squared sigmas of misfit that a traction must
-    remove from a row to be more than what the form misses of all passages.
+    """What passages that roll freely leave in this log.
+
+    `scatter`, how much larger their residuals are than the noise of a sample tells, and `gain`,
+    squared sigmas of misfit that a traction must remove from a row to be more than what the form
+    misses of all passages.
     """
 
     scatter: float
@@ -158,8 +163,9 @@ class Usual:
 
     @classmethod
     def of(cls, chi2: FloatArray, gains: FloatArray) -> Usual:
-        """From chi-square per degree of freedom (n,) of free passages, and `gains` (k,) of a
-        traction in some of them.
+        """From what free passages leave, and the gains of a traction in some of them.
+
+        Chi-square per degree of freedom (n,) of the passages; `gains` (k,).
         """
         scatter = float(np.sqrt(max(LEAST_SCATTER, np.median(chi2))))
         return cls(scatter, max(LEAST_GAIN * scatter**2, TIMES_USUAL * float(np.median(gains))))
@@ -173,8 +179,10 @@ class Usual:
 
 @dataclass(frozen=True)
 class Tractions:
-    """What slip onsets are looked for with at one speed: `table` (g, 8) and `grid` (5,) of the
-    form, `waves` (g, c) of the traction, half of the form's length.
+    """What slip onsets are looked for with at one speed.
+
+    `table` (g, 8) and `grid` (5,) of the form, `waves` (g, c) of the traction, half of the form's
+    length.
     """
 
     table: FloatArray
@@ -183,8 +191,9 @@ class Tractions:
     half_length_m: float
 
     def gains(self, windows: PatchWindows, motion: FloatArray, sigma: float) -> FloatArray:
-        """Squared sigmas of misfit that a small traction removes from the fit of each row, the best
-        of every other coarse onset.
+        """Squared sigmas of misfit that a small traction removes from the fit of each row.
+
+        That of the best of every other coarse onset.
         """
         return traction_gains(
             windows.values, motion, self.table, self.grid, self.waves, 2 * FINE, sigma, ODD_SD
@@ -198,8 +207,10 @@ class Tractions:
         sigma: float,
         scatter: float,
     ) -> SlipOnset:
-        """Slip onsets of rows whose residual has room for one; `shift_m` (n,): where their fits put
-        the form beside its own place; `scatter` of the log (`Usual`).
+        """Slip onsets of rows whose residual has room for one.
+
+        `shift_m` (n,): where their fits put the form beside its own place; `scatter` of the log
+        (`Usual`).
         """
         L, onsets = self.half_length_m, onset_grid(self.half_length_m)
         step, starts = onsets[1] - onsets[0], np.array(START_SHIFTS) * L

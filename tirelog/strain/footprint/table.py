@@ -40,8 +40,9 @@ def footprint_of_channel(
     learnt: Learnt | None,
     block_samples: int = BLOCK_SAMPLES,
 ) -> FootprintOfChannel:
-    """The footprint of one strain channel of `recording`; `learnt`: the form of its passages, None
-    where there is none.
+    """The footprint of one strain channel of `recording`.
+
+    `learnt`: the form of its passages, None if there is none.
     """
     if cutoff.unit == "Hz" and cutoff.value >= 0.5 * channel.axis.rate_Hz:
         raise UsageError(
@@ -76,8 +77,9 @@ def footprint_of_channel(
 def _remarks(
     recording: Recording, channel: Channel, found: Footprint, cutoff: Cutoff
 ) -> tuple[str, ...]:
-    """What the summary says of a channel: lengths, form, cut-off, the static footprint beside the
-    dynamic one.
+    """What the summary says of a channel.
+
+    Lengths, form, cut-off, the static footprint beside the dynamic one.
     """
     if found.learnt is None or not np.isfinite(found.length_m).any():
         return (f"{channel.name}: too few passages to learn the form of; no lengths",)

@@ -3,9 +3,9 @@
 With the distance of every sample along the tread.
 
     Channel + Passages
-        --passages of like window length, read a stretch of the log at a time-->
+        --passages of like window length, read one stretch of the log at a time-->
         PatchWindows (rows x columns)
-        --neighbouring samples averaged where they lie closer than needed-->
+        --neighbouring samples averaged if they lie closer than needed-->
         PatchWindows, fewer columns
 
 A row's window depends on its own passage only (its length is the next power of two above what its
@@ -33,9 +33,11 @@ _AT_ONCE = 1 << 17
 
 @dataclass(frozen=True)
 class PatchWindows:
-    """`row` (n,): ordinals of the passages; `values` (n, m): strain, patch downward, NaN where lost
-    or beyond a gap; `centre` (n,): column of the patch centre; `rate_Hz`: columns a second;
-    `averaged`: samples a column.
+    """Windows of some passages: rows of samples with the patch downward.
+
+    `row` (n,): ordinals of the passages; `values` (n, m): strain, patch downward, NaN where lost or
+    beyond a gap; `centre` (n,): column of the patch centre; `rate_Hz`: columns per second;
+    `averaged`: samples per column.
     """
 
     row: IntArray
@@ -51,8 +53,9 @@ class PatchWindows:
         )
 
     def motion(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
-        """Centre, rate, speed and acceleration of each row of a log's `speed_m_s`,
-        `acceleration_m_s2`, shape (n, 4), for the kernels.
+        """Centre, rate, speed and acceleration of each row, shape (n, 4), for the kernels.
+
+        `speed_m_s` and `acceleration_m_s2`: of all passages of the log.
         """
         rate = np.full(len(self.row), self.rate_Hz)
         return np.column_stack(
@@ -88,8 +91,9 @@ class PatchWindows:
 
 
 def window_class(reach_samples: FloatArray) -> IntArray:
-    """Half window [samples] of each passage: `reach_samples` rounded up to 2^k or 3 x 2^k, at least
-    8 (quick lengths of an FFT).
+    """Half window [samples] of each passage.
+
+    `reach_samples` rounded up to 2^k or 3 x 2^k, at least 8 (quick lengths of an FFT).
 
     A passage whose speed is unknown has no reach; it gets the least window, and nothing is cut out
     for it.
@@ -107,11 +111,11 @@ def gather_windows(
     rows: IntArray,
     block_samples: int = BLOCK_SAMPLES,
 ) -> Iterator[PatchWindows]:
-    """Windows around `index` (fractional samples, NaN is left out) of the passages `rows`, many of
-    one length at a time.
+    """Windows around `index` of the passages `rows`, many of one length at a time.
 
-    `sign`: +1 where the patch is a maximum of the recorded signal; `reach_samples` (n,): half of
-    the window that each passage needs. The channel is read in blocks of about `block_samples`.
+    `index`: fractional samples, NaN is left out. `sign`: +1 if the patch is a maximum of the
+    recorded signal; `reach_samples` (n,): half of the window that each passage needs. The channel
+    is read in blocks of about `block_samples`.
     """
     rows = rows[np.isfinite(index[rows])]
     half = window_class(np.minimum(reach_samples, channel.size))
@@ -165,8 +169,9 @@ def _cut(
     size: int,
     rows: IntArray,
 ) -> PatchWindows:
-    """Windows of half length `size` out of `samples`, which start at sample `low` of the channel
-    and are `turned` patch downward.
+    """Windows of half length `size` out of `samples`.
+
+    These start at sample `low` of the channel and are `turned` patch downward.
     """
     begins, ends = np.zeros(nearest.size, np.int64), np.full(nearest.size, channel.size)
     first = channel.axis.first
@@ -190,8 +195,9 @@ def _cut_out(
     ends: IntArray,
     turned: float,
 ) -> FloatArray:
-    """`count` samples from each of `starts` (n,) on, times `turned`; NaN outside of `begins` (n,)
-    to `ends` (n,) and of `samples`, which are numbered from `low` on.
+    """`count` samples from each of `starts` (n,) on, times `turned`.
+
+    NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which are numbered from `low` on.
     """
     out = np.empty((starts.size, count))
     for row in range(starts.size):

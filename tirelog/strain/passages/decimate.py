@@ -1,7 +1,7 @@
 """A channel thinned for the search of passages: medians of short buckets.
 
     channel
-        --block by block, buckets at fixed samples--> Decimated (float32, 1 byte a sample of the
+        --block by block, buckets at fixed samples--> Decimated (float32, 1 byte per sample of the
                                                       log), noise and extremes beside
 
 The median of a bucket ignores a single wild sample; a bucket that is lost is bridged by a straight
@@ -28,8 +28,9 @@ BUCKET_S = 1.6e-3
 
 @dataclass(frozen=True)
 class Decimated:
-    """`values` shape (m,): the medians of buckets of `bucket` samples, patch upward; none where the
-    whole channel is lost.
+    """The medians of buckets of a channel's samples, patch upward.
+
+    `values` (m,): of buckets of `bucket` samples; none if the whole channel is lost.
 
     `parts`: number of the bucket with which each gapless segment begins; `extremes`: least and
     largest sample of the channel, as recorded; `noise`: sigma of one sample (NaN: not known).
@@ -89,8 +90,9 @@ def decimate(channel: Channel, sign: float, block_samples: int = AT_ONCE) -> Dec
 
 
 def _bridged(medians: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Lost buckets filled by straight lines, at the ends by the nearest; nothing at all where all
-    are lost.
+    """Lost buckets filled by straight lines, at the ends by the nearest.
+
+    Nothing at all if all are lost.
     """
     lost = np.flatnonzero(~np.isfinite(medians))
     if lost.size == medians.size:

@@ -2,13 +2,13 @@
 
 The clock of every other estimator.
 
-    Channel --passage_search--> rough middles and widths
-            --passage_match: a template learnt from some, all fitted by it--> times
-            --passage_kinematics--> speeds --passage_marks--> words --> Passages, a row a passage
+    Channel --search--> rough middles and widths
+            --match: a template learnt from some, all fitted by it--> times
+            --kinematics--> speeds --marks--> words --> Passages, one row per passage
 
 One row is one passage, in the order of the log: its ordinal is the `revolution` of every table. The
 *patch centre* is the zero of the matched template, the middle between its half-level crossings
-(`template`); all commands use it. Only windows around the passages are fitted, a block at a time at
+(`template`); all commands use it. Only windows around the passages are fitted, block by block at
 places fixed by the passages, so the rows do not depend on the size of the blocks that were read.
 """
 
@@ -52,24 +52,24 @@ class Passages:
     turn_before, turn_after   bool: the neighbouring passage is exactly one turn away, and was
                               measured as this one was
     break_after      why the next passage is not known to be one turn away, as flags: gap,
-                     standstill, reversing; none where it is
-    omega_rad_s      wheel speed at the passage, positive; where no neighbour is a turn away from
-                     the pulse's stretch (NaN: not known)
-    omega_se_rad_s   its standard error, the differencing in it
-    alpha_rad_s2     wheel acceleration at the passage, NaN where not known
+                     standstill, reversing; none if it is
+    omega_rad_s      wheel speed at the passage, positive; from the pulse's stretch if no neighbour
+                     is a turn away (NaN: not known)
+    omega_se_rad_s   its standard error, with that of the differencing
+    alpha_rad_s2     wheel acceleration at the passage, NaN if not known
     sides            neighbours on how many sides gave the speed: 2 centred, 1 extrapolated, 0 from
                      the stretch or between neighbours
     height, offset   of the template in this passage, patch upward (sign x recorded signal),
                      channel's unit; NaN where lost
     misfit           rms residual of the fit, channel's unit
-    measured         bool: False where the passage lies in lost samples
+    measured         bool: False if the passage lies in lost samples
     quality          flags of the words inside the passage's window; not_a_passage in all rows if
                      there is a doubt
     doubt            '' or the sentence why these are no passages of a tire (`gate`); no row then
                      has a speed or a turn
 
-    `noise`: sigma of one sample; `sign`: +1 where the patch is a maximum of the recorded signal, -1
-    where a minimum; `template`: None where the log has too few passages; `window_rad`: half window
+    `noise`: sigma of one sample; `sign`: +1 if the patch is a maximum of the recorded signal, -1
+    if a minimum; `template`: None if the log has too few passages; `window_rad`: half window
     of the fit and of the quality words.
     """
 
@@ -101,12 +101,12 @@ class Passages:
 
     @property
     def period_before_s(self) -> FloatArray:
-        """Time since the passage before, NaN where that is not one turn away."""
+        """Time since the passage before, NaN if that is not one turn away."""
         return np.where(self.turn_before, np.diff(self.time_s, prepend=np.nan), np.nan)
 
     @property
     def period_after_s(self) -> FloatArray:
-        """Time to the passage after, NaN where that is not one turn away."""
+        """Time to the passage after, NaN if that is not one turn away."""
         return np.where(self.turn_after, np.diff(self.time_s, append=np.nan), np.nan)
 
     @property
@@ -126,7 +126,7 @@ class Passages:
 
 
 def patch_sign(channel: Channel) -> float:
-    """+1 where the patch is a maximum of the recorded signal, -1 where it is a minimum.
+    """+1 if the patch is a maximum of the recorded signal, -1 if it is a minimum.
 
     Strain: minimum on the outer surface, maximum on the inner. Radial acceleration: the side on
     which a short stretch's third moment lies, since the patch takes some hundredths of a turn and
@@ -139,8 +139,9 @@ def patch_sign(channel: Channel) -> float:
 
 
 def _third_moment(channel: Channel) -> float:
-    """Sum of the third moments of pieces of SIGN_S from all over the channel, each about its own
-    median, wild samples cut to size.
+    """Sum of the third moments of pieces of SIGN_S from all over the channel.
+
+    Each about its own median, wild samples cut to size.
     """
     size = min(max(int(SIGN_S * channel.axis.rate_Hz), 1), BLOCK_SAMPLES)
     total = 0.0
@@ -228,8 +229,9 @@ def find_passages(channel: Channel, radius_m: float, block_samples: int = AT_ONC
 
 
 def _doubted(found: Passages, said: str) -> Passages:
-    """`found`, which is no tire's: the rows, without a speed and without a turn from one to the
-    next.
+    """`found`, which is no tire's: the rows without their speeds and turns.
+
+    No row has a speed, or a turn to the next.
     """
     nan, no = np.full(len(found), np.nan), np.zeros(len(found), bool)
     return replace(
@@ -246,8 +248,9 @@ def _doubted(found: Passages, said: str) -> Passages:
 
 
 def _with_lost(measured: Passages, lost: NDArray[np.int64], channel: Channel) -> Passages:
-    """`measured` with a row for each passage that lies in lost samples, its time and speed from the
-    passages around.
+    """`measured` with a row for each passage that lies in lost samples.
+
+    Its time and speed are from the passages around.
     """
     times, speeds, ses = [], [], []
     for k in np.flatnonzero(lost):

@@ -31,8 +31,10 @@ Source = tuple[FloatArray, FloatArray, FloatArray, float, float, float]
 
 @dataclass(frozen=True)
 class Signal:
-    """A channel as the fits see it: `sign` turns the patch upward, `noise` is one sample's sigma,
-    `extremes` are the channel's least and largest sample.
+    """A channel as the fits see it.
+
+    `sign` turns the patch upward, `noise` is one sample's sigma, `extremes` are the channel's least
+    and largest sample.
     """
 
     channel: Channel
@@ -43,8 +45,10 @@ class Signal:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a row's fit starts, shape (n,): `time_s`, `index` [samples], `omega` [rad/s], `alpha`
-    [rad/s^2], `stretch`: how far the speed may be off (standard deviation, relative).
+    """Where a row's fit starts, shape (n,).
+
+    `time_s`, `index` [samples], `omega` [rad/s], `alpha` [rad/s^2], `stretch`: how far the speed
+    may be off (standard deviation, relative).
     """
 
     time_s: FloatArray
@@ -59,9 +63,11 @@ class Start:
 
 @dataclass(frozen=True)
 class PassageFit:
-    """A row's result, shape (n,): `time_s`, `time_se_s`, `omega` [rad/s] with the stretch in it,
-    `omega_se`, `height`, `offset`, `misfit` (rms residual), `used` samples, `lost`, `spike`,
-    `clipped`, `outside`: whether the window holds such samples.
+    """A row's result, shape (n,): time, speed, height and what was wrong.
+
+    `time_s`, `time_se_s`, `omega` [rad/s] with the stretch in it, `omega_se`, `height`, `offset`,
+    `misfit` (rms residual), `used` samples, `lost`, `spike`, `clipped`, `outside`: whether the
+    window holds such samples.
     """
 
     time_s: FloatArray
@@ -81,7 +87,7 @@ class PassageFit:
     def choose(
         cls, which: NDArray[np.bool_], there: PassageFit, elsewhere: PassageFit
     ) -> PassageFit:
-        """Rows of `there` where `which`, of `elsewhere` otherwise."""
+        """Rows of `there` if `which`, of `elsewhere` otherwise."""
         return cls(
             **{
                 f.name: np.where(which, getattr(there, f.name), getattr(elsewhere, f.name))
@@ -92,10 +98,11 @@ class PassageFit:
 
 @dataclass(frozen=True)
 class Windows:
-    """The windows of some rows in pieces of a channel: `samples` (N,) as recorded, and their
-    `times`, empty where the axis tells them; `spans` (n, 3): first and last + 1 sample of each
-    row's window, and what to add to their numbers to find them in `samples`; `outside` (n,): part
-    of the window lies outside the log.
+    """The windows of some rows in pieces of a channel.
+
+    `samples` (N,) as recorded, and their `times`, empty if the axis tells them; `spans` (n, 3):
+    first and last + 1 sample of each row's window, and what to add to their numbers to find them in
+    `samples`; `outside` (n,): part of the window lies outside the log.
     """
 
     signal: Signal
@@ -137,8 +144,9 @@ def _source(signal: Signal, samples: FloatArray, times: FloatArray) -> Source:
 
 
 def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, NDArray[np.bool_]]:
-    """First and last + 1 sample of each row's window and 0, (n, 3), and whether the window leaves
-    the log, (n,).
+    """First and last + 1 sample of each row's window and 0, (n, 3); which leave the log.
+
+    Whether the window leaves the log: (n,).
     """
     axis = signal.channel.axis
     reach = window_rad / start.omega * axis.rate_Hz
@@ -151,8 +159,9 @@ def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, N
 
 
 def _read(signal: Signal, spans: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Samples and times from the first to the last window; the third column of `spans` becomes what
-    leads there.
+    """Samples and times from the first to the last window.
+
+    The third column of `spans` becomes what leads there.
     """
     channel = signal.channel
     if not spans.size:  # no row has a first guess
@@ -176,11 +185,10 @@ def gather(signal: Signal, start: Start, window_rad: float) -> Windows:
 def residuals(
     windows: Windows, template: Template, found: PassageFit, alpha: FloatArray, rows: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Angles [rad] of the rows' samples, and what the template leaves of them over its height, (N,)
-    each.
+    """Angles [rad] of the rows' samples, and what the template leaves of them, (N,) each.
 
-    Lost samples and those outside of the template are left out; offset, height and shift are of
-    those inside.
+    The rest is over the height. Lost samples and those outside of the template are left out;
+    offset, height and shift are of those inside.
     """
     axis, sign = windows.signal.channel.axis, windows.signal.sign
     angles, left = [], []
@@ -283,8 +291,9 @@ class _Fits:
 def curve_sums(
     windows: Windows, start: Start, offset: FloatArray, height: FloatArray, window_rad: float
 ) -> CurveSums:
-    """The rows' samples, scaled to height 1, as what a template's curve over +-`window_rad` is
-    learnt from.
+    """The rows' samples, scaled to height 1, as what a template's curve is learnt from.
+
+    The curve is over +-`window_rad`.
     """
     sums = CurveSums()
     rows = _rows(start, height)

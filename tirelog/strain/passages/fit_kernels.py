@@ -4,7 +4,7 @@
         --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,), `marks` (n, 3)
 
 A window is the row's `spans` (n, 3): samples [first, stop) of the channel, thinned to MOST_SAMPLES,
-and what to add to their numbers to find them in `samples`. Their times are `times` where these are
+and what to add to their numbers to find them in `samples`. Their times are `times` if these are
 given, else those of `segments` (k, 3): first sample, its time, step. Columns of `rows` (n, 5): time
 [s], omega, alpha, standard deviation of the stretch, height.
 """
@@ -39,10 +39,10 @@ def spline_sums(
     right: FloatArray,
     scratch: FloatArray,
 ) -> int:
-    """Adds the rows' samples, less `offset` and over the height, to the normal equations of a cubic
-    spline over +-`window_rad`; how many.
+    """Adds the rows' samples to the normal equations of a cubic spline; how many.
 
-    `normal` (s, s), of which the upper triangle is filled, `right` (s,), s three more than the knot
+    The samples are less `offset` and over the height, the spline is over +-`window_rad`.
+
     intervals.
     """
     intervals = right.size - 3
@@ -104,10 +104,11 @@ def basis(u: float, which: int) -> float:
     return u**3 / 6.0
 
 
-#: samples a row at most; a creeping wheel's windows are thinned to this
+#: samples per row at most; a creeping wheel's windows are thinned to this
 MOST_SAMPLES = 400
+#: Gauss-Newton steps of a fit; in the first one wild samples lose their weight
 ITERATIONS = 2
-#: a sample is wild where it leaves its two neighbours' mean by this many sigmas and by this share
+#: a sample is wild if it leaves its two neighbours' mean by this many sigmas and by this share
 #: of the height
 WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
 #: and by this many times the scatter between turns at its angle: the ringing of an edge is no
@@ -116,7 +117,7 @@ WILD_SIGMAS, WILD_SHARE = 8.0, 0.06
 WILD_SCATTERS = 5.0
 #: what is further off than this share of the height is not the tire
 FOREIGN_SHARE = 0.35
-#: stuck samples are clipped where they lie this many sigmas off
+#: stuck samples are clipped if they lie this many sigmas off
 CLIPPED_SIGMAS = 3.0
 #: how far a step may shift [window] and stretch
 MOST_SHIFT = MOST_STRETCH = 0.3
@@ -144,12 +145,11 @@ def fit_rows(
     marks: NDArray[np.bool_],
     scratch: FloatArray,
 ) -> None:
-    """Each row's fit by the template `table` (g, 3) of values, slopes and scatter over
-    +-`window_rad`: y = a + b T(phi (1 + e) - s).
+    """Fills each row's fit y = a + b T(phi (1 + e) - s) by the template T.
 
-    `found`: time, its standard error, omega, its standard error, height, offset, misfit; `marks`:
-    lost, spike, clipped; `low`, `high`: the channel's extremes. `scratch` (SCRATCH_ROWS,
-    MOST_SAMPLES) is the caller's.
+    `table` (g, 3): values, slopes and scatter of T over +-`window_rad`. `found`: time, its standard
+    error, omega, its standard error, height, offset, misfit; `marks`: lost, spike, clipped; `low`,
+    `high`: the channel's extremes. `scratch` (SCRATCH_ROWS, MOST_SAMPLES) is the caller's.
     """
     for k in range(rows.shape[0]):
         count, lost = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
@@ -196,11 +196,10 @@ def read_window(
     span: IntArray,
     scratch: FloatArray,
 ) -> tuple[int, int]:
-    """The samples of a `span` and their times into `scratch`, thinned; how many, and how many of
-    them are lost.
+    """Fills `scratch` with the samples of a `span`, thinned; how many, and how many are lost.
 
-    Lost and stuck ones have no weight. Stuck are three or more in a row on the channel's least or
-    largest value.
+    Their times too. Lost and stuck ones have no weight. Stuck are three or more in a row on the
+    channel's least or largest value.
     """
     first, stop, shift = span[0], span[1], span[2]
     stride = -(-(stop - first) // MOST_SAMPLES)
@@ -253,8 +252,9 @@ def _shapes(
     window_rad: float,
     scratch: FloatArray,
 ) -> None:
-    """Angle, template, its slope and scatter at each sample: linear between the table's points,
-    constant outside.
+    """Fills angle, template, its slope and scatter at each sample.
+
+    Linear between the table's points, constant outside.
     """
     times, phis, shapes, slopes = scratch[TIME], scratch[PHI], scratch[SHAPE], scratch[SLOPE]
     scale, most = (table.shape[0] - 1) / (2.0 * window_rad), table.shape[0] - 1.001
@@ -276,11 +276,11 @@ def _shapes(
 def _step(
     count: int, hold: float, scratch: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
-    """One Gauss-Newton step: a, b, -b s, b e, and the variances of the last two per noise variance;
-    residuals of all samples that are there (0 where lost) go to `scratch`.
+    """One Gauss-Newton step: a, b, -b s, b e, and the variances of the last two.
 
-    The stretch is held by `hold`; the other three have a prior too weak to matter, for rows without
-    samples.
+    These are per noise variance; residuals of all samples that are there (0 where lost) go to
+    `scratch`. The stretch is held by `hold`; the other three have a prior too weak to matter, for
+    rows without samples.
     """
     values, weights, phis, shapes, slopes, residuals = (
         scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE],
@@ -325,11 +325,10 @@ def _solve(
     below: tuple[float, float, float, float, float, float],
     right: tuple[float, float, float, float],
 ) -> tuple[float, float, float, float, float, float]:
-    """The solution of four normal equations, and the last two diagonal elements of the inverse, by
-    L D L'.
+    """The solution of four normal equations, and two diagonal elements of the inverse.
 
-    `below` the diagonal: 10, 20, 30, 21, 31, 32. Nothing here is a loop or a root: a fit waits for
-    this.
+    The last two elements, by L D L'. `below` the diagonal: 10, 20, 30, 21, 31, 32. Nothing here is
+    a loop or a root: a fit waits for this.
     """
     n10, n20, n30, n21, n31, n32 = below
     r0, r1, r2, r3 = right
@@ -354,8 +353,10 @@ def _solve(
 
 @compiled
 def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
-    """Takes the weight off samples whose residual leaves the mean of its neighbours', by more than
-    theirs do, or which are not the tire at all; whether there are any.
+    """Whether any samples are wild; takes the weight off these.
+
+    Their residual leaves the mean of its neighbours', by more than theirs do, or they are not the
+    tire at all.
     """
     limit, foreign = (
         max(WILD_SIGMAS * noise, WILD_SHARE * height),

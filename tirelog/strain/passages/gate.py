@@ -49,7 +49,7 @@ MOST_UNEVEN, FEWEST_TRIPLES = 0.15, 6
 
 
 def doubt(channel: Channel, raw: Pulses, matched: Matched, noise: float, radius_m: float) -> str:
-    """Why the pulses are no passages of a tire, in words; '' where nothing speaks against it.
+    """Why the pulses are no passages of a tire; '' if nothing speaks against it.
 
     `raw`: the pulses as they were found, before strangers were dropped; `noise`: sigma of one
     sample; `radius_m`: the rolling radius.
@@ -114,8 +114,9 @@ def _stopping_speed(radius_m: float) -> float:
 
 
 def _width_turns(channel: Channel, pulses: Pulses) -> float:
-    """Median width of the pulses over the time from one to the next; of few pulses the least, as
-    the wheel may have stood in others.
+    """Median width of the pulses over the time from one to the next.
+
+    Of few pulses the least, as the wheel may have stood in others.
     """
     if len(pulses) < 3:
         return 0.0

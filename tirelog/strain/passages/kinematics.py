@@ -28,10 +28,10 @@ SIGNIFICANT = 4.0
 KINK = 0.8
 #: passages on either side whose accelerations tell how it changes, and the degree of their curve
 REACH, DEGREE = 3, 3
-#: standard deviation of the jerk where nothing tells it: the acceleration itself, gained or lost
+#: standard deviation of the jerk if nothing tells it: the acceleration itself, gained or lost
 #: over this many turns
 BLIND_TURNS = 2.0
-#: a wheel may have stopped where it would have needed up to so many times the time between: the
+#: a wheel may have stopped if it would have needed up to so many times the time between: the
 #: brake came late in the turns before
 STOPS_WITHIN = 3.0
 #: share of the acceleration that may have changed beyond the last passage without a trace
@@ -40,8 +40,10 @@ UNSEEN = 0.05
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Each shape (n,): `omega` [rad/s], `omega_se`, `alpha` [rad/s^2]; `sides`: neighbours on how
-    many sides were used (2 centred, 1 extrapolated from the next, 0 none: NaN).
+    """Speeds and accelerations at the passages, each of shape (n,).
+
+    `omega` [rad/s], `omega_se`, `alpha` [rad/s^2]; `sides`: neighbours on how many sides were used
+    (2 centred, 1 extrapolated from the next, 0 none: NaN).
     """
 
     omega: FloatArray
@@ -56,11 +58,10 @@ def turns_between(time_s: FloatArray, omega: FloatArray) -> FloatArray:
 
 
 def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
-    """Whether the wheel may have come to rest between each passage and the next, one turn or less
-    away, shape (n - 1,).
+    """Whether the wheel may have come to rest between each passage and the next, (n - 1,).
 
-    The deceleration of the two turns before and the acceleration of the two turns after, carried
-    on, meet at rest in the time between.
+    The next is one turn or less away. The deceleration of the two turns before and the acceleration
+    of the two turns after, carried on, meet at rest in the time between.
     """
     period = np.diff(time_s)
     stop = np.zeros(period.size, bool)
@@ -81,10 +82,10 @@ def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
 
 
 def _residual() -> tuple[FloatArray, float]:
-    """Projection of the accelerations around on what their curve leaves, and the residual variance
-    that white passage times make of it.
+    """Projection of accelerations on what their curve leaves, and the residual variance.
 
-    Accelerations are second differences of the times: 1, -2, 1.
+    The variance is what white passage times make of it. Accelerations are second differences of the
+    times: 1, -2, 1.
     """
     count = 2 * REACH + 1
     second = np.zeros((count, count + 2))
@@ -101,7 +102,7 @@ RESIDUAL, RESIDUAL_NOISE = _residual()
 def kinematics(time_s: FloatArray, time_se_s: FloatArray, turns_after: FloatArray) -> Kinematics:
     """Speeds at the passages.
 
-    `turns_after` (n,): whole turns to the next passage, 0 where that is not known (and for the
+    `turns_after` (n,): whole turns to the next passage, 0 if that is not known (and for the
     last).
     """
     n = time_s.size
@@ -145,7 +146,7 @@ def _local_mean(values: FloatArray, reach: int) -> FloatArray:
 def _corrected(
     omega: FloatArray, alpha: FloatArray, period: FloatArray, time_se_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Speeds freed of the differencing error where that is known, and their standard errors."""
+    """Speeds freed of the differencing error if that is known, and their standard errors."""
     acceleration_noise = omega * time_se_s / period**2
     change = _near(alpha, 1) - _near(alpha, -1)
     # white times: (1, -2, 0, 2, -1)
@@ -164,10 +165,10 @@ def _corrected(
 
 
 def _scatter(alpha: FloatArray, noise: FloatArray) -> FloatArray:
-    """Standard deviation of the accelerations about a smooth curve through those around, beyond the
-    noise [rad/s^2].
+    """Standard deviation of the accelerations about a smooth curve [rad/s^2].
 
-    Where the stretch is too short for a curve: half of the change to the next.
+    The curve goes through those around; beyond the noise. If the stretch is too short for a curve:
+    half of the change to the next.
     """
     around = np.array([_near(alpha, k) for k in range(-REACH, REACH + 1)])
     square = ((RESIDUAL @ around) ** 2).sum(0) / (2 * REACH - DEGREE)
@@ -196,8 +197,9 @@ def _one_sided(
     alpha: FloatArray,
     sides: IntArray,
 ) -> None:
-    """Fill the passages at the ends of a stretch from the parabola of their neighbour `step` later,
-    in place.
+    """Fill the passages at the ends of a stretch, in place.
+
+    From the parabola of their neighbour `step` later.
     """
     n = time_s.size
     rows = np.flatnonzero(sides == 0)

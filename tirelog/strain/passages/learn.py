@@ -51,10 +51,10 @@ def _clusters(good: IntArray) -> list[IntArray]:
 
 
 def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses) -> Template | None:
-    """The template, from the passages `good` (indices); each round fits them with the template of
-    the round before.
+    """The template from the passages `good` (indices), or None.
 
-    None where there is no such passage, or no curve with two half-level crossings comes of them.
+    Each round fits them with the template of the round before. None if there is no such passage, or
+    no curve with two half-level crossings comes of them.
     """
     rate_Hz = signal.channel.axis.rate_Hz
     clusters = _clusters(good)
@@ -94,11 +94,10 @@ def learn_template(signal: Signal, start: Start, good: IntArray, pulses: Pulses)
 def _scatter(
     windows: Windows, template: Template, found: PassageFit, alpha: FloatArray
 ) -> FloatArray:
-    """Standard deviation between turns beyond the noise at each angle of the template's table, over
-    the height, (g,).
+    """Standard deviation between turns beyond the noise over the height, (g,).
 
-    By medians over short stretches of angle, so that a few passages with a spike do not matter; the
-    larger of neighbouring stretches.
+    At each angle of the template's table. By medians over short stretches of angle, so that a few
+    passages with a spike do not matter; the larger of neighbouring stretches.
     """
     rows = np.unique(np.linspace(0, alpha.size - 1, SCATTER_FROM).astype(np.int64))
     phi, rest = residuals(windows, template, found, alpha, rows)

@@ -2,7 +2,7 @@
 
 Words for its window, passages that were lost, breaks between passages.
 
-A word stands in a row only where the trouble lies inside the row's own window (half a patch and its
+A word stands in a row only if the trouble lies inside the row's own window (half a patch and its
 shoulders on either side).
 """
 
@@ -61,8 +61,8 @@ def lost_between(
 ) -> IntArray:
     """Passages that lie in lost samples between each passage and the next, shape (n - 1,).
 
-    `turns` (n - 1,) as the speeds give them. Two to MOST_LOST + 1 turns count, where the samples
-    are lost at every place between.
+    `turns` (n - 1,) as the speeds give them. Two to MOST_LOST + 1 turns count, if the samples are
+    lost around every place of such a passage.
     """
     whole = np.rint(turns)
     lost = np.zeros(turns.size, np.int64)
@@ -79,8 +79,9 @@ def lost_between(
 
 
 def _lost_share(channel: Channel, begin_s: float, end_s: float) -> float:
-    """Share of the samples between two times that are lost; 0 where the recording itself has a gap
-    there.
+    """Share of the samples between two times that are lost.
+
+    0 if the recording itself has a gap there.
     """
     low, high = round(float(channel.axis.index(begin_s))), round(float(channel.axis.index(end_s)))
     expected = (end_s - begin_s) * channel.axis.rate_Hz
@@ -90,8 +91,9 @@ def _lost_share(channel: Channel, begin_s: float, end_s: float) -> float:
 
 
 def between(t0: float, t1: float, omega0: float, omega1: float, count: int) -> FloatArray:
-    """Times of `count` passages evenly spread in angle between two, by the cubic of time over angle
-    with the speeds at both ends.
+    """Times of `count` passages evenly spread in angle between two.
+
+    By the cubic of time over angle with the speeds at both ends.
     """
     u = np.arange(1, count + 1) / (count + 1)
     angle = (count + 1) * TURN_RAD
@@ -109,9 +111,11 @@ def breaks(
     linked: NDArray[np.bool_],
     turned: NDArray[np.bool_],
 ) -> QualityFlags:
-    """Why a passage and the next are not known to be one turn apart, shape (n,): no word where they
-    are (and for the last), else gap, reversing (it came back before a turn was done, or passed the
-    other way round: `turned`) or standstill (the wheel took longer than its speeds allow).
+    """Why a passage and the next are not known to be one turn apart, shape (n,).
+
+    No word if they are (and for the last), else gap, reversing (it came back before a turn was
+    done, or passed the other way round: `turned`) or standstill (the wheel took longer than its
+    speeds allow).
     """
     apart = ~linked[:-1]
     gap = np.diff(np.searchsorted(channel.axis.first[1:], index)) != 0

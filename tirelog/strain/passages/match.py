@@ -2,8 +2,8 @@
 
 What each fit starts from, the template, and which pulses are no passage after all.
 
-Pulses --screen, rough speeds--> Start --passage_learn--> Template
-    --passage_fit--> Fit, a row a passage
+Pulses --screen, rough speeds--> Start --learn--> Template
+    --fit--> Fit, one row per passage
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ STANDING_MISFIT, FOREIGN_MISFIT = 0.05, 0.1
 #: and beyond so many times the log's own: edges that ring are no standstill.  Twice as much would
 #: miss short stops
 USUAL_MISFITS = 2.0
-#: a row is doubtful where its misfit is this many times the median's
+#: a row is doubtful if its misfit is this many times the median's
 DOUBTFUL = 3.0
 #: heights, against the median around, outside of which a pulse of unknown speed is no passage of
 #: this wheel
@@ -44,9 +44,10 @@ TRIED_BACKWARDS, BACKWARDS_EVIDENCE = 8, 15.0
 
 @dataclass(frozen=True)
 class Matched:
-    """The fitted passages: the `pulses` that are left, the `start` of their fits, the
-    `fit`, standard errors of its times (n,); `standing`: the wheel stood in the passage
-    (n,), `backwards`: it rolled backwards (n,).
+    """The fitted passages, and which of them were no plain ones.
+
+    The `pulses` that are left, the `start` of their fits, the `fit`, standard errors of its times
+    (n,); `standing`: the wheel stood in the passage (n,), `backwards`: it rolled backwards (n,).
     """
 
     template: Template | None
@@ -59,8 +60,9 @@ class Matched:
 
     @property
     def time_s(self) -> FloatArray:
-        """Times of the patch centres; of a passage in which the wheel stood the middle of its
-        pulse.
+        """Times of the patch centres.
+
+        Of a passage in which the wheel stood: the middle of its pulse.
         """
         return np.where(self.standing, self.start.time_s, self.fit.time_s)
 
@@ -93,8 +95,9 @@ def match(signal: Signal, pulses: Pulses) -> Matched:
 def _learn(
     signal: Signal, start: Start, pulses: Pulses, usable: NDArray[np.bool_]
 ) -> Template | None:
-    """The template from the passages of known speed among the `usable`, or from all of these where
-    there are none.
+    """The template from the passages of known speed among the `usable`.
+
+    From all of these if none has a known speed.
     """
     known = np.flatnonzero(usable & (start.stretch == STRETCH_NEIGHBOURS))
     return learn_template(signal, start, known if known.size else np.flatnonzero(usable), pulses)
@@ -126,8 +129,9 @@ def _matched(
 
 
 def _foreign(found: PassageFit, start: Start, noise: float) -> NDArray[np.bool_]:
-    """Pulses that are no passage by their fit: of another height than those around, or a bad fit
-    between two that are one turn apart.
+    """Pulses that are no passage by their fit.
+
+    Of another height than those around, or a bad fit between two that are one turn apart.
     """
     around = usual(np.abs(found.height))
     foreign = (found.height < FOREIGN_HEIGHTS[0] * around) | (
@@ -147,8 +151,9 @@ def _foreign(found: PassageFit, start: Start, noise: float) -> NDArray[np.bool_]
 
 
 def _doubt(found: PassageFit, noise: float) -> FloatArray:
-    """Factor on the standard error where a row fits far worse than most: its residual then is no
-    white noise, (n,).
+    """Factor on the standard error of rows that fit far worse than most, (n,).
+
+    Their residual is no white noise.
     """
     if not found.misfit.size or not np.isfinite(found.misfit).any() or not noise > 0:
         return np.ones(found.misfit.size)
@@ -158,10 +163,10 @@ def _doubt(found: PassageFit, noise: float) -> FloatArray:
 
 
 def _start(channel: Channel, pulses: Pulses, turned: NDArray[np.bool_] | None = None) -> Start:
-    """Rough centres, speeds and accelerations: from the neighbours where these are one turn away,
-    else from the pulse's width.
+    """Rough centres, speeds and accelerations.
 
-    `turned` (n - 1,): where the wheel is known to have rolled back before the next passage.
+    From the neighbours if these are one turn away, else from the pulse's width. `turned` (n - 1,):
+    whether the wheel is known to have rolled back before the next passage.
     """
     time_s = channel.axis.at(pulses.middle)
     width_s = pulses.width / channel.axis.rate_Hz
@@ -188,8 +193,9 @@ def _fit_all(signal: Signal, start: Start, height: FloatArray, template: Templat
 
 
 def _rough(signal: Signal, start: Start, pulses: Pulses) -> PassageFit:
-    """Rows without a template: the middle of the half-level crossings, with an error of a tenth of
-    the width.
+    """Rows without a template: the middle of the half-level crossings.
+
+    With an error of a tenth of the width.
     """
     n = len(pulses)
     no, nan = np.zeros(n, bool), np.full(n, np.nan)
@@ -213,12 +219,11 @@ def _rough(signal: Signal, start: Start, pulses: Pulses) -> PassageFit:
 def _backwards(
     signal: Signal, template: Template, start: Start, found: PassageFit
 ) -> NDArray[np.bool_]:
-    """Passages of a wheel that rolled backwards, shape (n,): stretches whose waveform fits better
-    the other way round.
+    """Passages of a wheel that rolled backwards, shape (n,).
 
-    Stretches end where the next passage is not one turn away, and where the wheel may have stopped
-    between two. Most of a log's passages are taken as forwards, and a waveform that is the same
-    both ways tells nothing.
+    They are stretches whose waveform fits better the other way round. Stretches end if the next
+    passage is not one turn away, or the wheel may have stopped between two. Most of a log's
+    passages are taken as forwards, and a waveform that is the same both ways tells nothing.
     """
     n = found.time_s.size
     back = np.zeros(n, bool)

@@ -22,7 +22,7 @@ from tirelog.strain.passages.search import Pulses
 from tirelog.strain.passages.search_kernels import medians_around
 from tirelog.vocabulary.arrays import FloatArray
 
-#: width of a passage (half level) as a share of a turn, where the log is too short to tell
+#: width of a passage (half level) as a share of a turn, if the log is too short to tell
 USUAL_WIDTH_TURNS = 0.06
 #: two passages are one turn apart if the turn that the speeds beside them give lies in this range
 ONE_TURN = (0.7, 1.4)
@@ -79,8 +79,9 @@ def _screened(pulses: Pulses) -> Pulses:
 
 
 def _joined(pulses: Pulses) -> Pulses:
-    """Pairs that are too close become one: their hull where that has the usual width, else the one
-    whose width is more usual.
+    """The pulses with pairs that are too close made one.
+
+    Their hull if that has the usual width, else the one whose width is more usual.
     """
     if len(pulses) < 3:
         return pulses

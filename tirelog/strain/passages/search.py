@@ -2,9 +2,9 @@
 
 Pulses that stand out of their surroundings by half of the usual height.
 
-    channel --passage_decimate--> medians of short buckets, patch upward
+    channel --decimate--> medians of short buckets, patch upward
             --turning points whose rise and fall exceed a height--> peaks, each between two valleys
-            --half-level crossings--> Pulses: middle and width [samples], a row a passage
+            --half-level crossings--> Pulses: middle and width [samples], one row per passage
 
 A pulse counts if the signal climbs to it and falls from it by the same least height, found from the
 log's own heights. Neither a baseline nor a period is assumed, so drift, standing still (in the
@@ -39,9 +39,10 @@ LEVEL_S, LEAST_LEVEL, LEAST_LEVEL_SIGMAS = 0.5, 30.0, 12.0
 
 @dataclass(frozen=True)
 class Pulses:
-    """A row a pulse, shape (n,): `middle` of the half-level crossings and `width` between them
-    [samples], `height` [channel's unit], `base` the level of the higher valley beside it, patch
-    upward.
+    """One row per pulse, shape (n,), patch upward.
+
+    `middle` of the half-level crossings and `width` between them [samples], `height` [channel's
+    unit], `base` the level of the higher valley beside it.
     """
 
     middle: FloatArray
@@ -66,8 +67,9 @@ def _turning_points(values: NDArray[np.float32], least: float) -> IntArray:
 
 
 def usual_height(heights: FloatArray) -> float:
-    """The height of a patch among all rises and falls: the median weighted by their squares, so
-    that ripples do not count.
+    """The height of a patch among all rises and falls.
+
+    The median weighted by their squares, so that ripples do not count.
     """
     ordered = np.sort(heights)
     weight = np.cumsum(ordered**2)
@@ -104,8 +106,9 @@ def find_pulses(data: Decimated) -> Pulses:
 def _without_plateaus(
     values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """The peaks that are not lower than both neighbours (at the ends: the only neighbour) by much
-    of their own height.
+    """The peaks that are not much lower than a neighbour.
+
+    Not lower than both neighbours (at the ends: the only neighbour) by much of their own height.
     """
     if peak.size < 2:
         return peak, left, right
@@ -155,8 +158,9 @@ def _level(data: Decimated, rate_Hz: float) -> NDArray[np.float32]:
 
 
 def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray) -> Pulses:
-    """The pulses at `peak` between the valleys `left` and `right`, by linear interpolation between
-    buckets.
+    """The pulses at `peak` between the valleys `left` and `right`.
+
+    By linear interpolation between buckets.
     """
     pulses = np.empty((peak.size, 4))
     half_level(data.values, peak, left, right, pulses)

@@ -21,9 +21,10 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 def bucket_medians(
     values: FloatArray, bucket: int, sign: float, medians: NDArray[np.float32]
 ) -> None:
-    """Median of the four quarters' means in each bucket of `values` (n,), times `sign`, into
-    `medians` (ceil(n / bucket),); of those quarters that are whole; NaN where none is. `bucket`: a
-    multiple of 4.
+    """Fills `medians` with the median of the four quarters' means in each bucket.
+
+    Of `values` (n,), times `sign`, into `medians` (ceil(n / bucket),); of those quarters that are
+    whole; NaN if none is. `bucket`: a multiple of 4.
     """
     quarter = bucket // 4
     whole = values.size // bucket
@@ -42,8 +43,10 @@ def bucket_medians(
 
 @compiled
 def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float32]) -> int:
-    """Sum of the inner two of each row of `fours` (m, 4), times `factor`, NaN where one of the four
-    is lost; how many are.
+    """Fills `medians` with the middle of each four, scaled; how many are lost.
+
+    The sum of the inner two of each row of `fours` (m, 4), times `factor`; NaN if one of the four
+    is lost.
     """
     lost = 0
     for k in range(fours.shape[0]):
@@ -70,7 +73,7 @@ def _sum(values: FloatArray, first: int, count: int) -> float:
 
 @compiled
 def _median_of_some(values: FloatArray, first: int, quarter: int) -> float:
-    """Median of the means of those of four quarters that are whole, NaN where none is."""
+    """Median of the means of those of four quarters that are whole, NaN if none is."""
     s0 = s1 = s2 = s3 = np.inf
     there = 0
     for begin in range(first, min(first + 4 * quarter, values.size - quarter + 1), quarter):
@@ -94,8 +97,9 @@ def _median_of_some(values: FloatArray, first: int, quarter: int) -> float:
 def running_medians(
     values: FloatArray, first: int, sign: float, medians: NDArray[np.float32]
 ) -> None:
-    """Running median of three of `values` from place `first` on, times `sign`, into `medians`; the
-    ends of `values` and the neighbours of lost samples stay as they are.
+    """Fills `medians` with the running median of three of `values`, times `sign`.
+
+    From place `first` on; the ends of `values` and the neighbours of lost samples stay as they are.
     """
     for k in range(medians.size):
         i = first + k
@@ -109,11 +113,10 @@ def running_medians(
 
 @compiled
 def turning_points(values: NDArray[np.float32], least: float, points: NDArray[np.int32]) -> int:
-    """Places of the alternating extremes of `values` whose rises and falls are at least `least`,
-    into `points`; how many.
+    """Fills `points` with places of the alternating extremes of `values`; how many.
 
-    The first and the last are the extremes before the first and after the last such rise or fall.
-    Of equal extremes the first counts.
+    Their rises and falls are at least `least`. The first and the last are the extremes before the
+    first and after the last such rise or fall. Of equal extremes the first counts.
     """
     enough = np.float32(least)
     if enough < least or enough == 0.0:  # the least float32 above 0 that is not below `least`
@@ -145,11 +148,10 @@ def turning_points(values: NDArray[np.float32], least: float, points: NDArray[np
 def half_level(
     values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray, pulses: FloatArray
 ) -> None:
-    """Pulses between the valleys `left` and `right` of each `peak` (n,), into `pulses` (n, 4):
-    middle of the half-level crossings and width between them [places of `values`], height above the
-    higher valley, that valley's level.
+    """Fills `pulses` (n, 4) with the pulses between two valleys of each `peak` (n,).
 
-    The higher of the two valleys: a downward jump of the instrument may stand for the other.
+    Between the valleys `left` and `right`: middle of the half-level crossings and width between
+    them [places of `values`], height above the higher valley, that valley's level.
     """
     for k in range(peak.size):
         base = max(np.float64(values[left[k]]), np.float64(values[right[k]]))
@@ -176,8 +178,10 @@ def _share(below: float, above: float, level: float) -> float:
 
 @compiled
 def medians_around(values: FloatArray, reach: int, least: FloatArray, medians: FloatArray) -> None:
-    """Median of the values that are there within `reach` places on either side, into `medians`
-    (n,), NaN where none is; `least` (2 reach + 1,) is scratch.
+    """Fills `medians` (n,) with the median of the values around each place.
+
+    Of the values that are there within `reach` places on either side, NaN if none is; `least` (2
+    reach + 1,) is scratch.
     """
     for i in range(values.size):
         there = 0

@@ -24,6 +24,7 @@ INTERVALS, TABLE = 40, 4096
 SMOOTHING = 1e-3
 #: the fit's window in half widths (half level): edges and shoulders, where the slope is
 WINDOW_HALF_WIDTHS = 1.8
+#: bounds of that window on either side of the middle [rad]
 NARROWEST_RAD, WIDEST_RAD = 0.1, 0.8
 #: half of the contact length over half of the width at half level, roughly, for both carcasses
 LENGTH_TO_WIDTH = 1.25
@@ -31,8 +32,9 @@ LENGTH_TO_WIDTH = 1.25
 
 @dataclass(frozen=True)
 class Template:
-    """`values` and `slope` [1/rad], shape (g,), at `phi_rad` (g,), evenly spaced over
-    +-`window_rad`; height 1, patch upward.
+    """The waveform at even angles, shape (g,); height 1, patch upward.
+
+    `values` and `slope` [1/rad] at `phi_rad` over +-`window_rad`.
 
     `half_width_rad`: half of the distance between the half-level crossings, which lie at
     -half_width_rad and +half_width_rad. `scatter` (g,): standard deviation between turns beyond the
@@ -61,8 +63,9 @@ class Template:
 
 
 class CurveSums:
-    """Normal equations of the least-squares spline through the samples: `normal` (s, s) upper
-    triangle, `right` (s,), so many samples.
+    """Normal equations of the least-squares spline through the samples.
+
+    `normal` (s, s) upper triangle, `right` (s,), so many samples.
     """
 
     def __init__(self) -> None:
@@ -87,8 +90,9 @@ def _curve(coefficients: FloatArray, phi: FloatArray, window: float) -> FloatArr
 
 
 def half_level(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:
-    """(middle, half width) of the crossings of half of the height above the ends' mean, or None
-    where it has none.
+    """(middle, half width) of the crossings of half of the height, or None without such.
+
+    The height is above the ends' mean.
     """
     base = 0.5 * (values[0] + values[-1])
     top = int(np.argmax(values))
@@ -104,11 +108,10 @@ def half_level(phi: FloatArray, values: FloatArray) -> tuple[float, float] | Non
 
 
 def learned_template(sums: CurveSums, window: float) -> Template | None:
-    """The template of the samples in `sums`, within +-`window` [rad]; None where the curve has no
-    two half-level crossings.
+    """The template of the samples in `sums`, within +-`window` [rad], or None.
 
-    Its table covers a window of WINDOW_HALF_WIDTHS half widths around the middle of the crossings,
-    as far as `window` allows.
+    None if the curve has no two half-level crossings. Its table covers a window of
+    WINDOW_HALF_WIDTHS half widths around the middle of the crossings, as far as `window` allows.
     """
     coefficients = sums.coefficients()
     grid = np.linspace(-window, window, TABLE)

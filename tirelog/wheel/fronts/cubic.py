@@ -24,8 +24,9 @@ LEAST_SAMPLES = 7
 
 
 def at_least(channel: Channel, flanks: Flanks, window: FloatArray) -> FloatArray:
-    """Half width [rad] of each front's window: `window` (2,) for entries and exits, or wider where
-    it would hold too few samples.
+    """Half width [rad] of each front's window.
+
+    `window` (2,) for entries and exits, or wider if it would hold too few samples.
     """
     least = 0.5 * (LEAST_SAMPLES + 0.5) * flanks.rate / channel.axis.rate_Hz
     return np.maximum(np.repeat(window, flanks.angle.size // 2), least)
@@ -38,8 +39,9 @@ def crossings(
     windows: FloatArray,
     limits: tuple[float, float],
 ) -> tuple[FloatArray, FloatArray, FloatArray, QualityFlags]:
-    """(angle of the half-level crossing, its standard error, the slope there [levels/rad], quality)
-    of all fronts.
+    """(angle of the crossing, its standard error, the slope there, quality) of all fronts.
+
+    The crossing of the half level [rad]; the slope in levels/rad.
     """
     first, last = ranges(channel, wheel, flanks, windows + MARGIN * DEGREE)
     result = np.full((3, first.size), np.nan)
@@ -69,9 +71,10 @@ def _solve(
     values: FloatArray, start: int, channel: Channel, wheel: WheelAngle, flanks: Flanks,
     windows: FloatArray, first: IntArray, last: IntArray, entries: np.ndarray,
 ) -> tuple[FloatArray, np.ndarray]:  # fmt: skip
-    """((3, n) place, standard error and slope, n samples lost) by cubic least squares over n
-    fronts, whose samples [first, last) lie in `values` from index `start`; `entries` (n,) where the
-    signal leaves its level.
+    """((3, n) place, standard error and slope, n samples lost) by cubic least squares.
+
+    Of n fronts, whose samples [first, last) lie in `values` from index `start`; `entries` (n,):
+    whether the signal leaves its level there.
     """
     n = first.size
     owner, u, y = normalised(values, start, channel, wheel, flanks, first, last)

@@ -8,7 +8,7 @@ And the centripetal level beside each passage.
                                      them, noise of a sample
 
 The acceleration is Omega^2 (w'' + w - R), outward positive (errata): a level -Omega^2 R all around,
-and nothing in the patch where the tread is straight. Divided by Omega^2 of its own bin the level is
+and nothing in the patch: there the tread is straight. Divided by Omega^2 of its bin the level is
 the same at every speed, so half of it marks the patch without a threshold in m/s^2. A recorded
 signal may have either sign; the level tells.
 """
@@ -40,10 +40,12 @@ SLOWEST_rad_s = 6.0
 
 @dataclass(frozen=True)
 class Dips:
-    """A row a dip, shape (n,): coarse fronts `entry_rad`, `exit_rad`; `level` the mean of a /
-    Omega^2 beside it [m] (its sign is the sensor's), `tilt` its slope [m/rad]; `gravity_level`,
-    `gravity_tilt` what a unit of cos(phi) adds to them; `level_se`; `noise_m_s2` of one sample (its
-    variance with correlation counted in); `normal` (n, 3, 4) sums for the gravity in the level.
+    """One row per dip, shape (n,): coarse fronts, the level beside it and gravity.
+
+    Fronts `entry_rad`, `exit_rad`; `level` the mean of a / Omega^2 beside it [m] (its sign is the
+    sensor's), `tilt` its slope [m/rad]; `gravity_level`, `gravity_tilt` what a unit of cos(phi)
+    adds to them; `level_se`; `noise_m_s2` of one sample (its variance with correlation counted in);
+    `normal` (n, 3, 4) sums for the gravity in the level.
     """
 
     entry_rad: FloatArray
@@ -68,9 +70,10 @@ class Dips:
 
 @dataclass(frozen=True)
 class Bins:
-    """Bins of one degree, shape (m,): `first` the first bin's angle [deg]; `mean` [m/s^2] NaN where
-    empty; `count`; `squares` sum of squared deviations; `time_s` mean time; `begins` True for the
-    log's first piece.
+    """Bins of one degree, shape (m,).
+
+    `first` the first bin's angle [deg]; `mean` [m/s^2], NaN if empty; `count`; `squares` sum of
+    squared deviations; `time_s` mean time; `begins` True for the log's first piece.
     """
 
     first: int
@@ -82,8 +85,9 @@ class Bins:
 
 
 def binned(channel: Channel, angle: AngleFunction) -> Iterator[Bins]:
-    """The channel in degrees of wheel angle, in pieces of CORE bins that overlap their neighbours
-    by OVERLAP on both sides.
+    """The channel in degrees of wheel angle, in pieces of CORE bins.
+
+    They overlap their neighbours by OVERLAP on both sides.
     """
     first, highest = 0, -np.inf
     held: FloatArray = np.zeros((4, 0))
@@ -128,8 +132,9 @@ def _bins(first: int, sums: FloatArray, offset: float, begins: bool) -> Bins:
 
 
 def find_dips(pieces: Iterator[Bins]) -> tuple[Dips | None, float]:
-    """(all dips of a log in order, None where there is none; share of the degrees that had no
-    samples).
+    """(all dips of a log in order, share of the degrees that had no samples).
+
+    None for the dips if there are none.
     """
     found: list[Dips] = []
     empty, bins, last = 0, 0, -np.inf
@@ -213,8 +218,9 @@ def _levels(
     entry: FloatArray,
     leave: FloatArray,
 ) -> Dips:
-    """Level beside each dip: a straight line through a / Omega^2 on both sides, and the same for
-    cos(phi) / Omega^2.
+    """The dips with the level beside each.
+
+    A straight line through a / Omega^2 on both sides, and the same for cos(phi) / Omega^2.
     """
     beside = np.arange(*BESIDE)
     middle = 0.5 * (entry + leave)

@@ -43,13 +43,13 @@ LEARN_FROM = 150
 
 @dataclass(frozen=True)
 class Fronts:
-    """A row a passage, shape (n,), passages that were expected and not found included (NaN).
+    """One row per passage, shape (n,), those that were not found included (NaN).
 
     `entry_rad`, `exit_rad` wheel angles of the fronts, `entry_se_rad`, `exit_se_rad` their standard
     errors from noise (accelerometer and wheel angle), `expected_rad` where the passage's middle was
-    looked for, `quality` its flags. `sign` of the level outside as recorded, `level_m`
-    its median over Omega^2, `gravity` True where the signal holds gravity, `turn_rad` is the wheel
-    angle from passage to passage, 2 pi if the encoder's steps are right.
+    looked for, `quality` its flags. `sign` of the level outside as recorded, `level_m` its median
+    over Omega^2, `gravity` True if the signal holds gravity, `turn_rad` is the wheel angle from
+    passage to passage, 2 pi if the encoder's steps are right.
     """
 
     expected_rad: FloatArray
@@ -71,7 +71,7 @@ def gravity_in(dips: Dips, sign: int) -> bool:
     """Whether the level holds gravity's one per turn.
 
     Least squares of level, its own once-per-turn part and gravity over all degrees beside the
-    patch; where the speed hardly changes the second and third cannot be told apart and the second
+    patch; if the speed hardly changes the second and third cannot be told apart and the second
     is left out. Gravity is left in the model unless the data speak against it.
     """
     normal = dips.normal.sum(axis=0)
@@ -92,9 +92,9 @@ def find_fronts(
     radius_m: float,
     limits: tuple[float, float] = (-np.inf, np.inf),
 ) -> Fronts | None:
-    """All passages of an accelerometer channel; None where it has none.
+    """All passages of an accelerometer channel; None if it has none.
 
-    `radius_m` the rolling radius, `limits` where it clips.
+    `radius_m` the rolling radius, `limits` at which it clips.
     """
     dips, _ = find_dips(binned(channel, wheel.angle))
     if dips is None or dips.entry_rad.size < 3:
@@ -138,8 +138,9 @@ def find_fronts(
 
 
 def _turn(dips: Dips) -> float:
-    """Wheel angle from passage to passage [rad]: 2 pi, if the encoder has as many steps as the
-    setup says.
+    """Wheel angle from passage to passage [rad].
+
+    2 pi, if the encoder has as many steps as the setup says.
     """
     middle = 0.5 * (dips.entry_rad + dips.exit_rad)
     return float(np.median(np.diff(middle)))
@@ -156,8 +157,9 @@ def _recurs(dips: Dips, turn: float) -> bool:
 
 
 def _expected(dips: Dips, wheel: WheelAngle, turn: float) -> tuple[Dips, FloatArray, IntArray]:
-    """(dips that recur once a turn, expected middles of all passages [rad], the dips' rows among
-    them).
+    """(dips that recur once per turn, expected middles of all passages, the dips' rows).
+
+    The middles in rad; the rows are those of the dips among the passages.
     """
     middle = 0.5 * (dips.entry_rad + dips.exit_rad)
     stretch = wheel.angle.stretch_at(wheel.angle.time_at(middle))
@@ -180,11 +182,10 @@ def _median(x: FloatArray) -> float:
 
 
 def _form(width: FloatArray, se: FloatArray) -> FloatArray:
-    """How much more the width scatters from passage to passage than its noise says, shape (n,), at
-    least 1, over 101 passages.
+    """How much more the width scatters than its noise says, shape (n,), at least 1.
 
-    The cubic is not the flank's exact form, and samples fall on it differently from passage to
-    passage.
+    From passage to passage, over 101 passages. The cubic is not the flank's exact form, and samples
+    fall on it differently from passage to passage.
     """
     scatter = np.abs(width[1:-1] - 0.5 * (width[:-2] + width[2:])) / (
         0.6745 * np.sqrt(1.5) * se[1:-1]

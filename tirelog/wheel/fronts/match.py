@@ -41,8 +41,10 @@ STEPS, LONGEST = 3, 1.0
 
 @dataclass(frozen=True)
 class Form:
-    """The mean flank in levels outside over the angle from the front [rad], from `low` to `high`: a
-    cubic spline with even knots, by the `weights` (k + 3,) of the bumps around the k + 1 knots.
+    """The mean flank in levels outside over the angle from the front [rad].
+
+    From `low` to `high`: a cubic spline with even knots, by the `weights` (k + 3,) of the bumps
+    around the k + 1 knots.
     """
 
     weights: FloatArray
@@ -58,8 +60,9 @@ class Form:
         return np.asarray(value), np.asarray(slope) / step
 
     def weight(self, u: FloatArray) -> FloatArray:
-        """1 inside, falling to 0 over the tenth at each end: which samples fall into it must not
-        matter.
+        """1 inside, falling to 0 over the tenth at each end.
+
+        Which samples fall into it must not matter.
         """
         edge = 0.1 * (self.high - self.low)
         return np.clip(np.minimum(u - self.low, self.high - u) / edge, 0.0, 1.0)
@@ -72,9 +75,10 @@ def matched(
     cubic: tuple[FloatArray, FloatArray, FloatArray],
     spoilt: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """(places [rad], standard errors) of all fronts, shape (2 n,) as `flanks`; those of `cubic`
-    (places, errors, slopes in levels/rad) where the log is too short for a form or a passage does
-    not fit it. `spoilt`: fronts with something wrong.
+    """(places [rad], standard errors) of all fronts, shape (2 n,) as `flanks`.
+
+    Those of `cubic` (places, errors, slopes in levels/rad) if the log is too short for a form or a
+    passage does not fit it. `spoilt`: fronts with something wrong.
     """
     place, se, slope = cubic
     n = flanks.passages
@@ -100,8 +104,9 @@ def matched(
 
 
 def _place(u: FloatArray, low: float, high: float, size: int) -> tuple[IntArray, FloatArray, float]:
-    """(the first of the four bumps that are not zero at `u`, the place within its interval in [0,
-    1], width of an interval).
+    """(the first of the four bumps that are not zero at `u`, the place, the width).
+
+    The place is that within its interval, in [0, 1]; the width that of an interval.
     """
     step = (high - low) / (size - 3)
     x = np.clip((u - low) / step, 0.0, size - 3)
@@ -154,8 +159,9 @@ def _learn(
 def _samples(
     channel: Channel, wheel: WheelAngle, flanks: Flanks, reach: tuple[float, float]
 ) -> tuple[IntArray, IntArray]:
-    """First and last-but-one sample of each flank, from `reach` before to after its place, and a
-    little more.
+    """First and last-but-one sample of each flank.
+
+    From `reach` before to after its place, and a little more.
     """
     first, last = ranges(
         channel,
@@ -169,8 +175,9 @@ def _samples(
 def _shifts(
     channel: Channel, wheel: WheelAngle, flanks: Flanks, form: Form
 ) -> tuple[FloatArray, FloatArray]:
-    """(places [rad] at which the form fits best, standard errors), shape (n,); NaN where samples
-    are missing.
+    """(places [rad] at which the form fits best, standard errors), shape (n,).
+
+    NaN if samples are missing.
     """
     place, se = np.full(flanks.angle.size, np.nan), np.full(flanks.angle.size, np.nan)
     first, last = _samples(channel, wheel, flanks, (form.low, form.high))
@@ -203,8 +210,9 @@ def _shifts(
 def _difference(
     difference: FloatArray, width: FloatArray, flanks: Flanks, good: np.ndarray
 ) -> FloatArray:
-    """What crossings lie beyond matched places, shape (2 n,): least squares on speed, its square,
-    acceleration and width, for each side.
+    """How far crossings lie beyond matched places, shape (2 n,).
+
+    Least squares on speed, its square, acceleration and width, for each side.
     """
     n = flanks.passages
     speed, ahead = flanks.rate[:n], flanks.ahead[:n]

@@ -29,7 +29,7 @@ PIECE = 1 << 17
 class Flanks:
     """Both fronts of n passages, shape (2 n,), entries first.
 
-    `angle` where the front is thought to be, `middle` the patch's middle, `level`, `tilt` of a /
+    `angle` at which the front is thought to be, `middle` the patch's middle, `level`, `tilt` of a /
     Omega^2 outside with gravity's part taken off, `gravity` [m/s^2] in the signal, `ahead` the
     vehicle's acceleration, `noise` [m/s^2] of a sample, `level_share` standard error of the level
     for a noise of one.
@@ -114,9 +114,10 @@ def ranges(
 def groups(
     channel: Channel, first: IntArray, last: IntArray
 ) -> Iterator[tuple[IntArray, int, FloatArray]]:
-    """(rows, index of the first value, values): the channel around the sample ranges [first, last),
-    shape (k,), piece by piece; rows whose samples are strewn over more than a few pieces are left
-    out.
+    """(rows, index of the first value, values) of the channel, piece by piece.
+
+    Around the sample ranges [first, last), shape (k,); rows whose samples are strewn over more than
+    a few pieces are left out.
     """
     order = np.argsort(first, kind="stable")
     at = 0
@@ -142,8 +143,9 @@ def normalised(
     first: IntArray,
     last: IntArray,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """(owner (s,), angle from the owner's front [rad] (s,), signal in levels outside (s,)) of the
-    samples [first, last) of n fronts, which lie in `values` from index `start`.
+    """(owner, angle from the owner's front [rad], signal in levels outside), each (s,).
+
+    Of the samples [first, last) of n fronts, which lie in `values` from index `start`.
     """
     sizes = last - first
     owner = np.repeat(np.arange(first.size), sizes)
