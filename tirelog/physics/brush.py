@@ -25,8 +25,9 @@ def slip_stiffness(
 
 
 def transition(slip: FloatArray, half_length_m: FloatArray) -> FloatArray:
-    """x_s [m], where adhesion ends and slip begins, P2 (15) with (17): L (1 - 2 |sigma|), not below
-    -L.
+    """Place x_s [m] at which adhesion ends and slip begins; not below -L.
+
+    P2 (15) with (17): L (1 - 2 |sigma|).
     """
     return half_length_m * np.maximum(1.0 - 2.0 * np.abs(slip), -1.0)
 

@@ -25,8 +25,9 @@ _TOLERANCE = 1e-11
 def hardened_load(
     load: ComplexArray, compliance: ComplexArray | FloatArray, stiffness: FloatArray | float
 ) -> ComplexArray:
-    """The load less the hardened foundation's extra reaction, (n, K); `stiffness` is k k3 [N/m^4],
-    column or number.
+    """The load less the hardened foundation's extra reaction, (n, K).
+
+    `stiffness` is k k3 [N/m^4], column or number.
     """
     rows = np.broadcast_shapes(load.shape, compliance.shape)[0]
     p = np.broadcast_to(load, (rows, load.shape[1]))
@@ -56,8 +57,9 @@ def hardened_load(
 def _hurried(
     new: FloatArray, change: FloatArray, past: list[tuple[FloatArray, FloatArray]]
 ) -> FloatArray:
-    """The next trial by the secants through the last steps, row by row (Anderson's mixing): a third
-    of the steps.
+    """The next trial by the secants through the last steps, row by row.
+
+    Anderson's mixing: it takes a third of the steps.
     """
     if not past:
         return new
