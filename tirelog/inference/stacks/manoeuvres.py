@@ -52,8 +52,9 @@ def regimes(acceleration_m_s2: FloatArray) -> NDArray[np.str_]:
 def segment(
     regime: NDArray[np.str_], breaks: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.str_]]:
-    """The manoeuvre (n,) 0, 1, 2, ... and the regime (n,) of each revolution; `breaks[i]` True: a
-    gap lies before revolution i.
+    """The manoeuvre (n,), numbered from 0, and the regime (n,) of each revolution.
+
+    `breaks[i]` True: a gap lies before revolution i.
 
     A stretch below `SHORTEST` joins the longer of its neighbours that no gap parts from it. Between
     two gaps it joins the stretch before it, and the first of a log the one after it: so few
