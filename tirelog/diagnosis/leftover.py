@@ -77,7 +77,9 @@ _SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
 
 @dataclass(frozen=True)
 class Leftover:
-    """`size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` where a
+    """What a free shape still explains in the residual.
+
+    `size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` if a
     change of the contact pressure explains it best; `shape` (m,) the residual's leading one over
     `phi_rad` (m,).
     """
@@ -98,9 +100,11 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Scattered:
-    """What does not repeat: its root mean square `size` in the observable's unit, whether it looks
-    like a load that changes, and the quantity with which it is large ("" where none), growing with
-    it or falling, and what went along with that.
+    """What does not repeat.
+
+    Its root mean square `size` in the observable's unit, whether it looks like a load that
+    changes, and the quantity with which it is large ("" if none), growing with it or falling, and
+    what went along with that.
     """
 
     size: float
@@ -168,8 +172,9 @@ def _factors(base: Base) -> dict[str, FloatArray]:
 
 
 def _best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
-    """The factor that explains most; a quantity is preferred to the log itself where it explains
-    nearly as much.
+    """The factor that explains most.
+
+    A quantity is preferred to the log itself if it explains nearly as much.
     """
     best = int(np.argmax(statistic))
     names = list(factors)
@@ -184,8 +189,9 @@ def _best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
 
 
 def _alike(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
-    """Other quantities that went along with the factor `name` in these cells, so that it could be
-    any of them.
+    """Other quantities that went along with the factor `name` in these cells.
+
+    It could be any of them.
     """
     mine = factors[name]
     if name.startswith(SPEED) or np.ptp(mine) == 0.0:
@@ -211,8 +217,9 @@ def _score(
     columns: FloatArray,
     factor: FloatArray | float = 1.0,
 ) -> Scores:
-    """Evidence for factor x columns, (C, m, k); free shapes are many, so some columns are projected
-    at a time.
+    """Evidence for factor x columns, (C, m, k).
+
+    Free shapes are many, so some columns are projected at a time.
     """
     left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
     flat = left.reshape(-1, left.shape[-1])
@@ -289,8 +296,9 @@ def describe(base: Base) -> Leftover:
 def _exponent(
     base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray
 ) -> tuple[float, bool]:
-    """The exponent of speed with which free shapes explain most, and whether these are shapes of
-    the pressure rather than of the observable.
+    """The exponent of speed with which free shapes explain most.
+
+    Also whether these are shapes of the pressure rather than of the observable.
     """
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
     kinds: list[Callable[[], FloatArray]] = [lambda: free]  # one after the other in memory
@@ -310,11 +318,10 @@ def _explained_by_exponent(
 def _one_side(
     base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray, exponent: float
 ) -> str | None:
-    """'entry' or 'exit' where shapes on that side alone, with the base parameters free, explain
-    what shapes on both sides do.
+    """'entry' or 'exit' if shapes on that side alone explain what both sides do.
 
-    Patch length, shift and stiffness make a one-sided cause look two-sided once they are fitted;
-    the question takes that back.
+    The base parameters are free. Patch length, shift and stiffness make a one-sided cause look
+    two-sided once they are fitted; the question takes that back.
     """
     reach, phi = _WAKE * half_angle(base), np.nan_to_num(base.cells.phi)
     factor = (base.cells.conditions.speed_m_s / 20.0)[:, None, None] ** exponent
@@ -338,8 +345,9 @@ def _explained(score: Scores) -> float:
 
 
 def leading_shape(base: Base) -> FloatArray:
-    """The residual's leading shape over the angle, (m,), in the observable's unit at the cell where
-    it is largest.
+    """The residual's leading shape over the angle, (m,).
+
+    In the observable's unit at the cell where it is largest.
     """
     residual = base.plain(
         np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
@@ -380,8 +388,9 @@ def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[st
 
 
 def _frequency(base: Base) -> float | None:
-    """The frequency [Hz] of a ring-down after the exit edge, where a fixed one in time explains
-    more than a fixed wavelength.
+    """The frequency [Hz] of a ring-down after the exit edge.
+
+    Only if a fixed frequency in time explains more than a fixed wavelength.
     """
     base = thinned(base, _SOME_CELLS)
     cells, radius = base.cells, base.model.values["radius_m"]

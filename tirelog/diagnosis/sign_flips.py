@@ -6,13 +6,13 @@ the size rule.
     scores (M, k) of each candidate: inner product of its projected signature with the projected
         residual, manoeuvre by manoeuvre
     T = | L^-1 sum of scores |, L L' = Gram of the projected signature (one column: sum / norm; only
-        its sign where one is physical)
+        its sign if one is physical)
     the same signs for all candidates flip a manoeuvre as a whole; p of a candidate = share of flips
         whose *largest* T reaches its T
 
 If nothing is missing a manoeuvre's scores are as likely to point one way as the other, whatever the
 correlation inside the manoeuvre: the rate of false alarms over all candidates is p. The smallest p
-that M manoeuvres allow is 2^-M, or 2^(1-M) where both signs count.
+that M manoeuvres allow is 2^-M, or 2^(1-M) if both signs count.
 """
 
 from __future__ import annotations
@@ -38,8 +38,9 @@ _BLOCK = 1024
 
 @dataclass(frozen=True)
 class Scores:
-    """One signature's evidence: scores (M, k), Gram (k, k); `one_sided` where only a positive
-    strength is physical (k = 1).
+    """One signature's evidence: scores (M, k), Gram (k, k).
+
+    `one_sided` if only a positive strength is physical (k = 1).
     """
 
     scores: FloatArray
@@ -47,8 +48,9 @@ class Scores:
     one_sided: bool = False
 
     def root(self) -> FloatArray:
-        """(k, r) W with T = | scores W |: inverse root of the Gram matrix on its support, whatever
-        units the strengths have.
+        """(k, r) W with T = | scores W |.
+
+        The inverse root of the Gram matrix on its support, whatever units the strengths have.
         """
         length = np.sqrt(np.diag(self.gram))
         length = np.where(length > 0.0, length, np.inf)
@@ -59,15 +61,17 @@ class Scores:
 
 
 def least_p(manoeuvres: int) -> float:
-    """The smallest p that the test can give for a one-sided question; what is within twice of it is
-    "at most" that.
+    """The smallest p that the test can give for a one-sided question.
+
+    What is within twice of it is "at most" that.
     """
     return 0.5**manoeuvres if manoeuvres <= _EXACT else 1.0 / (_RANDOM + 1)
 
 
 def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
-    """(F, M) of +-1: all sign patterns up to 13 manoeuvres, else random ones; the first is what was
-    measured.
+    """Sign patterns of the manoeuvres, (F, M) of +-1.
+
+    All of them up to 13 manoeuvres, else random ones; the first is what was measured.
     """
     if manoeuvres <= _EXACT:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1

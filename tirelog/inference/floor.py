@@ -39,7 +39,7 @@ _SOME_CELLS = 64
 class Plain:
     """The metric of size.
 
-     What is free in a cell (its shift) is removed, along `direction` (C, m, k); each cell is
+    What is free in a cell (its shift) is removed, along `direction` (C, m, k); each cell is
     weighted by its revolutions, so that sums of squares are mean squares times `weight`.
     """
 
@@ -195,7 +195,7 @@ def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
 def trend_columns(cells: Cells) -> FloatArray:
     """What physics may follow, one row per manoeuvre (M, k).
 
-     Each log's level, acceleration, time, and v, v^2 log by log. What follows speed may follow a
+    Each log's level, acceleration, time, and v, v^2 log by log. What follows speed may follow a
     log's load, pressure, water or age besides. The last columns come only if enough manoeuvres are
     left to show scatter.
     """
@@ -278,7 +278,7 @@ def held_out_losses(
 ) -> tuple[FloatArray, FloatArray]:
     """Losses (M,) of each manoeuvre when all the others decide the parameters.
 
-     They come in whitened units and in the plain metric. One step from the fitted point, which is
+    They come in whitened units and in the plain metric. One step from the fitted point, which is
     where leaving one manoeuvre out moves it. `more` (C, m, k) each add columns to the model. What
     the same step would gain on all data is no part of it: the fit could not take it (bounds, a bent
     way), so leaving data out cannot.

@@ -144,7 +144,7 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
 def _numbered(stack: Stack) -> tuple[FloatArray, FloatArray]:
     """Times and numbers of passages, (k,) each.
 
-     They go through stretches where an obstacle hid some: their number follows from the speed. If
+    They go through stretches where an obstacle hid some: their number follows from the speed. If
     that is not plain (the wheel stood, or a long gap) the longest stretch is taken.
     """
     time = stack.conditions.time_s

@@ -206,7 +206,7 @@ def _standing_error(pieces: Pieces, noise: FloatArray) -> FloatArray:
 class _Staircase:
     """Means of rounded values, in steps.
 
-     `place` between two steps (P, m), what their spread leaves of each harmonic, signed (K, P, m),
+    `place` between two steps (P, m), what their spread leaves of each harmonic, signed (K, P, m),
     and samples (P, m).
     """
 

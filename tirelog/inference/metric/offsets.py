@@ -192,7 +192,7 @@ class Levelled:
     def step_of_all(self, first: int) -> tuple[FloatArray, FloatArray]:
         """(theta (p,), offset (M,)) by which the optimum is missed.
 
-         What the `first` columns and the offsets would still move by on all data; nothing at an
+        What the `first` columns and the offsets would still move by on all data; nothing at an
         optimum.
         """
         crosses, sizes = _sums(self.cross, self.log)[:, :first], _sums(self.size, self.log)

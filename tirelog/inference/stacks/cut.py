@@ -3,7 +3,7 @@
 One channel cut into revolutions and laid on one grid of angle bins, raw, with what each was driven
 under.
 
-    Recording --find_passages--> passage times --`align.refine`--> theta(t)
+    Recording --find_passages--> passage times --`align.refine_passages`--> theta(t)
         (all revolutions of the log, small arrays)
         --speeds, accelerations, manoeuvres, conditions--> stretches of some 1000 revolutions
         --bins--> Stack (n, m) each
@@ -50,7 +50,7 @@ _SHORTEST_RUN = 5
 class Turns:
     """The revolutions of one unbroken run.
 
-     Ordinal of each passage in the log (k,), refined times (k,) and the angle between them. Its k -
+    Ordinal of each passage in the log (k,), refined times (k,) and the angle between them. Its k -
     2 whole revolutions are the turns 1 ... k - 2.
     """
 
@@ -101,7 +101,7 @@ def stacks_from_logs(
 ) -> Stacks:
     """The stacks of the recordings, manoeuvres numbered through all.
 
-     One each, or several if there are more than `most` revolutions. UsageError if a log holds fewer
+    One each, or several if there are more than `most` revolutions. UsageError if a log holds fewer
     than ten whole revolutions, or an acceleration without its mean level.
     """
     stacks = Stacks()
@@ -202,7 +202,7 @@ def _course(
 def _cuts(manoeuvre: NDArray[np.int64], most: int) -> Iterator[slice]:
     """The stretches of a log, at most `most` revolutions each.
 
-     The log is cut where a manoeuvre begins, and within one only if it is longer than half of that;
+    The log is cut where a manoeuvre begins, and within one only if it is longer than half of that;
     then no part of it is shorter than a quarter.
     """
     starts = np.flatnonzero(np.diff(manoeuvre)) + 1

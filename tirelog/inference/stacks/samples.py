@@ -46,7 +46,7 @@ class TurnChunk:
 def step_of(channel: Channel) -> tuple[float, float]:
     """The step in which a channel's values come and one of them [SI].
 
-     A step of 0.0 if none is seen. A step that is fine against the noise leaves values of its own
+    A step of 0.0 if none is seen. A step that is fine against the noise leaves values of its own
     to few samples and is not seen; it does no harm either.
     """
     size = min(_LOOKED_AT // _RUNS, channel.size)
@@ -100,7 +100,7 @@ class Samples:
     ) -> list[TurnChunk]:
         """Turns [first, stop) of the run of passages `centre_s` (n,), chunk by chunk.
 
-         A chunk has about `size` samples. The first turn's samples begin one period before its
+        A chunk has about `size` samples. The first turn's samples begin one period before its
         passage, the last one's end one after, if the run ends there.
         """
         spent = (centre_s[first:stop] - centre_s[first]) * self.channel.axis.rate_Hz

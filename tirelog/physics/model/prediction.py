@@ -1,6 +1,6 @@
 """What a model computes: predictions block by block, and their derivatives.
 
-    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `pipeline.Task`
+    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `stages.Task`
         --> values (n, m), slopes (p, n, m)
 
 `Predicting` is the half of `Model` that computes; the other half, in `model`, is the list that a
