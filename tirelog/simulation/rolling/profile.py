@@ -30,7 +30,9 @@ RAMP_M = 0.01
 
 @dataclass(frozen=True)
 class Profile:
-    """`corner_m`, `height_m` (n,) a broken line, level outside; plus amplitude (1 - cos(2 pi
+    """A road's profile: a broken line and a sine.
+
+    `corner_m`, `height_m` (n,) the broken line, level outside; plus amplitude (1 - cos(2 pi
     x/wavelength)) behind the first corner.
     """
 
