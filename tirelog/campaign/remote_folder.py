@@ -4,7 +4,7 @@
                          every BEAT_S while its owner lives
 
 A store has no locks that end with a process, so a lock ends with its heartbeat: EXPIRES_S after the
-last one anybody may take over, by creating lock.<n+1>; on the machine that wrote it at once, where
+last one anybody may take over, by creating lock.<n+1>; on the machine that wrote it at once, if
 its process is gone. On stores that can refuse to overwrite (S3, GCS, Azure) two that start at the
 same moment cannot both create it, whatever their clocks say: one run at a time is guaranteed there,
 as long as no process sleeps for EXPIRES_S and clocks differ by less than that. A run that finds

@@ -53,8 +53,9 @@ def _section(data: dict[str, Any]) -> Section:
 
 
 def model_pages(campaign: Path) -> Iterator[tuple[list[Section], list[tuple[str, str]]]]:
-    """Sections and what is missing of each model of a campaign; titles and ids told apart where
-    there are several.
+    """(sections, what is missing) of each model of a campaign.
+
+    Titles and ids are told apart if there are several.
     """
     files = sorted(campaign.glob("models/*/page.json"))
     for number, file in enumerate(files, 1):
