@@ -38,6 +38,8 @@ from tirelog.storage.remote import (
     write_remote,
 )
 
+#: a lock is written anew this often [s], and is over so long [s] after it was last: three beats may
+#: be missed
 BEAT_S = 15.0
 EXPIRES_S = 60.0
 _LOCK = f"{HIDDEN}/lock."

@@ -31,6 +31,7 @@ from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import OBSERVABLES, STRAIN
 from tirelog.vocabulary.quality import Quality, quality_text
 
+#: cells whose waveforms are shown, and rows of the residual's map, at most
 _SHOWN = 4
 _MAP_ROWS = 24
 

@@ -56,14 +56,16 @@ from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES
 
-#: shares of the excess that the selected effects must remove
+#: shares of the excess that the selected effects remove: below the first something is missing
+#: besides (`partial`), below the second nothing is named (`unknown`)
 EXPLAINED = 0.9
 MOST = 0.7
-#: and that several must remove together, if the first of them alone does not remove MOST: two
+#: share that several must remove together, if the first of them alone does not remove MOST: two
 #: wrong names imitate more than one
 TOGETHER = 0.85
-#: a rest is worth a word if it is this share of the excess, and of the squared floor
+#: a rest is worth a word from this share of the excess on (and LEAST_SHARE_OF_FLOOR of the floor)
 REST_SHARE = 0.02
+#: effects that one diagnosis names at most
 MOST_EFFECTS = 4
 
 Progress = Callable[[str], None]

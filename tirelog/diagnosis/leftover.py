@@ -40,6 +40,8 @@ from tirelog.vocabulary.conditions import CONDITIONS
 #: exponents of speed that are tested, and those that describe what was found
 EXPONENTS = (0.0, 1.0, 2.0)
 FINE_EXPONENTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+#: ring-downs behind the exit edge that are tried: fixed frequencies [Hz] or wavelengths [m], and
+#: how soon they decay, in time [s] or along the tread [m]
 _FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
 _WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
@@ -54,15 +56,16 @@ _PARITY = 0.9
 #: of its side (a wake is longer)
 _NEAR = 3.5
 _WAKE = 6.0
+#: cells that a ring-down is looked for in
 _SOME_CELLS = 24
-#: what one side must explain of both, and more than the other side
+#: share of what both sides explain that one side alone must, and its ratio to the other side's
 _ONE_SIDED = 0.93
 _MORE = 1.03
-#: single logs that a remainder may follow; a quantity is named in place of a log from this share of
-#: its statistic on; and two quantities that move together beyond this correlation are not told
-#: apart
+#: single logs that a remainder may follow
 MOST_LOGS = 4
+#: a quantity is named in place of a log from this share of its statistic on
 _NAMED_FIRST = 0.95
+#: two quantities that move together beyond this correlation are not told apart
 _TOGETHER = 0.98
 #: share of what is left that one shape must make up to be said, and rank correlation over
 #: manoeuvres of its size with what it is said to follow: so much, and so many standard errors of a
@@ -117,7 +120,7 @@ class Scattered:
 def scattered(base: Base, floor_square: float) -> Scattered:
     """Size and course of what is left beside the floor.
 
-    Where only chi-square tells of it, the size is that of cell means.
+    If only chi-square tells of it, the size is that of cell means.
     """
     plain, cells = base.plain, base.cells
     beyond = max(

@@ -45,9 +45,10 @@ _TRIAL_STEPS = 12
 #: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
 #: nothing seen
 SAME_CHI2 = 1e-3
-#: cosine above which two effects are one to these data; and above which they are if the wrong one
-#: leaves less than a third of the floor
+#: likeness (a cosine) from which on two effects are one to these data
 TWINS = 0.95
+#: and from which on they are if the wrong one leaves less than a third of the floor more: in mean
+#: squares, a ninth
 LIKE = 0.90
 _THIRD = 1.0 / 9.0
 #: share of such a direction that makes a strength undetermined

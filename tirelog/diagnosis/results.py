@@ -198,7 +198,7 @@ class Ladder:
     remarks: tuple[str, ...] = ()
 
     def rows(self) -> list[dict[str, Any]]:
-        """The table, one dict a step, parameters as `name` and `name_se` columns at the end."""
+        """The table, one dict per step, parameters as `name` and `name_se` columns at the end."""
         names = [n for n in LadderStep.__dataclass_fields__ if n != "parameters"]
         result = []
         for step in self.steps:

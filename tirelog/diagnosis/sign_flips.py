@@ -1,4 +1,4 @@
-"""Is it there?
+"""Whether an effect is there: significance, held-out gain and size.
 
 Joint sign flips of manoeuvres with the maximum over candidates, leave-one-manoeuvre-out gain, and
 the size rule.
@@ -24,14 +24,19 @@ import numpy as np
 
 from tirelog.vocabulary.arrays import FloatArray
 
-#: an alarm needs all three
+#: an alarm needs all three: a family-wise p of at most this, which bounds the rate of false alarms
+#: over all candidates (doubled, it allows twice as many);
 ALARM_P = 0.01
+#: a gain held out of more than so many of its standard errors;
 GAIN_SIGMAS = 1.0
+#: and that more than this share of the squared floor goes: what is too small to matter may repeat
+#: perfectly, and no p-value removes that
 LEAST_SHARE_OF_FLOOR = 0.05
 #: manoeuvres that a two-sided p of ALARM_P needs
 FEWEST_MANOEUVRES = 8
 #: up to so many manoeuvres all patterns of signs are tried
 _EXACT = 13
+#: and beyond them so many random ones, some at a time
 _RANDOM = 16383
 _BLOCK = 1024
 

@@ -3,7 +3,7 @@
 Columns (C, m, k), and which candidates cannot be tested, and why.
 
 A signature is the change of the fitted model's prediction when the effect is switched on at its
-probe strength, per unit of strength, one column a strength parameter. Where an effect has shape
+probe strength, per unit of strength, one column per strength parameter. If an effect has shape
 parameters besides (the width of a pulse, a time constant), it is tried at a few of them, one at a
 time: variants, of which the one with the largest statistic stands for the effect (all take part in
 the family-wise maximum).

@@ -30,9 +30,9 @@ from tirelog.inference.metric.whitening import Whitener, whitener
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
-#: before anything is fitted the model may miss this share of the waveform's rms; and a discrepancy
-#: below this share of the floor is none
+#: before anything is fitted the model may miss this share of the waveform's rms
 _FIRST_DISCREPANCY = 0.03
+#: a discrepancy below this share of the floor is none
 _LEAST_DISCREPANCY = 0.02
 
 

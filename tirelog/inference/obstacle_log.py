@@ -28,21 +28,22 @@ from tirelog.inference.stacks.align import PassageAngle, split_turns, template
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
-#: A hit is compared for this long [s] after the obstacle was reached, and for this many revolutions
-#: it disturbs the steady waveform.
+#: A hit is compared for this long [s] after the obstacle was reached.
 WINDOW_S = 0.5
 #: Mean square over this time [s] that is so many times its median is no steady rolling.
 _SMOOTH_S, _STANDS_OUT = 0.01, 8.0
+#: Outbursts that are taken for hits at most, evenly over the log.
 _MOST_HITS = 12
-#: A hit closer than this [s] to an end of the log cannot be compared; passages so many turns around
-#: it may be disturbed.
+#: A hit closer than this [s] to an end of the log cannot be compared.
 _ROOM_S = 0.1
 #: Revolutions without a passage that may be counted by the speed, and by how much of one the count
 #: may be off.
 _LONGEST_GAP, _PLAIN = 20.0, 0.25
 #: Steady rolling nearest to a hit that it is compared with [s].
 _STEADY_S = 4.0
+#: Turns before and after a hit whose passages may be disturbed.
 DISTURBED = (-0.3, 1.2)
+#: Steady revolutions that are needed to know what repeats.
 _FEWEST_STEADY = 5
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from tirelog.physics.spectral import MODES, ComplexArray, powers
 from tirelog.vocabulary.arrays import FloatArray
 
+#: friction of a tread that adheres and of one that slides [N/N]; by (17) C_x is proportional to the
+#: first: doubling it doubles the traction of the same slip as far as x_s, which stays
 STATIC_FRICTION = 0.8
 SLIDING_FRICTION = 0.6
 

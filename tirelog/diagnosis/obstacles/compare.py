@@ -202,7 +202,7 @@ class TransientComparison:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """Totals over the hits, each as many samples as it has, and a row a hit."""
+        """Totals over the hits, each as many samples as it has, and a row per hit."""
         rows = self.tables["hit"]
         weights = np.array([row["samples"] for row in rows], float)
 

@@ -49,7 +49,9 @@ _RUN_UP_M = 1.0
 _SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
 #: Angle [rad] from the patch centre within which the steady waveform is steep.
 _STEEP_RAD = 0.4
+#: Turns before and after the rough time between which the hit is sought.
 _BEFORE, _AFTER = 1.25, 0.5
+#: Largest phase [rad] of a hit, either way.
 _PHASE_RAD = 0.2
 
 

@@ -29,8 +29,9 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 ComplexArray = NDArray[np.complex128]
 
-#: width [m/s] of a cell's band of speed, fewest revolutions in it, most bands in a manoeuvre
+#: width [m/s] of a cell's band of speed
 BAND_M_S = 1.6
+#: fewest revolutions in a band, most bands in a manoeuvre
 FEWEST = 3
 MOST_BANDS = 6
 _ROUNDS = 2
@@ -70,7 +71,7 @@ class Pieces:
     Rows are in the order of log, manoeuvre, time.
 
     mean, phi, variance, count (P, m)  mean waveform, mean angle and variance of its samples,
-                                       samples; NaN where there are none
+                                       samples; NaN if there are none
     random         (P, m, 3)  P, phi P', rms of P;  shift (P, m)  -P', whose mean coefficient is
                    zero
     residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray
 
+#: steps of a descent at most
 MOST_STEPS = 25
 #: a step that gains less than this share of the sum of squares, and less than this of it (1 is what
 #: a parameter costs that is off by its standard error), is the last

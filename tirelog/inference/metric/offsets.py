@@ -1,4 +1,4 @@
-"""One free offset a log, in a metric: what its baseline stands at is nobody's physics.
+"""One free offset per log, in a metric: what its baseline stands at is nobody's physics.
 
     Cells, metric -> a log's column is 1 in its own cells, 0 elsewhere: whitened, one array (C, m)
                      for all logs together
@@ -158,7 +158,7 @@ class Levelled:
     def left_out(self) -> tuple[FloatArray, FloatArray]:
         """(theta (M, p), offset (M,)): for each manoeuvre the solution of all the others.
 
-        Where no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
+        If no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
         with the rest held.
         """
         everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)

@@ -40,9 +40,11 @@ from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
+#: bins of the angle over a revolution
 ANGLES = 256
 #: revolutions that are in memory at a time, 8 kB each
 STRETCH = 1024
+#: passages that an unbroken run has at least: three whole revolutions
 _SHORTEST_RUN = 5
 
 

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray
 
-#: |acceleration| [m/s^2] below which a stretch is a cruise, and the deceleration from which it is
-#: braking rather than coasting
+#: size of the acceleration [m/s^2] below which a stretch is a cruise
 CRUISE_M_S2 = 0.2
+#: deceleration [m/s^2] from which it is braking rather than coasting
 BRAKE_M_S2 = 1.5
 #: a stretch shorter than this many revolutions belongs to its neighbour
 SHORTEST = 4
+#: revolutions to either side over which an acceleration is the slope of the speed
 _HALF_WINDOW = 3
 
 

@@ -14,11 +14,15 @@ from tirelog.errors import ModelError
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
+#: modes of w, and points of the grid on which w^3 is taken: four for a mode, so that what the cube
+#: adds beyond the grid's last mode does not fold back onto these
 _MODES = 128
 _GRID = 512
+#: steps at most (then ModelError), past steps that a secant goes through, steps until m stays
 _STEPS = 200
 _DEPTH = 2
 _SETTLED = 3
+#: a change below this share of the largest w is the last
 _TOLERANCE = 1e-11
 
 

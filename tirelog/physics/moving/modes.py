@@ -57,6 +57,7 @@ _OWN = {
     "c_x": "bristle_stiffness_N_m2",
     "mu": "friction",
 }
+#: coordinates that stand before the belt's: two places each of hub and ring, and their angles
 _RINGS = 6
 #: Cells of bristles between entry and exit of the patch.
 _CELLS = 48

@@ -21,6 +21,7 @@ from tirelog.simulation.scenario.schema import Road
 from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
+#: steepest slope of a road [m/m]
 STEEPEST = 3.0
 #: highest rise within one diameter of the tire, over its radius
 HIGHEST = 0.2

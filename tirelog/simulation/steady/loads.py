@@ -20,8 +20,11 @@ from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.steady.operators import Ring
 from tirelog.vocabulary.arrays import FloatArray
 
+#: speed [m/s] at which what grows with speed has the size that is planted
 REFERENCE_SPEED_M_S = 20.0
+#: distance [km] after which planted wear has its full size
 WORN_OUT_KM = 40000.0
+#: friction of bristles that adhere and of those that slide [N/N]
 STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
 
 
