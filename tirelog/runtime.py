@@ -40,7 +40,7 @@ _LOOK_S = 0.5
 
 
 def one_thread() -> None:
-    """Sets one thread for the linear algebra under numpy.
+    """Set one thread for the linear algebra under numpy.
 
     For commands whose matrices are small and many; a number that the user has set stays.
 
@@ -68,7 +68,7 @@ def one_heap() -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """Ends this process as soon as the one that started it, `parent`, has ended.
+    """End this process as soon as the one that started it, `parent`, has ended.
 
     However that came about. If its parent was killed, a worker would else wait for its next task
     without end, and hold 200 MB.

@@ -255,7 +255,7 @@ def ladder(
 
 
 def _silent(text: str) -> None:
-    """Nobody hears it."""
+    """Take a remark that nobody asked to hear."""
 
 
 def _known(value: object) -> MeasuredLogs:

@@ -30,9 +30,9 @@ from tirelog.storage.whole import failed_writes, output_error
 
 
 class Folder(Protocol):
-    """`root`: path or address.
+    """A campaign's output folder, wherever it is.
 
-    `temporary`: a folder of this machine for the workers' temporary runs.
+    `root`: path or address; `temporary`: a folder of this machine for the workers' temporary runs.
     """
 
     root: str

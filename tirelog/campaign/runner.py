@@ -36,7 +36,7 @@ _RETRIES = 3
 
 
 def on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
-    """Entries as they come.
+    """The entries of tasks on a cluster, as they are finished.
 
     UsageError: dask.distributed is missing, or the scheduler does not answer.
     """
@@ -95,7 +95,7 @@ SUMMARY = (
 
 
 def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list[LogTask]:
-    """A task a log, each with its key.  UsageError: `only` matches none."""
+    """One task per log, each with its key.  UsageError: `only` matches none."""
     logs = [
         log
         for log in campaign.logs
@@ -241,7 +241,7 @@ def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, 
 
 
 def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, None]:
-    """Entries as they come.
+    """The entries of tasks on processes of this machine, as they are finished.
 
     A worker that dies takes the pool with it: a new pool goes on with what was not finished.
     """
@@ -291,7 +291,7 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
 
 
 def _begin(parent: int) -> None:
-    """In a worker, before anything else."""
+    """Prepare a worker process, before anything else in it."""
     end_with_parent(parent)
     one_heap()
     # HDF5 objects that are forgotten on a full disk print a traceback each, behind the error that

@@ -55,7 +55,7 @@ class LogTask:
 
 
 def make_tables(task: LogTask) -> Entry:
-    """Writes the log's tables and its pieces; a failure is in the entry, never raised.
+    """Write the log's tables and its pieces; a failure is in the entry, never raised.
 
     The tables go to `output/table=NAME/log=NAME/part.parquet`.
     """

@@ -206,7 +206,7 @@ class Session:
         return recording
 
     def _say_losses(self, recording: Recording) -> None:
-        """Says each loss once.
+        """Say each loss once.
 
         When the log is opened, and again at its end, since a damaged chunk is met while reading.
         """

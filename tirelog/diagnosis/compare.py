@@ -290,7 +290,7 @@ def _some(base: Base, index: NDArray[np.int64]) -> Any:
 
 
 def _by_angle(base: Base) -> list[dict[str, Any]]:
-    """Entry, patch, exit, away."""
+    """Errors by part of the turn: entry, patch, exit, away."""
     if base.cells.phi.shape[1] == 1:
         return [_row(base, np.ones(len(base.cells), bool), {"angle": "all"})]
     edge, phi = half_angle(base), np.nanmean(base.cells.phi, axis=0)

@@ -306,7 +306,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
 def _verdict(
     few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, unnamed: str
 ) -> str:
-    """`unnamed`: what is said if no effect is named."""
+    """The verdict in one word; `unnamed` is the one if no effect is named."""
     if few:
         return "too_few"
     if not named:

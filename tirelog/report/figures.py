@@ -109,7 +109,7 @@ def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
 
 
 def line(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
-    """A line."""
+    """A trace that joins the points (x, y) by a line, `colour` the number of its colour."""
     style = {"color": COLOURS[colour % len(COLOURS)], "width": 1.5, **more.pop("line", {})}
     return {
         "type": "scatter",

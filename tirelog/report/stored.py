@@ -23,7 +23,7 @@ _ID = re.compile(r"[a-z][a-z0-9_-]*")
 
 
 def stored(sections: Sequence[Section], missing: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """The file's content."""
+    """The sections and what is missing as the JSON document of the file."""
     return {
         "sections": [asdict(section) for section in sections],
         "missing": [list(pair) for pair in missing],

@@ -6,7 +6,7 @@ A coupled ring model's answer to an obstacle against a log, in time and in frequ
         --rows in time and frequency--> TransientComparison
 
 The model's own parameters are not touched here: what it says of the obstacle is a prediction, with
-four nuisance numbers a hit (when, phase, level, alignment), which the errors are charged for.
+four nuisance numbers per hit (when, phase, level, alignment), which the errors are charged for.
 Beside the error of the whole reading stand the model's error off the obstacle (`rmse_steady`), the
 repeatability of steady revolutions at the same wheel angles (`noise_floor`), what the obstacle
 added as measured (`added`) and what of that the model does not cover (`missed`). Errors in the

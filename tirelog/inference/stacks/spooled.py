@@ -131,7 +131,7 @@ class Stacks(Sequence[Stack]):
 
 
 def _bytes(stack: Stack) -> int:
-    """What its waveforms take."""
+    """Bytes of memory that the stack's waveforms take."""
     return sum(int(getattr(stack, name).nbytes) for name in _WAVEFORMS)
 
 

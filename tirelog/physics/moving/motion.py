@@ -187,7 +187,7 @@ class Stepper:
     # ---- one step --------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """One step."""
+        """Move the state on by one step."""
         s, h = self.state, self.step_s
         self._belt()
         self._damp(0.5 * h)

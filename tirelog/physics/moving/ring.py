@@ -208,7 +208,7 @@ class CoupledRing:
     # ---- energy ----------------------------------------------------------------------------------
 
     def gyroscopic_momentum(self, V: ComplexArray, rate: ComplexArray) -> float:
-        """P [kg m^2/s]."""
+        """The belt's angular momentum P [kg m^2/s] beside the rigid one."""
         return 4.0 * np.pi * self.R * float(np.vdot(V, self.gamma_n * rate).imag)
 
     def belt_energy(self, V: ComplexArray, rate: ComplexArray, omega: float) -> float:

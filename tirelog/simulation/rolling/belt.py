@@ -94,7 +94,7 @@ class Belt:
 
     @cached_property
     def stiffness(self) -> FloatArray:
-        """Bending, pressure and sidewall."""
+        """Stiffness of the belt from bending, pressure and sidewall."""
         tire, g, radius = self.tire, self.splines.gram, self.radius_m
         bending = (
             FLEXURAL_STIFFNESS_N_M2

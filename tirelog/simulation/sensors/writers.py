@@ -1,8 +1,8 @@
 """A simulated log as files: the log itself by suffix, LOG.truth.json and the setup beside it.
 
 .csv .txt (also .gz): preamble, header, a row per sample, blank if a peak was lost. .mcap: JSON,
-one sample a message, a topic a sampling rate. .h5 .hdf5: a dataset a channel with its rate; counts
-with scale if the instrument has digits. Files appear whole or not at all.
+one sample per message, one topic per sampling rate. .h5 .hdf5: one dataset per channel with its
+rate; counts with scale if the instrument has digits. Files appear whole or not at all.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def _json_numbers(values: FloatArray, digits: int) -> list[str]:
 
 
 def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:
-    """Writes the log as HDF5: one dataset per channel.
+    """Write the log as HDF5: one dataset per channel.
 
     With `sampling_rate_Hz` and `unit`; 16-bit counts with `scale` and `offset` for an instrument of
     up to 16 bits.
