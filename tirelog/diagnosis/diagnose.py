@@ -57,7 +57,7 @@ from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES
 
 #: shares of the excess that the selected effects remove: below the first something is missing
-#: besides (`partial`), below the second nothing is named (`unknown`)
+#: besides (`partial`), below the second the verdict is `unknown`
 EXPLAINED = 0.9
 MOST = 0.7
 #: share that several must remove together, if the first of them alone does not remove MOST: two

@@ -154,7 +154,7 @@ def of_model(
 ) -> CoupledRing:
     """The coupled ring with a ring or coupled ring model's numbers by name.
 
-    The names are those of the contract ("Model file"); ModelError if they cannot move.
+    The names are those of the contract ("Model file"). ModelError if it could not move with them.
 
     A ring has no hub of its own: 20 kg and 0.8 kg m^2 without the two; and no bristles. A model
     without a tread has one that does not matter in the air.

@@ -86,7 +86,7 @@ def touch(
     corner: FloatArray, height: FloatArray, tread: FloatArray, seen: IntArray, now: int,
     load: FloatArray, result: FloatArray,
 ) -> int:  # fmt: skip
-    """The road's forces on the belt, and the first and last of the contact.
+    """The road's forces on the belt, and the edges of the contact.
 
     `load` (N,) on the coefficients; `result` (5,): torque, force backwards and upwards, entry and
     exit behind the axle [m] (NaN in the air). `tread` (points, 3) holds bristle, place along the

@@ -121,7 +121,7 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class Road:
-    """The table [road] of a scenario, and how far a road repeats itself.
+    """The table [road] of a scenario, and how the load varies along it.
 
     `roughness` relative standard deviation of the load along the road, correlated over
     `correlation_m`; `load_scatter` relative standard deviation of the load from manoeuvre to
