@@ -129,14 +129,15 @@ class ReadError(TirelogError):
 
 
 class DataLoss(TirelogError):
-    """Input that was lost or could not be read, where the rest was used: reported at the end,
-    status 3.
+    """Input that was lost or could not be read, though the rest was used.
+
+    Reported at the end, status 3.
     """
 
     exit_status = ExitStatus.INPUT_LOST
 
 
 def nearest(name: str, allowed: Iterable[str], *, most: int = 3) -> str:
-    """` (nearest: a, b)` for a misspelt `name`, or the empty string where nothing is near."""
+    """` (nearest: a, b)` for a misspelt `name`, or the empty string if nothing is near."""
     close = difflib.get_close_matches(name, list(allowed), n=most, cutoff=0.5)
     return f" (nearest: {', '.join(close)})" if close else ""

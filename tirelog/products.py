@@ -197,8 +197,9 @@ def _all_passages(
 
 
 class _Forms:
-    """The forms of the channels' passages, by the channels' ordinals: the first that could be
-    learnt is where all later ones start from.
+    """The forms of the channels' passages, by the channels' ordinals.
+
+    The first that could be learnt is where all later ones start from.
 
     A channel that asks waits for those before it, which are at work or done already, so that its
     rows do not depend on who is quicker.

@@ -6,14 +6,14 @@ A loop over samples that the benchmark shows to matter is compiled by numba, onc
     def kernel(samples, ...): ...        plain Python on numpy arrays and scalars; called like any
                                          function
 
-The compiled code is cached beside the source, or in the user's cache folder where the installation
+The compiled code is cached beside the source, or in the user's cache folder if the installation
 cannot be written (NUMBA_CACHE_DIR moves it), so that only the very first call on a machine waits
 for the compiler. With NUMBA_DISABLE_JIT=1 the same source runs as plain Python: slower, and the
 same numbers. No fast-math: sums keep their order, so results do not depend on the machine's vector
 width.
 
 numba knows a cached kernel by its own file only; one that calls kernels of other files is forgotten
-here where those were edited since.
+here if those were edited since.
 
 numba takes half a second to start and 110 MB; modules with kernels are imported inside the
 functions that need them.
@@ -40,8 +40,9 @@ _LOOK_S = 0.5
 
 
 def one_thread() -> None:
-    """One thread for the linear algebra under numpy, for commands whose matrices are small and
-    many; a number that the user has set stays.
+    """Set one thread for the linear algebra under numpy.
+
+    For commands whose matrices are small and many; a number that the user has set stays.
 
     With more, the library's threads wait for each other in busy loops: the same wall time at
     several times the CPU time. To be called before numpy is imported.
@@ -67,10 +68,10 @@ def one_heap() -> None:
 
 
 def end_with_parent(parent: int) -> None:
-    """End this process as soon as the one that started it, `parent`, has ended, however that came
-    about.
+    """End this process as soon as the one that started it, `parent`, has ended.
 
-    A worker waits for its next task without end, and holds 200 MB, where its parent was killed.
+    However that came about. If its parent was killed, a worker would else wait for its next task
+    without end, and hold 200 MB.
     """
     if sys.platform == "linux":
         import ctypes
@@ -100,8 +101,9 @@ _SOURCES = "tirelog_sources"
 
 
 def compiled(kernel: Kernel) -> Kernel:
-    """The kernel, compiled at its first call for the types it is called with; division by zero
-    gives infinity or NaN, as in numpy.
+    """The kernel, compiled at its first call for the types it is called with.
+
+    Division by zero gives infinity or NaN, as in numpy.
     """
     from numba import njit
 
@@ -129,8 +131,9 @@ def _forget_outdated(kernel: Any, made: Any) -> None:
 
 
 def _sources_of(called: Any) -> frozenset[Path]:
-    """The files of what a kernel calls: another kernel, or a plain function that numba was taught
-    to compile.
+    """The files of what a kernel calls.
+
+    Another kernel, or a plain function that numba was taught to compile.
     """
     plain = {Path(called.__code__.co_filename)} if hasattr(called, "__code__") else ()
     sources: frozenset[Path] = getattr(called, _SOURCES, frozenset(plain))

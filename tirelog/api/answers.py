@@ -84,8 +84,9 @@ def measure(
 
 
 def observable_of(channel: str | None, recordings: Sequence[Recording], model: Model) -> str:
-    """What a named channel measures (strain and radial acceleration fit one tire together), else
-    what the model predicts.
+    """What a named channel measures, else what the model predicts.
+
+    Strain and radial acceleration fit one tire together.
     """
     kinds = {c.kind for r in recordings for c in r.channels.values() if c.name == channel}
     return waveform_of(kinds) if model.observable in WAVEFORMS and kinds else model.observable
@@ -254,7 +255,7 @@ def ladder(
 
 
 def _silent(text: str) -> None:
-    """Nobody hears it."""
+    """Take a remark that nobody asked to hear."""
 
 
 def _known(value: object) -> MeasuredLogs:

@@ -64,7 +64,7 @@ def open_log(path: Path, setup: Path | Setup | None = None) -> OpenLog:
     Returns
     -------
     Recording
-        ``channels`` by name, ``channels[name].read()`` their samples [SI], shape (n,), NaN where
+        ``channels`` by name, ``channels[name].read()`` their samples [SI], shape (n,), NaN if
         lost, ``channels[name].axis.time()`` their times [s], shape (n,). To be used in a ``with``
         statement, or closed by ``close()``: a log other than a run is kept in a temporary file
         meanwhile.

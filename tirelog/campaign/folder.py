@@ -30,9 +30,9 @@ from tirelog.storage.whole import failed_writes, output_error
 
 
 class Folder(Protocol):
-    """`root`: path or address.
+    """A campaign's output folder, wherever it is.
 
-    `temporary`: a folder of this machine for the workers' temporary runs.
+    `root`: path or address; `temporary`: a folder of this machine for the workers' temporary runs.
     """
 
     root: str
@@ -45,10 +45,10 @@ class Folder(Protocol):
         """
 
     def check_held(self) -> None:
-        """UsageError where the folder was taken over by another run."""
+        """UsageError if the folder was taken over by another run."""
 
     def read(self, name: str) -> bytes | None:
-        """A file's bytes, or None where it is not there."""
+        """A file's bytes, or None if it is not there."""
 
     def read_all(self, names: Sequence[str]) -> dict[str, bytes]:
         """Several files; those that are not there are left out."""

@@ -34,7 +34,7 @@ _HASHES = f"{HIDDEN}/hashes.json"
 class Entry:
     """The outcome of one log's task under its key.
 
-    `error` is empty where the tables were made; `pieces`: observable -> '' where what models need
+    `error` is empty if the tables were made; `pieces`: observable -> '' if what models need
     of the log was kept, or why it could not be. `unwritable`: the fault is the output's (a full
     disk), not the log's.
     """
@@ -63,10 +63,10 @@ class Ledger:
         self._entries: dict[str, Entry] | None = None
 
     def sha256(self, log: str) -> str:
-        """The hash of a log's bytes; of a log that has not changed since it was last asked for,
-        without reading it.
+        """The hash of a log's bytes.
 
-        OSError, ReadError: it cannot be read.
+        A log that has not changed since it was last asked for is not read again. OSError,
+        ReadError: it cannot be read.
         """
         if self._hashes is None:
             self._hashes = json_of(self.folder.read(_HASHES))
@@ -92,7 +92,7 @@ class Ledger:
             self.folder.write(_HASHES, data)
 
     def entry(self, name: str) -> Entry | None:
-        """What is known of a log, or None (also where the file was damaged)."""
+        """What is known of a log, or None (also if the file was damaged)."""
         if self._entries is None:
             files = [
                 file
@@ -138,8 +138,10 @@ def _bytes(data: Any) -> bytes:
 
 
 def key_of(sha256: str, setup_text: str, tables: Any, version: str) -> str:
-    """A task's key: it changes with the log's bytes, its setup, the tables' options and tirelog's
-    version, and with nothing else.
+    """A task's key.
+
+    It changes with the log's bytes, its setup, the tables' options and tirelog's version, and with
+    nothing else.
     """
     text = json.dumps([sha256, setup_text, tables, version], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -47,8 +47,9 @@ MODEL_COMMANDS = ("compare", "diagnose", "ladder")
 
 @dataclass(frozen=True)
 class CampaignLog:
-    """One log: its path, its setup (with the conditions of the campaign's table put in), its
-    partition's name and tags.
+    """One log: its path, setup, partition's name and tags.
+
+    The setup has the conditions of the campaign's table put in.
 
     `problem` says why it cannot be read at all (its setup does not fit, ...); it is kept as failed,
     and does not stop the rest.
@@ -327,8 +328,9 @@ def _log(
 
 
 def _with_conditions(setup: Setup, row: Mapping[str, str]) -> Setup:
-    """The setup with this log's conditions; its text carries them too, so that a run made from it
-    says the same.
+    """The setup with this log's conditions.
+
+    Its text carries them too, so that a run made from it says the same.
     """
     given = {}
     for key in _CONDITIONS:

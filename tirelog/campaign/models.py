@@ -123,8 +123,9 @@ def _outcome(result: Any) -> str:
 
 
 def _page(pieces: Pieces, results: Mapping[str, Any], manifest: str) -> dict[str, Any]:
-    """What the report shows of these results: the sections that it makes of a model and single
-    logs.
+    """What the report shows of these results.
+
+    The sections that it makes of a model and single logs.
     """
     from tirelog.physics.effects import BY_ID
     from tirelog.report import model_sections

@@ -23,14 +23,15 @@ _RESULTS = re.compile(
 
 
 def is_own(name: str) -> bool:
-    """Whether a file of the output folder is the campaign's: a result, or anything in its hidden
-    folder.
+    """Whether a file of the output folder is the campaign's.
+
+    A result, or anything in its hidden folder.
     """
     return name.startswith(f"{HIDDEN}/") or _RESULTS.fullmatch(name) is not None
 
 
 def json_of(data: bytes | None) -> dict[str, Any]:
-    """A small file of ours as a table; empty where it is not there or was damaged."""
+    """A small file of ours as a table; empty if it is not there or was damaged."""
     try:
         content = json_value(data or b"{}")
     except ValueError:
@@ -50,8 +51,10 @@ def swept(temporary: Path) -> None:
 
 
 def temporary_for(url: str) -> Path:
-    """The folder of this machine for the temporary runs of a campaign whose results are elsewhere:
-    always the same one, so that the next run sweeps what a kill left.
+    """The folder of this machine for a campaign's temporary runs.
+
+    For a campaign whose results are elsewhere. It is always the same one, so that the next run
+    sweeps what a kill left.
     """
     import hashlib
 

@@ -22,7 +22,7 @@ _WORDS = ("observable", "channel", "surface", "radius_m", "logs", "notes")
 
 
 def pieces_bytes(pieces: Pieces) -> bytes:
-    """The file."""
+    """The content of a file that holds the pieces."""
     arrays: dict[str, Any] = {
         f.name: getattr(pieces, f.name)
         for f in fields(Pieces)

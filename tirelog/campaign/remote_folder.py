@@ -4,7 +4,7 @@
                          every BEAT_S while its owner lives
 
 A store has no locks that end with a process, so a lock ends with its heartbeat: EXPIRES_S after the
-last one anybody may take over, by creating lock.<n+1>; on the machine that wrote it at once, where
+last one anybody may take over, by creating lock.<n+1>; on the machine that wrote it at once, if
 its process is gone. On stores that can refuse to overwrite (S3, GCS, Azure) two that start at the
 same moment cannot both create it, whatever their clocks say: one run at a time is guaranteed there,
 as long as no process sleeps for EXPIRES_S and clocks differ by less than that. A run that finds
@@ -38,6 +38,8 @@ from tirelog.storage.remote import (
     write_remote,
 )
 
+#: a lock is written anew this often [s], and is over so long [s] after it was last: three beats may
+#: be missed
 BEAT_S = 15.0
 EXPIRES_S = 60.0
 _LOCK = f"{HIDDEN}/lock."

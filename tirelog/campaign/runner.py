@@ -36,7 +36,7 @@ _RETRIES = 3
 
 
 def on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, None]:
-    """Entries as they come.
+    """The entries of tasks on a cluster, as they are finished.
 
     UsageError: dask.distributed is missing, or the scheduler does not answer.
     """
@@ -95,7 +95,7 @@ SUMMARY = (
 
 
 def plan_tasks(campaign: Campaign, ledger: Ledger, *, only: str | None = None) -> list[LogTask]:
-    """A task a log, each with its key.  UsageError: `only` matches none."""
+    """One task per log, each with its key.  UsageError: `only` matches none."""
     logs = [
         log
         for log in campaign.logs
@@ -140,9 +140,11 @@ def _task(
 
 
 def to_do(tasks: Iterable[LogTask], ledger: Ledger, *, retry_failed: bool = False) -> list[LogTask]:
-    """What is left: tasks that the ledger does not have under their key, or whose parts are gone;
-    with `retry_failed` the failed ones as well; and of those that are done what models need
-    besides, without the tables.
+    """The tasks that are left.
+
+    Those that the ledger does not have under their key, or whose parts are gone; with
+    `retry_failed` the failed ones as well; and of those that are done what models need besides,
+    without the tables.
     """
     there = ledger.folder.names()
     left = (_left(task, ledger.entry(task.name), there, retry_failed) for task in tasks)
@@ -211,8 +213,9 @@ def _log_of(name: str) -> str:
 
 
 def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
-    """Logs whose parts stand in the dataset and that the manifest does not have (any more): whoever
-    reads the dataset reads them too.
+    """Logs whose parts stand in the dataset and that the manifest does not have (any more).
+
+    Whoever reads the dataset reads them too.
     """
     return sorted(
         {_log_of(name) for name in ledger.folder.names()}
@@ -222,8 +225,9 @@ def strangers(campaign: Campaign, ledger: Ledger) -> list[str]:
 
 
 def _with_tables(entry: Entry, task: LogTask, before: Entry | None) -> Entry:
-    """The outcome of a task that made no tables, since they were there, on top of the one that made
-    them.
+    """The outcome of a task that made no tables, on top of the one that made them.
+
+    It made none since they were there.
     """
     if task.tables or entry.error or before is None or before.key != entry.key or before.error:
         return entry
@@ -237,7 +241,7 @@ def _on_cluster(tasks: list[LogTask], scheduler: str) -> Generator[Entry, None, 
 
 
 def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, None]:
-    """Entries as they come.
+    """The entries of tasks on processes of this machine, as they are finished.
 
     A worker that dies takes the pool with it: a new pool goes on with what was not finished.
     """
@@ -287,7 +291,7 @@ def _on_processes(tasks: list[LogTask], workers: int) -> Generator[Entry, None, 
 
 
 def _begin(parent: int) -> None:
-    """In a worker, before anything else."""
+    """Prepare a worker process, before anything else in it."""
     end_with_parent(parent)
     one_heap()
     # HDF5 objects that are forgotten on a full disk print a traceback each, behind the error that
@@ -305,7 +309,7 @@ def _died(task: LogTask) -> Entry:
 
 
 def write_summary(campaign: Campaign, ledger: Ledger) -> str:
-    """summary.csv beside the tables: a row a log of the manifest, with its tags."""
+    """summary.csv beside the tables: a row per log of the manifest, with its tags."""
     tags = sorted({tag for log in campaign.logs for tag in log.tags})
     stream = io.StringIO(newline="")
     writer = csv.writer(stream)
@@ -318,8 +322,9 @@ def write_summary(campaign: Campaign, ledger: Ledger) -> str:
 
 
 def _summary_row(log: CampaignLog, entry: Entry | None, tables: list[str]) -> list[object]:
-    """One log's cells; its tables stand in the manifest's order, their quality words in the
-    alphabet's.
+    """One log's cells of the summary.
+
+    Its tables stand in the manifest's order, their quality words in the alphabet's.
     """
     if entry is None:
         return [log.path, log.name, "open", "", "", "", "", "", ""]

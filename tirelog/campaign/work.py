@@ -55,8 +55,9 @@ class LogTask:
 
 
 def make_tables(task: LogTask) -> Entry:
-    """Write the log's tables to `output/table=NAME/log=NAME/part.parquet`, and its pieces; a
-    failure is in the entry, never raised.
+    """Write the log's tables and its pieces; a failure is in the entry, never raised.
+
+    The tables go to `output/table=NAME/log=NAME/part.parquet`.
     """
     entry = Entry(task.log, task.name, task.key)
     begun = time.perf_counter()
@@ -105,8 +106,9 @@ def make_tables(task: LogTask) -> Entry:
 
 
 def _peak_memory_MB() -> float:
-    """The largest resident memory of this process; `ru_maxrss` begins at that of the process that
-    started it.
+    """The largest resident memory of this process [MB].
+
+    `ru_maxrss` begins at that of the process that started it.
     """
     try:
         status = Path("/proc/self/status").read_text("ascii")
@@ -121,16 +123,18 @@ def table_part_name(table: str, log: str) -> str:
 
 
 def pieces_name(observable: str, log: str) -> str:
-    """Where a log's pieces stand in the output folder; the folder's name changes with what is in
-    them.
+    """Where a log's pieces stand in the output folder.
+
+    The folder's name changes with what is in them.
     """
     return f"{HIDDEN}/steady/{observable}/{log}.npz"
 
 
 @contextmanager
 def _written(output: str, name: str) -> Iterator[str]:
-    """Path or address to write a file of the output folder to; a path's file takes its place at the
-    end.
+    """Path or address to write a file of the output folder to.
+
+    A path's file takes its place at the end.
     """
     if address(output) is not None:
         yield f"{output}/{name}"
@@ -172,8 +176,9 @@ def _make(
 
 
 def _keep_pieces(recording: Recording, task: LogTask, entry: Entry) -> None:
-    """The pieces of each observable that models of the campaign ask for; why there are none is in
-    the entry, and is no failure.
+    """The pieces of each observable that models of the campaign ask for.
+
+    Why there are none is in the entry, and is no failure.
     """
     if not task.observables:
         return

@@ -7,8 +7,8 @@ Common options, and a session that opens logs and adds up what was lost.
             for recording in session.recordings(logs):
                 table.write(columns)
 
-A session says each recording's remarks once on standard error, goes on with the next log where one
-cannot be read, and ends with status 3 where input was lost (4 where nothing at all could be read).
+A session says each recording's remarks once on standard error, goes on with the next log if one
+cannot be read, and ends with status 3 if input was lost (4 if nothing at all could be read).
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def keeps_hashes(output: Path | None, format: str | None) -> bool:
 
 
 class Session:
-    """One command's work on its logs; `hashed` where it tells their sha256."""
+    """One command's work on its logs; `hashed` if it tells their sha256."""
 
     def __init__(self, setup: Path | None, quiet: bool = False, *, hashed: bool = False) -> None:
         self.quiet, self._hashed = quiet, hashed
@@ -145,8 +145,9 @@ class Session:
         return self._shared
 
     def recordings(self, logs: list[str], *, blocks: int | None = None) -> Iterator[Recording]:
-        """The logs, one after the other, each closed before the next; of raw logs only the first
-        `blocks` where given.
+        """The logs, one after the other, each closed before the next.
+
+        Of raw logs only the first `blocks`, if given.
 
         A SetupError stops the command, a log that cannot be read does not; if none can, the command
         ends here, with status 4, before an empty table takes an older one's place.
@@ -186,7 +187,7 @@ class Session:
         return self._kept
 
     def _open(self, log: str, resources: ExitStack, blocks: int | None) -> Recording | None:
-        """One log, or None where it cannot be read (which has been said)."""
+        """One log, or None if it cannot be read (which has been said)."""
         from tirelog.runs.ingest import open_recording
 
         try:
@@ -205,8 +206,9 @@ class Session:
         return recording
 
     def _say_losses(self, recording: Recording) -> None:
-        """Say each loss once: when the log is opened, and again at its end, since a damaged chunk
-        is met while reading.
+        """Say each loss once.
+
+        When the log is opened, and again at its end, since a damaged chunk is met while reading.
         """
         for loss in recording.losses:
             text = f"{recording.log}: {loss}"

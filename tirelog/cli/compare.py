@@ -41,8 +41,9 @@ By = Annotated[
 def measured_and_model(
     session: Session, logs: list[str], model: Path, effects: Path | None, channel: str | None
 ) -> tuple[MeasuredLogs, Model]:
-    """What compare, diagnose and ladder start from; a log that cannot be read is said and left
-    out.
+    """What compare, diagnose and ladder start from.
+
+    A log that cannot be read is said and left out.
     """
     from tirelog.api.answers import measure
     from tirelog.api.models import load_model

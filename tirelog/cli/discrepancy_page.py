@@ -135,8 +135,9 @@ def diagnosis_page(result: Diagnosis) -> None:
 
 
 def _strength(candidate: Candidate) -> str:
-    """The first two strengths with their errors; a dash where there was no refit, since a linear
-    step may be no number of physics.
+    """The first two strengths with their errors.
+
+    A dash if there was no refit, since a linear step may be no number of physics.
     """
     parts = []
     for name, s in list(candidate.strengths.items())[:2]:

@@ -26,7 +26,7 @@ def history_file(model: Path) -> Path:
 
 
 def read_history(model: Path) -> list[dict[str, Any]]:
-    """The ladders climbed from a model, oldest first; none where there is no file.
+    """The ladders climbed from a model, oldest first; none if there is no file.
 
     ModelError: the file is damaged.
     """
@@ -47,7 +47,7 @@ def read_history(model: Path) -> list[dict[str, Any]]:
 
 
 def history_rows(model: Path) -> dict[str, list[Any]]:
-    """A row a step of every ladder.  ModelError: none was climbed yet."""
+    """A row per step of every ladder.  ModelError: none was climbed yet."""
     ladders = read_history(model)
     if not ladders:
         raise ModelError(
@@ -67,7 +67,7 @@ def history_rows(model: Path) -> dict[str, list[Any]]:
 
 
 def history_page(rows: dict[str, list[Any]]) -> str:
-    """The same to read: a line a step, errors in the observable's unit."""
+    """The same to read: a line per step, errors in the observable's unit."""
     lines, last = [], ""
     for i, climbed in enumerate(rows["climbed"]):
         if climbed != last:

@@ -140,7 +140,7 @@ def effect_page(effect: Effect) -> str:
 
 
 def catalogue_page(effects: Iterable[Effect]) -> str:
-    """The catalogue, two lines an effect."""
+    """The catalogue, two lines per effect."""
     lines = []
     for e in effects:
         lines.append(f"{e.id}: {e.mechanism}")

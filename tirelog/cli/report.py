@@ -101,7 +101,7 @@ def _possible(
     format: str,
     figures: Path | None,
 ) -> None:
-    """UsageError, before any work, where nothing could come of it."""
+    """UsageError, before any work, if nothing could come of it."""
     from tirelog.cli.targets import refuse_unwritable
     from tirelog.errors import UsageError, nearest
     from tirelog.report.page import plotting_library

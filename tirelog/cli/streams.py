@@ -52,8 +52,9 @@ def endings_unwind() -> Iterator[None]:
 
 
 class _Out(io.FileIO):
-    """Standard output's bytes; what cannot be written is an OutputError, a reader that leaves is
-    not.
+    """Standard output's bytes.
+
+    What cannot be written is an OutputError, a reader that leaves is not.
     """
 
     def write(self, data: Any) -> int:
@@ -66,8 +67,9 @@ class _Out(io.FileIO):
 
 
 def open_streams() -> None:
-    """Standard streams that are there, whoever started the process; to be called before any file is
-    opened.
+    """Standard streams that are there, whoever started the process.
+
+    To be called before any file is opened.
 
     A closed one is replaced by the null device in the direction that fails, or the next file that
     is opened would take its number.

@@ -6,8 +6,9 @@ from pathlib import Path
 
 
 def refuse_unwritable(*paths: Path | None) -> None:
-    """OutputError: the folder of one of the files to write is not there, or the path is a folder
-    itself.
+    """OutputError if a file to write cannot be written there.
+
+    The folder of one of the files is not there, or the path is a folder itself.
     """
     import errno
 

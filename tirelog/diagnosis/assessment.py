@@ -34,8 +34,10 @@ _INVISIBLE = 1e-3
 
 @dataclass(frozen=True)
 class Assessed:
-    """A candidate's best variant: statistic, family-wise p, strengths (k,) of the linear fit,
-    held-out gain with its standard error, removed mean square [unit^2].
+    """A candidate's best variant, with its evidence.
+
+    Statistic, family-wise p, strengths (k,) of the linear fit, held-out gain with its standard
+    error, removed mean square [unit^2].
     """
 
     signature: Signature

@@ -31,11 +31,12 @@ from tirelog.vocabulary.conditions import SETUP_KEYS
 from tirelog.vocabulary.observables import OBSERVABLES, STRAIN
 from tirelog.vocabulary.quality import Quality, quality_text
 
+#: cells whose waveforms are shown, and rows of the residual's map, at most
 _SHOWN = 4
 _MAP_ROWS = 24
 
 
-#: what every question is asked of: the stacks of all logs, or their pieces where the revolutions
+#: what every question is asked of: the stacks of all logs, or their pieces if the revolutions
 #: are too many to keep
 Measured = Sequence[Stack] | Pieces
 
@@ -48,14 +49,14 @@ def measured_pieces(measured: Measured) -> Pieces:
 
 
 def single_revolutions(measured: Measured) -> Sequence[Stack]:
-    """The stacks; none where only the pieces are left."""
+    """The stacks; none if only the pieces are left."""
     return () if isinstance(measured, Pieces) else measured
 
 
 def start(measured: Measured, model: Model) -> Base:
     """The base of every question: cells of all logs, the model fitted.
 
-    UsageError where model and logs do not fit together.
+    UsageError if model and logs do not fit together.
     """
     pieces = measured_pieces(measured)
     if pieces.observable != model.observable:
@@ -79,8 +80,9 @@ def compare(measured: Measured, model: Model) -> Comparison:
 
 
 def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
-    """Everything to show of a fitted base; the table by revolution is empty without the `stacks`
-    that it was made of.
+    """Everything to show of a fitted base.
+
+    The table by revolution is empty without the `stacks` that the base was made of.
     """
     measured = base.cells.values - base.offset_of_cell[:, None]
     spread = (
@@ -173,8 +175,9 @@ def _running_time(base: Base) -> FloatArray:
 
 
 def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
-    """Residual of the cells in the observable's unit with the shift removed, and in standard
-    errors; (C, m), NaN where empty.
+    """Residual of the cells in the observable's unit, and in standard errors.
+
+    (C, m) each, with the shift removed; NaN if empty.
     """
     good = base.plain.weights > 0
     left = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
@@ -232,8 +235,9 @@ def _map(base: Base, axis: FloatArray, name: str) -> Map:
 
 
 def error_tables(base: Base, stacks: Sequence[Stack]) -> ErrorTables:
-    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions; by revolution one
-    row each, made when it is asked for.
+    """Rows of rmse, noise_floor and excess by angle, speed, regime, conditions.
+
+    By revolution there is one row each, made when it is asked for.
     """
     c = base.cells
     tables = {"angle": _by_angle(base)}
@@ -286,7 +290,7 @@ def _some(base: Base, index: NDArray[np.int64]) -> Any:
 
 
 def _by_angle(base: Base) -> list[dict[str, Any]]:
-    """Entry, patch, exit, away."""
+    """Errors by part of the turn: entry, patch, exit, away."""
     if base.cells.phi.shape[1] == 1:
         return [_row(base, np.ones(len(base.cells), bool), {"angle": "all"})]
     edge, phi = half_angle(base), np.nanmean(base.cells.phi, axis=0)
@@ -322,8 +326,9 @@ def _by_angle(base: Base) -> list[dict[str, Any]]:
 
 
 def _by_revolution(base: Base, stacks: Sequence[Stack]) -> Iterator[list[dict[str, Any]]]:
-    """One row a revolution, stack by stack: rms of measured less predicted, the offset of its log
-    and its own shift taken out.
+    """One row per revolution, stack by stack.
+
+    The rms of measured less predicted, the offset of its log and its own shift taken out.
     """
     first = 0
     for stack in stacks:

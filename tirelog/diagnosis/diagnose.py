@@ -56,14 +56,16 @@ from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES
 
-#: shares of the excess that the selected effects must remove
+#: shares of the excess that the selected effects remove: below the first something is missing
+#: besides (`partial`), below the second the verdict is `unknown`
 EXPLAINED = 0.9
 MOST = 0.7
-#: and that several must remove together, where the first of them alone does not remove MOST: two
+#: share that several must remove together, if the first of them alone does not remove MOST: two
 #: wrong names imitate more than one
 TOGETHER = 0.85
-#: a rest is worth a word if it is this share of the excess, and of the squared floor
+#: a rest is worth a word from this share of the excess on (and LEAST_SHARE_OF_FLOOR of the floor)
 REST_SHARE = 0.02
+#: effects that one diagnosis names at most
 MOST_EFFECTS = 4
 
 Progress = Callable[[str], None]
@@ -71,8 +73,10 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Found:
-    """What the search came to: the base before, the steps, the base with all that was named, and
-    what later names made needless.
+    """What the search came to.
+
+    The base before, the steps, the base with all that was named, and what later names made
+    needless.
     """
 
     before: Base
@@ -302,7 +306,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
 def _verdict(
     few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, unnamed: str
 ) -> str:
-    """`unnamed`: what is said where no effect is named."""
+    """The verdict in one word; `unnamed` is the one if no effect is named."""
     if few:
         return "too_few"
     if not named:
@@ -317,11 +321,10 @@ def _verdict(
 def _ranking(
     found: Found, selected: Sequence[str], excess: float, floor: float, share_of_all: float
 ) -> tuple[Candidate, ...]:
-    """All candidates of the first step; those named later follow with what they did when they were
-    named.
+    """All candidates of the first step.
 
-    Where one effect was selected its share is `share_of_all`, so that the table and the sentence
-    say one number.
+    Those named later follow with what they did when they were named. If one effect was selected its
+    share is `share_of_all`, so that the table and the sentence say one number.
     """
     first = found.steps[0]
     refitted = {r.id: r for r in first.contenders}
@@ -362,8 +365,9 @@ def _ranking(
 
 
 def _strengths(found: Found, a: Assessed, refitted: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The effect's parameters with errors and units: from the final model, its own refit, or the
-    linear fit.
+    """The effect's parameters with errors and units.
+
+    From the final model, its own refit, or the linear fit.
     """
     for model in (found.after.model, *([refitted[a.id].base.model] if a.id in refitted else [])):
         own = {n.split(".")[1]: q for n, q in model.parameters.items() if n.startswith(f"{a.id}.")}

@@ -64,7 +64,7 @@ def fit_channels_measured(
 
 
 def _refuse(channels: Sequence[Pieces], model: Model) -> None:
-    """An error where there is nothing to fit, or to fit to."""
+    """An error if there is nothing to fit, or to fit to."""
     if not model.free:
         raise ModelError(
             "the model has no free parameter; one with { value, min, max } is needed; "
@@ -86,10 +86,10 @@ def _refuse(channels: Sequence[Pieces], model: Model) -> None:
 
 
 def _amplitudes_of_model(cells: Sequence[Cells], model: Model) -> tuple[list[Cells], Model]:
-    """The cells with amplitudes along the model's waveforms as it is fitted without free ones, and
-    the model so fitted.
+    """The cells with amplitudes along the model's waveforms, and the model so fitted.
 
-    Along the measured waveforms, noise and all, a model that predicts nothing would fit best.
+    The waveforms are those of the model fitted without free amplitudes. Along the measured
+    waveforms, noise and all, a model that predicts nothing would fit best.
     """
     plain = [with_nuisances(c, [name for name in c.free if name != "amplitude"]) for c in cells]
     fitted = fit_together(plain, model)

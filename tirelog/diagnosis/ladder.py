@@ -88,8 +88,9 @@ def _said(seen: int, locked: int) -> str:
 
 
 def locked_away(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
-    """(what the search may see, what nothing touches): every seventh manoeuvre, from the fourth,
-    where twelve remain.
+    """(what the search may see, what nothing touches).
+
+    The second is every seventh manoeuvre, from the fourth, if twelve remain.
     """
     numbers = np.unique(pieces.manoeuvre)
     chosen = numbers[3::_LOCK_EVERY]
@@ -100,8 +101,9 @@ def locked_away(pieces: Pieces) -> tuple[Pieces, Pieces | None]:
 
 
 def _untouched(after: Base, locked: Pieces) -> tuple[float, float]:
-    """rmse of the model on the locked manoeuvres, offsets as fitted on the others, and the floor
-    there.
+    """(rmse of the model on the locked manoeuvres, the floor there).
+
+    The offsets are as fitted on the others.
     """
     cells = cells_of(locked)
     for _ in range(3):
@@ -229,8 +231,9 @@ def _parameters(model: Model, before: Model | None) -> dict[str, dict[str, Any]]
 
 
 def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
-    """The effect's strengths fitted on each log alone, everything else held: one row a log and
-    strength.
+    """The effect's strengths fitted on each log alone, everything else held.
+
+    One row per log and strength.
     """
     own = next(e for e in base.model.effects if e.id == effect)
     names = [f"{effect}.{name}" for name in own.effect.strength]

@@ -40,6 +40,8 @@ from tirelog.vocabulary.conditions import CONDITIONS
 #: exponents of speed that are tested, and those that describe what was found
 EXPONENTS = (0.0, 1.0, 2.0)
 FINE_EXPONENTS = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+#: ring-downs behind the exit edge that are tried: fixed frequencies [Hz] or wavelengths [m], and
+#: how soon they decay, in time [s] or along the tread [m]
 _FREQUENCIES_HZ = np.geomspace(30.0, 400.0, 30)
 _WAVELENGTHS_M = np.geomspace(0.05, 0.5, 20)
 _DECAYS_S = (0.008, 0.02)
@@ -54,15 +56,16 @@ _PARITY = 0.9
 #: of its side (a wake is longer)
 _NEAR = 3.5
 _WAKE = 6.0
+#: cells that a ring-down is looked for in
 _SOME_CELLS = 24
-#: what one side must explain of both, and more than the other side
+#: share of what both sides explain that one side alone must, and its ratio to the other side's
 _ONE_SIDED = 0.93
 _MORE = 1.03
-#: single logs that a remainder may follow; a quantity is named in place of a log from this share of
-#: its statistic on; and two quantities that move together beyond this correlation are not told
-#: apart
+#: single logs that a remainder may follow
 MOST_LOGS = 4
+#: a quantity is named in place of a log from this share of its statistic on
 _NAMED_FIRST = 0.95
+#: two quantities that move together beyond this correlation are not told apart
 _TOGETHER = 0.98
 #: share of what is left that one shape must make up to be said, and rank correlation over
 #: manoeuvres of its size with what it is said to follow: so much, and so many standard errors of a
@@ -77,7 +80,9 @@ _SIGNED = tuple(c.symbol for c in CONDITIONS.values() if c.signed)
 
 @dataclass(frozen=True)
 class Leftover:
-    """`size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` where a
+    """What a free shape still explains in the residual.
+
+    `size` held-out mean square that the best free shape removes [unit^2]; `in_pressure` if a
     change of the contact pressure explains it best; `shape` (m,) the residual's leading one over
     `phi_rad` (m,).
     """
@@ -98,9 +103,11 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Scattered:
-    """What does not repeat: its root mean square `size` in the observable's unit, whether it looks
-    like a load that changes, and the quantity with which it is large ("" where none), growing with
-    it or falling, and what went along with that.
+    """What does not repeat.
+
+    Its root mean square `size` in the observable's unit, whether it looks like a load that
+    changes, and the quantity with which it is large ("" if none), growing with it or falling, and
+    what went along with that.
     """
 
     size: float
@@ -113,7 +120,7 @@ class Scattered:
 def scattered(base: Base, floor_square: float) -> Scattered:
     """Size and course of what is left beside the floor.
 
-    Where only chi-square tells of it, the size is that of cell means.
+    If only chi-square tells of it, the size is that of cell means.
     """
     plain, cells = base.plain, base.cells
     beyond = max(
@@ -168,8 +175,9 @@ def _factors(base: Base) -> dict[str, FloatArray]:
 
 
 def _best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
-    """The factor that explains most; a quantity is preferred to the log itself where it explains
-    nearly as much.
+    """The factor that explains most.
+
+    A quantity is preferred to the log itself if it explains nearly as much.
     """
     best = int(np.argmax(statistic))
     names = list(factors)
@@ -184,8 +192,9 @@ def _best_factor(factors: dict[str, FloatArray], statistic: FloatArray) -> int:
 
 
 def _alike(factors: dict[str, FloatArray], name: str) -> tuple[str, ...]:
-    """Other quantities that went along with the factor `name` in these cells, so that it could be
-    any of them.
+    """Other quantities that went along with the factor `name` in these cells.
+
+    It could be any of them.
     """
     mine = factors[name]
     if name.startswith(SPEED) or np.ptp(mine) == 0.0:
@@ -211,8 +220,9 @@ def _score(
     columns: FloatArray,
     factor: FloatArray | float = 1.0,
 ) -> Scores:
-    """Evidence for factor x columns, (C, m, k); free shapes are many, so some columns are projected
-    at a time.
+    """Evidence for factor x columns, (C, m, k).
+
+    Free shapes are many, so some columns are projected at a time.
     """
     left = side_by_side(lambda some: taken.without(base.white(factor * some)), [columns])
     flat = left.reshape(-1, left.shape[-1])
@@ -289,8 +299,9 @@ def describe(base: Base) -> Leftover:
 def _exponent(
     base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray
 ) -> tuple[float, bool]:
-    """The exponent of speed with which free shapes explain most, and whether these are shapes of
-    the pressure rather than of the observable.
+    """The exponent of speed with which free shapes explain most.
+
+    Also whether these are shapes of the pressure rather than of the observable.
     """
     speed = (base.cells.conditions.speed_m_s / 20.0)[:, None, None]
     kinds: list[Callable[[], FloatArray]] = [lambda: free]  # one after the other in memory
@@ -310,11 +321,10 @@ def _explained_by_exponent(
 def _one_side(
     base: Base, taken: Nuisance, residual: FloatArray, free: FloatArray, exponent: float
 ) -> str | None:
-    """'entry' or 'exit' where shapes on that side alone, with the base parameters free, explain
-    what shapes on both sides do.
+    """'entry' or 'exit' if shapes on that side alone explain what both sides do.
 
-    Patch length, shift and stiffness make a one-sided cause look two-sided once they are fitted;
-    the question takes that back.
+    The base parameters are free. Patch length, shift and stiffness make a one-sided cause look
+    two-sided once they are fitted; the question takes that back.
     """
     reach, phi = _WAKE * half_angle(base), np.nan_to_num(base.cells.phi)
     factor = (base.cells.conditions.speed_m_s / 20.0)[:, None, None] ** exponent
@@ -338,8 +348,9 @@ def _explained(score: Scores) -> float:
 
 
 def leading_shape(base: Base) -> FloatArray:
-    """The residual's leading shape over the angle, (m,), in the observable's unit at the cell where
-    it is largest.
+    """The residual's leading shape over the angle, (m,).
+
+    In the observable's unit at the cell where it is largest.
     """
     residual = base.plain(
         np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
@@ -380,8 +391,9 @@ def place_and_parity(base: Base, shape: FloatArray, phi: FloatArray) -> tuple[st
 
 
 def _frequency(base: Base) -> float | None:
-    """The frequency [Hz] of a ring-down after the exit edge, where a fixed one in time explains
-    more than a fixed wavelength.
+    """The frequency [Hz] of a ring-down after the exit edge.
+
+    Only if a fixed frequency in time explains more than a fixed wavelength.
     """
     base = thinned(base, _SOME_CELLS)
     cells, radius = base.cells, base.model.values["radius_m"]

@@ -45,9 +45,10 @@ _TRIAL_STEPS = 12
 #: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
 #: nothing seen
 SAME_CHI2 = 1e-3
-#: cosine above which two effects are one to these data; and above which they are if the wrong one
-#: leaves less than a third of the floor
+#: likeness (a cosine) from which on two effects are one to these data
 TWINS = 0.95
+#: and from which on they are if the wrong one leaves less than a third of the floor more: in mean
+#: squares, a ninth
 LIKE = 0.90
 _THIRD = 1.0 / 9.0
 #: share of such a direction that makes a strength undetermined
@@ -71,11 +72,11 @@ QUIET_CHI2 = 1.2
 
 @dataclass(frozen=True)
 class Refitted:
-    """A candidate in the model, refitted: the base with it, and its likeness to the best of its
-    step.
+    """A candidate in the model, refitted.
 
-    The likeness is given in whitened units and in size; it is 1 for the best itself. `sigmas`: by
-    how many standard errors its strengths differ from nothing.
+    The base with it, and its likeness to the best of its step. The likeness is given in whitened
+    units and in size; it is 1 for the best itself. `sigmas`: by how many standard errors its
+    strengths differ from nothing.
     """
 
     assessed: Assessed
@@ -90,8 +91,9 @@ class Refitted:
 
     @property
     def established(self) -> bool:
-        """Its strengths are distinguishable from nothing; what stands at its bounds, or what other
-        parameters do as well, is not.
+        """Its strengths are distinguishable from nothing.
+
+        What stands at its bounds, or what other parameters do as well, is not.
         """
         return self.sigmas >= ESTABLISHED_SIGMAS
 
@@ -103,10 +105,10 @@ class Refitted:
 
 @dataclass(frozen=True)
 class Step:
-    """One step: base before, all candidates assessed, why others are not, the contenders refitted
-    (best first), the named one or None.
+    """One step of the search for names.
 
-    The signatures' columns have served then and are not kept.
+    Base before, all candidates assessed, why others are not, the contenders refitted (best first),
+    the named one or None. The signatures' columns have served then and are not kept.
     """
 
     before: Base
@@ -126,8 +128,9 @@ class Step:
         *,
         named: bool = False,
     ) -> Step:
-        """A step in which the best of the contenders is `named`, or nothing; what is not
-        established is never named.
+        """A step in which the best of the contenders is `named`, or nothing.
+
+        What is not established is never named.
         """
         named = named and nameable(contenders)
         light = [replace(r, assessed=_without_columns(r.assessed)) for r in contenders]
@@ -154,10 +157,10 @@ def assess_all(
 
 
 def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
-    """The best refit with the candidate, from its linear strength and from its probe, tried on
-    `few` cells and finished on all.
+    """The best refit with the candidate, from its linear strength and from its probe.
 
-    ModelError where no start leads below the base: a worse refit is a failed refit.
+    Both are tried on `few` cells and finished on all. ModelError if no start leads below the base:
+    a worse refit is a failed refit.
     """
     effect = candidate.signature.effect
     linear = dict(zip(candidate.signature.strengths, candidate.strengths, strict=True))
@@ -196,8 +199,9 @@ def refit_candidate(base: Base, few: Base, candidate: Assessed) -> Base:
 
 
 def _moved(base: Base, model: Model) -> float:
-    """How far the base's free parameters are from what the model file gave, as shares of the
-    larger, summed.
+    """How far the base's free parameters are from what the model file gave.
+
+    As shares of the larger of the two values, summed.
     """
     given = (base.given or base.model).values
     pairs = [(given[name], model.values[name]) for name in base.fit.names if name in given]
@@ -226,8 +230,9 @@ def contend(base: Base, assessed: Sequence[Assessed], reasons: dict[str, str]) -
 
 
 def strength_sigmas(base: Base, effect_id: str) -> float:
-    """By how many standard errors an effect's strengths together differ from nothing, per root of
-    their number.
+    """By how many standard errors an effect's strengths differ from nothing.
+
+    All of them together, per root of their number.
 
     The errors are marginal: what the base, other effects and the effect's own shape can do as well
     is no evidence. In a waveform a direction that changes nothing at all is the scale that EJ, k,
@@ -273,8 +278,9 @@ def nameable(contenders: Sequence[Refitted]) -> bool:
 
 
 def clearly_worse(one: Base, other: Base, sigmas: float = WORSE_SIGMAS) -> bool:
-    """Is the held-out error of `one` above that of `other`, by the scatter of manoeuvres and by
-    more than a twentieth of the floor?
+    """Is the held-out error of `one` above that of `other`?
+
+    By the scatter of manoeuvres and by more than a twentieth of the floor.
     """
     gain, error = gain_and_error(one.held_plain, other.held_plain)
     return (
@@ -289,8 +295,9 @@ def quiet(base: Base, floor_square: float) -> bool:
 
 
 def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
-    """Nonlinear cosines of two refits: the root of what the rival explains over what the best does,
-    whitened and in size.
+    """Nonlinear cosines of two refits, whitened and in size.
+
+    The root of what the rival explains over what the best does.
     """
     white = (base.fit.chi2 - rival.fit.chi2) / max(base.fit.chi2 - best.fit.chi2, 1e-300)
     size = (base.square_held - rival.square_held) / max(base.square_held - best.square_held, 1e-300)
@@ -298,9 +305,9 @@ def likenesses(base: Base, best: Base, rival: Base) -> tuple[float, float]:
 
 
 def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
-    """The best and those that these data cannot tell from it; empty where it stands alone.
+    """The best and those that these data cannot tell from it; empty if it stands alone.
 
-    Likeness of shape decides, since no tire follows our forms. But where the best leaves the noise
+    Likeness of shape decides, since no tire follows our forms. But if the best leaves the noise
     floor alone its form is right, and a rival that leaves clearly more, and more than the floor, is
     none.
     """
@@ -324,8 +331,9 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
 
 
 def right_to_the_floor(best: Refitted) -> bool:
-    """Does the model with it leave the noise floor alone, once what it explains is no longer taken
-    for scatter?
+    """Does the model with it leave the noise floor alone?
+
+    Once what it explains is no longer taken for scatter.
     """
     if best.at_bounds:
         return False
@@ -359,8 +367,9 @@ def first_step(base: Base, extra: Iterable[Effect] = ()) -> Step:
 
 
 def hats(phi: FloatArray) -> FloatArray:
-    """Free shapes over the angle: triangles on nodes 3 degrees apart within +-60 degrees, 10
-    beyond; (C, m) to (C, m, k).
+    """Free shapes over the angle, (C, m) to (C, m, k).
+
+    Triangles on nodes 3 degrees apart within +-60 degrees, 10 beyond.
     """
     nodes = np.deg2rad(
         np.r_[
@@ -382,7 +391,7 @@ def hats(phi: FloatArray) -> FloatArray:
 def freedom_of_shape(base: Base, effect_id: str) -> FloatArray:
     """Columns (C, m, k): an effect's size per cell times free shapes over the angle.
 
-    A form that is somewhat wrong keeps its symmetry: where the effect's own contribution is even
+    A form that is somewhat wrong keeps its symmetry: if the effect's own contribution is even
     (or odd) about the patch centre, so are the shapes.
     """
     problem = Problem(base.cells, base.white)
@@ -421,8 +430,9 @@ def _independent(columns: FloatArray) -> FloatArray:
 def next_step(
     base: Base, named: Sequence[str], excess: float, extra: Iterable[Effect] = ()
 ) -> Step:
-    """A further effect beside those `named`; `excess` is the mean square that the first base left
-    above the floor.
+    """A further effect beside those `named`.
+
+    `excess` is the mean square that the first base left above the floor.
     """
     assessed, reasons = assess_all(base, extra)
     floor = base.floor.square
@@ -440,8 +450,9 @@ def next_step(
 
 
 def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str, ...]]:
-    """The base without those named effects that the others have made needless, and their names: a
-    first name may have stood in for two.
+    """(the base without needless effects, their names).
+
+    Needless are named effects that the others have made so: a first name may have stood in for two.
     """
     dropped: list[str] = []
     for name in named:
@@ -459,8 +470,9 @@ def without_needless(after: Base, named: Sequence[str]) -> tuple[Base, tuple[str
 def regrouped(
     after: Base, named: Sequence[str], extra: Iterable[Effect] = ()
 ) -> dict[str, tuple[str, ...]]:
-    """For each of several named effects the set of those that could stand in its place beside the
-    others.
+    """For each of several named effects the set of those that could stand in its place.
+
+    Beside the others, which stay.
     """
     groups = {}
     for name in named:

@@ -14,12 +14,11 @@ if TYPE_CHECKING:
 
 
 def removed_errors(found: Found) -> dict[str, float]:
-    """Effect -> standard error of the share of the held-out excess mean-square error that it
-    removes alone.
+    """Effect -> standard error of the share of the excess that it removes alone.
 
-    The share is a ratio of sums over manoeuvres, gain over excess; its error is that of the sum of
-    (gain - share x excess). Known for the candidates that were refitted in the first step; empty
-    where there is no excess to share.
+    The excess is the held-out mean-square error above the floor. The share is a ratio of sums over
+    manoeuvres, gain over excess; its error is that of the sum of (gain - share x excess). Known for
+    the candidates that were refitted in the first step; empty if there is no excess to share.
     """
     base = found.steps[0].before
     floor = (found.after if found.named else found.before).floor

@@ -22,8 +22,9 @@ Rows = list[dict[str, Any]]
 
 @dataclass(frozen=True)
 class Waveforms:
-    """Some cells to look at: measured, predicted, floor (k, m) in the observable's unit at angles
-    phi (k, m) [rad]; `labels` (k,).
+    """Some cells to look at: measured, predicted, floor.
+
+    (k, m) each, in the observable's unit at angles phi (k, m) [rad]; `labels` (k,).
     """
 
     phi_rad: FloatArray
@@ -49,8 +50,9 @@ class Map:
 
 
 class ErrorTables(Mapping[str, Rows]):
-    """Rows by the name of their table; a large table is made when it is asked for, by `parts`
-    without being in memory as a whole.
+    """Rows by the name of their table.
+
+    A large table is made when it is asked for, by `parts` without being in memory as a whole.
     """
 
     def __init__(
@@ -152,8 +154,10 @@ class Candidate:
 
 @dataclass(frozen=True)
 class LadderStep:
-    """One row of a ladder; `parameters` name -> value, se, unit, shift_sigma against the row
-    before; `probability` of being noise.
+    """One row of a ladder.
+
+    `parameters` name -> value, se, unit, shift_sigma against the row before; `probability` of being
+    noise.
     """
 
     step: int
@@ -170,8 +174,9 @@ class LadderStep:
 
 @dataclass(frozen=True)
 class Ladder:
-    """Steps from the base model to the floor, the model at the top, and its error on manoeuvres
-    that nothing had touched.
+    """Steps from the base model to the floor, and the model at the top.
+
+    With its error on manoeuvres that nothing had touched.
 
     The errors of the steps are those of `compare` on the `manoeuvres` that the search saw;
     `manoeuvres_locked` others were kept from it, and `rmse_untouched` is the last model's error on
@@ -193,7 +198,7 @@ class Ladder:
     remarks: tuple[str, ...] = ()
 
     def rows(self) -> list[dict[str, Any]]:
-        """The table, one dict a step, parameters as `name` and `name_se` columns at the end."""
+        """The table, one dict per step, parameters as `name` and `name_se` columns at the end."""
         names = [n for n in LadderStep.__dataclass_fields__ if n != "parameters"]
         result = []
         for step in self.steps:
@@ -236,7 +241,7 @@ def in_unit(error: float | None, factor: float) -> str:
 
 
 def excess_of(rmse: float, floor: float) -> float:
-    """sqrt(rmse^2 - floor^2), zero where the error lies below the floor."""
+    """sqrt(rmse^2 - floor^2), zero if the error lies below the floor."""
     return float(np.sqrt(max(rmse**2 - floor**2, 0.0)))
 
 

@@ -32,9 +32,9 @@ WANTED_SIGMA = 3.0
 _REVOLUTIONS = 40
 _ANGLES = 128
 _SPEEDS = 6
-#: a planned stretch has been driven where speed, load, age or water come within this share of the
-#: plan; where most of the range of speeds was passed, at an acceleration no further off than by
-#: this factor; or where the log is as long.  Cells average over a band of speed
+#: a planned stretch has been driven if speed, load, age or water come within this share of the
+#: plan; if most of the range of speeds was passed, at an acceleration no further off than by
+#: this factor; or if the log is as long.  Cells average over a band of speed
 SAME = 0.1
 _MOST_OF = 0.7
 _SLOWER = 0.4
@@ -43,8 +43,10 @@ _LONG_S = 60.0
 
 @dataclass(frozen=True)
 class CandidateManoeuvre:
-    """Something a driver can be asked for: speeds [m/s] passed through, acceleration [m/s^2], a
-    factor on the load, values of other conditions by field.
+    """Something a driver can be asked for.
+
+    Speeds [m/s] passed through, acceleration [m/s^2], a factor on the load, values of other
+    conditions by field.
     """
 
     name: str
@@ -119,8 +121,9 @@ def driven(base: Base, manoeuvre: CandidateManoeuvre) -> bool:
 
 
 def separations(base: Base, first: Model, second: Model) -> list[dict[str, Any]]:
-    """For every allowed manoeuvre how far it would part `first` (taken as true) from any refit of
-    `second`, best first.
+    """How far every allowed manoeuvre would part `first` from `second`, best first.
+
+    `first` is taken as true, and parted from any refit of `second`.
     """
     names = free_names(second, base.cells)
     problem = Problem(base.cells, base.white)
@@ -184,8 +187,9 @@ def _load_columns(
 def advise(
     base: Base, rivals: Sequence[tuple[str, Model]], most: int = 3
 ) -> tuple[list[dict[str, Any]], list[str]]:
-    """The best manoeuvres for the first rival against each other one, and notes where no drive on
-    the list parts them.
+    """The best manoeuvres for the first rival against each other one, and notes.
+
+    The notes say when no drive on the list parts two rivals.
     """
     if base.cells.phi.shape[1] == 1:
         return [], [

@@ -1,4 +1,4 @@
-"""Is it there?
+"""Whether an effect is there: significance, held-out gain and size.
 
 Joint sign flips of manoeuvres with the maximum over candidates, leave-one-manoeuvre-out gain, and
 the size rule.
@@ -6,13 +6,13 @@ the size rule.
     scores (M, k) of each candidate: inner product of its projected signature with the projected
         residual, manoeuvre by manoeuvre
     T = | L^-1 sum of scores |, L L' = Gram of the projected signature (one column: sum / norm; only
-        its sign where one is physical)
+        its sign if one is physical)
     the same signs for all candidates flip a manoeuvre as a whole; p of a candidate = share of flips
         whose *largest* T reaches its T
 
 If nothing is missing a manoeuvre's scores are as likely to point one way as the other, whatever the
 correlation inside the manoeuvre: the rate of false alarms over all candidates is p. The smallest p
-that M manoeuvres allow is 2^-M, or 2^(1-M) where both signs count.
+that M manoeuvres allow is 2^-M, or 2^(1-M) if both signs count.
 """
 
 from __future__ import annotations
@@ -24,22 +24,28 @@ import numpy as np
 
 from tirelog.vocabulary.arrays import FloatArray
 
-#: an alarm needs all three
+#: an alarm needs all three: a family-wise p of at most this, which bounds the rate of false alarms
+#: over all candidates (doubled, it allows twice as many);
 ALARM_P = 0.01
+#: a gain held out of more than so many of its standard errors;
 GAIN_SIGMAS = 1.0
+#: and that more than this share of the squared floor goes: what is too small to matter may repeat
+#: perfectly, and no p-value removes that
 LEAST_SHARE_OF_FLOOR = 0.05
 #: manoeuvres that a two-sided p of ALARM_P needs
 FEWEST_MANOEUVRES = 8
 #: up to so many manoeuvres all patterns of signs are tried
 _EXACT = 13
+#: and beyond them so many random ones, some at a time
 _RANDOM = 16383
 _BLOCK = 1024
 
 
 @dataclass(frozen=True)
 class Scores:
-    """One signature's evidence: scores (M, k), Gram (k, k); `one_sided` where only a positive
-    strength is physical (k = 1).
+    """One signature's evidence: scores (M, k), Gram (k, k).
+
+    `one_sided` if only a positive strength is physical (k = 1).
     """
 
     scores: FloatArray
@@ -47,8 +53,9 @@ class Scores:
     one_sided: bool = False
 
     def root(self) -> FloatArray:
-        """(k, r) W with T = | scores W |: inverse root of the Gram matrix on its support, whatever
-        units the strengths have.
+        """(k, r) W with T = | scores W |.
+
+        The inverse root of the Gram matrix on its support, whatever units the strengths have.
         """
         length = np.sqrt(np.diag(self.gram))
         length = np.where(length > 0.0, length, np.inf)
@@ -59,15 +66,17 @@ class Scores:
 
 
 def least_p(manoeuvres: int) -> float:
-    """The smallest p that the test can give for a one-sided question; what is within twice of it is
-    "at most" that.
+    """The smallest p that the test can give for a one-sided question.
+
+    What is within twice of it is "at most" that.
     """
     return 0.5**manoeuvres if manoeuvres <= _EXACT else 1.0 / (_RANDOM + 1)
 
 
 def flip_signs(manoeuvres: int, seed: int = 0) -> FloatArray:
-    """(F, M) of +-1: all sign patterns up to 13 manoeuvres, else random ones; the first is what was
-    measured.
+    """Sign patterns of the manoeuvres, (F, M) of +-1.
+
+    All of them up to 13 manoeuvres, else random ones; the first is what was measured.
     """
     if manoeuvres <= _EXACT:
         bits = (np.arange(2**manoeuvres)[:, None] >> np.arange(manoeuvres)) & 1

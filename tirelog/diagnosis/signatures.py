@@ -3,7 +3,7 @@
 Columns (C, m, k), and which candidates cannot be tested, and why.
 
 A signature is the change of the fitted model's prediction when the effect is switched on at its
-probe strength, per unit of strength, one column a strength parameter. Where an effect has shape
+probe strength, per unit of strength, one column per strength parameter. If an effect has shape
 parameters besides (the width of a pulse, a time constant), it is tried at a few of them, one at a
 time: variants, of which the one with the largest statistic stands for the effect (all take part in
 the family-wise maximum).
@@ -32,7 +32,9 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True)
 class Signature:
-    """`columns` (C, m, k) in the observable's unit per unit of each of `strengths`; `shape` the
+    """What each strength of an effect would do to the observable.
+
+    `columns` (C, m, k) in the observable's unit per unit of each of `strengths`; `shape` the
     shape parameters it holds at.
     """
 
@@ -44,8 +46,9 @@ class Signature:
 
 
 def candidate_effects(model: Model, extra: Iterable[Effect] = ()) -> list[Effect]:
-    """The catalogue and the user's own, for this observable and carcass, without what the model
-    holds already.
+    """The catalogue and the user's own effects, for this observable and carcass.
+
+    Without what the model holds already.
     """
     held = {effect.id for effect in model.effects}
     known = {**BY_ID, **{effect.id: effect for effect in extra}}
@@ -71,8 +74,9 @@ def variants(effect: Effect) -> list[dict[str, float]]:
 
 
 def with_candidate(model: Model, effect: Effect, values: Mapping[str, float]) -> Model:
-    """The model with the effect at these values, strengths not given at zero, clipped to the
-    bounds.
+    """The model with the effect at these values, clipped to the bounds.
+
+    Strengths that are not given are zero.
     """
     zero = dict.fromkeys(effect.strength, 0.0)
     clipped = {}
@@ -87,7 +91,7 @@ def signatures_of(
 ) -> list[Signature]:
     """All variants of one candidate.
 
-    ModelError where it cannot be computed here (`needs`, or the physics refuses it).
+    ModelError if it cannot be computed here (`needs`, or the physics refuses it).
     """
     lacking = effect.missing(problem.cells.conditions)
     if lacking:

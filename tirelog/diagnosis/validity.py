@@ -46,7 +46,7 @@ def out_of_range(base: FittedChannel) -> list[str]:
 
 
 def _range(low: float, high: float, unit: str) -> str:
-    """`from 2 to 40 m/s`, or one bound where there is no other."""
+    """`from 2 to 40 m/s`, or one bound if there is no other."""
     after = "" if unit == "1" else f" {unit}"
     upper = "" if np.isinf(high) else f"to {high:g}{after}"
     lower = "" if np.isinf(low) else f"from {low:g}" + ("" if upper else after)

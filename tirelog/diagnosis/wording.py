@@ -20,14 +20,14 @@ from tirelog.vocabulary.observables import OBSERVABLES, shown
 # Said with every diagnosis, since no statistic can.
 #
 # conditions of the cells, the catalogue's `follows`
-#     -> one sentence, or none where everything that effects follow varies
+#     -> one sentence, or none if everything that effects follow varies
 
 #: a range below this share of the largest value is none
 _SAME = 0.02
 
 
 def not_varied(conditions: Conditions, effects: Iterable[Effect]) -> str:
-    """The sentence, '' where there is nothing to say."""
+    """The sentence, '' if there is nothing to say."""
     same: list[str] = []
     unknown: list[str] = []
     who: list[str] = []
@@ -81,7 +81,7 @@ _PARITY = {
 
 
 def sentence_of(facts: Mapping[str, Any]) -> str:
-    """The verdict in one sentence; what is no physics first where conditions may be wrong."""
+    """The verdict in one sentence; what is no physics first if conditions may be wrong."""
     verdict, selected, share = facts["verdict"], facts["selected"], facts["share"]
     names = " and ".join(selected)
     excess = (
@@ -163,16 +163,15 @@ def percent(share: float) -> str:
 
 
 def probability(p: float, manoeuvres: int) -> str:
-    """A p-value for a reader; where it is the least that so many manoeuvres allow, it is at most
-    that.
+    """A p-value for a reader.
+
+    If it is the least that so many manoeuvres allow, it is at most that.
     """
     return f"<= {p:.2g}" if p <= 2.0 * least_p(manoeuvres) else f"{p:.2g}"
 
 
 def rounding_sentences(observable: str, held: float, floor: float, rounding: float) -> list[str]:
-    """What is to be said of mean squares beside that which rounding alone leaves in single values,
-    if anything.
-    """
+    """What to say, if anything, of mean squares beside what rounding leaves in single values."""
     factor, unit = OBSERVABLES[observable].shown_factor, OBSERVABLES[observable].shown_unit
     size = f"{rounding**0.5 * factor:.3g} {unit}"
     if rounding > 0.0 and min(held, floor) < BELOW_ROUNDING * rounding:

@@ -30,16 +30,18 @@ from tirelog.inference.metric.whitening import Whitener, whitener
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
-#: before anything is fitted the model may miss this share of the waveform's rms; and a discrepancy
-#: below this share of the floor is none
+#: before anything is fitted the model may miss this share of the waveform's rms
 _FIRST_DISCREPANCY = 0.03
+#: a discrepancy below this share of the floor is none
 _LEAST_DISCREPANCY = 0.02
 
 
 @dataclass(frozen=True)
 class FittedChannel:
-    """A fitted model on the cells of one channel: metrics `white` (significance) and `plain`
-    (size), the floor; `discrepancy` [unit^2], the mean square that the model misses.
+    """A model fitted on the cells of one channel.
+
+    Metrics `white` (significance) and `plain` (size), the floor; `discrepancy` [unit^2], the mean
+    square that the model misses.
     """
 
     cells: Cells
@@ -81,16 +83,18 @@ class FittedChannel:
 
     @property
     def square_rounding(self) -> float:
-        """Mean square error that rounding to the source's steps leaves in a revolution's value; 0
-        where no step is seen.
+        """Mean square error of a revolution's value from rounding to the source's steps.
+
+        0 if no step is seen.
         """
         return float((self.plain.weights**2 * self.cells.rounding).sum()) / self.plain.weight
 
 
 @dataclass(frozen=True)
 class Base(FittedChannel):
-    """A fitted channel with held-out losses by manoeuvre (M,). `given`: the model as it came, with
-    the values that the search started from.
+    """A fitted channel with held-out losses by manoeuvre (M,).
+
+    `given`: the model as it came, with the values that the search started from.
     """
 
     held_white: FloatArray
@@ -117,7 +121,7 @@ class Base(FittedChannel):
 def prepare(cells: Cells, model: Model, *, several: bool = True) -> Base:
     """The base model fitted, with its floor.
 
-    ModelError where it cannot be computed at these speeds.
+    ModelError if it cannot be computed at these speeds.
     """
     model = model.resolved(cells.conditions)
     (fitted,), (raw,) = _fitted([cells], model, several)
@@ -129,7 +133,7 @@ def fit_together(
 ) -> list[FittedChannel]:
     """The model fitted to all channels at once; of one channel the fit of `prepare`.
 
-    ModelError where it cannot be computed at these speeds.
+    ModelError if it cannot be computed at these speeds.
     """
     conditions = Conditions.concatenate([cells.conditions for cells in channels])
     return _fitted(channels, model.resolved(conditions), several)[0]
@@ -149,9 +153,10 @@ def _fitted(
 def _with_scatter(
     raw: Sequence[Cells], fits: Sequence[Fit], missed: Sequence[float]
 ) -> list[FittedChannel]:
-    """Cells of each channel at their mean speeds by this fit; metric and floor with the scatter
-    between manoeuvres and the discrepancy that this fit leaves, and the model fitted in them;
-    twice.
+    """The fit with the scatter and the discrepancy that it leaves in metric and floor.
+
+    The cells of each channel are taken at their mean speeds by this fit, the scatter between
+    manoeuvres and the discrepancy go into metric and floor, and the model is fitted in them; twice.
     """
     cells = [at_mean_speed(*channel) for channel in zip(raw, fits, strict=True)]
     plain = [Plain.of(channel) for channel in cells]
@@ -167,8 +172,9 @@ def _with_scatter(
 
 
 def _in_scatter(cells: Cells, plain: Plain, fit: Fit, missed: float) -> FittedChannel:
-    """A channel in the metric with the scatter and the discrepancy that the fit leaves, which was
-    made with another, `missed` [unit^2].
+    """A channel in the metric with the scatter and the discrepancy that the fit leaves.
+
+    The fit itself was made with another discrepancy, `missed` [unit^2].
     """
     own = whitener(cells, missed)
     columns = scatter_columns(cells, fit)
@@ -207,8 +213,9 @@ def _offset_of_cell(cells: Cells, fit: Fit) -> FloatArray:
 
 
 def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
-    """Mean square [unit^2] that the fit leaves above the floor; nothing where it is too small to
-    matter.
+    """Mean square [unit^2] that the fit leaves above the floor.
+
+    Nothing if it is too small to matter.
     """
     residual = cells.values - fit.prediction - _offset_of_cell(cells, fit)[:, None]
     left = plain.mean_square((plain(np.nan_to_num(residual)) ** 2).sum()) - floor.between
@@ -216,8 +223,9 @@ def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
 
 
 def settled(base: Base) -> Base:
-    """The same model with the scatter between manoeuvres measured anew: once an effect is in, less
-    is taken for scatter.
+    """The same model with the scatter between manoeuvres measured anew.
+
+    Once an effect is in, less is taken for scatter.
     """
     raw = replace(base.raw or base.cells, phi=base.cells.phi, moved=base.cells.moved)
     (anew,) = _with_scatter([raw], [base.fit], [base.discrepancy])
@@ -232,8 +240,9 @@ def refit(base: Base, model: Model) -> Base:
 
 
 def thinned(base: Base, most: int) -> Base:
-    """The same fit on at most `most` cells that span logs, manoeuvres and speeds, for trying
-    things.
+    """The same fit on at most `most` cells, for trying things.
+
+    The cells span logs, manoeuvres and speeds.
     """
     if len(base.cells) <= most:
         return base

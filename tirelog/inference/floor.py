@@ -37,8 +37,10 @@ _SOME_CELLS = 64
 
 @dataclass(frozen=True)
 class Plain:
-    """The metric of size: what is free in a cell (its shift) removed, along `direction` (C, m, k),
-    each cell weighted by its revolutions, so that sums of squares are mean squares times `weight`.
+    """The metric of size.
+
+    What is free in a cell (its shift) is removed, along `direction` (C, m, k); each cell is
+    weighted by its revolutions, so that sums of squares are mean squares times `weight`.
     """
 
     cells: Cells
@@ -75,8 +77,9 @@ class Plain:
         return replace(self, weights=self.weights[rows], direction=self.direction[rows])
 
     def mean_square(self, losses: FloatArray) -> float:
-        """Mean square error of a revolution's value above `within`, from sums of squares (M,) of
-        cell means.
+        """Mean square error of a revolution's value above `within`.
+
+        From sums of squares (M,) of cell means.
         """
         return (float(np.sum(losses)) - self.bias) / self.weight
 
@@ -95,8 +98,9 @@ def _orthonormal_in_cells(columns: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Floor:
-    """Mean squares [unit^2]: within, between, and by angle (m,); `load_sd` relative, `baseline_sd`
-    [unit]: scatter between manoeuvres.
+    """The noise floor: mean squares [unit^2] within, between, and by angle (m,).
+
+    `load_sd` relative, `baseline_sd` [unit]: scatter between manoeuvres.
     """
 
     within: float
@@ -112,8 +116,9 @@ class Floor:
 
 
 def load_derivative(cells: Cells, fit: Fit) -> FloatArray:
-    """Change of the prediction per relative change of the load, (C, m); where the model does not
-    know what a load does, its amplitude.
+    """Change of the prediction per relative change of the load, (C, m).
+
+    Its amplitude if the model does not know what a load does.
     """
     conditions = cells.conditions
     load = np.where(
@@ -188,11 +193,11 @@ def scatter_columns(cells: Cells, fit: Fit) -> FloatArray:
 
 
 def trend_columns(cells: Cells) -> FloatArray:
-    """What physics may follow, one row a manoeuvre (M, k): each log's level, acceleration, time,
-    and v, v^2 log by log.
+    """What physics may follow, one row per manoeuvre (M, k).
 
-    What follows speed may follow a log's load, pressure, water or age besides. The last columns
-    come only where enough manoeuvres are left to show scatter.
+    Each log's level, acceleration, time, and v, v^2 log by log. What follows speed may follow a
+    log's load, pressure, water or age besides. The last columns come only if enough manoeuvres are
+    left to show scatter.
     """
     M = cells.manoeuvres
     number = np.bincount(cells.manoeuvre, cells.revolutions, M)
@@ -223,8 +228,9 @@ def trend_columns(cells: Cells) -> FloatArray:
 def scatter_between(
     cells: Cells, white: Whitener, fit: Fit, columns: FloatArray
 ) -> tuple[float, float]:
-    """Standard deviations between manoeuvres of the relative load and the baseline, by the method
-    of moments.
+    """Standard deviations between manoeuvres of the relative load and the baseline.
+
+    By the method of moments.
     """
     residual = Nuisance.of(Offsets.of(cells, white), white(fit.jacobian)).without(
         white(cells.values - fit.prediction)
@@ -270,12 +276,12 @@ def measure_floor(
 def held_out_losses(
     cells: Cells, white: Whitener, plain: Plain, fit: Fit, *more: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Losses (M,) of each manoeuvre when all the others decide the parameters: in whitened units,
-    and in the plain metric.
+    """Losses (M,) of each manoeuvre when all the others decide the parameters.
 
-    One step from the fitted point, which is where leaving one manoeuvre out moves it. `more` (C, m,
-    k) each add columns to the model. What the same step would gain on all data is no part of it:
-    the fit could not take it (bounds, a bent way), so leaving data out cannot.
+    They come in whitened units and in the plain metric. One step from the fitted point, which is
+    where leaving one manoeuvre out moves it. `more` (C, m, k) each add columns to the model. What
+    the same step would gain on all data is no part of it: the fit could not take it (bounds, a bent
+    way), so leaving data out cannot.
     """
     in_white, in_plain = (_levelled(cells, metric, fit, more) for metric in (white, plain))
     theta, offset = in_white.left_out()
@@ -287,8 +293,9 @@ def held_out_losses(
 def _levelled(
     cells: Cells, metric: Whitener | Plain, fit: Fit, more: Sequence[FloatArray]
 ) -> Levelled:
-    """The normal equations of every manoeuvre; no metric couples two of them, so some are worked on
-    at a time.
+    """The normal equations of every manoeuvre.
+
+    No metric couples two of them, so some are worked on at a time.
     """
     parts, made = [fit.moving, *more], []
     level = float(cells.phi.shape[1] > 1)  # a number per revolution has no offset of its own

@@ -70,8 +70,9 @@ def _watched(
     channel: str | None,
     kept: dict[str, Recording],
 ) -> Iterator[Recording]:
-    """The recordings as they come; of those that met an obstacle the observed channel is kept in
-    memory, by log.
+    """The recordings as they come.
+
+    Of those that met an obstacle the observed channel is kept in memory, by log.
     """
     for recording in recordings:
         if recording.setup.road.kind != "flat":
@@ -117,8 +118,9 @@ def _parted(stacks: Stacks, kept: dict[str, Recording]) -> MeasuredLogs:
 
 
 def _waveforms(recording: Recording, source: Channel, stack: Stack) -> Stack:
-    """The stack itself, or that of the channel from which its numbers per revolution come: an
-    obstacle shows in a waveform.
+    """The stack itself, or that of the channel from which its numbers per revolution come.
+
+    An obstacle shows in a waveform.
     """
     if stack.observable in WAVEFORMS:
         return stack

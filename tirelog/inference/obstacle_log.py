@@ -28,21 +28,22 @@ from tirelog.inference.stacks.align import PassageAngle, split_turns, template
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
-#: A hit is compared for this long [s] after the obstacle was reached, and for this many revolutions
-#: it disturbs the steady waveform.
+#: A hit is compared for this long [s] after the obstacle was reached.
 WINDOW_S = 0.5
 #: Mean square over this time [s] that is so many times its median is no steady rolling.
 _SMOOTH_S, _STANDS_OUT = 0.01, 8.0
+#: Outbursts that are taken for hits at most, evenly over the log.
 _MOST_HITS = 12
-#: A hit closer than this [s] to an end of the log cannot be compared; passages so many turns around
-#: it may be disturbed.
+#: A hit closer than this [s] to an end of the log cannot be compared.
 _ROOM_S = 0.1
 #: Revolutions without a passage that may be counted by the speed, and by how much of one the count
 #: may be off.
 _LONGEST_GAP, _PLAIN = 20.0, 0.25
 #: Steady rolling nearest to a hit that it is compared with [s].
 _STEADY_S = 4.0
+#: Turns before and after a hit whose passages may be disturbed.
 DISTURBED = (-0.3, 1.2)
+#: Steady revolutions that are needed to know what repeats.
 _FEWEST_STEADY = 5
 
 
@@ -100,8 +101,9 @@ def _gravity(phi_rad: FloatArray) -> FloatArray:
 
 
 def transient_log(recording: Recording, channel: Channel, stack: Stack) -> TransientLog:
-    """The log around its obstacles; UsageError where fewer than five steady revolutions, or no
-    obstacle, are in it.
+    """The log around its obstacles.
+
+    UsageError if fewer than five steady revolutions, or no obstacle, are in it.
 
     stack  the channel's own revolutions of this log
     """
@@ -141,10 +143,10 @@ def transient_log(recording: Recording, channel: Channel, stack: Stack) -> Trans
 
 
 def _numbered(stack: Stack) -> tuple[FloatArray, FloatArray]:
-    """Times and numbers of passages, (k,) each, through stretches where an obstacle hid some: their
-    number follows from the speed.
+    """Times and numbers of passages, (k,) each.
 
-    Where that is not plain (the wheel stood, or a long gap) the longest stretch is taken.
+    They go through stretches where an obstacle hid some: their number follows from the speed. If
+    that is not plain (the wheel stood, or a long gap) the longest stretch is taken.
     """
     time = stack.conditions.time_s
     rate = stack.conditions.speed_m_s / (2.0 * np.pi * stack.radius_m)
@@ -161,8 +163,9 @@ def _wheel(passages_s: FloatArray, turns: FloatArray) -> PassageAngle:
 
 
 def _with_steady(log: TransientLog) -> TransientLog:
-    """With T from the calm samples: bin medians would need more revolutions, means do after two
-    rounds.
+    """The log with T from the calm samples.
+
+    Bin medians would need more revolutions; means do after two rounds.
     """
     theta = log.wheel.theta(log.time_s[log.calm])
     turn, phi = split_turns(theta)
@@ -183,8 +186,9 @@ def _with_steady(log: TransientLog) -> TransientLog:
 
 
 def around(log: TransientLog, time_s: float) -> TransientLog:
-    """The log with the calm samples nearest to a time alone, and their T: what speed and torque are
-    there, the steady waveform knows.
+    """The log with the calm samples nearest to a time alone, and their T.
+
+    What speed and torque are there, the steady waveform knows.
     """
     calm = np.flatnonzero(log.calm)
     nearest = np.argsort(np.abs(log.time_s[calm] - time_s), kind="stable")[
@@ -217,8 +221,9 @@ def _smooth_wheel(log: TransientLog, hits_s: FloatArray, turn_s: float) -> Passa
 
 
 def _hits(log: TransientLog) -> FloatArray:
-    """Rough times of the hits: what the setup says, else where the samples leave the steady
-    waveform.
+    """Rough times of the hits.
+
+    What the setup says, else the times at which the samples leave the steady waveform.
     """
     road, found = log.road, np.zeros(0)
     if road.time_s is not None:
@@ -255,8 +260,9 @@ def _hits(log: TransientLog) -> FloatArray:
 
 
 def _outbursts(log: TransientLog) -> FloatArray:
-    """Times at which the mean square of what is off the steady waveform begins to stand out,
-    strongest stretches, in order.
+    """Times at which the samples begin to leave the steady waveform, in order.
+
+    There their mean square off it begins to stand out; the strongest stretches are taken.
     """
     width = max(round(_SMOOTH_S * log.rate_Hz), 3)
     power = uniform_filter1d(log.off() ** 2, width)

@@ -12,6 +12,8 @@ import numpy as np
 from tirelog.physics.spectral import MODES, ComplexArray, powers
 from tirelog.vocabulary.arrays import FloatArray
 
+#: friction of a tread that adheres and of one that slides [N/N]; by (17) C_x is proportional to the
+#: first: doubling it doubles the traction of the same slip as far as x_s, which stays
 STATIC_FRICTION = 0.8
 SLIDING_FRICTION = 0.6
 
@@ -25,8 +27,9 @@ def slip_stiffness(
 
 
 def transition(slip: FloatArray, half_length_m: FloatArray) -> FloatArray:
-    """x_s [m], where adhesion ends and slip begins, P2 (15) with (17): L (1 - 2 |sigma|), not below
-    -L.
+    """Place x_s [m] at which adhesion ends and slip begins; not below -L.
+
+    P2 (15) with (17): L (1 - 2 |sigma|).
     """
     return half_length_m * np.maximum(1.0 - 2.0 * np.abs(slip), -1.0)
 

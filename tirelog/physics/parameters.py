@@ -28,8 +28,9 @@ class Parameter:
     se: float | None = None
 
     def at(self, value: float, *, se: float | None = None) -> Parameter:
-        """The same parameter with another value; ModelError where it is not a number within the
-        bounds.
+        """The same parameter with another value.
+
+        ModelError if it is not a number within the bounds.
         """
         return replace(self, value=float(value), se=se).checked()
 
@@ -42,7 +43,7 @@ class Parameter:
         return replace(self, free=False)
 
     def checked(self, label: str | None = None) -> Parameter:
-        """Itself; ModelError where value and bounds contradict each other."""
+        """Itself; ModelError if value and bounds contradict each other."""
         label = label or self.name
         if not (self.min < self.max and all(map(math.isfinite, (self.value, self.min, self.max)))):
             raise ModelError(

@@ -16,8 +16,9 @@ _N = np.arange(1, MODES, dtype=np.float64)
 
 
 def parabola(load_N: FloatArray, half_length_m: FloatArray, radius_m: float) -> FloatArray:
-    """P2 (12): p = gamma (L^2 - xi^2), gamma = 3 F / (4 L^3); an even function has real
-    coefficients.
+    """Parabolic pressure P2 (12): p = gamma (L^2 - xi^2), gamma = 3 F / (4 L^3).
+
+    An even function has real coefficients.
     """
     x = half_length_m / radius_m * _N
     turn = powers(half_length_m / radius_m)[:, 1:]

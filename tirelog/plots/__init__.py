@@ -1,4 +1,4 @@
 """Pictures: tables and fits in, one file out.
 
-Imported only where a command was asked for a picture.
+Imported only if a command was asked for a picture.
 """

@@ -45,8 +45,9 @@ MAGNIFIED = 4
 
 @dataclass(frozen=True)
 class DissipationSketch:
-    """What the page needs of one channel, read while its log is open: `signal` decimated,
-    `magnified` a few revolutions.
+    """What the page needs of one channel, read while its log is open.
+
+    `signal` decimated, `magnified` a few revolutions.
     """
 
     recording: Recording
@@ -154,8 +155,9 @@ def _magnified(axes: Axes, sketch: DissipationSketch) -> None:
 
 
 def said(line: Regression) -> str:
-    """The legend of a line: its slope with the error, and what speaks against it, in lines that a
-    legend holds.
+    """The legend of a line.
+
+    Its slope with the error, and what speaks against it, in lines that a legend holds.
     """
     error = f" ± {line.slope_se:.1g}" if np.isfinite(line.slope_se) else ""
     return "\n".join([f"{line.slope:.3g}{error} per m/s", *textwrap.wrap(line.judgement, 44)])
@@ -168,8 +170,9 @@ def _over_speed(
     average: str,
     text: str,
 ) -> None:
-    """Moving averages sorted by speed, means of the stretches and the line through them (P1 Fig.
-    11), dashed where it is doubtful.
+    """Moving averages sorted by speed, means of the stretches, and their line (P1 Fig. 11).
+
+    The line through them is dashed if it is doubtful.
     """
     values = []
     for number, (recording, found) in enumerate(kept[:MOST]):

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 
 def signatures(chosen: Sequence[Effect], path: Path) -> None:
-    """Each effect's signature: strain with it (at its probe) less strain without, at two speeds,
-    coasting and braking.
+    """Each effect's signature.
+
+    Strain with it (at its probe) less strain without, at two speeds, coasting and braking.
     """
     if path.suffix.lower() not in (".png", ".svg"):
         raise UsageError(f"--plot {path}; .png and .svg are allowed; rename it")

@@ -47,8 +47,9 @@ MOST, WINDOW = 8, 2.2
 
 @dataclass(frozen=True)
 class FootprintSketch:
-    """What the page needs of one channel, read while its log is open: `signal` decimated; `shown`:
-    (row, title, window) of the passages.
+    """What the page needs of one channel, read while its log is open.
+
+    `signal` decimated; `shown`: (row, title, window) of the passages.
     """
 
     recording: Recording
@@ -117,8 +118,9 @@ def _drive(strain: Axes, speed: Axes, sketch: FootprintSketch) -> None:
 def _lengths(
     over_time: Axes, over_speed: Axes, kept: Sequence[tuple[Recording, FootprintOfChannel]]
 ) -> None:
-    """Contact lengths by the three methods over time and speed, each channel in its colour, and the
-    static footprint.
+    """Contact lengths by the three methods over time and speed.
+
+    Each channel in its colour, and the static footprint.
     """
     values = []
     for number, (_, found) in enumerate(kept[:MOST]):
@@ -171,8 +173,9 @@ def _lengths(
 
 
 def _passages(found: FootprintOfChannel) -> list[tuple[int, str]]:
-    """Rows worth a look: a clean one of free rolling, well sampled; and the one with the surest
-    slip onset.
+    """Rows worth a look.
+
+    A clean one of free rolling, well sampled; and the one with the surest slip onset.
     """
     f, p = found.footprint, found.passages
     if not len(p):
@@ -217,8 +220,9 @@ def _cutoff(found: FootprintOfChannel, row: int) -> float:
 def _passage(
     panels: Sequence[Axes], found: FootprintOfChannel, row: int, title: str, windows: PatchWindows
 ) -> None:
-    """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21), raw and low-passed, with
-    the edges.
+    """Strain and its derivatives along the tread (P2 Figs. 18, 19, 21).
+
+    Raw and low-passed, with the edges.
     """
     p = found.passages
     speed, acceleration = p.speed_m_s[[row]], np.nan_to_num(p.acceleration_m_s2[[row]])

@@ -18,7 +18,7 @@ from tirelog.strain.inflation import InflationOfChannel
 
 
 def inflation_picture(kept: Sequence[tuple[Recording, InflationOfChannel]], path: Path) -> None:
-    """Write the page to `path`, a row a channel."""
+    """Write the page to `path`, a row per channel."""
     figure = figure_page(12.0, 3.6 * len(kept) + 0.4)
     panels = figure.subplots(len(kept), 2, squeeze=False)
     for (over_time, over_pressure), (recording, found) in zip(panels, kept, strict=True):

@@ -68,8 +68,9 @@ def label(axes: Axes, x: str, y: str, title: str = "", **limits: Any) -> None:
 def least_and_most(
     channel: Channel, columns: int = COLUMNS
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Time, least and largest value of the channel in `columns` cells of equal numbers of samples:
-    no peak is lost on the page.
+    """Time, least and largest value of the channel in `columns` cells.
+
+    The cells have equal numbers of samples: no peak is lost on the page.
     """
     size = max(-(-channel.size // columns), 1)
     times, low, high = [], [], []
@@ -90,8 +91,9 @@ def least_and_most(
 def draw_signal(
     axes: Axes, signal: tuple[FloatArray, FloatArray, FloatArray], colour: str = COLOURS[0]
 ) -> None:
-    """The whole strain of a channel in microstrain over time; `signal` as `least_and_most` gives
-    it.
+    """The whole strain of a channel in microstrain over time.
+
+    `signal` as `least_and_most` gives it.
     """
     time, low, high = signal
     axes.fill_between(time, MICRO * low, MICRO * high, color=colour, linewidth=0.5, alpha=0.9)

@@ -11,8 +11,9 @@ from tirelog.storage.remote import shown
 
 @dataclass(frozen=True)
 class Asked:
-    """What the user gave: paths as typed, so that the commands on the page can be typed again, but
-    for what an address keeps secret.
+    """What the user gave, with paths as typed.
+
+    So the commands on the page can be typed again, but for what an address keeps secret.
     """
 
     logs: tuple[str, ...] = ()

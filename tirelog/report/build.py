@@ -149,7 +149,7 @@ def _tables(
 
 
 def _first(table: pd.DataFrame, recordings: Sequence[Recording]) -> pd.Series:
-    """The rows of the log of which a passage is shown."""
+    """True for the rows of the first log, of which a passage is shown."""
     return table["log"] == (recordings[0].log if recordings else "")
 
 

@@ -42,7 +42,7 @@ def model_story(
     catalogue: Mapping[str, Effect],
     progress: Callable[[str], None],
 ) -> Story:
-    """The sections of a model.  TirelogError where model and logs do not fit together."""
+    """The sections of a model.  TirelogError if model and logs do not fit together."""
     from tirelog.diagnosis.diagnose import diagnose
     from tirelog.inference.measured import measured
     from tirelog.physics.model.user_effects import own_effects

@@ -81,8 +81,9 @@ def axis(title: str, **more: Any) -> dict[str, Any]:
 
 
 def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
-    """A plain layout with axis titles; `xrange`, `yrange`: what is shown at first; `lines`:
-    abscissae of dashed vertical lines.
+    """A plain layout with axis titles.
+
+    `xrange`, `yrange`: what is shown at first; `lines`: abscissae of dashed vertical lines.
     """
     axes = {"xaxis": axis(x), "yaxis": axis(y)}
     for name, key in (("xrange", "xaxis"), ("yrange", "yaxis")):
@@ -108,7 +109,7 @@ def layout(x: str, y: str, **more: Any) -> dict[str, Any]:
 
 
 def line(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
-    """A line."""
+    """A trace that joins the points (x, y) by a line, `colour` the number of its colour."""
     style = {"color": COLOURS[colour % len(COLOURS)], "width": 1.5, **more.pop("line", {})}
     return {
         "type": "scatter",
@@ -122,7 +123,7 @@ def line(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, A
 
 
 def dots(x: Any, y: Any, name: str, colour: int = 0, **more: Any) -> dict[str, Any]:
-    """Points; evenly thinned where there are more than a page can carry (`thinned` says so)."""
+    """Points; evenly thinned if there are more than a page can carry (`thinned` says so)."""
     step = thinning(np.size(x))
     marker = {
         "color": COLOURS[colour % len(COLOURS)],
@@ -177,7 +178,7 @@ def bars(
 ) -> dict[str, Any]:
     """Bars over words; `across`: lying, so that long words stay readable.
 
-    `error`: standard errors, NaN where there is none.
+    `error`: standard errors, NaN if there is none.
     """
     words = [safe(label) for label in labels]
     x, y = (packed_array(values), words) if across else (words, packed_array(values))
@@ -225,10 +226,10 @@ def heat(x: Any, y: Any, z: Any, unit: str, reach: float | None = None) -> dict[
 
 
 def decimated(channel: Channel, buckets: int = BUCKETS) -> tuple[FloatArray, FloatArray]:
-    """(times [s], values) of a channel, its smallest and largest sample of every bucket in their
-    order: no peak vanishes.
+    """(times [s], values) of a channel, thinned so that no peak vanishes.
 
-    Reads block by block; shapes (<= 2 buckets + 2,).
+    The smallest and the largest sample of every bucket stay, in their order. Reads block by block;
+    shapes (<= 2 buckets + 2,).
     """
     size = max(1, -(-channel.size // buckets))
     at: list[FloatArray] = []

@@ -42,14 +42,16 @@ def shown_value(observable: str, unit: str) -> tuple[float, str]:
 
 
 def shown_number(value: Any) -> str:
-    """A number as a table cell; nothing where there is none."""
+    """A number as a table cell; nothing if there is none."""
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return ""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def comparison(result: Comparison, command: str) -> Section:
-    """Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and
+    """The section of a comparison of model and logs.
+
+    Errors beside the floor, waveforms with the floor's band, residual over angle and speed, and
     angle and time.
     """
     from tirelog.diagnosis.results import in_unit
@@ -144,7 +146,7 @@ def _waveforms(waves: Waveforms, result: Comparison, factor: float, unit: str) -
 
 
 def _differences(waves: Waveforms, result: Comparison, factor: float, unit: str) -> Figure:
-    """The same waveforms, measured less predicted, where the floor's band can be seen."""
+    """The same waveforms, measured less predicted, so that the floor's band can be seen."""
     traces: list[dict[str, Any]] = []
     for i, label in enumerate(waves.labels):
         phi, left, floor = (
@@ -173,8 +175,9 @@ def _differences(waves: Waveforms, result: Comparison, factor: float, unit: str)
 def residual_map(
     id: str, title: str, found: Map, result: Comparison, reach: float | None = None
 ) -> Figure:
-    """The residual, measured less predicted, over an axis and the angle; colours to `reach` in the
-    page's unit.
+    """The residual, measured less predicted, over an axis and the angle.
+
+    Colours go to `reach` in the page's unit.
     """
     factor, unit = shown_value(result.observable, result.unit)
     name = {"speed_m_s": "speed [m/s]", "time_s": "time [s]"}[found.axis_name]
@@ -236,7 +239,9 @@ def _parameters(result: Comparison) -> PageTable:
 
 
 def diagnosis(result: Diagnosis, command: str) -> Section:
-    """Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and
+    """The section of a diagnosis.
+
+    Verdict, ranking, sets that cannot be told apart, what is unexplained, the next manoeuvre and
     command.
     """
     from tirelog.diagnosis.ranking_errors import removed_errors

@@ -44,8 +44,10 @@ _UPSAMPLED = 4
 
 @dataclass(frozen=True)
 class _Passage:
-    """A chosen row with what its window gave: `strain` (m,), patch downward, its derivatives;
-    `edges_m` of the table, `by_derivative` as found here.
+    """A chosen row with what its window gave.
+
+    `strain` (m,), patch downward, its derivatives; `edges_m` of the table, `by_derivative` as found
+    here.
     """
 
     row: pd.Series
@@ -61,8 +63,9 @@ class _Passage:
 def passage_figures(
     recording: Recording, footprint: pd.DataFrame, speed: pd.DataFrame | None
 ) -> list[Figure]:
-    """The figures of one passage of the recording's first grating with rows; none where there is no
-    row without a mark.
+    """The figures of one passage of the recording's first grating with rows.
+
+    Empty if there is no row without a mark.
     """
     for channel in recording.of_kind(*STRAIN_KINDS):
         rows = footprint[
@@ -203,8 +206,9 @@ def _drawn(recording: Recording, channel: Channel, p: _Passage) -> list[Figure]:
 
 
 def _edge_lines(p: _Passage, ends: tuple[float, float]) -> list[dict[str, Any]]:
-    """The edges as upright lines: best estimate (table), extrema of the second and the first
-    derivative, slip onset.
+    """The edges as upright lines.
+
+    Best estimate (table), extrema of the second and the first derivative, slip onset.
     """
     d = p.by_derivative
     middle = 0.5 * (p.edges_m[0] + p.edges_m[1])

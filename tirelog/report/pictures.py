@@ -50,7 +50,7 @@ def write_pictures(figures: Sequence[Figure], folder: Path) -> list[Path]:
 
 
 def need_matplotlib() -> None:
-    """UsageError where matplotlib is missing; asked before the work."""
+    """UsageError if matplotlib is missing; asked before the work."""
     try:
         import matplotlib  # noqa: F401
     except ImportError:

@@ -33,7 +33,7 @@ def text(value: Any) -> str:
 
 
 def short_names(logs: Sequence[str]) -> dict[str, str]:
-    """Logs by their file names, where these are distinct; else as they are."""
+    """Logs by their file names, if these are distinct; else as they are."""
     names = {log: Path(log).name or log for log in logs}
     return names if len(set(names.values())) == len(names) else {log: log for log in logs}
 
@@ -76,7 +76,7 @@ def groups(table: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
 
 
 def drawn_of(table: pd.DataFrame) -> list[str]:
-    """A sentence where the figures cannot carry every channel or row."""
+    """A sentence if the figures cannot carry every channel or row."""
     channels = int(table[["log", "channel"]].drop_duplicates().shape[0])
     words = []
     if channels > DRAWN_CHANNELS:

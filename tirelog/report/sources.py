@@ -38,8 +38,9 @@ _UNUSED = {
 
 @dataclass
 class SourceTables:
-    """Tables by the command that made them: (file, name of the log where the file does not hold
-    it).
+    """Tables by the command that made them.
+
+    (file, name of the log if the file does not hold it).
     """
 
     files: dict[str, list[tuple[Path, str | None]]] = field(default_factory=dict)
@@ -49,7 +50,7 @@ class SourceTables:
         self.files.setdefault(kind or table_kind(_columns(path), path), []).append((path, log))
 
     def get(self, kind: str) -> pd.DataFrame | None:
-        """All rows of a kind, or None where none was given."""
+        """All rows of a kind, or None if none was given."""
         parts = [part for path, log in self.files.get(kind, ()) for part in _read(path, log)]
         return _joined(parts) if parts else None
 
@@ -97,8 +98,10 @@ def _read(path: Path, log: str | None) -> Iterator[pd.DataFrame]:
 
 
 def _lighter(frame: pd.DataFrame, log: str | None) -> pd.DataFrame:
-    """Words as categories, numbers as exact as a picture, times as they are; `log` in its column
-    where it is not there.
+    """The table in less memory, with its column `log`.
+
+    Words as categories, numbers as exact as a picture, times as they are; `log` is put in its
+    column if it is not there.
     """
     kinds: dict[str, Any] = {name: "category" for name in _WORDS if name in frame}
     kinds |= {
@@ -149,8 +152,9 @@ def given_tables(paths: Sequence[Path], campaign: Path | None = None) -> SourceT
 
 @dataclass(frozen=True)
 class MadeTable:
-    """A table made from the open logs, None if no log suits it; with the dissipation table its
-    regressions on speed; and what was said of it.
+    """A table made from the open logs, None if no log suits it.
+
+    With what was said of it, and with the dissipation table its regressions on speed.
     """
 
     table: pd.DataFrame | None
@@ -180,8 +184,9 @@ def _whole(parts: Sequence[pd.DataFrame]) -> pd.DataFrame | None:
 
 
 def read_ladder(path: Path) -> Mapping[str, Any]:
-    """The last ladder of the file that `ladder` keeps beside the model, or a ladder's own JSON.
-    UsageError: neither.
+    """The last ladder of the file that `ladder` keeps beside the model.
+
+    Or a ladder's own JSON. UsageError: neither.
     """
     try:
         found = json_value(path.read_text(encoding="utf-8"))

@@ -23,7 +23,7 @@ _ID = re.compile(r"[a-z][a-z0-9_-]*")
 
 
 def stored(sections: Sequence[Section], missing: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """The file's content."""
+    """The sections and what is missing as the JSON document of the file."""
     return {
         "sections": [asdict(section) for section in sections],
         "missing": [list(pair) for pair in missing],
@@ -53,8 +53,9 @@ def _section(data: dict[str, Any]) -> Section:
 
 
 def model_pages(campaign: Path) -> Iterator[tuple[list[Section], list[tuple[str, str]]]]:
-    """Sections and what is missing of each model of a campaign; titles and ids told apart where
-    there are several.
+    """(sections, what is missing) of each model of a campaign.
+
+    Titles and ids are told apart if there are several.
     """
     files = sorted(campaign.glob("models/*/page.json"))
     for number, file in enumerate(files, 1):

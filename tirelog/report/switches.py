@@ -79,10 +79,10 @@ def top_of_ladder(
 def comparisons(
     measured: Measured, top: Model, names: Sequence[str], bare: Model, progress: Progress
 ) -> dict[int, Comparison | str]:
-    """The comparison of each combination of the effects `names` of `top`, by bit mask; why where a
-    combination cannot be computed.
+    """The comparison of each combination of the effects `names` of `top`, by bit mask.
 
-    `bare` gives the carcass's start values of combinations that lack an effect.
+    If a combination cannot be computed, why. `bare` gives the carcass's start values of
+    combinations that lack an effect.
     """
     from tirelog.diagnosis.compare import comparison_of, measured_pieces
     from tirelog.inference.base import prepare
@@ -116,7 +116,7 @@ def switches(
 ) -> Section | None:
     """The section with its switches, all effects on at first.
 
-    None where the full model cannot be computed.
+    None if the full model cannot be computed.
     """
     start = max(found)
     full = found[start]

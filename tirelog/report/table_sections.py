@@ -80,8 +80,10 @@ def footprint_section(
 def dissipation_section(
     table: pd.DataFrame, command: str, remarks: Sequence[str], lines: pd.DataFrame | None = None
 ) -> Section:
-    """P1 Figs. 9 to 11: specific power and factor in time, with their moving averages; averages
-    against speed, with the regressions.
+    """The section of a dissipation table, as in P1 Figs. 9 to 11.
+
+    Specific power and factor in time, with their moving averages; averages against speed, with the
+    regressions.
     """
     good = table[good_rows(table["quality"])]
     steady = good[good["steady"].astype(bool)]
@@ -173,8 +175,9 @@ def _cell(value: Any) -> str:
 
 
 def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict[str, Any]]:
-    """The fitted straight lines of a quantity, channel by channel, from `dissipation_section
-    --fit`.
+    """The fitted straight lines of a quantity, channel by channel.
+
+    As `dissipation --fit` gives them.
     """
     if lines is None:
         return []
@@ -194,8 +197,10 @@ def _regressions(lines: pd.DataFrame | None, column: str) -> list[dict[str, Any]
 
 
 def phase_shift_section(table: pd.DataFrame, command: str, remarks: Sequence[str]) -> Section:
-    """P4 Figs. 8 to 13: phase shift and patch width in time and against speed, raw and cleaned;
-    forces where there is a map.
+    """The section of a phase-shift table, as in P4 Figs. 8 to 13.
+
+    Phase shift and patch width in time and against speed, raw and cleaned; forces if there is a
+    map.
     """
     good = table[good_rows(table["quality"])]
     figures = [

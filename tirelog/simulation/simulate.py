@@ -33,7 +33,7 @@ from tirelog.vocabulary.arrays import FloatArray
 class Simulated:
     """A simulated log.
 
-    `channels` raw values (n,) in the file's unit, NaN where lost; `stamp_s` (n,) their stamps [s];
+    `channels` raw values (n,) in the file's unit, NaN if lost; `stamp_s` (n,) their stamps [s];
     `world` the truth itself, to be asked for any instant.
     """
 
@@ -58,7 +58,7 @@ class Simulated:
 def simulate(scenario: Scenario) -> Simulated:
     """The log of a scenario.
 
-    The same scenario (with its seed) gives the same numbers. UsageError where the physics refuses
+    The same scenario (with its seed) gives the same numbers. UsageError if the physics refuses
     it.
     """
     streams = [
@@ -81,8 +81,9 @@ def simulate(scenario: Scenario) -> Simulated:
 def _solved(
     scenario: Scenario, drive: Drive, roughness: Roughness, moments: dict[str, Trace]
 ) -> tuple[World, dict[str, FloatArray]]:
-    """The world of the scenario's truth, and the clean values of what it moves: steady at every
-    instant, or rolled from begin to end.
+    """The world of the scenario's truth, and the clean values of what it moves.
+
+    Steady at every instant, or rolled from begin to end.
     """
     if scenario.truth == "coupled_ring":
         from tirelog.simulation.rolling.world import RolledWorld  # brings the compiler

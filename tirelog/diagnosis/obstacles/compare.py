@@ -6,7 +6,7 @@ A coupled ring model's answer to an obstacle against a log, in time and in frequ
         --rows in time and frequency--> TransientComparison
 
 The model's own parameters are not touched here: what it says of the obstacle is a prediction, with
-four nuisance numbers a hit (when, phase, level, alignment), which the errors are charged for.
+four nuisance numbers per hit (when, phase, level, alignment), which the errors are charged for.
 Beside the error of the whole reading stand the model's error off the obstacle (`rmse_steady`), the
 repeatability of steady revolutions at the same wheel angles (`noise_floor`), what the obstacle
 added as measured (`added`) and what of that the model does not cover (`missed`). Errors in the
@@ -70,8 +70,9 @@ _COVERED = 0.2
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Mean squares per band of a hit (b,): edges (b + 1,) [Hz]; measured what the obstacle added,
-    residual, missed, steady, floor.
+    """Mean squares per band of a hit (b,).
+
+    Edges (b + 1,) [Hz]; measured what the obstacle added, residual, missed, steady, floor.
     """
 
     edges_Hz: FloatArray
@@ -172,8 +173,9 @@ class HitResult:
 
 
 def _errors(squares: Sequence[float]) -> dict[str, float]:
-    """rmse, rmse_steady, noise_floor, excess, added, missed from mean squares in that order (excess
-    is their own).
+    """rmse, rmse_steady, noise_floor, excess, added, missed.
+
+    From mean squares in that order (excess is their own).
     """
     rmse, steady, floor, added, missed = (float(np.sqrt(max(x, 0.0))) for x in squares)
     return {
@@ -200,7 +202,7 @@ class TransientComparison:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """Totals over the hits, each as many samples as it has, and a row a hit."""
+        """Totals over the hits, each as many samples as it has, and a row per hit."""
         rows = self.tables["hit"]
         weights = np.array([row["samples"] for row in rows], float)
 
@@ -226,8 +228,9 @@ class TransientComparison:
 def compare_transients(
     logs: Sequence[TransientLog], model: Model, *, unit: str
 ) -> TransientComparison:
-    """The model's answer to every hit of the logs; ModelError where the model cannot be driven over
-    their roads.
+    """The model's answer to every hit of the logs.
+
+    ModelError if the model cannot be driven over their roads.
     """
     results: list[HitResult] = []
     remarks: list[str] = []
@@ -275,8 +278,9 @@ def _result(log: TransientLog, ordinal: int, hit: Hit, model: Model) -> HitResul
 
 
 def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
-    """Samples less the model's steady waveform at the angle of the passages and at the hit's
-    conditions, level removed, (N,).
+    """Samples less the model's steady waveform, level removed, (N,).
+
+    At the angle of the passages and at the hit's conditions.
     """
     nearest = int(np.argmin(np.abs(log.conditions.time_s - hit.time_s)))
     conditions = log.conditions.take(slice(nearest, nearest + 1))
@@ -295,7 +299,7 @@ def _steady_error(log: TransientLog, hit: Hit, model: Model) -> FloatArray:
 
 
 def _by_angle(squares: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
-    """Mean square per angle (_ANGLES,); where no sample fell, the mean of all."""
+    """Mean square per angle (_ANGLES,); if no sample fell in one, the mean of all."""
     count = np.bincount(bins, minlength=_ANGLES)
     total = np.bincount(bins, squares, minlength=_ANGLES)
     return np.where(count > 0, total / np.maximum(count, 1), squares.mean())
@@ -308,8 +312,9 @@ def _calm_squares(
     length_s: float,
     edges_Hz: FloatArray,
 ) -> FloatArray:
-    """Mean squares per band over stretches of steady rolling as long as the window (or the longest
-    there is), (b,).
+    """Mean squares per band over stretches of steady rolling, (b,).
+
+    The stretches are as long as the window (or the longest there is).
     """
     stretches = np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)
     size = min(max(round(length_s * log.rate_Hz), 8), max(len(s) for s in stretches))
@@ -327,10 +332,10 @@ def _calm_squares(
 def band_squares(
     time_s: FloatArray, values: FloatArray, edges_Hz: FloatArray, rate_Hz: float
 ) -> FloatArray:
-    """Mean square of the values in each band [low, high), (b,); the bands of a whole spectrum add
-    up to their variance.
+    """Mean square of the values in each band [low, high), (b,).
 
-    Lost samples are bridged by straight lines.
+    The bands of a whole spectrum add up to their variance. Lost samples are bridged by straight
+    lines.
     """
     size = max(round((time_s[-1] - time_s[0]) * rate_Hz) + 1, 2)
     even = np.interp(time_s[0] + np.arange(size) / rate_Hz, time_s, values)

@@ -49,7 +49,9 @@ _RUN_UP_M = 1.0
 _SMOOTH_S, _GRID_S, _FINE_S, _BEST = 4e-3, 1e-3, 1e-4, 3
 #: Angle [rad] from the patch centre within which the steady waveform is steep.
 _STEEP_RAD = 0.4
+#: Turns before and after the rough time between which the hit is sought.
 _BEFORE, _AFTER = 1.25, 0.5
+#: Largest phase [rad] of a hit, either way.
 _PHASE_RAD = 0.2
 
 
@@ -79,8 +81,9 @@ class Hit:
 def motion_at(
     log: TransientLog, model: Model, rough_s: float, window_s: float
 ) -> tuple[Transient, float]:
-    """The model's motion over the obstacle at the speed and load around `rough_s`, and the time in
-    it at which the hit happens.
+    """(the model's motion over the obstacle, the time in it at which the hit happens).
+
+    At the speed and load around `rough_s`.
     """
     turn = 2.0 * np.pi / log.spin_rad_s
     around = np.linspace(rough_s - 2.0 * turn, rough_s + window_s, 64)
@@ -112,8 +115,9 @@ def _driven(speed: Schedule, time_s: float) -> float:
 
 
 def fit_hit(log: TransientLog, model: Model, rough_s: float, window_s: float = WINDOW_S) -> Hit:
-    """The hit near `rough_s`, its nuisances fitted; the window ends after `window_s` or with the
-    log.
+    """The hit near `rough_s`, its nuisances fitted.
+
+    The window ends after `window_s` or with the log.
     """
     window_s = min(window_s, log.time_s[-1] - rough_s)
     transient, reached = motion_at(log, model, rough_s, window_s)
@@ -203,8 +207,7 @@ class View:
     aligned_rad: float
 
     def _angles(self, when: FloatArray, time_s: float, phase_rad: float) -> FloatArray:
-        """The wheel's angle at the samples if the hit happens at `time_s`, among the passages,
-        (m,).
+        """The wheel's angle among the passages at the samples, (m,), if the hit is at `time_s`.
 
         Passages before and after tell it; between, where the obstacle disturbs them, it swings as
         the model's does.
@@ -220,8 +223,9 @@ class View:
     def _parts(
         self, time_s: float, phase_rad: float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """(added by the model, steady as measured, motion's time, wheel's angle among the
-        passages), (m,) each.
+        """(added by the model, steady as measured, motion's time, wheel's angle), (m,) each.
+
+        The angle is that among the passages.
         """
         when = self.log.time_s[self.rows] - time_s + self.reached
         theta = self._angles(when, time_s, phase_rad)

@@ -3,7 +3,7 @@
 Masses, damping and bristles, fitted to the answers to obstacles.
 
     TransientLogs, Model
-        --the descent of every fit, over the free names of `carcass.MOTION`
+        --the descent of every fit, over the free names of `carcass.numbers.MOTION`
           and (time, phase) of each hit--> Learned
 
 What is fitted is what the obstacle added as measured, D = y - T(phi), over all hits together. A
@@ -44,8 +44,9 @@ _NUISANCE_STEPS = (1e-4, 1e-3)
 
 @dataclass(frozen=True)
 class Learned:
-    """The model with values and errors of what was fitted, and the error (rms, the observable's
-    unit) before and after; hits used.
+    """The model with values and errors of what was fitted.
+
+    With the error (rms, the observable's unit) before and after, and the hits used.
     """
 
     model: Model
@@ -73,7 +74,7 @@ class _Event:
 
 
 def learn_motion(logs: Sequence[TransientLog], model: Model) -> Learned:
-    """The free parameters of `motion_names` fitted to all hits.  UsageError where none is free."""
+    """The free parameters of `motion_names` fitted to all hits.  UsageError if none is free."""
     names = motion_names(model)
     if not names:
         raise UsageError(
@@ -115,8 +116,10 @@ def _events(logs: Sequence[TransientLog], model: Model) -> tuple[list[_Event], F
 
 
 class _Hits:
-    """All hits as one problem of least squares: theta is the parameters, then time and phase of
-    each hit; `stage` is how long after a hit and how smooth.
+    """All hits as one problem of least squares.
+
+    theta is the parameters, then time and phase of each hit; `stage` is how long after a hit and
+    how smooth.
     """
 
     def __init__(
@@ -195,8 +198,9 @@ class _Hits:
 
 
 def _variance(left: FloatArray, fitted: int) -> float:
-    """Variance [unit^2] that one value of `left` (N,) counts with after so many numbers are fitted:
-    what is missed is taken for noise, correlated as it is.
+    """Variance [unit^2] that one value of `left` (N,) counts with.
+
+    After so many numbers are fitted; what is missed is taken for noise, correlated as it is.
     """
     spectrum = np.abs(np.fft.rfft(left, 2 * left.size)) ** 2
     covariance = np.fft.irfft(spectrum)[: left.size]

@@ -51,11 +51,11 @@ class Cells:
     """C cells x m angles; rows in the order of log, manoeuvre, time.
 
     values, phi, phi_variance (C, m)  mean waveform, at the mean angle and variance of its samples;
-                                      NaN where no sample fell
+                                      NaN if no sample fell there
     sd             (C, m)  standard error of the mean from independent noise and from rounding; inf
-                   where empty
+                   if empty
     rounding       (C, m)  mean square that rounding to steps leaves in one revolution's value at
-                   least; 0 where no step is seen
+                   least; 0 if no step is seen
     random         (C, m, 3)  columns of the random effects, all relative: amplitude (P), width (phi
                    P'), baseline (rms of P)
     random_cov     (C, 3, 3)  covariance of their means
@@ -68,7 +68,7 @@ class Cells:
                                      mean speed [m/s], [m^2/s^2]
     moved          (C,)  by how much `phi` was moved to the model's patch centre [rad] (a fit does
                    that)
-    cell           (n,) the cell of each revolution of the stack, empty where only the pieces are
+    cell           (n,) the cell of each revolution of the stack, empty if only the pieces are
                    left
     notes          sentences on what was set apart, taken together or left out of the logs
     free           which NUISANCES are taken out of each cell
@@ -204,8 +204,10 @@ def _standing_error(pieces: Pieces, noise: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Staircase:
-    """Means of rounded values, in steps: `place` between two steps (P, m), what their spread leaves
-    of each harmonic, signed (K, P, m), and samples (P, m).
+    """Means of rounded values, in steps.
+
+    `place` between two steps (P, m), what their spread leaves of each harmonic, signed (K, P, m),
+    and samples (P, m).
     """
 
     place: FloatArray
@@ -247,8 +249,9 @@ class _Staircase:
         return np.asarray(0.5 * np.sum(waves, axis=0), dtype=np.float64)
 
     def seen(self, variance: float) -> FloatArray:
-        """Variance of rounded samples about their mean under noise of a `variance`, pooled over the
-        pieces and neighbours, (m,).
+        """Variance of rounded samples about their mean under noise of a `variance`, (m,).
+
+        Pooled over the pieces and neighbours.
         """
         whole = np.full(self.place.shape, variance + 1.0 / 12.0)
         if variance > _PLACE_IS_TOLD:
@@ -262,8 +265,9 @@ class _Staircase:
         return _smoothed(self.count * whole) / _smoothed(self.count)
 
     def standing(self, noise: FloatArray) -> FloatArray:
-        """Mean square of the error that stays, (P, m), if single samples have the variance `noise`
-        (m,).
+        """Mean square of the error that stays, (P, m).
+
+        Single samples have the variance `noise` (m,).
         """
         tried = np.append(
             np.geomspace(1e-3, 0.9 * _PLACE_IS_TOLD, _TRIED),
@@ -285,8 +289,9 @@ def _damped(variance: FloatArray | float, k: float) -> FloatArray:
 
 
 def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
-    """With one angle only: standard deviation of single revolutions (P, 1), the pooled one where a
-    piece is too small to know its own.
+    """With one angle only: standard deviation of single revolutions (P, 1).
+
+    It is the pooled one if a piece is too small to know its own.
     """
     known = np.isfinite(pieces.scatter)
     pooled = np.nanmedian(pieces.scatter) if known.any() else np.nan
@@ -294,8 +299,9 @@ def _scatter_of_numbers(pieces: Pieces) -> FloatArray:
 
 
 def _noise_profile(pieces: Pieces) -> FloatArray:
-    """Variance of one sample by angle (m,), pooled over the pieces and smoothed over neighbouring
-    bins.
+    """Variance of one sample by angle (m,).
+
+    Pooled over the pieces and smoothed over neighbouring bins.
     """
     profile = _smoothed(pieces.residual_ss) / np.maximum(_smoothed(pieces.freedom), 1e-9)
     return np.asarray(np.maximum(profile, 1e-3 * np.median(profile) + 1e-30), dtype=np.float64)
@@ -309,8 +315,9 @@ def _smoothed(x: FloatArray) -> FloatArray:
 
 
 def _coefficient_covariance(pieces: Pieces) -> tuple[FloatArray, FloatArray]:
-    """Covariance (3, 3) of single revolutions' coefficients, and that of a long mean (with
-    neighbours' correlation), both over revolutions.
+    """Covariance (3, 3) of single revolutions' coefficients, and that of a long mean.
+
+    The second counts neighbours' correlation; both are over revolutions.
 
     Each cell's coefficients are taken about their trend in the order of driving: what follows speed
     is not scatter.

@@ -44,14 +44,15 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 #: take 1.5 GB. Gathering costs what error bars rest on: with loads that scatter by 1 %, three
 #: manoeuvres as one raised reduced chi-square from 1.0 to 2.0
 MOST_PIECES = 1800
-#: pieces that a log gives at least; where there are so many logs that they have no room, only some
+#: pieces that a log gives at least; if there are so many logs that they have no room, only some
 #: of the logs, evenly
 LEAST_SHARE = 2
 
 
 def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
-    """The pieces of all logs of the stacks, at most `most`; each log is gathered by itself, several
-    share the room.
+    """The pieces of all logs of the stacks, at most `most`.
+
+    Each log is gathered by itself; several share the room.
     """
     outline = outlines(stacks)
     most = room(outline[0].phi_rad.size, most)
@@ -78,22 +79,24 @@ def pieces_of_logs(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
 
 
 def room(angles: int, most: int = MOST_PIECES) -> int:
-    """How many pieces there is room for: `most` waveforms; numbers per revolution take next to
-    none.
+    """The number of pieces that there is room for.
+
+    `most` waveforms; numbers per revolution take next to none.
     """
     return most if angles > 1 else most * ANGLES
 
 
 def chosen_logs(logs: int, most: int = MOST_PIECES) -> list[int]:
-    """The logs that give pieces: all, or where they have no room evenly some of them."""
+    """The logs that give pieces: all, or evenly some of them if they have no room."""
     return sorted(
         {int(i) for i in np.linspace(0, logs - 1, min(logs, max(most // LEAST_SHARE, 1))).round()}
     )
 
 
 def share_out(sizes: Sequence[int], most: int = MOST_PIECES) -> list[int]:
-    """How many pieces each log gives, of `sizes` that they have: short logs all of theirs, longer
-    ones equally many, `most` together.
+    """How many pieces each log gives, of `sizes` that they have.
+
+    Short logs give all of theirs, longer ones equally many, `most` together.
     """
     highest = max(sizes, default=0)
     while highest > LEAST_SHARE and sum(min(size, highest) for size in sizes) > most:
@@ -112,7 +115,7 @@ def left_out(used: int, of: int, logs_used: int, logs: int) -> tuple[str, ...]:
 
 
 def _places_of_logs(stacks: Sequence[Stack]) -> list[list[int]]:
-    """The stacks of each log, by their place; all together where one stack holds several logs."""
+    """The stacks of each log, by their place; all together if one stack holds several logs."""
     logs = [np.unique(stack.log) for stack in stacks]
     if any(names.size > 1 for names in logs):
         return [list(range(len(stacks)))]
@@ -123,8 +126,10 @@ def _places_of_logs(stacks: Sequence[Stack]) -> list[list[int]]:
 
 
 def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
-    """The piece of each revolution of a log of which `kept` pieces are left, numbered on from
-    `before`: its own, or the one nearest in speed; -1 where none is left.
+    """The piece of each revolution of a log, numbered on from `before`.
+
+    `kept` pieces of the log are left: a revolution has its own, or the one nearest in speed; -1 if
+    none is left.
     """
     if not kept.size:
         return np.full(part.cell.size, -1)
@@ -138,8 +143,9 @@ def _nearest(part: Pieces, kept: IntArray, before: int) -> IntArray:
 
 
 def pieces_of_all(stacks: Sequence[Stack], most: int = MOST_PIECES) -> Pieces:
-    """The pieces of stacks that are numbered through, `most` or fewer where manoeuvres can be
-    gathered so far.
+    """The pieces of stacks that are numbered through.
+
+    They are `most` or fewer if manoeuvres can be gathered so far.
     """
     pieces = _pieces(stacks, outlines(stacks), most)
     return replace(pieces, notes=(*_notes(stacks), *pieces.notes))
@@ -173,8 +179,9 @@ def _pieces(stacks: Iterable[Stack], outline: Sequence[Stack], most: int) -> Pie
 
 
 def _groups(stacks: Sequence[Stack], most: int) -> IntArray | None:
-    """The group of each manoeuvre, by its number; None where there are few pieces, or numbers per
-    revolution, which take no room.
+    """The group of each manoeuvre, by its number.
+
+    None if there are few pieces, or numbers per revolution, which take no room.
     """
     if (
         stacks[0].phi_rad.size == 1
@@ -280,9 +287,10 @@ def _without_trend(x: FloatArray, along: FloatArray) -> FloatArray:
 
 
 def _scattered(coefficients: FloatArray) -> FloatArray:
-    """The coefficients of a piece's revolutions about their trend in the order of driving, as
-    `cells` takes their scatter, at the size that counts what the trend took: beside those of other
-    manoeuvres the trend would be taken for scatter.
+    """The coefficients of a piece's revolutions about their trend.
+
+    The trend is in the order of driving, as `cells` takes their scatter; the size counts what the
+    trend took. Beside those of other manoeuvres the trend would be taken for scatter.
     """
     k = len(coefficients)
     left = _without_trend(coefficients, np.arange(float(k)))

@@ -29,8 +29,9 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 ComplexArray = NDArray[np.complex128]
 
-#: width [m/s] of a cell's band of speed, fewest revolutions in it, most bands in a manoeuvre
+#: width [m/s] of a cell's band of speed
 BAND_M_S = 1.6
+#: fewest revolutions in a band, most bands in a manoeuvre
 FEWEST = 3
 MOST_BANDS = 6
 _ROUNDS = 2
@@ -46,7 +47,7 @@ _FEWEST_KNOTS = 8
 #: noise of one sample, in steps, from which on rounding errors average out to 2e-8 steps^2; half of
 #: it would leave 0.002
 DITHERED = 0.6
-#: fields of Pieces that are not a row a piece
+#: fields of Pieces that are not a row per piece
 _APART = (
     "observable",
     "channel",
@@ -65,24 +66,25 @@ _GOLDEN = 0.6180339887498949
 
 @dataclass(frozen=True)
 class Pieces:
-    """P means of like revolutions x m angles, from one log or several; rows in the order of log,
-    manoeuvre, time.
+    """Means of like revolutions, P pieces x m angles, from one log or several.
+
+    Rows are in the order of log, manoeuvre, time.
 
     mean, phi, variance, count (P, m)  mean waveform, mean angle and variance of its samples,
-                                       samples; NaN where there are none
+                                       samples; NaN if there are none
     random         (P, m, 3)  P, phi P', rms of P;  shift (P, m)  -P', whose mean coefficient is
                    zero
     residual_ss, freedom (P, m)  what is left of single revolutions;  scatter (P, 1) their standard
                                  deviation, with one angle only
     speed_mean, speed_square (P, m)  mean and mean square of a bin's samples' speed about the
                                      piece's mean speed [m/s], [m^2/s^2]
-    step           (P,)  in which the channel's values come, 0 where it is not seen
+    step           (P,)  in which the channel's values come, 0 if it is not seen
     still          (P, m)  mean of exp(2 pi i y) over the samples, y their values without noise in
-                   steps: of size 1 where all of them are rounded at one place between two steps, so
-                   that their errors do not average out; complex, 0 where it cannot matter
+                   steps: of size 1 if all of them are rounded at one place between two steps, so
+                   that their errors do not average out; complex, 0 if it cannot matter
     number         (P,)  revolutions;  coefficients (n, 3) of each, in the order of the pieces
-    conditions, log, manoeuvre, regime  a value a piece;  cell (n,) the piece of each revolution of
-                                        the stack, empty where it is not known
+    conditions, log, manoeuvre, regime  a value per piece;  cell (n,) the piece of each revolution
+                                        of the stack, empty if it is not known
     notes          sentences on what was set apart, taken together or left out on the way here
     """
 
@@ -131,8 +133,9 @@ class Pieces:
         )
 
     def thinned(self, most: int, turn: int = 0) -> Pieces:
-        """At most `most` pieces, evenly over the speeds; another `turn` (the number of a log, say)
-        takes them at other speeds.
+        """At most `most` pieces, evenly over the speeds.
+
+        Another `turn` (the number of a log, say) takes them at other speeds.
         """
         return self if len(self) <= most else self.take(self.spread(most, turn))
 
@@ -280,8 +283,9 @@ def _curve(phi: FloatArray, values: FloatArray, count: FloatArray) -> CubicSplin
 def _joined(
     x: FloatArray, y: FloatArray, n: FloatArray, first: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The knots with `first` and the one after it (round the turn) as one, at the mean of their
-    samples.
+    """The knots with `first` and the one after it (round the turn) as one.
+
+    The joined knot lies at the mean of their samples.
     """
     last = (first + 1) % x.size
     total = n[first] + n[last]
@@ -299,8 +303,9 @@ def _joined(
 def _bin_means(
     values: FloatArray, phi: FloatArray, variance: FloatArray, count: FloatArray
 ) -> tuple[FloatArray, ...]:
-    """Mean value, mean angle, angle variance and number of samples of each bin over revolutions (k,
-    m) -> (m,).
+    """Mean value, mean angle, angle variance and number of samples of each bin.
+
+    Over revolutions: (k, m) -> (m,).
     """
     total = count.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -335,8 +340,9 @@ def one_waveform(
     step: float = 0.0,
     step_from: float = 0.0,
 ) -> _Part:
-    """The piece of k revolutions: bin means, mean angles, variances and counts (k, m) and speeds
-    (k,).
+    """The piece of k revolutions.
+
+    From bin means, mean angles, variances and counts (k, m) and speeds (k,).
 
     The same of k pieces: `weight` (k,) are their revolutions then. The coefficients of all
     revolutions together are zero in the mean. Their values are whole steps from `step_from`, if the
@@ -404,8 +410,9 @@ def _still(smooth: FloatArray, spread: FloatArray, count: FloatArray, step: floa
 
 
 def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:
-    """P, phi P', -P' and the rms of P at angles (..., ) -> (..., 4); the width about the patch
-    only, where P' is.
+    """P, phi P', -P' and the rms of P at angles (..., ) -> (..., 4).
+
+    The width counts about the patch only, where P' is.
     """
     slope = curve(phi, 1)
     size = float(np.sqrt(np.mean(curve(curve.x) ** 2)))
@@ -418,8 +425,9 @@ def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:
 def _scatter(
     residual: FloatArray, count: FloatArray, speed: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Per bin: sum of count x residual^2 after the mean and, with enough revolutions, the trend in
-    speed; degrees of freedom. (m,) each.
+    """(sum of count x residual^2, degrees of freedom) per bin, (m,) each.
+
+    The residual is left after the mean and, with enough revolutions, the trend in speed.
     """
     k = residual.shape[0]
     present = (count > 0).sum(axis=0)

@@ -51,8 +51,9 @@ _FEW = 12
 
 @dataclass(frozen=True)
 class Fit:
-    """A model fitted to one channel, alone or together with others, in the metric `white`: whitened
-    residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p) in the
+    """A model fitted to one channel, alone or together with others, in the metric `white`.
+
+    Whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p) in the
     observable's unit, prediction (C, m) without offsets, offset per log, chi-square, degrees of
     freedom (channels share what the parameters take); `known`: the parameters' errors, of all
     channels together; `cells` as they were centred. `held`: parameters that stand at a bound and
@@ -78,8 +79,9 @@ class Fit:
 
     @property
     def moving(self) -> FloatArray:
-        """The Jacobian (C, m, p) with zeros for what is held: whatever data are left out or added,
-        that does not move.
+        """The Jacobian (C, m, p) with zeros for what is held.
+
+        Whatever data are left out or added, that does not move.
         """
         if not self.held:
             return self.jacobian
@@ -103,8 +105,9 @@ class Problem:
         self.offsets = Offsets.of(cells, white)
 
     def centre(self, model: Model, values: Mapping[str, float]) -> None:
-        """Moves the cells' angles to where the model has its patch: a lag or a lopsided load shifts
-        its waveform beyond what is linear.
+        """Moves the cells' angles to the model's patch centre.
+
+        A lag or a lopsided load shifts its waveform beyond what is linear.
         """
         for _ in range(_CENTRINGS):
             self.cells, farthest = centred(self.cells, self.predict(model, values))
@@ -149,8 +152,9 @@ class Problem:
 
 
 def centred(cells: Cells, prediction: FloatArray) -> tuple[Cells, float]:
-    """The cells with their angles moved by the shift between measurement and prediction, and the
-    largest shift left [rad].
+    """The centred cells, and the largest shift left [rad].
+
+    Their angles are moved by the shift between measurement and prediction.
     """
     if cells.phi.shape[1] == 1 or "shift" not in cells.free:
         return cells, 0.0
@@ -220,11 +224,10 @@ class _Together:
 def descend_together(
     problems: Sequence[Problem], model: Model, names: Sequence[str], steps: int = MOST_STEPS
 ) -> tuple[Model, float, bool]:
-    """The descent from the model's values over all channels: the best model, its chi-square,
-    whether it settled.
+    """The best model over all channels, its chi-square, whether the descent settled.
 
-    A point that the physics refuses is a step too far; ModelError only where the start itself is
-    refused.
+    The descent starts from the model's values. A point that the physics refuses is a step too far;
+    ModelError only if the start itself is refused.
     """
     together = _Together(problems, model, names)
     theta = np.array([model.values[n] for n in names])
@@ -258,14 +261,14 @@ CellsInMetric = tuple[Cells, Whitener]
 
 
 def fit_model(cells: Cells, white: Whitener, model: Model, *, several: bool = True) -> Fit:
-    """The model fitted to the cells of one channel.  ModelError where no start can be computed."""
+    """The model fitted to the cells of one channel.  ModelError if no start can be computed."""
     return fit_channels([(cells, white)], model, several=several)[0]
 
 
 def fit_channels(
     channels: Sequence[CellsInMetric], model: Model, *, several: bool = True
 ) -> list[Fit]:
-    """The model fitted to all channels at once.  ModelError where no start can be computed."""
+    """The model fitted to all channels at once.  ModelError if no start can be computed."""
     names = tuple(
         name
         for name in model.free
@@ -294,8 +297,9 @@ def fit_channels(
 
 
 def _from_within(channels: Sequence[CellsInMetric], model: Model, fits: list[Fit]) -> list[Fit]:
-    """The best of this fit, which ended at a bound, and of fits that begin with what stands there
-    brought back to its start values.
+    """The best of this fit, which ended at a bound, and of fits from within.
+
+    Those begin with what stands at a bound brought back to its start values.
     """
     names, held, least = fits[0].names, fits[0].held, sum(fit.chi2 for fit in fits)
     values = {tuple(start.values[name] for name in held) for start in starts(model, names)}

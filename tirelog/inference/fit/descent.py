@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray
 
+#: steps of a descent at most
 MOST_STEPS = 25
 #: a step that gains less than this share of the sum of squares, and less than this of it (1 is what
 #: a parameter costs that is off by its standard error), is the last
@@ -26,18 +27,19 @@ _TRIALS = 8
 
 
 class LeastSquares(Protocol):
-    """What a descent asks of a problem; residuals and slopes are in a metric in which they count
-    alike, N values.
+    """What a descent asks of a problem.
+
+    Residuals and slopes are in a metric in which they count alike, N values.
     """
 
     def residual(self, theta: FloatArray) -> FloatArray:
-        """Measured less predicted (N,) at a point to go on from; ModelError where it is refused."""
+        """Measured less predicted (N,) at a point to go on from; ModelError if it is refused."""
 
     def slopes(self, theta: FloatArray, size: FloatArray) -> FloatArray:
         """Derivatives of the prediction by theta / size, (N, p), where the last residual was."""
 
     def square(self, theta: FloatArray) -> float:
-        """Sum of squares of the residual at a point on trial; infinite where it is refused."""
+        """Sum of squares of the residual at a point on trial; infinite if it is refused."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,9 @@ def descend(
 def leaving(
     theta: FloatArray, low: FloatArray, high: FloatArray, gradient: FloatArray
 ) -> NDArray[np.bool_]:
-    """Which parameters stand at a bound and would leave it; `gradient` (p,) points to where the sum
-    of squares falls.
+    """Which parameters stand at a bound and would leave it.
+
+    `gradient` (p,) points to where the sum of squares falls.
     """
     return ((theta <= low) & (gradient < 0)) | ((theta >= high) & (gradient > 0))
 

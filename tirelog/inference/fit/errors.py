@@ -23,9 +23,11 @@ _SHARE = 0.1
 
 @dataclass(frozen=True)
 class Errors:
-    """What is known of p parameters: standard errors (p,), inf where the data are blind; covariance
-    (p, p) along the directions that they see; the blind directions (b, p), each of length one in
-    parameters in units of what moves the data alike.
+    """What is known of p parameters: standard errors, covariance, blind directions.
+
+    Standard errors (p,), inf if the data are blind; covariance (p, p) along the directions that
+    they see; the blind directions (b, p), each of length one in parameters in units of what moves
+    the data alike.
     """
 
     se: FloatArray

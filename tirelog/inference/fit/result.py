@@ -27,8 +27,8 @@ class FitResult:
     """A fitted model and how well it is known.
 
     model           with values and standard errors;  names (p,) what was fitted;  values, se (p,);
-                    se is inf where the data are blind and at a bound
-    covariance      (p, p); scaled by the reduced chi-square where that is above 1
+                    se is inf if the data are blind and at a bound
+    covariance      (p, p); scaled by the reduced chi-square if that is above 1
     correlations    (name, name, r) with |r| > 0.9;  at_bound, the parameters that stand at a bound
     degenerate      sentences on combinations that share one scale or that the data do not determine
     reduced_chi2    chi-square over degrees of freedom;  freedom, the latter;  revolutions, of all

@@ -1,4 +1,4 @@
-"""One free offset a log, in a metric: what its baseline stands at is nobody's physics.
+"""One free offset per log, in a metric: what its baseline stands at is nobody's physics.
 
     Cells, metric -> a log's column is 1 in its own cells, 0 elsewhere: whitened, one array (C, m)
                      for all logs together
@@ -33,7 +33,9 @@ _BLOCK = 32
 
 @dataclass(frozen=True)
 class Offsets:
-    """`direction` (C, m): each cell's part of its log's column, which has length one; `log` (C,) 0
+    """The cells' parts of the offsets of their logs.
+
+    `direction` (C, m): each cell's part of its log's column, which has length one; `log` (C,) 0
     ... `count` - 1; `norm` (count,).
     """
 
@@ -82,8 +84,9 @@ class Offsets:
 
 @dataclass(frozen=True)
 class Nuisance:
-    """What is projected out of residual and signatures: the offsets, and the span of other whitened
-    columns beside them.
+    """What is projected out of residual and signatures.
+
+    The offsets, and the span of other whitened columns beside them.
     """
 
     offsets: Offsets
@@ -107,8 +110,10 @@ class Nuisance:
 
 @dataclass(frozen=True)
 class Levelled:
-    """Normal equations of each manoeuvre with its log's offset beside the columns: of the offset's
-    column o on the columns (M, p), on itself and on the residual (M,); `log` (M,).
+    """Normal equations of each manoeuvre with its log's offset beside the columns.
+
+    Those of the offset's column o on the columns (M, p), on itself and on the residual (M,);
+    `log` (M,).
     """
 
     normal: Normal
@@ -153,7 +158,7 @@ class Levelled:
     def left_out(self) -> tuple[FloatArray, FloatArray]:
         """(theta (M, p), offset (M,)): for each manoeuvre the solution of all the others.
 
-        Where no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
+        If no other manoeuvre of its log remains, the offset is fitted on the manoeuvre itself,
         with the rest held.
         """
         everything = (self.normal.gram, self.normal.right, self.cross, self.size, self.right)
@@ -185,8 +190,10 @@ class Levelled:
         return theta, offset
 
     def step_of_all(self, first: int) -> tuple[FloatArray, FloatArray]:
-        """(theta (p,), offset (M,)): what the `first` columns and the offsets would still move by
-        on all data; nothing at an optimum.
+        """(theta (p,), offset (M,)) by which the optimum is missed.
+
+        What the `first` columns and the offsets would still move by on all data; nothing at an
+        optimum.
         """
         crosses, sizes = _sums(self.cross, self.log)[:, :first], _sums(self.size, self.log)
         grams, rights = (

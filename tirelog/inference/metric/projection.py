@@ -26,8 +26,9 @@ SOME_COLUMNS = 8
 
 
 def orthonormal(columns: FloatArray) -> FloatArray:
-    """Orthonormal basis (N, r) of the span of columns (..., k) with all leading axes flattened;
-    scale-free in each column.
+    """Orthonormal basis (N, r) of the span of columns (..., k).
+
+    All leading axes are flattened; scale-free in each column.
 
     Free shapes are many columns: beside them there are never more than two arrays of their size.
     """
@@ -52,8 +53,9 @@ def without(basis: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def in_blocks(operator: Callable[[slice, FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """operator(rows, x[rows]) for all cells of x (C, m, k), some at a time: what it needs besides
-    its result stays small.
+    """operator(rows, x[rows]) for all cells of x (C, m, k), some at a time.
+
+    What it needs besides its result stays small.
     """
     result = np.empty(x.shape)
     for start in range(0, x.shape[0], _BLOCK):
@@ -65,8 +67,9 @@ def in_blocks(operator: Callable[[slice, FloatArray], FloatArray], x: FloatArray
 def side_by_side(
     metric: Callable[[FloatArray], FloatArray], parts: Sequence[FloatArray]
 ) -> FloatArray:
-    """metric of all columns of the parts (C, m, k), as one array; some columns at a time, since
-    free shapes are many.
+    """The metric of all columns of the parts (C, m, k), as one array.
+
+    Some columns at a time, since free shapes are many.
     """
     result = np.empty((*parts[0].shape[:-1], sum(part.shape[-1] for part in parts)))
     first = 0
@@ -87,8 +90,9 @@ def per_manoeuvre(products: FloatArray, manoeuvre: IntArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal equations of each manoeuvre: gram (M, p, p), right (M, p), square (M,) of residual on
-    columns.
+    """Normal equations of each manoeuvre.
+
+    gram (M, p, p), right (M, p), square (M,) of residual on columns.
     """
 
     gram: FloatArray
@@ -107,8 +111,9 @@ class Normal:
 
 
 def solve_scaled(gram: FloatArray, right: FloatArray) -> FloatArray:
-    """Least squares from normal equations, (..., p, p) and (..., p); columns scaled to one,
-    directions without support left at zero.
+    """Least squares from normal equations, (..., p, p) and (..., p).
+
+    Columns are scaled to one; directions without support stay at zero.
     """
     scale = np.sqrt(np.maximum(np.einsum("...ii->...i", gram), 1e-300))
     scale = np.where(scale > 1e-140, scale, np.inf)

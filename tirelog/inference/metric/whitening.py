@@ -34,8 +34,10 @@ _FREE_SD = {"shift": 0.05, "amplitude": 0.1, "offset": 1e4}
 
 @dataclass(frozen=True)
 class Whitener:
-    """`inverse_sd` (C, m), zero where empty; per cell basis (C, m, k) and shrinkage (C, k); the
-    same per manoeuvre, rows of its cells.
+    """What whitens cells: noise, and shrinkage along correlated errors.
+
+    `inverse_sd` (C, m), zero if empty; per cell basis (C, m, k) and shrinkage (C, k); the same per
+    manoeuvre, rows of its cells.
     """
 
     inverse_sd: FloatArray
@@ -52,8 +54,9 @@ class Whitener:
 
     @property
     def removed(self) -> float:
-        """Degrees of freedom that the shrinkage takes out of chi-square, as the expectation under
-        the covariance is one a value.
+        """Degrees of freedom that the shrinkage takes out of chi-square.
+
+        As the expectation under the covariance is one per value.
         """
         return float((self.shrink > 0.999999).sum())
 
@@ -94,8 +97,9 @@ class Whitener:
     def with_manoeuvres(
         self, manoeuvre: NDArray[np.int64], columns: FloatArray, sd: FloatArray
     ) -> Whitener:
-        """The same with random effects of manoeuvres: `columns` (C, m, k) in the observable's unit
-        per unit of effect, `sd` (k,).
+        """The whitener with random effects of manoeuvres.
+
+        `columns` (C, m, k) in the observable's unit per unit of effect, `sd` (k,).
         """
         white = Whitener(self.inverse_sd, self.basis, self.shrink)(columns) * sd
         groups, bases, shrinks = [], [], []

@@ -44,8 +44,9 @@ FEWEST_FITTED = 4
 
 @dataclass(frozen=True)
 class PassageAngle:
-    """theta(t) through the passages `centre_s` (n,): 2 pi i at the i-th; outside of them it goes on
-    at the speed of the end.
+    """The wheel's angle theta(t) through the passages `centre_s` (n,).
+
+    It is 2 pi i at the i-th; outside of them it goes on at the speed of the end.
     """
 
     centre_s: FloatArray
@@ -105,8 +106,9 @@ class TemplateSums:
         self._value += np.bincount(bins, values, _TEMPLATE_POINTS)
 
     def curve(self, knots: int = _TEMPLATE_POINTS) -> CubicSpline:
-        """A periodic spline through bin means at the bins' mean angles, or nearest to them with
-        fewer `knots`.
+        """A periodic spline through bin means at the bins' mean angles.
+
+        With fewer `knots` it goes nearest to them.
         """
         full = self._count > 0
         angle, mean = self._angle[full] / self._count[full], self._value[full] / self._count[full]
@@ -144,8 +146,9 @@ def template(phi: FloatArray, values: FloatArray, knots: int = _TEMPLATE_POINTS)
 
 
 def knots_for(centre_s: FloatArray, rate_Hz: float) -> int:
-    """How many knots a template of turns with these passages (n,) may have, as samples of one of
-    them follow it.
+    """How many knots a template of turns with these passages (n,) may have.
+
+    No more than the samples of one of them can follow.
     """
     samples = rate_Hz * float(np.quantile(np.diff(centre_s), _SHORTER_TURNS))
     return int(np.clip(_KNOTS_PER_SAMPLE * samples, _FEWEST_KNOTS, _TEMPLATE_POINTS))
@@ -154,8 +157,9 @@ def knots_for(centre_s: FloatArray, rate_Hz: float) -> int:
 def front_fit(
     turn: NDArray[np.int64], phi: FloatArray, values: FloatArray, shape: CubicSpline, n: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Shift [rad] (n,) and amplitude (n,) of each revolution against the template by least squares
-    near the patch; NaN where it cannot be.
+    """Shift [rad] (n,) and amplitude (n,) of each revolution against the template.
+
+    By least squares near the patch; NaN if they cannot be had.
     """
     near = np.abs(phi) < FRONT_RAD
     turn, phi, values = turn[near], phi[near], values[near]

@@ -12,8 +12,9 @@ from tirelog.vocabulary.conditions import CONDITIONS, SETUP_KEYS
 def conditions_of(
     recording: Recording, centre_s: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
 ) -> Conditions:
-    """What each revolution was driven under: the setup's constants, or a channel's mean over the
-    revolution where there is one.
+    """The conditions that each revolution was driven under.
+
+    The setup's constants, or a channel's mean over the revolution if there is one.
     """
     given = recording.setup.conditions
     values: dict[str, FloatArray | float] = {
@@ -36,8 +37,9 @@ def conditions_of(
 
 
 def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
-    """Mean of a channel around each passage, half a period to either side, (n,); a revolution
-    without samples takes its neighbours'.
+    """Mean of a channel around each passage, half a period to either side, (n,).
+
+    A revolution without samples takes its neighbours'.
     """
     half = 0.5 * np.gradient(centre_s) if centre_s.size > 1 else np.full(1, 0.05)
     below = [_Below(centre_s - half), _Below(centre_s + half)]
@@ -63,8 +65,9 @@ def _channel_mean(channel: Channel, centre_s: FloatArray) -> FloatArray:
 
 
 class _Below:
-    """Number and sum of the samples that are earlier than each of some times, (n,), as a channel
-    goes by.
+    """Number and sum of the samples that are earlier than each of some times, (n,).
+
+    They are taken as a channel goes by.
     """
 
     def __init__(self, time_s: FloatArray) -> None:

@@ -3,7 +3,7 @@
 One channel cut into revolutions and laid on one grid of angle bins, raw, with what each was driven
 under.
 
-    Recording --find_passages--> passage times --`align.refine`--> theta(t)
+    Recording --find_passages--> passage times --`align.refine_passages`--> theta(t)
         (all revolutions of the log, small arrays)
         --speeds, accelerations, manoeuvres, conditions--> stretches of some 1000 revolutions
         --bins--> Stack (n, m) each
@@ -40,18 +40,20 @@ from tirelog.strain.passages.find import Passages, find_passages
 from tirelog.strain.passages.surface import refuse_swapped_surface
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS
 
+#: bins of the angle over a revolution
 ANGLES = 256
 #: revolutions that are in memory at a time, 8 kB each
 STRETCH = 1024
+#: passages that an unbroken run has at least: three whole revolutions
 _SHORTEST_RUN = 5
 
 
 @dataclass(frozen=True)
 class Turns:
-    """The revolutions of one unbroken run: ordinal of each passage in the log (k,), refined times
-    (k,) and the angle between them.
+    """The revolutions of one unbroken run.
 
-    Its k - 2 whole revolutions are the turns 1 ... k - 2.
+    Ordinal of each passage in the log (k,), refined times (k,) and the angle between them. Its k -
+    2 whole revolutions are the turns 1 ... k - 2.
     """
 
     ordinal: NDArray[np.int64]
@@ -99,11 +101,10 @@ def stacks_from_logs(
     angles: int = ANGLES,
     most: int = STRETCH,
 ) -> Stacks:
-    """The stacks of the recordings, one each (several where there are more than `most`
-    revolutions), manoeuvres numbered through all.
+    """The stacks of the recordings, manoeuvres numbered through all.
 
-    UsageError where a log holds fewer than ten whole revolutions, or an acceleration without its
-    mean level.
+    One each, or several if there are more than `most` revolutions. UsageError if a log holds fewer
+    than ten whole revolutions, or an acceleration without its mean level.
     """
     stacks = Stacks()
     for recording in recordings:
@@ -128,8 +129,9 @@ def stretches_of(
     angles: int = ANGLES,
     most: int = STRETCH,
 ) -> Iterator[Stack]:
-    """The stacks of one channel of one recording, at most `most` revolutions each; manoeuvres and
-    conditions are those of the whole log.
+    """The stacks of one channel of one recording, at most `most` revolutions each.
+
+    Manoeuvres and conditions are those of the whole log.
     """
     radius = recording.setup.tire.radius_m
     channel = in_memory(channel)
@@ -159,8 +161,9 @@ def _course(
     noise: float,
     angles: int,
 ) -> Stack:
-    """What a revolution has one value of, for all revolutions of a log: their stack, its waveforms
-    still without a bin.
+    """The stack of all revolutions of a log, its waveforms still without a bin.
+
+    It holds what a revolution has one value of.
     """
     radius = recording.setup.tire.radius_m
     times = [run.angle.centre_s[1:-1] for run in runs]
@@ -199,8 +202,10 @@ def _course(
 
 
 def _cuts(manoeuvre: NDArray[np.int64], most: int) -> Iterator[slice]:
-    """The stretches of a log: at most `most` revolutions, cut where a manoeuvre begins, and within
-    one only where it is longer than half of that; then no part of it is shorter than a quarter.
+    """The stretches of a log, at most `most` revolutions each.
+
+    The log is cut where a manoeuvre begins, and within one only if it is longer than half of that;
+    then no part of it is shorter than a quarter.
     """
     starts = np.flatnonzero(np.diff(manoeuvre)) + 1
     low, n = 0, manoeuvre.size

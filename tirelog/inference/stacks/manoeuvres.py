@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from tirelog.vocabulary.arrays import FloatArray
 
-#: |acceleration| [m/s^2] below which a stretch is a cruise, and the deceleration from which it is
-#: braking rather than coasting
+#: size of the acceleration [m/s^2] below which a stretch is a cruise
 CRUISE_M_S2 = 0.2
+#: deceleration [m/s^2] from which it is braking rather than coasting
 BRAKE_M_S2 = 1.5
 #: a stretch shorter than this many revolutions belongs to its neighbour
 SHORTEST = 4
+#: revolutions to either side over which an acceleration is the slope of the speed
 _HALF_WINDOW = 3
 
 
@@ -52,8 +53,9 @@ def regimes(acceleration_m_s2: FloatArray) -> NDArray[np.str_]:
 def segment(
     regime: NDArray[np.str_], breaks: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.str_]]:
-    """The manoeuvre (n,) 0, 1, 2, ... and the regime (n,) of each revolution; `breaks[i]` True: a
-    gap lies before revolution i.
+    """The manoeuvre (n,), numbered from 0, and the regime (n,) of each revolution.
+
+    `breaks[i]` True: a gap lies before revolution i.
 
     A stretch below `SHORTEST` joins the longer of its neighbours that no gap parts from it. Between
     two gaps it joins the stretch before it, and the first of a log the one after it: so few

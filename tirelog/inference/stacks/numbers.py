@@ -2,7 +2,7 @@
 
 Patch length, dissipation factor, phase shift, patch width.
 
-Recording --estimators--> a row a passage, those with nothing wrong
+Recording --estimators--> a row per passage, those with nothing wrong
     --> Stack (n, 1), the same conditions and manoeuvres as a waveform's
 """
 
@@ -79,7 +79,7 @@ def scalar_stack(recording: Recording, channel: Channel, observable: str) -> tup
 
 
 #: times [s], speeds [m/s] and values of every passage, (n,), NaN if something is wrong with it; the
-#: rolling radius [m]; where the value is of unclear form, (n,)
+#: rolling radius [m]; whether the value is of unclear form, (n,)
 Numbers = tuple[FloatArray, FloatArray, FloatArray, float, NDArray[np.bool_]]
 
 

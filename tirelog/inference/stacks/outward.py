@@ -2,9 +2,9 @@
 
 Outward positive, and with its mean level.
 
-    Channel --`outward`--> Channel whose patch is a maximum, and a sentence where it had to be
+    Channel --`outward`--> Channel whose patch is a maximum, and a sentence if it had to be
                            turned round
-    Stack, Stack, ... --`with_level`--> the same; UsageError where the level outside the patch is
+    Stack, Stack, ... --`with_level`--> the same; UsageError if the level outside the patch is
                                         none of a turning sensor
 
 A model predicts -v^2 / R outside the patch and about nothing in it (errata). Which way a sensor is
@@ -33,8 +33,9 @@ ZERO_M_S2 = 2.0 * STANDARD_GRAVITY_M_S2
 
 
 def outward(channel: Channel) -> tuple[Channel, str]:
-    """The channel with outward positive, and '' or what was done; other kinds of channel as they
-    are.
+    """The channel with outward positive, and '' or what was done.
+
+    Other kinds of channel come back as they are.
     """
     if channel.kind != "radial_acceleration" or patch_sign(channel) > 0.0:
         return channel, ""
@@ -64,7 +65,7 @@ def with_level(stretches: Iterable[Stack], log: str) -> Iterator[Stack]:
 
 
 def _check_level(stack: Stack, log: str) -> None:
-    """UsageError where the median level outside the patch is not about -v^2 / R."""
+    """UsageError if the median level outside the patch is not about -v^2 / R."""
     turning = stack.conditions.speed_m_s**2 / stack.radius_m
     with np.errstate(invalid="ignore"):
         level = np.nanmedian(

@@ -16,7 +16,7 @@ import numpy as np
 from tirelog.data.recording import Channel
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-#: samples a chunk, about: what a dozen arrays of it take stays near the processor
+#: samples per chunk, about: what a dozen arrays of it take stays near the processor
 CHUNK_SAMPLES = 1 << 16
 #: of the times of an axis every so many are kept, to find the others
 _STRIDE = 1 << 13
@@ -32,8 +32,9 @@ _FEWEST_VALUES, _OFF_STEP = 12, 0.01
 
 @dataclass(frozen=True)
 class TurnChunk:
-    """Turns [first, stop) of a run of passages, and samples [low, high) among which all of theirs
-    are.
+    """Turns [first, stop) of a run of passages.
+
+    All their samples are among [low, high).
     """
 
     first: int
@@ -43,11 +44,10 @@ class TurnChunk:
 
 
 def step_of(channel: Channel) -> tuple[float, float]:
-    """The step in which a channel's values come and one of them [SI], a step of 0.0 where none is
-    seen.
+    """The step in which a channel's values come and one of them [SI].
 
-    A step that is fine against the noise leaves values of its own to few samples and is not seen;
-    it does no harm either.
+    A step of 0.0 if none is seen. A step that is fine against the noise leaves values of its own
+    to few samples and is not seen; it does no harm either.
     """
     size = min(_LOOKED_AT // _RUNS, channel.size)
     starts = (
@@ -98,11 +98,10 @@ class Samples:
     def chunks(
         self, centre_s: FloatArray, first: int, stop: int, size: int | None = None
     ) -> list[TurnChunk]:
-        """Turns [first, stop) of the run of passages `centre_s` (n,), about `size` samples at a
-        time.
+        """Turns [first, stop) of the run of passages `centre_s` (n,), chunk by chunk.
 
-        The first turn's samples begin one period before its passage, the last one's end one after,
-        where the run ends there.
+        A chunk has about `size` samples. The first turn's samples begin one period before its
+        passage, the last one's end one after, if the run ends there.
         """
         spent = (centre_s[first:stop] - centre_s[first]) * self.channel.axis.rate_Hz
         cuts = first + np.flatnonzero(np.diff(spent // (size or CHUNK_SAMPLES))) + 1

@@ -2,12 +2,12 @@
 
 In memory while they are few, then in a temporary file, one at a time in memory again.
 
-    stretches of a log (`stack.stretches_of`, at most some MB each) --add--> Stacks
+    stretches of a log (`cut.stretches_of`, at most some MB each) --add--> Stacks
         --one at a time--> Stack, equal to the bit
 
-A usual log is one stack. A long one is several, one after the other, cut between manoeuvres where
-these are short enough; a manoeuvre that had to be cut keeps its number. What has a value a
-revolution stays in memory, the waveforms (32 bytes a bin) are put aside.
+A usual log is one stack. A long one is several, one after the other, cut between manoeuvres if
+these are short enough; a manoeuvre that had to be cut keeps its number. What has a value
+per revolution stays in memory, the waveforms (32 bytes per bin) are put aside.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ _NUMBERS = ("noise", "log", "manoeuvre", "revolution", "regime")
 
 
 class Stacks(Sequence[Stack]):
-    """Stacks on the same angles; `logs` names all logs, and each stack's `log` and `manoeuvre`
-    count through them.
+    """Stacks on the same angles.
+
+    `logs` names all logs, and each stack's `log` and `manoeuvre` count through them.
 
     `notes`: sentences on what was set apart of them.
     """
@@ -44,7 +45,7 @@ class Stacks(Sequence[Stack]):
         self._stacks: list[Stack] = []
         self._places: list[
             int | None
-        ] = []  # where in the file the waveforms are, None where they are in memory
+        ] = []  # where in the file the waveforms are, None if they are in memory
         self._file: IO[bytes] | None = None
 
     def add(self, log: str, stretches: Iterable[Stack]) -> None:
@@ -72,7 +73,7 @@ class Stacks(Sequence[Stack]):
         return list(self._stacks)
 
     def number_through(self) -> None:
-        """Manoeuvres 0, 1, 2, ... where some have gone with their revolutions."""
+        """Manoeuvres 0, 1, 2, ... when some have gone with their revolutions."""
         names = np.unique(
             np.concatenate([np.zeros(0, np.int64), *(stack.manoeuvre for stack in self._stacks)])
         )
@@ -132,12 +133,12 @@ class Stacks(Sequence[Stack]):
 
 
 def _bytes(stack: Stack) -> int:
-    """What its waveforms take."""
+    """Bytes of memory that the stack's waveforms take."""
     return sum(int(getattr(stack, name).nbytes) for name in _WAVEFORMS)
 
 
 def outlines(stacks: Sequence[Stack]) -> Sequence[Stack]:
-    """The stacks; of those that are put aside what has a value a revolution, nothing is read."""
+    """The stacks; of those that are put aside what has a value per revolution, nothing is read."""
     return stacks.outlines() if isinstance(stacks, Stacks) else stacks
 
 

@@ -40,8 +40,9 @@ def critical_speed(
 def refuse_supercritical(
     speed_m_s: FloatArray, hoop_N: FloatArray, EJ: float, k: FloatArray | float, mu: float
 ) -> None:
-    """ModelError where EJ q^4 + (T - mu c^2) q^2 + k has no lower bound above zero; `hoop_N` is T -
-    mu c^2, shape (n, 1).
+    """ModelError if EJ q^4 + (T - mu c^2) q^2 + k has no lower bound above zero.
+
+    `hoop_N` is T - mu c^2, shape (n, 1).
     """
     if np.any(-hoop_N >= 2.0 * np.sqrt(EJ * k)):
         tension = np.broadcast_to(
@@ -59,10 +60,10 @@ def refuse_supercritical(
 def impedance(
     q: FloatArray, EJ: float, k: FloatArray | float, hoop_N: FloatArray, drag: FloatArray
 ) -> FloatArray | ComplexArray:
-    """Z(q) [N/m^2]: EJ q^4 + hoop q^2 + k + i q drag; `hoop_N` = T - mu c^2, `drag` = 2 mu omega_d
-    c, both (n, 1).
+    """Impedance Z(q) [N/m^2] of the beam: EJ q^4 + hoop q^2 + k + i q drag.
 
-    Real where nothing dissipates (half the work).
+    `hoop_N` = T - mu c^2 and `drag` = 2 mu omega_d c, both (n, 1). Real if nothing dissipates (half
+    the work).
     """
     real = EJ * q**4 + hoop_N * q**2 + k
     return real + 1j * (q * drag) if np.any(drag) else real
@@ -81,8 +82,9 @@ def exact_displacement(
     damping_rate_1_s: float = 0.0,
     derivative: int = 0,
 ) -> FloatArray:
-    """w(xi) [m] or its derivative under the parabolic pressure P2 (12), from the four roots of the
-    characteristic equation.
+    """Exact displacement w(xi) [m], or its derivative, under the parabolic pressure P2 (12).
+
+    It comes from the four roots of the characteristic equation.
 
     Shapes: xi (m,) to (m,). Superposition in closed form; the tread closes upon itself after
     `circumference_m`, so the images of the patch one, two, ... turns away are added. Any alpha

@@ -37,7 +37,9 @@ _FEW, _TABLE = 4, 12
 
 @dataclass(frozen=True)
 class Contact:
-    """Pressure [N/m] at `phi_rad` (both (j,)), half length [m] and centre [m] of the patch, and the
+    """A solved contact: pressure [N/m] at angles, patch and hub drop.
+
+    Pressure [N/m] at `phi_rad` (both (j,)), half length [m] and centre [m] of the patch, and the
     hub's drop delta [m].
     """
 
@@ -68,8 +70,9 @@ def _yield_matrix(carcass: RingCarcass) -> FloatArray:
 
 @lru_cache(maxsize=512)
 def solve_contact(carcass: RingCarcass, load_N: float) -> Contact:
-    """The contact at the load F [N]; ModelError where the load is not above zero or the patch grows
-    beyond REACH.
+    """The contact at the load F [N].
+
+    ModelError if the load is not above zero or the patch grows beyond REACH.
     """
     if not load_N > 0.0:
         raise ModelError(
@@ -118,8 +121,9 @@ def _contact(on: np.ndarray, p: FloatArray, depth: FloatArray, drop: float, R: f
 def pressure_modes(
     carcass: RingCarcass, load_N: FloatArray, pb_N_m: FloatArray
 ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-    """(L, modes of p, modes of p xi / L) for columns of load and inflation p0 b, (n or 1, 1) each;
-    interpolated between solved loads.
+    """(L, modes of p, modes of p xi / L), interpolated between solved loads.
+
+    For columns of load and inflation p0 b, (n or 1, 1) each.
     """
     load, pb = np.broadcast_arrays(load_N, pb_N_m)
     half, modes, tilted = (

@@ -14,19 +14,24 @@ from tirelog.errors import ModelError
 from tirelog.physics.spectral import ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 
+#: modes of w, and points of the grid on which w^3 is taken: four for a mode, so that what the cube
+#: adds beyond the grid's last mode does not fold back onto these
 _MODES = 128
 _GRID = 512
+#: steps at most (then ModelError), past steps that a secant goes through, steps until m stays
 _STEPS = 200
 _DEPTH = 2
 _SETTLED = 3
+#: a change below this share of the largest w is the last
 _TOLERANCE = 1e-11
 
 
 def hardened_load(
     load: ComplexArray, compliance: ComplexArray | FloatArray, stiffness: FloatArray | float
 ) -> ComplexArray:
-    """The load less the hardened foundation's extra reaction, (n, K); `stiffness` is k k3 [N/m^4],
-    column or number.
+    """The load less the hardened foundation's extra reaction, (n, K).
+
+    `stiffness` is k k3 [N/m^4], column or number.
     """
     rows = np.broadcast_shapes(load.shape, compliance.shape)[0]
     p = np.broadcast_to(load, (rows, load.shape[1]))
@@ -56,8 +61,9 @@ def hardened_load(
 def _hurried(
     new: FloatArray, change: FloatArray, past: list[tuple[FloatArray, FloatArray]]
 ) -> FloatArray:
-    """The next trial by the secants through the last steps, row by row (Anderson's mixing): a third
-    of the steps.
+    """The next trial by the secants through the last steps, row by row.
+
+    Anderson's mixing: it takes a third of the steps.
     """
     if not past:
         return new

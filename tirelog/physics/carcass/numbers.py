@@ -214,7 +214,8 @@ def _coupled() -> tuple[Parameter, ...]:
 
 
 def steady_carcass(carcass: str) -> str:
-    """The carcass whose steady waveform it has: a coupled ring that rolls steadily on a flat road
-    is the ring.
+    """The carcass that gives the model's steady waveform.
+
+    A coupled ring that rolls steadily on a flat road is the ring.
     """
     return "ring" if carcass == "coupled_ring" else carcass

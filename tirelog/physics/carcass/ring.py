@@ -26,8 +26,9 @@ from tirelog.vocabulary.arrays import FloatArray
 
 @dataclass(frozen=True)
 class RingCarcass:
-    """The ring's constants: EI [N m^2], k_w, k_v [N/m^2], c_w, c_v [N s/m^2], p0 b [N/m], R [m],
-    tread k_t [N/m^2].
+    """The ring's constants.
+
+    EI [N m^2], k_w, k_v [N/m^2], c_w, c_v [N s/m^2], p0 b [N/m], R [m], tread k_t [N/m^2].
     """
 
     EI: float
@@ -43,8 +44,9 @@ class RingCarcass:
 def modal_impedance(
     n: FloatArray, carcass: RingCarcass, omega_rad_s: FloatArray | float = 0.0
 ) -> ComplexArray:
-    """Z_n [N/m^2] at wheel speed Omega, shape of `n`; Z_1 = k_v + k_w and Z_0 = k_v without
-    damping.
+    """Impedance Z_n [N/m^2] of the modes at wheel speed Omega, shape of `n`.
+
+    Without damping, Z_1 = k_v + k_w and Z_0 = k_v.
     """
     c = carcass
     stiff = (
@@ -59,8 +61,9 @@ def modal_impedance(
 def road_loads(
     pressure: ComplexArray, traction: ComplexArray | None = None
 ) -> tuple[ComplexArray, ComplexArray]:
-    """(Q_v, Q_w), each (n, K), from the modes of the vertical pressure and of the traction along
-    the road.
+    """Modes (Q_v, Q_w) of the road's load on the ring, each (n, K).
+
+    They come from the modes of the vertical pressure and of the traction along the road.
     """
     ahead, behind = _neighbours(pressure)
     q_w, q_v = -0.5 * (behind + ahead), -0.5j * (behind - ahead)
@@ -94,8 +97,9 @@ def hub_forces(
     carcass: RingCarcass,
     omega_rad_s: FloatArray | float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """(F_x, F_z) [N] that the foundation hands to the hub, each (n,): F_z up, F_x in the direction
-    of passing (errata to P3).
+    """(F_x, F_z) [N] that the foundation hands to the hub, each (n,).
+
+    F_z is up, F_x in the direction of passing (errata to P3).
 
     F = R int (k_w w + c_w w_t) e_r + (k_v v + c_v v_t) e_t; only n = 1 has a resultant.
     """

@@ -1,7 +1,7 @@
 """What an effect is: plain data, and the hooks by which it enters the pipeline's stages.
 
 Hooks are pure functions of the effect's own parameter values `v`, of the conditions `drive` and,
-after the load stage, of the `site`. Columns have shape (n, 1), or (1, 1) where they are the same
+after the load stage, of the `site`. Columns have shape (n, 1), or (1, 1) if they are the same
 for all revolutions; modes (n or 1, K).
 """
 
@@ -64,8 +64,9 @@ def acting_on(observable: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Drive(ConditionValues):
-    """The conditions as columns: each (n, 1), or (1, 1) where all revolutions share the value; NaN
-    where it is not known.
+    """The conditions as columns: each (n, 1), or (1, 1) if all revolutions share the value.
+
+    NaN if it is not known.
     """
 
     @classmethod
@@ -87,8 +88,9 @@ def _column(values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Site:
-    """Where the load acts: F [N] and half length L [m] of the patch (n or 1, 1) on a tread of
-    radius R.
+    """The place where the load acts: F [N] and half length L [m] of the patch.
+
+    Both are (n or 1, 1), on a tread of radius R.
     """
 
     load_N: FloatArray
@@ -232,15 +234,17 @@ class Effect:
 
     @property
     def reaches(self) -> tuple[str, ...]:
-        """Those of its `observables` that are computed from a stage which it enters; on the others
-        it would act on nothing.
+        """Those of its `observables` that are computed from a stage which it enters.
+
+        On the others it would act on nothing.
         """
         hooks = [reached for hook, (_, reached) in REACH.items() if getattr(self, hook) is not None]
         return tuple(name for name in self.observables if any(name in reached for reached in hooks))
 
     def is_on(self, values: Values, carcass: str = "beam") -> bool:
-        """False where its strength is zero: the model is then the same as without it, to the last
-        bit.
+        """False if its strength is zero.
+
+        The model is then the same as without it, to the last bit.
         """
         return (
             not self.strength
@@ -258,7 +262,7 @@ class Effect:
         ]
 
     def checked(self) -> Effect:
-        """Itself; ModelError where its description contradicts itself."""
+        """Itself; ModelError if its description contradicts itself."""
         names = [parameter.name for parameter in self.parameters]
         if (
             len(set(names)) != len(names)
@@ -276,7 +280,7 @@ class Effect:
         return self
 
     def _refuse_unknown_conditions(self, parameters: list[str]) -> None:
-        """ModelError where `follows` or `valid_range` is no data that a comparison could use."""
+        """ModelError if `follows` or `valid_range` is no data that a comparison could use."""
         try:
             followed = dict(self.followed)
             ranges = {

@@ -11,7 +11,7 @@ from tirelog.physics.effects.base import Drive, Effect, Structure, Values
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.arrays import FloatArray
 
-#: inflation pressure [Pa] at which T0 holds; where a log does not know its own, it is taken to be
+#: inflation pressure [Pa] at which T0 holds; if a log does not know its own, it is taken to be
 #: this
 REFERENCE_PRESSURE_PA = 2.2e5
 

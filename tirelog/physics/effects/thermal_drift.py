@@ -10,7 +10,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 
 def warmth(v: Values, drive: Drive) -> FloatArray:
-    """T - T_0 [K] where the option `driver` is temperature, else 1 - exp(-t / tau)."""
+    """T - T_0 [K] if the option `driver` is temperature, else 1 - exp(-t / tau)."""
     if v["driver:temperature"]:
         return drive.temperature_K
     return -np.expm1(-drive.time_s / v["time_constant_s"])

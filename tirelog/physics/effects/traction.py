@@ -12,7 +12,7 @@ from tirelog.vocabulary.arrays import FloatArray
 
 
 def slip(v: Values, drive: Drive) -> FloatArray:
-    """The measured slip where the log has one, else -a acceleration/9.81; positive in braking."""
+    """The measured slip if the log has one, else -a acceleration/9.81; positive in braking."""
     return np.where(
         np.isfinite(drive.slip),
         drive.slip,

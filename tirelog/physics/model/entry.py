@@ -15,8 +15,9 @@ from tirelog.physics.parameters import Parameter
 
 @dataclass(frozen=True)
 class ModelEffect:
-    """An effect as it stands in a model: with its numbers and options; `source` keeps a user's own
-    words (expression, acts_on).
+    """An effect as it stands in a model, with its numbers and options.
+
+    `source` keeps a user's own words (expression, acts_on).
     """
 
     effect: Effect
@@ -43,8 +44,9 @@ class ModelEffect:
         return own
 
     def resolved(self, conditions: Conditions) -> ModelEffect:
-        """With `driver = "auto"` settled: temperature where every revolution knows it and it
-        varies, else time.
+        """The entry with `driver = "auto"` settled.
+
+        The driver is temperature if every revolution knows it and it varies, else time.
         """
         if self.options.get("driver") != "auto":
             return self

@@ -71,8 +71,9 @@ class Expression:
     tree: ast.expr
 
     def __call__(self, values: Mapping[str, Any]) -> np.ndarray:
-        """The value where the names have these values (arrays that broadcast); ModelError where it
-        is not finite.
+        """The formula's value if the names have these values (arrays that broadcast).
+
+        ModelError if it is not finite.
         """
         with np.errstate(all="ignore"):
             result = np.asarray(_compute(self.tree, values), dtype=np.float64)
@@ -86,8 +87,9 @@ class Expression:
 
 
 def parse_expression(text: str, allowed: frozenset[str] | set[str]) -> Expression:
-    """The formula `text` over the `allowed` names; ModelError for anything else, with what is
-    allowed.
+    """The parsed formula `text` over the `allowed` names.
+
+    ModelError for anything else, with what is allowed.
     """
     if len(text) > LONGEST:
         raise ModelError(

@@ -3,7 +3,7 @@
 Reading is strict: unknown keys are refused with the nearest allowed ones and the line. Writing
 keeps the comments of the document that the model was read from, and the file appears whole or not
 at all. A plain number is a fixed parameter; a table { value, min, max } is free, and carries `se`
-after a fit (and `fixed = true` where it is held although it has bounds).
+after a fit (and `fixed = true` if it is held although it has bounds).
 """
 
 from __future__ import annotations
@@ -70,8 +70,9 @@ class _Text:
 
 
 def load_model(path: str | Path, *, catalogue: Mapping[str, Effect] | None = None) -> Model:
-    """The model in the file (contract, "Model file"); ModelError names file, line and what is
-    allowed.
+    """The model in the file (contract, "Model file").
+
+    ModelError names file, line and what is allowed.
     """
     path = Path(path)
     text = toml_text(path, ModelError, what="a model", advice="make one with `tirelog model new`")
@@ -137,7 +138,9 @@ def parse_model(
 def _contact(
     head: Mapping[str, Any], numbers: Mapping[str, Any], carcass: str, source: _Text
 ) -> str:
-    """`contact` stands in [model] or in [parameters]; without it a patch length means a prescribed
+    """The contact that the model's file asks for: prescribed or solved.
+
+    `contact` stands in [model] or in [parameters]; without it a patch length means a prescribed
     patch.
     """
     default = "prescribed" if carcass == "beam" or "patch_half_length_m" in numbers else "flat_road"
@@ -348,7 +351,7 @@ def _may_be_replaced(path: Path) -> bool:
 
 
 def as_toml(model: Model) -> str:
-    """The model as TOML, in the document it was read from where there is one."""
+    """The model as TOML, in the document it was read from, if there is one."""
     document = tomlkit.parse(model.document) if model.document else tomlkit.document()
     _update(document, "model", {"observable": model.observable, "carcass": model.carcass})
     numbers = document.setdefault("parameters", tomlkit.table())

@@ -23,8 +23,9 @@ def new_model(
     contact: str | None = None,
     values: Mapping[str, float] | None = None,
 ) -> tuple[Model, list[str]]:
-    """(a model without effects, what is only guessed): `values` go before what the setup knows,
-    and this before start values.
+    """(A model without effects, which of its values are only guessed).
+
+    `values` go before what the setup knows, and this before start values.
 
     observable  what the model predicts; None: what the setup's channels measure, else strain
     ModelError  no such carcass, observable, contact or parameter, or a pressure that is none in Pa
@@ -74,8 +75,9 @@ def known_numbers(model: Model, setup: Setup | None) -> dict[str, float]:
 
 
 def with_gauge_length(model: Model, setup: Setup | None) -> Model:
-    """The model whose effect gauge_length, if it has one, is held at the length of the setup's
-    gratings, if they agree on one.
+    """The model with gauge_length held at the length of the setup's gratings.
+
+    Only if it has this effect and the gratings agree on one length.
     """
     name = "gauge_length.length_m"
     if setup is None or name not in model.parameters:

@@ -82,8 +82,9 @@ class Model(Predicting):
     def with_values(
         self, values: Mapping[str, float], *, se: Mapping[str, float] | None = None
     ) -> Model:
-        """Other values by name ("effect.parameter" for an effect's); ModelError for unknown names
-        and values outside their bounds.
+        """The model with other values by name ("effect.parameter" for an effect's).
+
+        ModelError for unknown names and values outside their bounds.
         """
         self.known(values)
 
@@ -112,8 +113,9 @@ class Model(Predicting):
         return replace(self, base=base, effects=effects)
 
     def with_effect(self, effect: str | Effect | ModelEffect, **values: float) -> Model:
-        """The model with one effect more, at its start values or those given; ModelError if
-        unknown, twice, or not for this model.
+        """The model with one effect more, at its start values or those given.
+
+        ModelError if the effect is unknown, in the model already, or not for this model.
         """
         if isinstance(effect, str):
             if effect not in BY_ID:
@@ -164,8 +166,9 @@ class Model(Predicting):
             )
 
     def resolved(self, conditions: Conditions) -> Model:
-        """With what depends on the whole data (thermal_drift's driver) settled: do so once before
-        parts of it are predicted.
+        """The model with what depends on the whole data (thermal_drift's driver) settled.
+
+        Do so once before parts of the data are predicted.
         """
         return replace(self, effects=tuple(e.resolved(conditions) for e in self.effects))
 

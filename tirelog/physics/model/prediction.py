@@ -1,6 +1,6 @@
 """What a model computes: predictions block by block, and their derivatives.
 
-    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `pipeline.Task`
+    Conditions (n,), angles (m,) or (n, m) --blocks of BLOCK revolutions--> `stages.Task`
         --> values (n, m), slopes (p, n, m)
 
 `Predicting` is the half of `Model` that computes; the other half, in `model`, is the list that a
@@ -66,8 +66,9 @@ class Predicting:
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
     ) -> FloatArray:
-        """What the sensor reads, shape (n, m): revolutions x angles; for a number per revolution
-        (n, 1).
+        """What the sensor reads, shape (n, m): revolutions x angles.
+
+        An observable of one number per revolution gives (n, 1).
 
         phi_rad (m,) or (n, m) [rad], NaN gives NaN; phi_variance, same shapes [rad^2], adds f''/2
         times it. `values` replaces values by full name without a check of bounds. `observable` may
@@ -98,8 +99,9 @@ class Predicting:
         values: Mapping[str, float] | None = None,
         observable: str | None = None,
     ) -> FloatArray:
-        """Derivatives of `predict` by the parameters `names`, (len(names), n, m): central
-        differences of the stages that each touches.
+        """Derivatives of `predict` by the parameters `names`, (len(names), n, m).
+
+        Central differences of the stages that each parameter touches.
         """
         return self.linearised(
             conditions,
@@ -186,8 +188,9 @@ class Predicting:
     def _tasks(
         self, conditions: Conditions, flat: Mapping[str, float], also: Sequence[str] = ()
     ) -> Iterator[tuple[slice, Task]]:
-        """(rows, task) block by block; ModelError where an effect that is on, or has a parameter in
-        `also`, lacks a condition.
+        """(rows, task) block by block.
+
+        ModelError if an effect that is on, or has a parameter in `also`, lacks a condition.
         """
         model = self.resolved(conditions)
         base, active = model._split(flat)
@@ -264,8 +267,9 @@ def _predicted(
 
 
 def _added(task: Task, observable: str, phi_rad: FloatArray) -> FloatArray | float:
-    """What effects add at the angles themselves (a user's own, `acts_on = "strain"` or
-    "radial_acceleration").
+    """What effects add at the angles themselves.
+
+    These are a user's own, `acts_on = "strain"` or "radial_acceleration".
     """
     total: FloatArray | float = 0.0
     hook = _AT_ANGLES.get(observable, "")

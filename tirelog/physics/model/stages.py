@@ -2,8 +2,8 @@
 
 Each is a function of the values that it reads.
 
-Everything here works on one block of revolutions as columns (`Drive`). `Memo` keeps each stage by
-the values it read, so that a derivative recomputes only the stages that its parameter touches.
+Everything here works on one block of revolutions as columns (`Drive`). `Task.memo` keeps each stage
+by the values it read, so that a derivative recomputes only the stages that its parameter touches.
 """
 
 from __future__ import annotations
@@ -93,8 +93,9 @@ class Active:
 
 @dataclass(frozen=True)
 class Task:
-    """What to compute: the carcass and its numbers, the effects that are on (by id), the
-    conditions, the observable.
+    """What to compute: carcass, effects, conditions and observable.
+
+    The carcass comes with its numbers; the effects are those that are on (by id).
     """
 
     carcass: str
@@ -126,8 +127,9 @@ class Task:
         }
 
     def key(self, names: Sequence[str] | None, *hooks: str) -> tuple[Any, ...]:
-        """What a stage reads: the named base values (all for None) and the values of the effects
-        with these hooks.
+        """The values that a stage reads, as a key.
+
+        The named base values (all of them for None) and the values of the effects with these hooks.
         """
         base = (
             tuple(self.base.items())
@@ -137,7 +139,7 @@ class Task:
         return base, tuple((a.effect.id, *a.values.values()) for a in self.having(*hooks))
 
     def once(self, stage: str, key: tuple[Any, ...], compute: Callable[[], Result]) -> Result:
-        """The stage's result, from the memo where the same values were read before."""
+        """The stage's result, from the memo if the same values were read before."""
         if (stage, key) not in self.memo:
             self.memo[stage, key] = compute()
         return cast(Result, self.memo[stage, key])
@@ -171,8 +173,9 @@ def ring_carcass(task: Task) -> ring.RingCarcass:
 
 
 def loads(task: Task) -> FloatArray:
-    """F [N], (n or 1, 1): the measured load, else the model's, times and plus what effects on the
-    load do.
+    """Load F [N] on the tire, (n or 1, 1), with its effects.
+
+    The measured load, else the model's, times and plus what effects on the load do.
     """
     F = np.where(np.isfinite(task.drive.load_N), task.drive.load_N, task.base["load_N"])
     for change in task.hooks(lambda effect: effect.load).values():
@@ -189,8 +192,9 @@ def loads(task: Task) -> FloatArray:
 
 
 def site_and_base_pressure(task: Task) -> tuple[Site, Any, ComplexArray | None]:
-    """The patch, the modes of the pressure without effects, and (where an effect tilts it) of the
-    pressure times xi / L.
+    """The patch and the modes of its pressure without effects.
+
+    If an effect tilts the pressure, also the modes of the pressure times xi / L.
     """
     F, b = loads(task), task.base
     R = b["radius_m"]
@@ -218,10 +222,11 @@ def loaded_site(task: Task) -> tuple[Site, ComplexArray, ComplexArray | None]:
 
 @dataclass(frozen=True)
 class Pressed:
-    """What the road does to the tread, modes (n or 1, K) [N/m]: the pressure p, which carries F
-    exactly; the traction tau along the road, positive in braking; and what tau does across the
-    tread by its lever h, the `couple` h d tau / d xi (P2 (18)). The last two are None without
-    traction.
+    """What the road does to the tread, modes (n or 1, K) [N/m].
+
+    The pressure p, which carries F exactly; the traction tau along the road, positive in braking;
+    and what tau does across the tread by its lever h, the `couple` h d tau / d xi (P2 (18)). The
+    last two are None without traction.
     """
 
     pressure: ComplexArray
@@ -278,8 +283,9 @@ def _pressure(task: Task) -> Pressed:
 
 
 def load_on_carcass(task: Task) -> ComplexArray:
-    """Modes of the inward load per length: the pressure, on a ring with its tangential parts
-    (`ring.equivalent_load`).
+    """Modes of the inward load per length on the carcass.
+
+    It is the pressure, on a ring with its tangential parts (`ring.equivalent_load`).
     """
     pressed = pressure(task)
     if task.carcass == "beam":
@@ -355,8 +361,9 @@ def _positive_foundation(k: FloatArray | float) -> None:
 
 @dataclass(frozen=True)
 class Response:
-    """What the carcass makes of a unit load: inward displacement [m^3/N... per (N/m)], and (strain
-    per lever arm) = q^2-like curvature.
+    """What the carcass makes of a unit load.
+
+    Inward displacement [m^3/N... per (N/m)], and (strain per lever arm) = q^2-like curvature.
     """
 
     displacement: FloatArray | ComplexArray
@@ -404,8 +411,9 @@ def _response(task: Task) -> Response:
 def closed_ring(
     task: Task, Z: FloatArray | ComplexArray, s: Structure
 ) -> FloatArray | ComplexArray:
-    """1 / (Z_n / n^2) of the ring that the beam closes to (`ring`): same EJ, k, tension, damping
-    and loss, no inertia left.
+    """1 / (Z_n / n^2) of the ring that the beam closes to (`ring`).
+
+    It has the same EJ, k, tension, damping and loss, and no inertia left.
 
     Differs from the beam's Z by EJ (1 - 2 n^2) / R^4 - T / R^2 + mu c^2 q^2 + k_v / n^2.
     """
@@ -459,8 +467,7 @@ def waveform(
 
 
 def frame_acceleration(task: Task) -> ComplexArray:
-    """Modes (n or 1, K) of what an accelerometer that the wheel carries round reads without any
-    motion of the tread in the wheel.
+    """Modes (n or 1, K) that a turning accelerometer reads if the tread keeps still in the wheel.
 
     It reads specific force, acceleration less gravity, here along the outward radius. That points
     down at the patch centre (phi = 0), where gravity does too, and backwards at phi = 90 degrees,
@@ -505,8 +512,9 @@ def baseline(task: Task) -> FloatArray | float:
 
 
 def hub_forces(task: Task) -> FloatArray:
-    """(F_x, F_z) [N] of a ring, (2, n or 1); `ring.hub_forces` at the pressure and traction of the
-    task.
+    """(F_x, F_z) [N] of a ring, (2, n or 1).
+
+    `ring.hub_forces` at the pressure and traction of the task.
     """
     pressed = pressure(task)
     carcass = ring_carcass(task)

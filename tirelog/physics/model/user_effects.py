@@ -54,8 +54,9 @@ _WAVES = ("contact_pressure", "strain", "radial_acceleration")
 def effect_by_expression(
     name: str, acts_on: str, expression: str, parameters: tuple[Parameter, ...]
 ) -> Effect:
-    """The effect that a model file describes; ModelError where name, place or formula are not
-    allowed.
+    """The effect that a model file describes.
+
+    ModelError if name, place or formula are not allowed.
     """
     if acts_on not in EXPRESSION_ACTS_ON:
         raise ModelError(
@@ -241,8 +242,9 @@ def _watched(effect: Effect, origin: object) -> Effect:
 
 
 def installed_effects() -> dict[str, Effect]:
-    """The effects of installed packages: entry points of the group "tirelog.effects", each an
-    Effect or a list of them.
+    """The effects of installed packages.
+
+    Entry points of the group "tirelog.effects", each an Effect or a list of them.
     """
     found: dict[str, Effect] = {}
     for point in entry_points(group=ENTRY_POINTS):
@@ -254,8 +256,9 @@ def installed_effects() -> dict[str, Effect]:
 
 
 def catalogue_with(path: Path | None = None) -> Mapping[str, Effect]:
-    """The whole catalogue by id: our own, installed packages', and those of the Python file at
-    `path`.
+    """The whole catalogue of effects by id.
+
+    Our own, installed packages', and those of the Python file at `path`.
     """
     return {**BY_ID, **installed_effects(), **(effects_of_file(path) if path else {})}
 

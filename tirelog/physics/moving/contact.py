@@ -1,7 +1,7 @@
 """Road against tread: one-sided springs along the road's normal, and brush friction along the road.
 
 The tread is a ring of M nodes that turn with the belt, h = 2 pi R / M apart. Node j lies at r_j = C
-+ (R + w) e_r + v e_t; where it would go below the road, by d = h(x) - z with x = -s, the spring
++ (R + w) e_r + v e_t; if it would go below the road, by d = h(x) - z with x = -s, the spring
 energy k_t d^2 / 2 per length pushes it back along its gradient, k_t d (h'(x), 1). A bristle clings
 to the road: its deflection u grows by what the node slides (the way between two steps, so that a
 steady patch slides steadily whatever the step), and stays within mu p / C_x. The nodes carry u with
@@ -35,8 +35,9 @@ def places(
     imag: FloatArray, radius: float, centre_s: float, centre_z: float, sin: FloatArray,
     cos: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """s, z and w' - v of nodes at angles with these `sin`, `cos` (j,), from the modes 2 V e^(i n
-    psi) as `real`, `imag` (N - 1,).
+    """s, z and w' - v of nodes at angles with these `sin`, `cos` (j,).
+
+    From the modes 2 V e^(i n psi) as `real`, `imag` (N - 1,).
     """
     size = sin.size
     v, w, bend = np.zeros(size), np.zeros(size), np.zeros(size)
@@ -57,8 +58,9 @@ def press(
     s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: FloatArray,
     bristles: FloatArray, start: int, nodes: int, k_t: float, c_x: float, mu: float, now: float,
 ) -> tuple[FloatArray, FloatArray, float, float, float]:  # fmt: skip
-    """Forces (f_s, f_z) [N/m] on nodes (j,), the energies of springs and bristles and what sliding
-    took, in J per length of pitch.
+    """Forces (f_s, f_z) [N/m] on nodes (j,), and energies.
+
+    The energies are those of springs and bristles and what sliding took, in J per length of pitch.
 
     was (4, M): s, z, depth and the call `now` at which the node was seen last; bristles (M,) [m]. A
     node that came down since the last call has slid for a part of the way; one that was not looked
@@ -109,8 +111,9 @@ def modes_of(
     n: FloatArray,
     nodes: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Real and imaginary part of Q_v + i n Q_w (N - 1,) of forces [N/m] on nodes (j,), in the
-    belt's own angle.
+    """Real and imaginary part of Q_v + i n Q_w (N - 1,).
+
+    They belong to forces [N/m] on nodes (j,), in the belt's own angle.
     """
     real, imag = np.zeros(n.size), np.zeros(n.size)
     for k in range(n.size):
@@ -176,8 +179,9 @@ class Tread:
         self._top, self._top_at = 0.0, np.inf
 
     def forces(self, centre: complex, psi: float, V: ComplexArray) -> RoadForces:
-        """The road's forces at this place; bristles move on by what their nodes slid since the last
-        call.
+        """The road's forces at this place.
+
+        Bristles move on by what their nodes slid since the last call.
         """
         tire, n = self.tire, self.tire.n
         start, phi = self._near(centre, psi)

@@ -73,8 +73,9 @@ def _ramped(speed_m_s: float, ramps: Sequence[tuple[float, float, float]]) -> Sc
 
 
 def passage_columns(transient: Transient, sensors_deg: list[float], surface: str) -> dict[str, Any]:
-    """The table's columns: the passage once for each sensor, at `sensors_deg` on the belt ahead of
-    the patch centre at the start.
+    """The table's columns: the passage once for each sensor.
+
+    Sensors stand at `sensors_deg` on the belt ahead of the patch centre at the start.
     """
     m, course = transient.motion, transient.course
     speed = np.array([course.speed_m_s(t) for t in m.time_s])

@@ -57,6 +57,7 @@ _OWN = {
     "c_x": "bristle_stiffness_N_m2",
     "mu": "friction",
 }
+#: coordinates that stand before the belt's: two places each of hub and ring, and their angles
 _RINGS = 6
 #: Cells of bristles between entry and exit of the patch.
 _CELLS = 48
@@ -66,8 +67,9 @@ _SLOWEST = 0.05
 
 @dataclass(frozen=True)
 class Mode:
-    """One natural vibration: frequency [Hz], damping ratio, its shape in words, lobes n (0
-    rotational, 1 rigid), share of n in its energy.
+    """One natural vibration: frequency [Hz], damping ratio and shape.
+
+    The shape comes in words, with lobes n (0 rotational, 1 rigid) and the share of n in its energy.
 
     direction: `with` or `against` the rotation for a travelling wave, `standing` else.
     """
@@ -83,8 +85,9 @@ class Mode:
 def natural_modes(
     tire: CoupledRing, *, speed_m_s: float = 0.0, load_N: float | None = None, to_Hz: float = 300.0
 ) -> list[Mode]:
-    """The modes up to `to_Hz`, lowest first; free in the air without `load_N`, else on the road
-    under it.
+    """The natural modes up to `to_Hz`, lowest first.
+
+    Free in the air without `load_N`, else on the road under it.
 
     ModelError for a speed at or beyond the critical one, a load that does not press, or a range
     that is none.
@@ -149,8 +152,9 @@ def of_model(
     hub_mass_kg: float | None = None,
     hub_inertia_kg_m2: float | None = None,
 ) -> CoupledRing:
-    """The coupled ring with a ring or coupled ring model's numbers by name (contract, "Model
-    file"); ModelError where they cannot move.
+    """The coupled ring with a ring or coupled ring model's numbers by name.
+
+    The names are those of the contract ("Model file"). ModelError if it could not move with them.
 
     A ring has no hub of its own: 20 kg and 0.8 kg m^2 without the two; and no bristles. A model
     without a tread has one that does not matter in the air.
@@ -178,8 +182,9 @@ def of_model(
 
 
 def enough_modes(tire: CoupledRing, to_Hz: float, speed_m_s: float) -> CoupledRing:
-    """The tire with as many belt modes as ring up to `to_Hz` (seen beside a tire at that speed),
-    twice over for the patch, 12 to 60.
+    """The tire with the belt modes that a spectrum up to `to_Hz` needs, 12 to 60.
+
+    As many as ring up to there (seen beside a tire at that speed), and as many again for the patch.
     """
     n = np.arange(2.0, 61.0)
     wide = replace(tire, modes=60)
@@ -250,8 +255,9 @@ def _road(tire: CoupledRing, load_N: float) -> FloatArray:
 def _with_bristles(
     tire: CoupledRing, system: FloatArray, M: FloatArray, omega: float, load_N: float
 ) -> FloatArray:
-    """The system with the bristles' deflections u (_CELLS,) as states more, in upwind cells from
-    entry to exit.
+    """The system with the bristles' deflections u (_CELLS,) as further states.
+
+    They stand in upwind cells from entry to exit.
     """
     pressed = contact.solve_contact(tire.carcass, load_N)
     half = pressed.half_length_m / tire.R

@@ -52,8 +52,10 @@ _COLUMNS = (
 
 @dataclass
 class State:
-    """Where the tire is: hub H and ring C [m] as s + i z, angles [rad], spins [rad/s], modes V (N -
-    1,) [m], and their rates.
+    """Place and velocity of the tire's parts.
+
+    Hub H and ring C [m] as s + i z, angles [rad], spins [rad/s], modes V (N - 1,) [m], and their
+    rates.
     """
 
     hub: complex
@@ -94,8 +96,9 @@ class State:
 
 @dataclass(frozen=True)
 class HubMotion:
-    """What is done to the hub, as functions of time [s]: load [N] downwards, speed [m/s] (None:
-    free), torque [N m] with the spin.
+    """What is done to the hub, as functions of time [s].
+
+    Load [N] downwards, speed [m/s] (None: free), torque [N m] with the spin.
     """
 
     load_N: Callable[[float], float]
@@ -105,8 +108,9 @@ class HubMotion:
 
 @dataclass(frozen=True)
 class RingMotion:
-    """Columns over time, each (k,) or (k, N - 1): the road's forces, the spindle's, the spin, and
-    the belt.
+    """Forces, spin and belt over time as columns, each (k,) or (k, N - 1).
+
+    The forces are those of the road and of the spindle.
 
     force_s_N, force_z_N  of the road on the tire, s backwards; spindle_s_N, spindle_z_N  of the
                           sidewall on the hub
@@ -129,8 +133,9 @@ class RingMotion:
     centre_rate: ComplexArray
 
     def strain(self, theta_rad: float, lever_m: float) -> FloatArray:
-        """Strain (k,) at the belt's own angle theta, `lever_m` toward the axle positive: (y / R^2)
-        (w + w''), w outward (errata).
+        """Strain (k,) at the belt's own angle theta.
+
+        (y / R^2) (w + w''), w outward (errata); `lever_m` toward the axle is positive.
         """
         n = self.tire.n
         turn = np.exp(1j * np.outer(self.psi_rad + theta_rad, n))
@@ -144,8 +149,9 @@ class RingMotion:
 
 
 class Stepper:
-    """Moves a `State` on in steps of `step_s`; ModelError where such a step is unstable, or the
-    motion leaves what the ring can do.
+    """Moves a `State` on in steps of `step_s`.
+
+    ModelError if such a step is unstable, or the motion leaves what the ring can do.
     """
 
     def __init__(
@@ -181,7 +187,7 @@ class Stepper:
     # ---- one step --------------------------------------------------------------------------------
 
     def step(self) -> None:
-        """One step."""
+        """Move the state on by one step."""
         s, h = self.state, self.step_s
         self._belt()
         self._damp(0.5 * h)
@@ -208,8 +214,9 @@ class Stepper:
         return self.tread.forces(s.centre, s.psi, s.V)
 
     def _belt(self) -> None:
-        """The modes' exact flow over h at this spin, and the kicks that keep a steady load's answer
-        exact.
+        """The modes' exact flow over h at this spin, and the kicks.
+
+        The kicks keep a steady load's answer exact.
         """
         tire, omega, h = self.tire, self.state.omega, self.step_s
         if abs(omega - self._belt_at) < _STALE:
@@ -230,8 +237,9 @@ class Stepper:
         self._after = -c / K - d * self._before
 
     def _kick(self, h: float, beta: ComplexArray) -> None:
-        """Impulses of road, springs and what the drive applies, over h; the modes take theirs by
-        `beta`.
+        """Impulses of road, springs and what the drive applies, over h.
+
+        The modes take theirs by `beta`.
         """
         s, tire, drive, road = self.state, self.tire, self.drive, self.road_forces
         spring = tire.k_s * (s.centre - s.hub)
@@ -246,8 +254,9 @@ class Stepper:
         self._respin()
 
     def _damp(self, h: float) -> None:
-        """The sidewall's dampers over h, exact for velocities: what they take from the ring they
-        give to the hub; and the suspension's.
+        """The dampers of sidewall and suspension over h, exact for velocities.
+
+        What the sidewall's take from the ring they give to the hub.
         """
         s, tire = self.state, self.tire
         if tire.c_h > 0.0:
@@ -311,8 +320,9 @@ class Stepper:
 
 
 def stepped_motion(stepper: Stepper, duration_s: float, *, every: int = 10) -> RingMotion:
-    """Moves on for `duration_s` and keeps every `every`-th step; ModelError where the ring turns
-    inside out or flies apart.
+    """The motion over `duration_s`, every `every`-th step kept.
+
+    ModelError if the ring turns inside out or flies apart.
     """
     rows: list[list[float]] = []
     shapes: list[tuple[Any, ...]] = []

@@ -27,8 +27,8 @@ term in Omega^2 but the rigid one cancels (the errata's "rotation cancels altoge
     m_r = 2 pi R rho A + m_a,        J_r = m_r R^2,
     k_s = a_s pi R (k_v + k_w),      k_theta = a_theta 2 pi R^3 k_v
 
-The rigid ring is the belt's own n = 0 and 1; m_a and the ratios a_s, a_theta, a_c (1 where nothing
-else is known) give it the mass of the tread and the sidewall's stiffness where they are known apart
+The rigid ring is the belt's own n = 0 and 1; m_a and the ratios a_s, a_theta, a_c (1 if nothing
+else is known) give it the mass of the tread and the sidewall's stiffness if they are known apart
 from the flexible modes'.
 
 Damping acts on what moves against the turning sidewall (Rayleigh):
@@ -75,8 +75,9 @@ from tirelog.vocabulary.arrays import FloatArray
 
 @dataclass(frozen=True)
 class CoupledRing:
-    """A tire on its hub: the ring's constants as in `ring.RingCarcass`, rho A [kg/m], hub m_h [kg]
-    and J_h [kg m^2], tread and brush.
+    """A tire on its hub: constants of ring, belt mass, hub, tread and brush.
+
+    The ring's constants as in `ring.RingCarcass`, rho A [kg/m], hub m_h [kg] and J_h [kg m^2].
 
     c_x [N/m^2] the bristles' stiffness along the road, mu its friction; modes N, the largest n; m_a
     [kg], a_s, a_theta, a_c as above; c_h [N s/m] damps the hub's vertical motion against a vehicle
@@ -177,8 +178,10 @@ class CoupledRing:
 
     @property
     def critical_speed_m_s(self) -> float:
-        """R sqrt(k_s / m): where the turning sidewall's damping drives a whirl of the ring (m: the
-        ring, on a hub held by the vehicle).
+        """Critical speed [m/s], R sqrt(k_s / m), of the ring on its sidewall.
+
+        There the turning sidewall's damping drives a whirl of the ring (m: the ring, on a hub held
+        by the vehicle).
 
         Lower than the ring on a free hub; the flexible modes have none (Z_n > 0 at every speed).
         """
@@ -194,8 +197,9 @@ class CoupledRing:
             )
 
     def largest_step_s(self, speed_m_s: float = 0.0) -> float:
-        """Longest stable step: one radian of the tread's contact frequency, 2.4 of the belt's
-        highest one at that speed.
+        """Longest stable step [s].
+
+        One radian of the tread's contact frequency, 2.4 of the belt's highest one at that speed.
         """
         contact = np.sqrt((self.k_t + self.c_x) / self.rho_A)
         belt = np.sqrt(self.Z_n[-1] / self.m_n[-1] + (self.modes * speed_m_s / self.R) ** 2)
@@ -204,7 +208,7 @@ class CoupledRing:
     # ---- energy ----------------------------------------------------------------------------------
 
     def gyroscopic_momentum(self, V: ComplexArray, rate: ComplexArray) -> float:
-        """P [kg m^2/s]."""
+        """The belt's angular momentum P [kg m^2/s] beside the rigid one."""
         return 4.0 * np.pi * self.R * float(np.vdot(V, self.gamma_n * rate).imag)
 
     def belt_energy(self, V: ComplexArray, rate: ComplexArray, omega: float) -> float:

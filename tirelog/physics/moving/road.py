@@ -49,8 +49,9 @@ class FlatRoad:
 
 @dataclass(frozen=True)
 class SineRoad:
-    """amplitude (1 - cos(2 pi x / wavelength)) from x = 0 on: begins level, rises to twice the
-    amplitude.
+    """A sine road: amplitude (1 - cos(2 pi x / wavelength)) from x = 0 on.
+
+    It begins level and rises to twice the amplitude.
     """
 
     amplitude_m: float
@@ -72,8 +73,9 @@ class SineRoad:
 
 @dataclass(frozen=True)
 class MeasuredRoad:
-    """Heights [m] at growing distances [m], straight between them and level outside; at least two
-    points.
+    """A measured road: heights [m] at growing distances [m], at least two points.
+
+    Straight between the points and level outside of them.
     """
 
     distance_m: tuple[float, ...]
@@ -112,7 +114,7 @@ class MeasuredRoad:
 
 @dataclass(frozen=True)
 class Placed:
-    """A road that begins at `at_m`, and comes again every `spacing_m` where that is above zero."""
+    """A road that begins at `at_m`, and comes again every `spacing_m` if that is above zero."""
 
     road: RoadProfile
     at_m: float
@@ -127,10 +129,10 @@ class Placed:
 
 
 def road_of(words: RoadSetup, at_m: float = 0.0, *, folder: Path | None = None) -> RoadProfile:
-    """The road in words, its obstacle beginning at `at_m`; ModelError where its kind lacks a
-    number, or cannot be rolled over.
+    """The road that the words describe, its obstacle beginning at `at_m`.
 
-    A profile's file is sought in `folder`, where it is not an absolute path.
+    ModelError if its kind lacks a number, or cannot be rolled over. A profile's file is sought in
+    `folder`, unless its path is absolute.
     """
     if words.kind == "flat":
         return FlatRoad()
@@ -195,8 +197,9 @@ def cleat(at_m: float, height_m: float, width_m: float, ramp_m: float = 0.01) ->
 
 
 def load_road(path: str | Path) -> MeasuredRoad:
-    """A profile from text: two columns, distance [m] and height [m], comma or blanks between, `#`
-    begins a remark.
+    """A road profile from a text file.
+
+    Two columns, distance [m] and height [m], comma or blanks between; `#` begins a remark.
     """
     rows = []
     try:
@@ -228,8 +231,9 @@ def load_road(path: str | Path) -> MeasuredRoad:
 
 
 def check_climbable(road: RoadProfile, radius_m: float) -> None:
-    """ModelError where a measured profile rises by more than the tire can take within one of its
-    diameters.
+    """ModelError if a measured profile is too steep for the tire.
+
+    It may not rise by more than the tire can take within one of its diameters.
     """
     if isinstance(road, Placed):
         road = road.road

@@ -30,7 +30,9 @@ _PHI = np.arange(-int(contact.REACH / STEP), int(contact.REACH / STEP) + 1) * ST
 
 @dataclass(frozen=True)
 class SteadyRolling:
-    """Modes V (N - 1,) [m]; height of the ring's centre above the road [m]; sidewall's displacement
+    """Steady rolling: modes, height of the ring, sidewall's displacement and spin.
+
+    Modes V (N - 1,) [m]; height of the ring's centre above the road [m]; sidewall's displacement
     a = C - H [m]; spin [rad/s].
 
     phi_rad, pressure_N_m  the nodes that press, and with what
@@ -45,7 +47,9 @@ class SteadyRolling:
 
 
 def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> SteadyRolling:
-    """ModelError for a load that does not press or a patch that grows beyond the reach of the
+    """The tire's steady rolling at a load and a speed.
+
+    ModelError for a load that does not press or a patch that grows beyond the reach of the
     contact.
     """
     if not load_N > 0.0:
@@ -67,8 +71,10 @@ def steady_rolling(tire: CoupledRing, load_N: float, speed_m_s: float) -> Steady
 
 
 def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArray]:
-    """(modes per pressure on a node (N - 1, j), downward yield of a node per pressure on a node (j,
-    j)), the rigid ring held.
+    """Compliance of belt and nodes to pressure, the rigid ring held.
+
+    (modes per pressure on a node (N - 1, j), downward yield of a node per pressure on a node (j,
+    j)).
     """
     n, cos, sin = tire.n[:, None], np.cos(_PHI), np.sin(_PHI)
     load = np.exp(-1j * n * _PHI) * (STEP / (2.0 * np.pi)) * (sin - 1j * n * cos)
@@ -80,8 +86,9 @@ def _compliance(tire: CoupledRing, omega: float) -> tuple[ComplexArray, FloatArr
 def _balance(
     tire: CoupledRing, load_N: float, lifts: FloatArray
 ) -> tuple[np.ndarray, FloatArray, float]:
-    """(nodes that press, their pressure [N/m], drop [m] of the ring's centre below its height
-    unloaded).
+    """(nodes that press, their pressure [N/m], drop [m] of the ring).
+
+    The drop is that of the ring's centre below its height unloaded.
     """
     shape, h = tire.R * (1.0 - np.cos(_PHI)), tire.R * STEP
     active = np.abs(_PHI) <= 0.15

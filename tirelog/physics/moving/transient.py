@@ -73,8 +73,9 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Course:
-    """What is driven for `duration_s`: axle speed [m/s] and load [N] over time, on a road whose x =
-    0 is where the wheel starts.
+    """What is driven for `duration_s`: axle speed [m/s] and load [N] over time.
+
+    The road's x = 0 is where the wheel starts.
     """
 
     speed_m_s: Schedule
@@ -85,8 +86,10 @@ class Course:
 
 @dataclass(frozen=True)
 class Transient:
-    """A motion, and what it started from: modes V_0 (N - 1,) and conditions of steady rolling;
-    `remarks` on what is not in it.
+    """A motion and what it started from.
+
+    The start is modes V_0 (N - 1,) and conditions of steady rolling; `remarks` say what is not in
+    it.
     """
 
     model: Model
@@ -105,8 +108,9 @@ class Transient:
         *,
         surface: str = "outer",
     ) -> FloatArray:
-        """Reading (m,) of a sensor at the belt's own angle theta (0 under the wheel at the start)
-        at times [s] (default the motion's).
+        """Reading (m,) of a sensor at times [s] (default the motion's).
+
+        It sits at the belt's own angle theta (0 under the wheel at the start).
 
         strain, or radial_acceleration [m/s^2], outward positive; NaN outside of the motion.
         """
@@ -143,8 +147,9 @@ class Transient:
     def added(
         self, observable: str, phi_rad: FloatArray, time_s: FloatArray, *, surface: str = "outer"
     ) -> FloatArray:
-        """What the road adds to the steady waveform at phi (m,) and times (m,); before and after
-        the motion as at its ends.
+        """What the road adds to the steady waveform at phi (m,) and times (m,).
+
+        Before and after the motion it is as at the motion's ends.
         """
         when = np.clip(time_s, self.motion.time_s[0], self.motion.time_s[-1])
         turn = np.exp(1j * phi_rad)
@@ -179,8 +184,9 @@ class Transient:
 
     @cached_property
     def _acceleration(self) -> CubicSpline:
-        """Modes of D^2 w - 2 Omega D v - Omega^2 w - Omega' v of V - V_0 with D = d/dt + i n Omega,
-        likewise.
+        """Modes of D^2 w - 2 Omega D v - Omega^2 w - Omega' v, handed on likewise.
+
+        They are those of V - V_0, with D = d/dt + i n Omega.
         """
         m, n = self.motion, self.motion.tire.n
         V, rate = m.V - self.steady, m.V_rate
@@ -197,8 +203,9 @@ class Transient:
         return lifted
 
     def _handed_on(self, modes: ComplexArray) -> CubicSpline:
-        """Modes (k, N - 1) in space after the sensor: a grating's length by wave number, lags by
-        frequency on the belt.
+        """Modes (k, N - 1) in space after the sensor.
+
+        A grating's length acts by wave number, lags by frequency on the belt.
         """
         m, n = self.motion, self.motion.tire.n
         for a in self.task.active:

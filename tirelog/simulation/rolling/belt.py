@@ -38,7 +38,7 @@ from tirelog.simulation.rolling.splines import Splines, circulant
 from tirelog.simulation.scenario.schema import TrueTire
 from tirelog.vocabulary.arrays import FloatArray
 
-#: flexural stiffness [N m^2] where the tire names none
+#: flexural stiffness [N m^2] if the tire names none
 FLEXURAL_STIFFNESS_N_M2 = 2.0
 #: rates of growth [1/s] below this are the eigenvalue solver's rounding
 _ROUNDING_1_S = 0.02
@@ -78,8 +78,9 @@ class Belt:
 
     @cached_property
     def swirl(self) -> FloatArray:
-        """Antisymmetric: v_t . swirl v is the belt's angular momentum beside the rigid one, rho A R
-        int (w v_t - v w_t).
+        """The antisymmetric matrix of the belt's angular momentum beside the rigid one.
+
+        v_t . swirl v is rho A R int (w v_t - v w_t).
         """
         return -2.0 * self.tire.line_mass_kg_m * self.radius_m * self.splines.gram(0, 1)
 
@@ -93,7 +94,7 @@ class Belt:
 
     @cached_property
     def stiffness(self) -> FloatArray:
-        """Bending, pressure and sidewall."""
+        """Stiffness of the belt from bending, pressure and sidewall."""
         tire, g, radius = self.tire, self.splines.gram, self.radius_m
         bending = (
             FLEXURAL_STIFFNESS_N_M2
@@ -119,15 +120,17 @@ class Belt:
 
     @property
     def carried(self) -> float:
-        """Momentum of the belt along a direction, over sum_j dc_j/dt sin(middle_j + psi) (upwards)
-        or cos (backwards) [kg].
+        """Momentum of the belt along a direction, over a sum of rates [kg].
+
+        The sum is sum_j dc_j/dt sin(middle_j + psi) (upwards) or cos (backwards).
         """
         return 2.0 * self.tire.line_mass_kg_m * self.radius_m * self.splines.first_harmonic
 
     @property
     def translation(self) -> float:
-        """Coefficients of a rigid translation of 1 m: this times sin(middle_j + psi) (upwards) or
-        cos (backwards).
+        """Coefficients of a rigid translation of 1 m.
+
+        They are this times sin(middle_j + psi) (upwards) or cos (backwards).
         """
         return self.splines.step_rad / self.splines.first_harmonic
 
@@ -144,10 +147,10 @@ class Belt:
         return circulant(stencil, self.splines.elements)
 
     def natural_frequencies(self) -> list[dict[str, float]]:
-        """Vibrations at rest in the air with the hub free, up to 300 Hz, lowest first:
-        `frequency_Hz`, `lobes` (0 wind-up, 1 translation).
+        """Vibrations at rest in the air with the hub free, up to 300 Hz, lowest first.
 
-        The hub's two displacements and its turn stand behind the coefficients.
+        `frequency_Hz`, `lobes` (0 wind-up, 1 translation). The hub's two displacements and its turn
+        stand behind the coefficients.
         """
         size, middle = self.splines.elements, self.splines.middle_rad
         M, K = (
@@ -173,8 +176,9 @@ class Belt:
     def vibrations(
         self, spin_rad_s: float
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Eigenvalues (k,) [1/s] and shapes (N, k) of the belt that turns on a held hub, as its own
-        material feels them.
+        """Eigenvalues (k,) [1/s] and shapes (N, k) of the belt that turns on a held hub.
+
+        As its own material feels them.
         """
         size = self.splines.elements
         inertia = self.full(self.inertia)
@@ -188,14 +192,16 @@ class Belt:
 
     @property
     def coarse(self) -> Belt:
-        """The same belt on at most 64 elements: its slow vibrations to 1e-5, a hundred times
-        sooner.
+        """The same belt on at most 64 elements.
+
+        Its slow vibrations come to 1e-5, a hundred times sooner.
         """
         return Belt(self.tire, self.tension_N, Splines(min(self.splines.elements, 64)))
 
     def check_speed(self, speed_m_s: float) -> None:
-        """UsageError where the turning belt's own vibrations grow: beyond the critical speed, which
-        is found between 0 and `speed_m_s`.
+        """UsageError if the turning belt's own vibrations grow.
+
+        They do beyond the critical speed, which is found between 0 and `speed_m_s`.
         """
         coarse = self.coarse
 

@@ -19,9 +19,10 @@ HALF = 5
 
 @compiled
 def factors(size: int) -> Factors:
-    """Room for the factors of a circulant of `size` = n + 5 unknowns: stencil (11,); lower (n, 5);
-    upper (n, 6), its pivots inverted; border (n, 5), what the last five unknowns cost the rest;
-    foot (5, 5), the inverse of what is left for them.
+    """Room for the factors of a circulant of `size` = n + 5 unknowns.
+
+    Stencil (11,); lower (n, 5); upper (n, 6), its pivots inverted; border (n, 5), what the last
+    five unknowns cost the rest; foot (5, 5), the inverse of what is left for them.
     """
     n = size - HALF
     return (

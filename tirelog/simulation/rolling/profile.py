@@ -21,6 +21,7 @@ from tirelog.simulation.scenario.schema import Road
 from tirelog.storage.whole import taken_as_input
 from tirelog.vocabulary.arrays import FloatArray
 
+#: steepest slope of a road [m/m]
 STEEPEST = 3.0
 #: highest rise within one diameter of the tire, over its radius
 HIGHEST = 0.2
@@ -30,7 +31,9 @@ RAMP_M = 0.01
 
 @dataclass(frozen=True)
 class Profile:
-    """`corner_m`, `height_m` (n,) a broken line, level outside; plus amplitude (1 - cos(2 pi
+    """A road's profile: a broken line and a sine.
+
+    `corner_m`, `height_m` (n,) the broken line, level outside; plus amplitude (1 - cos(2 pi
     x/wavelength)) behind the first corner.
     """
 

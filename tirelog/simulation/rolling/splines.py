@@ -38,16 +38,18 @@ class Splines:
         return np.asarray((np.arange(self.elements) + 0.5 * (DEGREE + 1)) * self.step_rad, float)
 
     def local(self, place: FloatArray, derivative: int = 0) -> FloatArray:
-        """The six functions that live at `place` (n,) in [0, 1) of an element, or a derivative by
-        the angle, shape (n, 6).
+        """The six functions that live at a place of an element, shape (n, 6).
+
+        Or a derivative of them by the angle; `place` (n,) in [0, 1).
         """
         x = np.asarray(place, float)[:, None] + np.arange(DEGREE, -1, -1.0)
         basis = _BASIS.derivative(derivative) if derivative else _BASIS
         return np.asarray(np.nan_to_num(basis(x)) / self.step_rad**derivative, float)
 
     def gram(self, left: int, right: int) -> FloatArray:
-        """Stencil of int B_i^(left) B_k^(right) dtheta over offsets k - i = -5 .. 5, by Gauss's
-        rule (exact), shape (11,).
+        """Stencil of int B_i^(left) B_k^(right) dtheta, shape (11,).
+
+        Over offsets k - i = -5 .. 5, by Gauss's rule (exact).
         """
         points, weights = np.polynomial.legendre.leggauss(DEGREE + 1)
         a, b = (self.local(0.5 * (points + 1.0), m) for m in (left, right))
@@ -64,8 +66,9 @@ class Splines:
     def functional(
         self, angle_rad: float, weights: dict[int, float], length_rad: float = 0.0
     ) -> FloatArray:
-        """Row (N,) that reads sum_m weights[m] v^(m) at `angle_rad`, or its mean over `length_rad`
-        around it.
+        """Row (N,) that reads sum_m weights[m] v^(m) at `angle_rad`.
+
+        Or its mean over `length_rad` around it.
         """
         points, shares = (
             np.polynomial.legendre.leggauss(24) if length_rad else (np.zeros(1), np.full(1, 2.0))

@@ -86,7 +86,7 @@ def touch(
     corner: FloatArray, height: FloatArray, tread: FloatArray, seen: IntArray, now: int,
     load: FloatArray, result: FloatArray,
 ) -> int:  # fmt: skip
-    """The road's forces.
+    """The road's forces on the belt, and the edges of the contact.
 
     `load` (N,) on the coefficients; `result` (5,): torque, force backwards and upwards, entry and
     exit behind the axle [m] (NaN in the air). `tread` (points, 3) holds bristle, place along the
@@ -171,9 +171,11 @@ def kick(
     middles: FloatArray, mass: Factors, order: FloatArray, step: float, torque: float,
     work: FloatArray,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Impulses of the road (`work[0]` on the coefficients, `torque`), of hub and drive (`order`:
-    see `run_steps`) over one step, and the spin that follows; leaves the spin of the next belt
-    step's middle. The sidewall's force on the hub backwards and upwards, and the spin.
+    """The sidewall's force on the hub backwards and upwards, and the spin.
+
+    Takes the impulses of the road (`work[0]` on the coefficients, `torque`), of hub and drive
+    (`order`: see `run_steps`) over one step, and the spin that follows; leaves the spin of the next
+    belt step's middle.
     """
     load, kicked, swirled, spun, pulling = work[0], work[1], work[2], work[3], work[4]
     turn_c, turn_s = np.cos(state[ANGLE]), np.sin(state[ANGLE])
@@ -236,8 +238,9 @@ def belt_step(
     v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray,
     middles: FloatArray, system: Factors, step: float, work: FloatArray,
 ) -> None:  # fmt: skip
-    """The belt moves on by a step at a steady spin, and wheel and hub with it; `work[5]` holds the
-    stencil K - W^2 S.
+    """The belt moves on by a step at a steady spin, and wheel and hub with it.
+
+    `work[5]` holds the stencil K - W^2 S.
     """
     right, pushed, moved, place = work[0], work[1], work[2], work[5, : 2 * HALF + 1]
     spin = state[SPIN]
@@ -279,9 +282,11 @@ def run_steps(
     height: FloatArray, tread: FloatArray, seen: IntArray, drive: FloatArray, riders: FloatArray,
     ridden: IntArray, step: float, now: int, every: int, motion: FloatArray,
 ) -> int:  # fmt: skip
-    """Moves the tire on by drive.shape[0] steps; drive (n, 4): distance at the step's end [m],
-    forward acceleration [m/s^2], load [N], torque [N m]. Every `every`-th moment goes to `motion`
-    (n/every, 9 + riders): riders (k, w) read w coefficients from ridden (k,) on.
+    """Moves the tire on by drive.shape[0] steps.
+
+    drive (n, 4): distance at the step's end [m], forward acceleration [m/s^2], load [N], torque [N
+    m]. Every `every`-th moment goes to `motion` (n/every, 9 + riders): riders (k, w) read w
+    coefficients from ridden (k,) on.
 
     `stencils` (5, 11): inertia M, swirl G, centrifugal S, stiffness K, damping C.
     """

@@ -40,9 +40,11 @@ class Rider:
 
 @dataclass(frozen=True)
 class TireMotion:
-    """Columns over time (k,): wheel angle [rad], spin, height of the hub, road's force forward and
-    upwards, contact's edges behind the axle [m] (NaN in the air), sidewall's force on the hub
-    forward and upwards; `read` (k, rows) the riders' readings.
+    """The tire's motion as columns over time (k,).
+
+    Wheel angle [rad], spin, height of the hub, road's force forward and upwards, contact's edges
+    behind the axle [m] (NaN in the air), sidewall's force on the hub forward and upwards; `read`
+    (k, rows) the riders' readings.
     """
 
     time_s: FloatArray
@@ -77,8 +79,9 @@ class TireMotion:
 
 
 def longest_step_s(belt: Belt) -> float:
-    """The longest step that `RollingTire` takes: half of what the tread's springs and bristles on
-    the belt's mass allow.
+    """The longest step [s] that `RollingTire` takes.
+
+    Half of what the tread's springs and bristles on the belt's mass allow.
     """
     tire = belt.tire
     return float(
@@ -90,8 +93,9 @@ def longest_step_s(belt: Belt) -> float:
 
 @dataclass(frozen=True)
 class Standing:
-    """A tire at rest on a level road at height 0: coefficients `v` (N,), height of the hub, contact
-    length.
+    """A tire at rest on a level road at height 0.
+
+    Coefficients `v` (N,), height of the hub, contact length.
     """
 
     v: FloatArray
@@ -102,7 +106,7 @@ class Standing:
 def standing(belt: Belt, load_N: float) -> Standing:
     """The least of elastic energy, tread springs and load, by Newton's method.
 
-    UsageError where the tire cannot carry the load.
+    UsageError if the tire cannot carry the load.
     """
     points = belt.splines.elements * POINTS
     spacing = 2.0 * np.pi / points
@@ -236,9 +240,10 @@ class RollingTire:
     def run(
         self, drive: FloatArray, *, every: int = 1, riders: tuple[Rider, ...] = ()
     ) -> FloatArray:
-        """One step a row of `drive` (n, 4): distance [m] at its end, forward acceleration, load,
-        torque. The kept rows, of the steps' begins, shape (ceil(n/every), 9 + readings). UsageError
-        where the belt leaves what small displacements can say.
+        """The kept rows, of the steps' begins, shape (ceil(n/every), 9 + readings).
+
+        One step per row of `drive` (n, 4): distance [m] at its end, forward acceleration, load,
+        torque. UsageError if the belt leaves what small displacements can say.
         """
         rows = (
             np.concatenate([rider.rows for rider in riders])
@@ -268,9 +273,10 @@ class RollingTire:
         return table
 
     def energy_J(self) -> float:
-        """Kinetic and elastic energy of belt, hub and tread springs on a level road, in the frame
-        that goes with the drive; the load's potential is not in it. Rates are those before this
-        moment's kick.
+        """Kinetic and elastic energy [J] of belt, hub and tread springs on a level road.
+
+        In the frame that goes with the drive; the load's potential is not in it. Rates are those
+        before this moment's kick.
         """
         belt, state = self.belt, self.state
         M, G, S, K = (

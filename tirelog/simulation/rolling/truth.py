@@ -32,8 +32,9 @@ def truth_of_rolled(world: RolledWorld, pitch_rad: Mapping[str, FloatArray]) -> 
 
 
 def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArray]:
-    """What is true when the sensor's place passes under the axle, each (n,); `time_s` in the
-    channel's own stamps.
+    """What is true when the sensor's place passes under the axle, each (n,).
+
+    `time_s` in the channel's own stamps.
     """
     sensor, motion, ridden = world.scenario.channels[name], world.motion, world.ridden[name]
     row, share = _under_axle(ridden.s_m, ridden.z_m)
@@ -67,16 +68,18 @@ def _passages(world: RolledWorld, name: str, late: float) -> dict[str, FloatArra
 
 
 def _under_axle(s_m: FloatArray, z_m: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
-    """Rows before the place passes the axle from ahead to behind, and the share of the row's step
-    to it.
+    """(row before each passage of the axle, share of that row's step to it).
+
+    The place passes the axle from ahead to behind.
     """
     row = np.flatnonzero((s_m[:-1] < 0.0) & (s_m[1:] >= 0.0) & (z_m[:-1] < 0.0))
     return row, -s_m[row] / (s_m[row + 1] - s_m[row])
 
 
 def _dissipation(world: RolledWorld, name: str, time_s: FloatArray) -> FloatArray:
-    """int strain'^2 ds over the turn around each passage [1/m]; NaN at the log's ends, and for an
-    accelerometer.
+    """int strain'^2 ds over the turn around each passage [1/m].
+
+    NaN at the log's ends, and for an accelerometer.
     """
     motion = world.motion
     if world.scenario.channels[name].kind == "radial_acceleration":
@@ -94,8 +97,9 @@ def _dissipation(world: RolledWorld, name: str, time_s: FloatArray) -> FloatArra
 
 
 def moving(world: RolledWorld) -> dict[str, Any]:
-    """The tire's vibrations and what the whole log did; forces are means over it,
-    `contact_length_m` its median.
+    """The tire's vibrations and what the whole log did.
+
+    Forces are means over the log, `contact_length_m` its median.
     """
     motion, scenario = world.motion, world.scenario
     logged = (motion.time_s >= 0.0) & (motion.time_s <= scenario.duration_s)
@@ -123,8 +127,9 @@ def moving(world: RolledWorld) -> dict[str, Any]:
 
 
 def travelling_waves(world: RolledWorld, speed_m_s: float) -> list[dict[str, float | str]]:
-    """The belt's waves of 1 to 6 lobes on a held hub at a speed: what the belt feels, and what an
-    observer beside the tire hears [Hz].
+    """The belt's waves of 1 to 6 lobes on a held hub at a speed.
+
+    What the belt feels, and what an observer beside the tire hears [Hz].
     """
     spin = speed_m_s / world.belt.radius_m
     values, shapes = world.belt.coarse.vibrations(spin)
@@ -162,8 +167,10 @@ def _obstacles(world: RolledWorld) -> list[dict[str, float | None]]:
 
 
 def _met(world: RolledWorld, place_m: float) -> dict[str, float | None]:
-    """One cleat or step: when it is first touched, when its begin is under the axle, when it is
-    left; the largest force meanwhile.
+    """One cleat or step, as it was met.
+
+    When it is first touched, when its begin is under the axle, when it is left; the largest force
+    meanwhile.
     """
     motion, road = world.motion, world.scenario.road
     corner = world.profile.corner_m

@@ -53,9 +53,10 @@ _GRIP = 0.95
 
 @dataclass(frozen=True)
 class Ridden:
-    """One sensor's belt over the motion's rows (k,): `s_m`, `z_m` its place beside the hub,
-    backwards and upwards; `strain` (zero where it has none), both as they are, not as the
-    instrument passes them on.
+    """One sensor's belt over the motion's rows (k,).
+
+    `s_m`, `z_m` its place beside the hub, backwards and upwards; `strain` (zero if it has none),
+    both as they are, not as the instrument passes them on.
     """
 
     s_m: FloatArray
@@ -66,7 +67,7 @@ class Ridden:
 class RolledWorld(World):
     """One scenario with truth = "coupled_ring", rolled from begin to end.
 
-    UsageError where the physics refuses it.
+    UsageError if the physics refuses it.
     """
 
     def __init__(self, scenario: Scenario, drive: Drive, roughness: Roughness) -> None:
@@ -107,8 +108,9 @@ class RolledWorld(World):
         return self.roughness.at(self.distance(time_s))
 
     def _orders(self, time_s: FloatArray) -> FloatArray:
-        """Acceleration, load and torque at the steps, with the distance at their ends, shape (n,
-        4).
+        """The drive at the steps, shape (n, 4).
+
+        Acceleration, load and torque, with the distance at the steps' ends.
         """
         drive, tire = self._way, self.scenario.tire
         acceleration = np.where(
@@ -172,8 +174,9 @@ class RolledWorld(World):
         }
 
     def _settle(self, tire: RollingTire, start_s: float) -> None:
-        """Rolls for SETTLING_S, belt and hub quieted: the hub by a share of critical damping (its
-        mass on the standing tire's spring).
+        """Rolls for SETTLING_S, belt and hub quieted.
+
+        The hub by a share of critical damping (its mass on the standing tire's spring).
         """
         scenario, step = self.scenario, self.scenario.step_s
         spring = scenario.conditions.load_N / max(self.belt.radius_m - self.standing.hub_z_m, 1e-4)
@@ -187,8 +190,9 @@ class RolledWorld(World):
         tire.damp_hub(scenario.vehicle.suspension_damping_N_s_m)
 
     def _rider(self, sensor: Sensor, angle_rad: float) -> Rider:
-        """Reads v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle) at a place of the
-        belt.
+        """What reads the belt at one place.
+
+        v, w = -v' and the strain -y (v' + v''')/R^2 (y towards the axle).
         """
         radius, splines = self.belt.radius_m, self.belt.splines
         gauge = self._sensor_effects(sensor)[0] or 0.0
@@ -223,8 +227,9 @@ class RolledWorld(World):
         )
 
     def values(self, moments: Mapping[str, Trace]) -> dict[str, FloatArray]:
-        """Clean values in SI of the channels that feel the belt: those that ride on it, and the
-        hub's forces.
+        """Clean values in SI of the channels that feel the belt.
+
+        Those that ride on it, and the hub's forces.
         """
         out = {}
         time = self.motion.time_s
@@ -261,8 +266,9 @@ class RolledWorld(World):
         return total
 
     def _outwards(self, name: str) -> FloatArray:
-        """Acceleration minus gravity along the outward radius [m/s^2], by second differences of the
-        place, (k,).
+        """Acceleration minus gravity along the outward radius [m/s^2], (k,).
+
+        By second differences of the place.
         """
         motion, ridden = self.motion, self.ridden[name]
         step = motion.time_s[1] - motion.time_s[0]
@@ -277,8 +283,9 @@ class RolledWorld(World):
         return np.asarray((bent(ridden.s_m) - forward) * np.sin(phi) - upwards * np.cos(phi), float)
 
     def _passed_on(self, series: FloatArray, sensor: Sensor) -> FloatArray:
-        """A series (k,) behind the instrument's first-order lag and within its bandwidth
-        (second-order magnitude without delay).
+        """A series (k,) behind the instrument's first-order lag and within its bandwidth.
+
+        The bandwidth is a second-order magnitude without delay.
         """
         _, lag = self._sensor_effects(sensor)
         if lag is None and sensor.bandwidth_Hz is None:

@@ -33,8 +33,9 @@ PITCH_S, SETTLING_S = 0.35, 0.15
 
 @dataclass(frozen=True)
 class Stretch:
-    """One manoeuvre as driven: start and end in the log, regime, speeds and load factor (scatter
-    between manoeuvres).
+    """One manoeuvre as driven.
+
+    Start and end in the log, regime, speeds and load factor (scatter between manoeuvres).
     """
 
     start_s: float
@@ -69,8 +70,9 @@ def _regime(acceleration: float, speed: float) -> str:
 
 
 def _rounded(values: FloatArray, width_s: float) -> FloatArray:
-    """`values` on the drive's grid, smoothed twice by a box: steps become smooth ramps, straight
-    lines stay as they are.
+    """`values` on the drive's grid, smoothed twice by a box.
+
+    Steps become smooth ramps, straight lines stay as they are.
     """
     half = max(1, round(width_s / STEP_S / 4))
     for _ in range(2):
@@ -82,8 +84,9 @@ def _rounded(values: FloatArray, width_s: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Drive:
-    """Everything that moves, on the grid `time_s` (n,): speed [m/s], acceleration, relative load,
-    regimes as stretches.
+    """Everything that moves, on the grid `time_s` (n,).
+
+    Speed [m/s], acceleration, relative load, regimes as stretches.
     """
 
     time_s: FloatArray
@@ -104,8 +107,9 @@ class Drive:
         return acceleration
 
     def angle_at(self, time_s: FloatArray) -> FloatArray:
-        """Wheel angle [rad], growing in the direction of rolling; before and after the log it goes
-        on at the speed of the end.
+        """Wheel angle [rad], growing in the direction of rolling.
+
+        Before and after the log it goes on at the speed of the end.
         """
         end = self.time_s[-1]
         inside = np.clip(time_s, 0.0, end)
@@ -159,22 +163,26 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> Drive:
 
 @dataclass(frozen=True)
 class Roughness:
-    """The load's fluctuation along the road: relative, zero mean, correlated over some metres; a
-    smooth function of the distance.
+    """The load's fluctuation along the road.
+
+    Relative, zero mean, correlated over some metres; a smooth function of the distance.
     """
 
     step_m: float
     values: FloatArray
 
     def at(self, distance_m: FloatArray) -> FloatArray:
-        """Relative fluctuation at distances [m] from the log's start (linear between knots an
-        eighth of the correlation apart).
+        """Relative fluctuation at distances [m] from the log's start.
+
+        Linear between knots an eighth of the correlation apart.
         """
         return np.interp(distance_m, np.arange(self.values.size) * self.step_m, self.values)
 
 
 def roughness_of(scenario: Scenario, distance_m: float, random: np.random.Generator) -> Roughness:
-    """A Gaussian process of two cascaded first-order filters, so that its slope is finite; scaled
+    """The road's roughness, drawn for the scenario.
+
+    A Gaussian process of two cascaded first-order filters, so that its slope is finite; scaled
     to the scenario's standard deviation.
     """
     step = scenario.road.correlation_m / 8

@@ -15,9 +15,11 @@ FORMS = ("exact", "other")
 
 @dataclass(frozen=True)
 class Plantable:
-    """One effect: its parameters with their ordinary values, and for those outside the catalogue
-    where they show (entry, patch, exit, away) and the parity about the patch centre; `fixed` is the
-    name of the parameter that is a frequency, or ''; `forms`.
+    """One effect that a scenario can plant.
+
+    Its parameters with their ordinary values, and for those outside the catalogue where they show
+    (entry, patch, exit, away) and the parity about the patch centre; `fixed` is the name of the
+    parameter that is a frequency, or ''; `forms`.
     """
 
     parameters: Mapping[str, float]

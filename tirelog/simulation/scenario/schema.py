@@ -88,7 +88,7 @@ class TrueTire:
 
 @dataclass(frozen=True)
 class TrueConditions:
-    """[conditions].
+    """The table [conditions] of a scenario.
 
     `warm_up_K` is the rise of the tire's temperature, first order with `warm_up_time_s`, from the
     log's start.
@@ -105,7 +105,7 @@ class TrueConditions:
 
 @dataclass(frozen=True)
 class Vehicle:
-    """[vehicle].
+    """The table [vehicle] of a scenario.
 
     Longitudinal force of the wheel: half the demand in drive if driven, `brake_share` of it in
     braking, none in coasting. `suspension_damping_N_s_m` holds the coupled ring's hub against a
@@ -121,7 +121,7 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class Road:
-    """[road] and repeatability.
+    """The table [road] of a scenario, and how the load varies along it.
 
     `roughness` relative standard deviation of the load along the road, correlated over
     `correlation_m`; `load_scatter` relative standard deviation of the load from manoeuvre to
@@ -150,7 +150,7 @@ class Road:
 
 @dataclass(frozen=True)
 class LoadStep:
-    """[[load_steps]] (coupled ring only).
+    """A step of the load, from [[load_steps]] (coupled ring only).
 
     From `time_s` on the wheel carries `load_N`, reached within `rise_s`.
     """
@@ -162,7 +162,7 @@ class LoadStep:
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """[[manoeuvres]].
+    """A manoeuvre, from [[manoeuvres]].
 
     `duration_s` seconds to `speed_m_s` at constant acceleration, corners rounded over
     `Scenario.rounding_s`. Without `regime` the acceleration decides: |a| < 0.15 m/s^2 cruise, > 0
@@ -176,7 +176,7 @@ class Manoeuvre:
 
 @dataclass(frozen=True)
 class Sensor:
-    """[channels.NAME].
+    """A sensor, from [channels.NAME].
 
     One instrument channel. `noise` and `quantisation` are in the unit that the file holds (nm,
     microstrain, g, V, m/s, ...). `angle_deg` is the place on the wheel. `lost_fraction` of the
@@ -220,7 +220,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Ramp:
-    """[ramp].
+    """The table [ramp] of a scenario.
 
     A static inflation test: from `start_Pa` at `begin_s` to `end_Pa` at `end_s`, with stops of
     `stop_length_s` at which `leak_Pa` is lost; every grating's strain grows by `strain_per_Pa`,

@@ -30,8 +30,9 @@ def pressure(ramp: Ramp, time_s: FloatArray) -> FloatArray:
 
 
 def strain(ramp: Ramp, time_s: FloatArray) -> FloatArray:
-    """Strain against the start of the ramp: slope times the pressure's rise, and its square by
-    `bend_1_Pa`.
+    """Strain against the start of the ramp.
+
+    Slope times the pressure's rise, and its square by `bend_1_Pa`.
     """
     rise = pressure(ramp, time_s) - ramp.start_Pa
     return ramp.strain_per_Pa * rise * (1.0 + ramp.bend_1_Pa * rise)

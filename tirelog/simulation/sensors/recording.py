@@ -109,8 +109,9 @@ def _channel_lines(sensor: Sensor, source: str) -> list[str]:
 
 
 def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
-    """The log as readers would give it: channels in SI, NaN where lost, on uniform axes; nothing
-    quantised by text.
+    """The log as readers would give it.
+
+    Channels in SI, NaN if lost, on uniform axes; nothing quantised by text.
     """
     scenario = simulated.scenario
     setup = parse_setup(setup_text(scenario, {name: name for name in scenario.channels}), log)
@@ -140,8 +141,9 @@ def to_recording(simulated: Simulated, log: str = "simulated") -> Recording:
 
 
 def _in_si(simulated: Simulated, name: str) -> FloatArray:
-    """One channel's values in SI; gratings by P1 (1), with the twin's temperature where the channel
-    names one.
+    """One channel's values in SI.
+
+    Gratings by P1 (1), with the twin's temperature if the channel names one.
     """
     sensor, raw = simulated.scenario.channels[name], simulated.channels[name]
     if sensor.kind == "fbg_temperature":

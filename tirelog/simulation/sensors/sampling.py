@@ -2,7 +2,7 @@
 
 World --chunks of knots--> tables (b, points)
     --six points in angle, four in time--> clean values (n,) at the moments of sampling
-      --noise, digits, lost samples--> values (n,) in the unit of the file, NaN where lost
+      --noise, digits, lost samples--> values (n,) in the unit of the file, NaN if lost
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ from tirelog.vocabulary.kinds import ACCELERATION_KINDS, STRAIN_KINDS
 
 #: kinds that ride on the tread and read a waveform
 RIDING = (*STRAIN_KINDS, *ACCELERATION_KINDS)
-#: values of the unit in the file per SI unit, where they are not one
+#: values of the unit in the file per SI unit, if they are not one
 PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / GRAVITY_M_S2}
 #: points around the sample in the angle's interpolation
 ANGLE_POINTS, TIME_POINTS = 6, 4
 
 
 def lagrange(place: FloatArray, points: int) -> FloatArray:
-    """Weights (points, n) of the interpolating polynomial at `place` in [0, 1) between the two
-    middle ones of `points` equal steps.
+    """Weights (points, n) of the interpolating polynomial.
+
+    At `place` in [0, 1) between the two middle ones of `points` equal steps.
     """
     nodes = np.arange(points) - (points // 2 - 1)
     weights = np.ones((points, place.size))
@@ -49,8 +50,9 @@ def lagrange(place: FloatArray, points: int) -> FloatArray:
 
 @dataclass(frozen=True)
 class Places:
-    """Where n samples lie in a table of b knots and `points` angles: first flat index (n,) and
-    weights.
+    """Where n samples lie in a table of b knots and `points` angles.
+
+    First flat index (n,) and weights.
     """
 
     index: NDArray[np.intp]
@@ -60,7 +62,9 @@ class Places:
 
     @classmethod
     def of(cls, knots: int, points: int, time_place: FloatArray, angle_turns: FloatArray) -> Places:
-        """`time_place` in knots from the table's first; `angle_turns` the tread angle in turns,
+        """The places of samples in the table.
+
+        `time_place` in knots from the table's first; `angle_turns` the tread angle in turns,
         zero at the patch centre.
         """
         row = np.clip(np.floor(time_place).astype(np.intp), 1, knots - 3)
@@ -89,8 +93,9 @@ class Places:
 
 @dataclass(frozen=True)
 class Trace:
-    """One sensor's moments of sampling: `stamp_s` what the log says, `moment_s` when the value was
-    true (jitter, delay).
+    """One sensor's moments of sampling.
+
+    `stamp_s` what the log says, `moment_s` when the value was true (jitter, delay).
     """
 
     sensor: Sensor
@@ -120,8 +125,9 @@ def traces(scenario: Scenario, random: np.random.Generator) -> dict[str, Trace]:
 
 
 def riding_values(world: World, moments: dict[str, Trace]) -> dict[str, FloatArray]:
-    """Clean values in SI of every channel that rides on the tread, gravity and the vehicle's
-    acceleration in the accelerometers'.
+    """Clean values in SI of every channel that rides on the tread.
+
+    Gravity and the vehicle's acceleration are in the accelerometers'.
     """
     riding = {name: trace for name, trace in moments.items() if trace.sensor.kind in RIDING}
     if not riding:
@@ -173,8 +179,9 @@ def _with_load(places: Places, tables: list[FloatArray], fluctuation: FloatArray
 
 
 def _slow(world: World, trace: Trace, turns: FloatArray) -> FloatArray:
-    """What is added to the waveform: the strain's baseline, or gravity and the vehicle's
-    acceleration along the outward radius.
+    """What is added to the waveform.
+
+    The strain's baseline, or gravity and the vehicle's acceleration along the outward radius.
     """
     if trace.sensor.kind != "radial_acceleration":
         return world.baseline(trace.moment_s, trace.sensor)

@@ -33,8 +33,10 @@ def longitudinal_force(world: World, time_s: FloatArray) -> FloatArray:
 
 
 def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
-    """Phase shift [rad]: wind-up of the sidewalls F_x/(2 pi R^2 k_v) (errata), and what is planted
-    of trend and cross-talk. Telemetry delay is not in it: it moves the acceleration in time.
+    """Phase shift [rad]: wind-up of the sidewalls, and what is planted.
+
+    The wind-up is F_x/(2 pi R^2 k_v) (errata); planted are trend and cross-talk. Telemetry delay is
+    not in it: it moves the acceleration in time.
     """
     scenario = world.scenario
     shift = np.zeros_like(time_s)
@@ -56,8 +58,9 @@ def phase_shift(world: World, time_s: FloatArray) -> FloatArray:
 
 
 def tread_angle(world: World, sensor: Sensor, time_s: FloatArray) -> FloatArray:
-    """Angle [rad] of the sensor's place in the road's frame, not wrapped: zero, and every whole
-    turn, at the patch centre.
+    """Angle [rad] of the sensor's place in the road's frame, not wrapped.
+
+    Zero, and every whole turn, at the patch centre.
     """
     angle: FloatArray = (
         world.drive.angle_at(time_s) - np.radians(sensor.angle_deg) - phase_shift(world, time_s)
@@ -78,9 +81,10 @@ def passages(world: World, sensor: Sensor, end_s: float) -> FloatArray:
 
 
 def pitch_table(world: World, sensor: Sensor) -> FloatArray:
-    """How far each tooth stands from its place [rad], shape (steps,): run-out and single teeth,
-    zero mean, at most the given error. The tone wheel's own seed draws it, so that several logs
-    share one wheel.
+    """How far each tooth stands from its place [rad], shape (steps,).
+
+    Run-out and single teeth, zero mean, at most the given error. The tone wheel's own seed draws
+    it, so that several logs share one wheel.
     """
     random = np.random.default_rng(sensor.pitch_seed)
     effect = world.scenario.planted("tooth_pitch")
@@ -98,9 +102,11 @@ def pitch_table(world: World, sensor: Sensor) -> FloatArray:
 def encoder_signal(
     world: World, sensor: Sensor, time_s: FloatArray, table: FloatArray
 ) -> FloatArray:
-    """The encoder's voltage (n,): a sinusoid a tooth, amplitude growing with speed and varying by
-    15 % over the turn; or square pulses; or a count of steps. A missing tooth leaves the offset; an
-    extra one doubles the frequency over its pitch.
+    """The encoder's voltage (n,).
+
+    A sinusoid per tooth, amplitude growing with speed and varying by 15 % over the turn; or square
+    pulses; or a count of steps. A missing tooth leaves the offset; an extra one doubles the
+    frequency over its pitch.
     """
     angle = world.drive.angle_at(time_s)
     turn = angle % (2 * np.pi)

@@ -1,8 +1,8 @@
 """A simulated log as files: the log itself by suffix, LOG.truth.json and the setup beside it.
 
-.csv .txt (also .gz): preamble, header, a row a sample, blank where a peak was lost. .mcap: JSON,
-one sample a message, a topic a sampling rate. .h5 .hdf5: a dataset a channel with its rate; counts
-with scale where the instrument has digits. Files appear whole or not at all.
+.csv .txt (also .gz): preamble, header, a row per sample, blank if a peak was lost. .mcap: JSON,
+one sample per message, one topic per sampling rate. .h5 .hdf5: one dataset per channel with its
+rate; counts with scale if the instrument has digits. Files appear whole or not at all.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _BLOCK = 1 << 15
 
 
 def suffix_of(path: Path) -> str:
-    """The suffix that decides the format (without .gz).  UsageError where none does."""
+    """The suffix that decides the format (without .gz).  UsageError if none does."""
     suffix = Path(path.stem).suffix if path.suffix == ".gz" else path.suffix
     if suffix not in SUFFIXES or (path.suffix == ".gz" and suffix not in (".csv", ".txt")):
         allowed = ", ".join(SUFFIXES)
@@ -164,8 +164,10 @@ def _json_numbers(values: FloatArray, digits: int) -> list[str]:
 
 
 def _write_hdf5(simulated: Simulated, path: Path, zipped: bool) -> str:
-    """A dataset a channel, `sampling_rate_Hz`, `unit`; 16-bit counts with `scale` and `offset` for
-    an instrument of up to 16 bits.
+    """Write the log as HDF5: one dataset per channel.
+
+    With `sampling_rate_Hz` and `unit`; 16-bit counts with `scale` and `offset` for an instrument of
+    up to 16 bits.
 
     The file is made in memory: HDF5 does not survive a disk that is full while it closes a file.
     """

@@ -31,9 +31,11 @@ LARGEST_ITERATIONS, RELATIVE_CHANGE = 200, 1e-8
 
 @dataclass(frozen=True)
 class Carcass:
-    """Admittances of one carcass at b instants: `radial` and `tangential` (b, m) give the transform
-    of w per transform of p and q; `hardening` (b,) is the cubic coefficient [N/m^4] of the
-    foundation, zero where it is linear; `foundation` k [N/m^2].
+    """Admittances of one carcass at b instants.
+
+    `radial` and `tangential` (b, m) give the transform of w per transform of p and q; `hardening`
+    (b,) is the cubic coefficient [N/m^4] of the foundation, zero if it is linear; `foundation` k
+    [N/m^2].
     """
 
     ring: Ring
@@ -55,9 +57,10 @@ class Carcass:
         return self._hardened(free, w if start is None else start)
 
     def _hardened(self, free: ComplexArray, w: FloatArray) -> FloatArray:
-        """Fixed point w = A (p - (hardening(w) - mean) w)/(1 + mean A), a mean hardening being
-        taken into the linear operator A; each row mixes its last two iterates so that their
-        residual is least (Anderson's method, depth one).
+        """Fixed point w = A (p - (hardening(w) - mean) w)/(1 + mean A).
+
+        A mean hardening is taken into the linear operator A; each row mixes its last two iterates
+        so that their residual is least (Anderson's method, depth one).
         """
         peak = np.abs(w).max(axis=1)
         mean = self.hardening * (0.8 * peak if self.hardens_linearly else 1.1 * peak**2)
@@ -91,8 +94,9 @@ class Carcass:
 
 
 def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
-    """Strain per metre of lever arm, inner surface positive, from inward w: -w'' (beam), -(w'' +
-    w/R^2) (ring), shape (m,).
+    """Strain per metre of lever arm from inward w, shape (m,).
+
+    -w'' (beam), -(w'' + w/R^2) (ring); inner surface positive.
     """
     second = -ring.derivatives[2]
     if scenario.truth == "ring":
@@ -101,8 +105,9 @@ def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
 
 
 def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: float) -> ComplexArray:
-    """Radial restoring operators that effects and damping add, (b, m): force inwards per inward
-    displacement.
+    """Radial restoring operators that effects and damping add, (b, m).
+
+    Force inwards per inward displacement.
     """
     mass = scenario.tire.line_mass_kg_m
     one, d1, *_ = ring.derivatives
@@ -148,7 +153,7 @@ def _hardening(scenario: Scenario, stiffness: float, size: int) -> tuple[FloatAr
 def carcass(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     """The scenario's carcass at these instants.
 
-    UsageError where a beam runs at or above its critical speed.
+    UsageError if a beam runs at or above its critical speed.
     """
     return _ring(scenario, ring, at) if scenario.truth == "ring" else _beam(scenario, ring, at)
 
@@ -174,8 +179,9 @@ def _beam(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
 
 
 def _ring(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
-    """Inextensible ring, tangential displacement v, inward w = R dv/dxi: by virtual work, in the
-    angle phi = xi/R,
+    """The inextensible ring: tangential displacement v, inward w = R dv/dxi.
+
+    By virtual work, in the angle phi = xi/R,
 
         EI/R^4 B'B v + (p0 b/R) (d4 + d2) v + k_v v - k_w d2 v + Omega (c_v d1 - c_w d3) v
             = q - dq_w/dphi,    B = d1 + d3.

@@ -22,7 +22,7 @@ from tirelog.simulation.steady.loads import Instants
 from tirelog.simulation.steady.operators import Ring
 from tirelog.vocabulary.arrays import FloatArray
 
-#: contact is looked for within these angles of the patch centre, the next where the one before is
+#: contact is looked for within these angles of the patch centre, the next if the one before is
 #: too narrow [rad]
 SECTORS_RAD = (0.3, 0.6)
 #: compliances kept: those of a chunk of knots, which is solved at three loads
@@ -32,8 +32,10 @@ LARGEST_ITERATIONS = 60
 
 @dataclass(frozen=True)
 class Touch:
-    """Contact at b instants: `pressure` (b, points) [N/m], never negative; `entry_m`, `exit_m` (b,)
-    its edges, below the grid's step.
+    """Contact at b instants: pressure and edges.
+
+    `pressure` (b, points) [N/m], never negative; `entry_m`, `exit_m` (b,) its edges, below the
+    grid's step.
     """
 
     pressure: FloatArray
@@ -46,8 +48,9 @@ class _TooNarrow(Exception):
 
 
 class FlatRoadContact:
-    """The contact problem of one scenario's ring; remembers compliances, and the last contact as
-    the next one's start.
+    """The contact problem of one scenario's ring.
+
+    It remembers compliances, and the last contact as the next one's start.
     """
 
     def __init__(self, scenario: Scenario, ring: Ring) -> None:
@@ -72,7 +75,7 @@ class FlatRoadContact:
     def touch(self, at: Instants) -> Touch:
         """The contact at every instant, at its load.
 
-        UsageError where the load is more than the ring can carry.
+        UsageError if the load is more than the ring can carry.
         """
         for angle_rad in SECTORS_RAD:
             if angle_rad > self.angle_rad:
@@ -95,8 +98,9 @@ class FlatRoadContact:
         return Touch(pressure, entry, exit_)
 
     def _response(self, at: Instants) -> FloatArray:
-        """How far a point of the sector rises [m] per unit of line force [N/m] at another, shape
-        (n, n), at one instant.
+        """How far a point of the sector rises [m] per unit of line force [N/m] at another.
+
+        Shape (n, n), at one instant.
         """
         key = (float(at.speed[0]) if self._speed_matters else 0.0, float(at.warmed[0]))
         if key not in self._kept:
@@ -123,8 +127,9 @@ class FlatRoadContact:
         return rise
 
     def _solve(self, compliance: FloatArray, load: float) -> tuple[FloatArray, FloatArray]:
-        """Line force (n,) and pressed depth of the springs (n,), negative where the tread is clear
-        of the road.
+        """Line force (n,) and pressed depth of the springs (n,).
+
+        The depth is negative where the tread is clear of the road.
         """
         step, stiffness = self.ring.step_m, self.scenario.tire.tread_stiffness_N_m2
         active = self._active

@@ -1,6 +1,6 @@
 """When the waveform is solved anew, and the solutions, chunk by chunk.
 
-drive --plan--> chunks of equal steps: the scenario's knot_s, or QUICK_STEP_S where the load changes
+drive --plan--> chunks of equal steps: the scenario's knot_s, or QUICK_STEP_S if the load changes
                 within tenths of a second
       --World.solve--> solutions at one load, or at three on a rough road
 """
@@ -17,7 +17,7 @@ from tirelog.simulation.steady.waveforms import Solution, World
 
 #: knots of an ordinary chunk, and steps of the cells that are quick or not as a whole
 CHUNK, CELL = 96, 12
-#: step where loads that follow the acceleration change with it [s], and the jerk above which they
+#: step if loads that follow the acceleration change with it [s], and the jerk above which they
 #: do [m/s^3]
 QUICK_STEP_S, QUICK_JERK_M_S3 = 0.01, 0.05
 #: relative step of the load between the three solutions
@@ -39,8 +39,10 @@ class Span:
 
 @dataclass(frozen=True)
 class KnotChunk:
-    """The span's samples lie between the knots of `solutions`: its first knot is one step before
-    the span, its last two steps behind. Solutions at the loads 1, 1 + LOAD_STEP, 1 - LOAD_STEP; the
+    """One span of the drive with its solutions at knots.
+
+    The span's samples lie between the knots of `solutions`: its first knot is one step before the
+    span, its last two steps behind. Solutions at the loads 1, 1 + LOAD_STEP, 1 - LOAD_STEP; the
     first alone on a smooth road.
     """
 
@@ -52,8 +54,9 @@ class KnotChunk:
 def plan_knots(
     drive: Drive, step_s: float, quick: bool, start_s: float, end_s: float
 ) -> list[Span]:
-    """The spans from start_s to end_s, in order; finer ones where `quick` and the acceleration
-    changes.
+    """The spans from start_s to end_s, in order.
+
+    They are finer if `quick` and the acceleration changes.
     """
     cell = CELL * step_s
     cells = np.arange(np.floor(start_s / cell), np.ceil(end_s / cell) + 1).astype(int)

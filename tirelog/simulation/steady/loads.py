@@ -20,16 +20,20 @@ from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.steady.operators import Ring
 from tirelog.vocabulary.arrays import FloatArray
 
+#: speed [m/s] at which what grows with speed has the size that is planted
 REFERENCE_SPEED_M_S = 20.0
+#: distance [km] after which planted wear has its full size
 WORN_OUT_KM = 40000.0
+#: friction of bristles that adhere and of those that slide [N/N]
 STATIC_FRICTION, SLIDING_FRICTION = 0.8, 0.6
 
 
 @dataclass(frozen=True)
 class Instants:
-    """What holds at b instants, each field (b,): time [s], speed [m/s], acceleration [m/s^2], load
-    [N], half length of the patch [m], slip (braking > 0), the tire's warming as a share (0..1) and
-    in K.
+    """What holds at b instants, each field (b,).
+
+    Time [s], speed [m/s], acceleration [m/s^2], load [N], half length of the patch [m], slip
+    (braking > 0), the tire's warming as a share (0..1) and in K.
     """
 
     time_s: FloatArray
@@ -184,9 +188,10 @@ def _smear(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> FloatArr
 
 @dataclass(frozen=True)
 class Friction:
-    """Traction of the bristles: `tangential` (b, points) [N/m] towards the exit in braking;
-    `radial` its load on the carcass [N/m]; `onset_m` (b,) where sliding begins, NaN where nothing
-    slides.
+    """Traction of the bristles.
+
+    `tangential` (b, points) [N/m] towards the exit in braking; `radial` its load on the carcass
+    [N/m]; `onset_m` (b,) where sliding begins, NaN if nothing slides.
     """
 
     tangential: FloatArray
@@ -195,8 +200,10 @@ class Friction:
 
 
 def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Friction:
-    """Adhesion tau = sigma C_x (xi + L) up to f_s p, then sliding f_d p (P2 13, 17); other: no jump
-    at the onset, and a tread that yields.
+    """The bristles' traction: adhesion up to f_s p, then sliding f_d p.
+
+    Adhesion is tau = sigma C_x (xi + L) (P2 13, 17); other: no jump at the onset, and a tread that
+    yields.
 
     C_x = 2 gamma L f_s with gamma = 3 F/(4 L^3) as P2 (17) gives it. The load on the carcass is
     lever x d tau/d xi (P2 18), the jump at the onset as a point load (errata).
@@ -221,8 +228,9 @@ def friction(ring: Ring, effect: Planted, p: FloatArray, at: Instants) -> Fricti
 def _traction(
     effect: Planted, borders_m: FloatArray, p: FloatArray, at: Instants
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shear at the cell borders (b, k) under the pressure there, its jump at the onset of sliding
-    (b,), and the onset [m] (b,).
+    """(shear at the cell borders (b, k), its jump (b,), the onset [m] (b,)).
+
+    Under the pressure there; the jump is that at the onset of sliding.
     """
     length, slip = at.half_length[:, None], at.slip[:, None]
     stiffness = 1.5 * STATIC_FRICTION * at.load[:, None] / length**2
@@ -246,8 +254,10 @@ def _traction(
 def _onset(
     borders_m: FloatArray, held: FloatArray, p: FloatArray, at: Instants
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the held shear first exceeds f_s p inside the patch, linear between borders (b,), NaN
-    without slip; and the pressure there.
+    """(place at which sliding begins (b,), the pressure there).
+
+    There the held shear first exceeds f_s p inside the patch, linear between borders; NaN without
+    slip.
     """
     excess = held - STATIC_FRICTION * p
     step = borders_m[1] - borders_m[0]

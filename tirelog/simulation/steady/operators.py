@@ -26,8 +26,9 @@ HALF_WIDTH = 5
 
 
 def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray:
-    """Weights of the central difference of unit step, shape (2 half_width + 1,), from the moment
-    conditions sum_j w_j j^m = m! [m = derivative].
+    """Weights of the central difference of unit step, shape (2 half_width + 1,).
+
+    From the moment conditions sum_j w_j j^m = m! [m = derivative].
     """
     offsets = np.arange(-half_width, half_width + 1)
     moments = np.vander(offsets.astype(float), increasing=True).T
@@ -40,8 +41,9 @@ def central_weights(derivative: int, half_width: int = HALF_WIDTH) -> FloatArray
 
 @dataclass(frozen=True)
 class Ring:
-    """The closed grid of `points` points (even) around `circumference_m`, and its operators as
-    transforms of stencils.
+    """The closed grid of `points` points (even) around `circumference_m`.
+
+    With its operators as transforms of stencils.
     """
 
     points: int
@@ -53,15 +55,17 @@ class Ring:
 
     @cached_property
     def xi_m(self) -> FloatArray:
-        """Positions [m], shape (points,): -circumference/2 .. +circumference/2, patch centre at
-        index points/2.
+        """Positions [m], shape (points,): -circumference/2 .. +circumference/2.
+
+        The patch centre is at index points/2.
         """
         return np.asarray((np.arange(self.points) - self.points // 2) * self.step_m, float)
 
     @cached_property
     def derivatives(self) -> tuple[ComplexArray, ...]:
-        """Transforms of the stencils of the 0th to 4th derivative by xi, each shape (points/2 +
-        1,).
+        """Transforms of the stencils of the 0th to 4th derivative by xi.
+
+        Each of shape (points/2 + 1,).
         """
         return tuple(self.stencil(central_weights(m) / self.step_m**m) for m in range(5))
 
@@ -83,8 +87,9 @@ class Ring:
 
     @cached_property
     def quarter_turn(self) -> ComplexArray:
-        """The discrete Hilbert operator: every wave e^(i kappa xi), kappa > 0, times i; the mean
-        and the shortest wave vanish.
+        """The discrete Hilbert operator: every wave e^(i kappa xi), kappa > 0, times i.
+
+        The mean and the shortest wave vanish.
         """
         symbol = np.full(self.points // 2 + 1, 1j)
         symbol[[0, -1]] = 0.0
@@ -113,8 +118,9 @@ class Ring:
         return slice(self.points // 2 - half, min(self.points // 2 + half + 1, self.points))
 
     def point_load(self, position_m: FloatArray, amount: FloatArray) -> FloatArray:
-        """Concentrated loads, shape (..., points): `amount` [N] at `position_m`, shared by two
-        points so that force and moment are kept.
+        """Concentrated loads, shape (..., points).
+
+        `amount` [N] at `position_m`, shared by two points so that force and moment are kept.
         """
         place = np.asarray(position_m, float) / self.step_m + self.points // 2
         left = np.floor(place).astype(int)

@@ -32,8 +32,9 @@ def _ring_down(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) ->
 
 
 def _faded(ring: Ring, exit_m: FloatArray) -> FloatArray:
-    """One behind the exit, smoothly zero over the last third of the turn, where the angle starts
-    anew.
+    """One behind the exit, smoothly zero over the last third of the turn.
+
+    At its end the angle starts anew.
     """
     share = (ring.xi_m - exit_m[:, None]) % ring.circumference_m / ring.circumference_m
     return 0.5 + 0.5 * np.cos(np.pi * np.clip((share - 0.6) / 0.3, 0.0, 1.0))
@@ -83,8 +84,9 @@ _EXTRA = {
 def extra_strain(
     ring: Ring, scenario: Scenario, at: Instants, exit_m: FloatArray
 ) -> FloatArray | None:
-    """The sum of the planted strains (b, points), each amplitude (v/20)^n; None where none is
-    planted.
+    """The sum of the planted strains (b, points), each amplitude (v/20)^n.
+
+    None if none is planted.
     """
     total: FloatArray | None = None
     for effect in scenario.effects:
@@ -106,8 +108,9 @@ def seen_by(
     lag: Planted | float | None,
     bandwidth_Hz: float | None,
 ) -> ComplexArray:
-    """`spectrum` (b, m) as the sensor passes it on: averaged over the gauge, late by the lag,
-    within its bandwidth.
+    """`spectrum` (b, m) as the sensor passes it on.
+
+    Averaged over the gauge, late by the lag, within its bandwidth.
 
     In the road's frame a lag of tau is a length c tau, so that (1 + c tau d/dxi) s = strain: exact
     at constant speed. The bandwidth is a second-order magnitude without delay (a delay is
@@ -130,8 +133,9 @@ def seen_by(
 
 
 def _averaged(ring: Ring, gauge: Planted | float) -> ComplexArray:
-    """Transform of the mean over the gauge length; other: a sensitivity that falls towards the
-    ends, of equal variance.
+    """Transform of the mean over the gauge length.
+
+    other: a sensitivity that falls towards the ends, of equal variance.
     """
     length = gauge["length_m"] if isinstance(gauge, Planted) else gauge
     if isinstance(gauge, Planted) and gauge.other:

@@ -2,7 +2,7 @@
 
 What every estimator and diagnosis is measured against.
 
-Times are the log's own stamps. Arrays have one value a passage of the patch; angles grow in the
+Times are the log's own stamps. Arrays have one value per passage of the patch; angles grow in the
 direction of rolling.
 """
 
@@ -35,8 +35,9 @@ MOTION_STEP_S = 0.05
 def steady_truth(
     world: World, pitch_rad: Mapping[str, FloatArray], passed: Passages | None = None
 ) -> dict[str, Any]:
-    """The whole truth of a log; `passed` gives a channel's passages where they are not the steady
-    world's.
+    """The whole truth of a log.
+
+    `passed` gives a channel's passages if they are not the steady world's.
     """
     scenario = world.scenario
     passed = passed or partial(_steady_passages, world)
@@ -68,8 +69,9 @@ def steady_truth(
 
 
 def planted_truth(scenario: Scenario) -> list[dict[str, Any]]:
-    """Every planted effect: name, form, strength, parameters; for one outside the catalogue where,
-    parity, speed exponent, frequency.
+    """Every planted effect: name, form, strength, parameters.
+
+    For one outside the catalogue also where it shows, parity, speed exponent, frequency.
     """
     out = []
     for effect in scenario.effects:
@@ -154,5 +156,5 @@ def _passages(world: World, sensor: Sensor, time: FloatArray) -> dict[str, Float
 
 
 def _list(values: FloatArray) -> list[float | None]:
-    """Numbers for JSON to ten digits, None where there is none."""
+    """Numbers for JSON to ten digits, None if there is none."""
     return [float(f"{v:.10g}") if np.isfinite(v) else None for v in values]

@@ -32,8 +32,9 @@ REFERENCE_PRESSURE_PA = 2.0e5
 
 @dataclass(frozen=True)
 class Solution:
-    """The carcass at b knots and one load: displacement `w` (b, points), contact edges (b,), slip
-    onset (b,).
+    """The carcass at b knots and one load.
+
+    Displacement `w` (b, points), contact edges (b,), slip onset (b,).
     """
 
     w: FloatArray
@@ -77,8 +78,9 @@ class World:
         return self.roughness.at(self.drive.angle_at(time_s) * self.drive.radius_m)
 
     def slip(self, time_s: FloatArray) -> FloatArray:
-        """Longitudinal slip, braking positive: -a acceleration/g where traction is planted, else
-        zero.
+        """Longitudinal slip, braking positive.
+
+        -a acceleration/g if traction is planted, else zero.
         """
         effect = self.scenario.planted("traction")
         if effect is None:
@@ -90,8 +92,9 @@ class World:
         )
 
     def warmed(self, time_s: FloatArray) -> FloatArray:
-        """The planted drift's course: share of the final warming (0 to 1), or the warming in K
-        where the temperature varies.
+        """The planted drift's course.
+
+        Share of the final warming (0 to 1), or the warming in K if the temperature varies.
         """
         effect = self.scenario.planted("thermal_drift")
         if effect is None:
@@ -116,8 +119,9 @@ class World:
         return -conditions.warm_up_K * np.expm1(-time_s / conditions.warm_up_time_s)
 
     def half_length(self, load: FloatArray) -> FloatArray:
-        """Prescribed half length of the patch [m] at a load, and at the pressure where `inflation`
-        is planted.
+        """Prescribed half length of the patch [m] at a load.
+
+        And at the pressure, if `inflation` is planted.
         """
         tire, inflation = self.scenario.tire, self.scenario.planted("inflation")
         length = (
@@ -189,8 +193,9 @@ class World:
     # ---- what sensors read -----------------------------------------------------------------------
 
     def strain(self, solution: Solution, sensor: Sensor) -> ComplexArray:
-        """Transform of the tire's strain at the sensor's surface (b, m), before the sensor itself,
-        without baseline.
+        """Transform of the tire's strain at the sensor's surface (b, m).
+
+        Before the sensor itself, without baseline.
         """
         bent = self.curvature * self.ring.transform(solution.w)
         extra = extra_strain(self.ring, self.scenario, solution.at, solution.exit_m)
@@ -208,8 +213,9 @@ class World:
         )
 
     def waveform(self, solution: Solution, sensor: Sensor) -> FloatArray:
-        """What the sensor reads round the wheel, (b, points): strain, or radial acceleration
-        outwards [m/s^2] without gravity.
+        """What the sensor reads round the wheel, (b, points).
+
+        Strain, or radial acceleration outwards [m/s^2] without gravity.
         """
         at, radius = solution.at, self.drive.radius_m
         gauge, lag = self._sensor_effects(sensor)
@@ -230,15 +236,17 @@ class World:
     def _sensor_effects(
         self, sensor: Sensor
     ) -> tuple[Planted | float | None, Planted | float | None]:
-        """Gauge length and lag: the planted effect, else the sensor's own (known) number, else
-        None.
+        """(gauge length, lag) of the sensor.
+
+        The planted effect, else the sensor's own (known) number, else None.
         """
         gauge = self.scenario.planted("gauge_length") or sensor.gauge_length_m or None
         return gauge, self.scenario.planted("sensor_lag") or sensor.lag_s or None
 
     def baseline(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
-        """The strain's slow baseline: the sensor's own, inflation, tension's stretch, thermal
-        drift.
+        """The strain's slow baseline.
+
+        The sensor's own, inflation, tension's stretch, thermal drift.
         """
         total = np.full_like(time_s, sensor.baseline)
         if self.scenario.ramp is not None:
