@@ -20,7 +20,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from tirelog.version import __version__
+from tirelog.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from tirelog.api.answers import compare, diagnose, fit, ladder, measure
@@ -58,7 +58,7 @@ _HOMES = {
 }
 
 __all__ = [
-    "Conditions", "Model", "Recording", "TirelogError", "__version__", "compare", "contributions",
+    "Conditions", "Model", "Recording", "TirelogError", "compare", "contributions",
     "diagnose", "dissipation", "fit", "footprint", "inflation", "ladder", "load_model", "measure",
     "open_log", "phase_shift", "predict", "save_model", "simulate", "speed",
 ]  # fmt: skip
