@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tirelog.strain.passages.kinematics import TURN_RAD, kinematics, turns_between
+from tirelog.strain.passages.kinematics import (
+    TURN_RAD,
+    kinematics,
+    may_have_stopped,
+    turns_between,
+)
 
 
 def passage_times(omega0, alpha, turns):
@@ -85,3 +90,8 @@ def test_times_without_any_error_give_the_speed(acceleration: float) -> None:
         time_s = (np.sqrt(speed**2 + 2 * TURN_RAD * turns * acceleration) - speed) / acceleration
     found = kinematics(time_s, np.zeros(12), np.r_[np.ones(11), 0.0])
     np.testing.assert_allclose(found.omega, speed + acceleration * time_s, rtol=2e-4)
+
+
+def test_a_wheel_of_exactly_one_speed_has_never_stopped() -> None:
+    """Its rate of change is 0, and the time that it has to rest infinite: no warning, no stop."""
+    assert not may_have_stopped(0.125 * np.arange(12.0)).any()

@@ -76,8 +76,8 @@ def may_have_stopped(time_s: FloatArray) -> NDArray[np.bool_]:
         rate = (speed[:-1] - speed[1:]) / (0.5 * (period[:-1] + period[1:]))
         down = (speed[1:] - 0.5 * rate * period[1:]) / rate
         up = (speed[:-1] + 0.5 * rate * period[:-1]) / -rate
-    braked, driven = rate[:-3] > 0, rate[3:] < 0
-    stop[2:-2] = braked & driven & (down[:-3] + up[3:] < STOPS_WITHIN * period[2:-2])
+        soon = down[:-3] + up[3:] < STOPS_WITHIN * period[2:-2]  # a steady speed never falls to 0
+    stop[2:-2] = (rate[:-3] > 0) & (rate[3:] < 0) & soon
     return stop
 
 
