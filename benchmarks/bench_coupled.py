@@ -10,26 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.physics.coupled_tire import TIRE
 from tirelog.data.recording import Conditions
 from tirelog.data.setup import parse_road
 from tirelog.physics import Model
 from tirelog.physics.moving.motion import HubMotion, RingMotion, State, Stepper, stepped_motion
-from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, cleat, road_of
 from tirelog.physics.moving.transient import Course, Schedule, driven
 
-TIRE = CoupledRing(
-    EI=2.0,
-    k_w=6.3e5,
-    k_v=5.1e5,
-    c_w=60.0,
-    c_v=60.0,
-    pb=1.2e5 * 0.14,
-    R=0.3,
-    k_t=8.75e7,
-    rho_A=3.15,
-    modes=40,
-)
 LOAD, SPEED = 1000.0, 20.0
 
 

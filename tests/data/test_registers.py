@@ -4,7 +4,7 @@ import pytest
 
 from tirelog.inference.stacks.numbers import MEASURED
 from tirelog.physics.effects.base import ENTERS
-from tirelog.physics.model.stages import LAWS
+from tirelog.physics.model.laws import LAWS
 from tirelog.vocabulary import units
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS, shown, waveform_of

@@ -10,24 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.physics.coupled_tire import TIRE as PASSENGER_TIRE
 from tests.physics.node_ring import NodeRing
 from tirelog.physics.moving.motion import HubMotion, State, Stepper, stepped_motion
-from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import FlatRoad, cleat
 
-TIRE = CoupledRing(
-    EI=2.0,
-    k_w=6.3e5,
-    k_v=5.1e5,
-    c_w=60.0,
-    c_v=60.0,
-    pb=1.2e5 * 0.14,
-    R=0.3,
-    k_t=8.75e7,
-    rho_A=3.15,
-    c_x=0.0,
-    modes=40,
-)
+TIRE = replace(PASSENGER_TIRE, c_x=0.0)
 LOAD, SPEED, DURATION = 100.0, 20.0, 0.04
 
 

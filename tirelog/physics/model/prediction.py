@@ -19,7 +19,8 @@ from tirelog.data.recording import Conditions
 from tirelog.errors import ModelError
 from tirelog.physics.carcass.numbers import steady_carcass
 from tirelog.physics.effects import Drive
-from tirelog.physics.model.stages import Active, Task, hub_forces, loaded_site, scalar, waveform
+from tirelog.physics.model.laws import scalar
+from tirelog.physics.model.stages import Active, Task, hub_forces, loaded_site, waveform
 from tirelog.physics.spectral import Angles
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.observables import SCALARS

@@ -24,61 +24,6 @@ from tirelog.physics.spectral import MODES, ComplexArray
 from tirelog.vocabulary.arrays import FloatArray
 from tirelog.vocabulary.units import STANDARD_GRAVITY_M_S2
 
-# Patch length, dissipation factor, and P4's phase shift and patch width.
-
-
-def scalar(task: Task, observable: str, lever_m: float) -> FloatArray:
-    """The observable as a column (n or 1, 1) in its SI unit."""
-    return LAWS[observable](task, lever_m)
-
-
-def patch_length(task: Task, lever_m: float) -> FloatArray:
-    """2 L [m], after the effects on the load."""
-    return 2.0 * loaded_site(task)[0].half_length_m
-
-
-def phase_shift(task: Task, lever_m: float) -> FloatArray:
-    """The level, what follows the force, and the regressors [rad] (P4 III, IV)."""
-    return _with_regressors(task, "phase_shift", 0.0)
-
-
-def patch_width(task: Task, lever_m: float) -> FloatArray:
-    """The patch's length as an angle [rad] beside what the phase shift has (P4)."""
-    site = loaded_site(task)[0]
-    return _with_regressors(task, "patch_width", 2.0 * site.half_length_m / site.radius_m)
-
-
-def _with_regressors(task: Task, observable: str, width_rad: FloatArray | float) -> FloatArray:
-    site = loaded_site(task)[0]
-    value = task.base["offset_rad"] + task.base["per_acceleration_rad_s2_m"] * np.nan_to_num(
-        task.drive.acceleration_m_s2
-    )
-    value = value + width_rad
-    for added in task.hooks(lambda effect: effect.regressor).values():
-        value = value + added(site, observable)
-    return value
-
-
-def dissipation_factor(task: Task, lever_m: float) -> FloatArray:
-    """int eps'^2 ds over one revolution [1/m] (P1 (27)), from the modes by Parseval."""
-    modes, _ = waveform(task, "strain", lever_m)
-    R = task.base["radius_m"]
-    slopes = (np.arange(MODES) / R) ** 2 * (modes.real**2 + modes.imag**2)
-    integral: FloatArray = 4.0 * np.pi * R * slopes.sum(axis=1, keepdims=True)
-    return integral
-
-
-#: observable of one number per revolution -> its law: (task, signed lever arm [m]) -> column
-LAWS: Mapping[str, Callable[[Task, float], FloatArray]] = {
-    "patch_length": patch_length,
-    "dissipation_factor": dissipation_factor,
-    "phase_shift": phase_shift,
-    "patch_width": patch_width,
-}
-
-
-# One block of revolutions, the numbers, the effects that are on, and what was computed before.
-
 More = ParamSpec("More")
 Result = TypeVar("Result")
 

@@ -28,7 +28,7 @@ from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
-# Words, extremes, and what is no number at all.
+# Cells one by one, if they are not plain digits: words, extremes, and what is no number at all.
 
 
 def cell_numbers(

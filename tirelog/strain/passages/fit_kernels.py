@@ -20,7 +20,7 @@ from tirelog.vocabulary.arrays import FloatArray, IntArray
 # samples around rows --cubic B-splines over the angle--> normal equations
 #     coefficients --> value and slope at any angle
 #
-# Windows, segments and rows are those of `fit_kernels`.
+# Windows, segments and rows are those of the fit further below.
 
 
 @compiled
