@@ -358,16 +358,15 @@ def one_waveform(
         excess = np.where(count > 0, values - expected, 0.0)
         gram = np.einsum("kmi,km,kmj->kij", columns, count, columns)
         right = np.einsum("kmi,km->ki", columns, excess * count)
-        coefficients = np.linalg.solve(
-            gram + 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(4),
-            right[..., None],
-        )[..., 0]
+        gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(4)
+        coefficients = np.linalg.solve(gram, right[..., None])[..., 0]
         coefficients -= np.average(coefficients, axis=0, weights=weight)
         taken = np.einsum("kmi,ki->km", columns, coefficients)
         corrected = np.where(count > 0, values - taken, np.nan)
     mean, angle, spread, total = _bin_means(corrected, phi, variance, count)
     residual = np.where(count > 0, excess - taken, 0.0)
-    residual_ss, freedom = _scatter(residual, count, speed)
+    fitted = count * np.einsum("kmi,kij,kmj->km", columns, np.linalg.inv(gram), columns)
+    residual_ss, freedom = _scatter(residual, count, speed, fitted)
     still = np.zeros(mean.size, np.complex128)
     if step > 0.0 and np.any(residual_ss < (DITHERED**2 + 1.0 / 12.0) * step**2 * freedom):
         still = _still(
@@ -423,17 +422,19 @@ def _columns(curve: CubicSpline, phi: FloatArray) -> FloatArray:
 
 
 def _scatter(
-    residual: FloatArray, count: FloatArray, speed: FloatArray
+    residual: FloatArray, count: FloatArray, speed: FloatArray, fitted: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(sum of count x residual^2, degrees of freedom) per bin, (m,) each.
 
-    The residual is left after the mean and, with enough revolutions, the trend in speed.
+    The residual is left after the mean and, with enough revolutions, the trend in speed. `fitted`
+    (k, m) is the share of each value's noise that its revolution's coefficients take up (its
+    leverage): nearly all of it lies at the edges of the patch.
     """
     k = residual.shape[0]
     present = (count > 0).sum(axis=0)
     total = np.maximum(count.sum(axis=0), 1e-12)
     centred = residual - (residual * count).sum(axis=0) / total
-    lost = 1.0 + 4.0 * k / residual.shape[1]
+    lost = 1.0 + (1.0 - 1.0 / k) * fitted.sum(axis=0)  # the mean's coefficients are not taken out
     if k >= 5 and np.ptp(speed) > 1e-6:
         dv = speed[:, None] - (count * speed[:, None]).sum(axis=0) / total
         slope = (count * dv * centred).sum(axis=0) / np.maximum((count * dv**2).sum(axis=0), 1e-12)
