@@ -17,7 +17,7 @@ def inflation(
     quiet: Quiet = False,
     begin: Annotated[
         float | None,
-        typer.Option("--from", help="Pressure at the beginning, Pa, where no channel records it."),
+        typer.Option("--from", help="Pressure at the beginning, Pa, if no channel records it."),
     ] = None,
     end: Annotated[float | None, typer.Option("--to", help="Pressure at the end, Pa.")] = None,
     plot: Plot = None,

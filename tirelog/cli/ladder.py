@@ -57,7 +57,7 @@ def ladder(
         bool, typer.Option("--by-log", help="The fitted strengths log by log instead of the steps.")
     ] = False,
 ) -> None:
-    """Add effects one by one until nothing more is worth adding; one row a step."""
+    """Add effects one by one until nothing more is worth adding; one row per step."""
     from tirelog.cli.targets import refuse_picture, refuse_unwritable
 
     refuse_unwritable(output, save)

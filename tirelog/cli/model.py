@@ -83,7 +83,7 @@ def new(
     sets: Sets = [],  # noqa: B006
     quiet: Quiet = False,
 ) -> None:
-    """Make a model without effects; tire and conditions come from the setup where it has them."""
+    """Make a model without effects; tire and conditions come from the setup if it has them."""
     from tirelog.physics.model.file import save_model
     from tirelog.physics.model.from_setup import new_model
 

@@ -247,7 +247,7 @@ _ALL = [
     TableColumn(
         "curvature_se", "of the quantity per m^2/s^2", "float", "its standard error", 0.0, 1e-2
     ),
-    _text("judgement", "what speaks against the line; empty where nothing does"),
+    _text("judgement", "what speaks against the line; empty if nothing does"),
     TableColumn("slowest_m_s", "m/s", "float", "range of the speeds: least", 1e-5),
     TableColumn("fastest_m_s", "m/s", "float", "range of the speeds: largest", 1e-5),
     # phase shift
@@ -347,7 +347,7 @@ _ALL = [
         1e-2,
     ),
     TableColumn(
-        "leak", "", "float", "strain lost at a stop, 0 where it is within the noise", 1e-9, 1e-2
+        "leak", "", "float", "strain lost at a stop, 0 if it is within the noise", 1e-9, 1e-2
     ),
     # model predict
     TableColumn("xi_m", "m", "float", "tread coordinate, entry edge at -L, exit edge at +L", 1e-9),
@@ -447,7 +447,7 @@ _BEGIN = ("log", "channel", "revolution", "time_s", "speed_m_s")
 
 
 def _revolutions(*own: str) -> tuple[str, ...]:
-    """A table with a row a revolution: the common beginning, its own columns, and the quality."""
+    """A table with a row per revolution: the common beginning, its own columns, and the quality."""
     return (*_BEGIN, *own, "quality")
 
 

@@ -185,8 +185,10 @@ def cells_of(pieces: Pieces) -> Cells:
 def _standing_error(pieces: Pieces, noise: FloatArray) -> FloatArray:
     """Mean square of each mean's rounding error that stays however many revolutions it has, (P, m).
 
-    With y in steps, rounding y + noise has the mean error  b(y) = sum over k of (-1)^k/(pi k) sin(2
-                                                            pi k y) exp(-2 (pi k sigma)^2).
+    With y and sigma in steps, rounding y + noise of standard deviation sigma has the mean error
+
+        b(y) = sum over k of (-1)^k / (pi k) sin(2 pi k y) exp(-2 (pi k sigma)^2)
+
     Noise makes it small, and so does a y that differs between the samples of a mean: |still|^(k^2)
     of it is left.
     `noise` (m,) is the variance of one sample about the mean, that is after rounding.

@@ -35,7 +35,7 @@ _LOAD = (
         0.0,
         0.02,
     ),
-    _p("load_N", "N", "F, where the log does not measure it", 3600.0, 1.0, 1e6, free=False),
+    _p("load_N", "N", "F, if the log does not measure it", 3600.0, 1.0, 1e6, free=False),
     _p(
         "radius_m",
         "m",
@@ -82,7 +82,7 @@ _RING = (
     _p(
         "inflation_pressure_Pa",
         "Pa",
-        "p0, where the log does not measure it",
+        "p0, if the log does not measure it",
         1.2e5,
         0.0,
         2e6,

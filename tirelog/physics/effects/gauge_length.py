@@ -23,7 +23,7 @@ EFFECT = Effect(
         Parameter(
             "length_m",
             "m",
-            "length of the grating (fixed where it is known)",
+            "length of the grating (fixed if it is known)",
             0.01,
             0.0,
             0.2,

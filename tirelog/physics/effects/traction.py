@@ -45,7 +45,7 @@ EFFECT = Effect(
         Parameter(
             "slip_per_g",
             "1",
-            "a in slip = -a acceleration/9.81, where no slip is measured",
+            "a in slip = -a acceleration/9.81, if no slip is measured",
             0.1,
             0.0,
             1.0,

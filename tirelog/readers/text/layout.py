@@ -90,7 +90,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
     full = [i for i, line in enumerate(clean) if line.strip() and "\0" not in line]
     if not full:
         raise ReadError(
-            "holds no rows; a text log has one row a sample; check the recording", file=name
+            "holds no rows; a text log has one row per sample; check the recording", file=name
         )
     first = None
     for tail in (
@@ -158,7 +158,7 @@ def sniff(head: bytes, name: str, given: LogSetup = LogSetup()) -> Layout:  # no
 def _decode(head: bytes, name: str, given: str | None) -> tuple[str, str, int]:
     """(text, encoding, bytes of a byte-order mark).  The encoding is `given`, or found."""
     if not head.strip():
-        raise ReadError("is empty; a log has one row a sample; check the recording", file=name)
+        raise ReadError("is empty; a log has one row per sample; check the recording", file=name)
     pairs = head[:4096]
     even, odd = pairs[::2].count(0), pairs[1::2].count(0)
     if head[:2] in (b"\xff\xfe", b"\xfe\xff") or (
