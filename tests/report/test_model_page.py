@@ -140,7 +140,10 @@ def test_switches_change_figures_and_numbers(opened: Any) -> None:
     page.get_by_label("water_film").focus()
     page.keyboard.press("Space")
     page.wait_for_timeout(400)
-    assert state() == before
+    again = state()
+    assert (again[0], again[2], again[3]) == (before[0], before[2], before[3])
+    # where a bar lies on the screen is rounded by the browser (6e-5 px seen after scrolling)
+    assert again[1] == pytest.approx(before[1], abs=0.01)
     assert problems == []
 
 
