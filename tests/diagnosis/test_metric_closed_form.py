@@ -6,6 +6,7 @@ import numpy as np
 
 from tests.diagnosis.toy import stack
 from tirelog.inference.cells.cells import make_cells
+from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.metric.offsets import Levelled, Nuisance, Offsets
 from tirelog.inference.metric.projection import orthonormal, solve_scaled, without
 from tirelog.inference.metric.whitening import whitener
@@ -103,7 +104,7 @@ def test_offsets_are_projected_out_like_a_column_a_log():
     offsets = Offsets.of(cells, white)
     np.testing.assert_allclose(offsets.without(x), without(orthonormal(dense), x), atol=1e-10)
     level = np.linalg.lstsq(dense.reshape(-1, 2), x.reshape(-1), rcond=None)[0]
-    np.testing.assert_allclose(offsets.fit(x), level, rtol=1e-8)
+    np.testing.assert_allclose(offsets.fit(x)[0], level, rtol=1e-8)
     both = without(orthonormal(np.concatenate([dense, other], axis=-1)), x)
     np.testing.assert_allclose(
         Nuisance.of(offsets, np.concatenate([other, dense[..., :1]], axis=-1)).without(x),
@@ -124,3 +125,46 @@ def test_projection_leaves_nothing_in_the_span_and_ignores_scale():
 def test_solve_scaled_leaves_unsupported_directions_at_zero():
     gram = np.diag([4.0, 0.0])
     np.testing.assert_allclose(solve_scaled(gram, np.array([8.0, 0.0])), [2.0, 0.0])
+
+
+def test_shared_effects_shrink_as_their_covariance_says():
+    """x' (I + B S^2 B')^-1 x, offsets projected out, against the dense matrices."""
+    random = np.random.default_rng(11)
+    cells = make_cells(stack(1, manoeuvres=4, m=32))
+    shared = SharedEffects(
+        random.standard_normal((*cells.phi.shape, 3)) * np.array([1e-3, 1.0, 1e3]),
+        np.array([200.0, 0.3, 1e-5]),
+        ("a", "b", "c"),
+        ("one", "one", "two"),
+    )
+    white = whitener(cells)
+    offsets = Offsets.of(replace(cells, shared=shared), white)
+    x = random.standard_normal(cells.phi.shape)
+    level = orthonormal(white(np.ones((*cells.phi.shape, 1))))
+    columns = without(level, white(shared.columns) * shared.sd).reshape(-1, 3)
+    left = without(level, x).ravel()
+    inverse = np.linalg.inv(np.eye(left.size) + columns @ columns.T)
+    found = offsets.without(x)
+    np.testing.assert_allclose((found**2).sum(), left @ inverse @ left, rtol=1e-9)
+    sized = columns.T @ inverse @ left
+    level_of_log, amplitudes = offsets.fit(x)
+    np.testing.assert_allclose(amplitudes, sized * shared.sd, rtol=1e-7)
+    beside = white(shared.columns) @ amplitudes
+    rest = (white(np.ones_like(x)) * (x - beside)).sum() / (white(np.ones_like(x)) ** 2).sum()
+    np.testing.assert_allclose(level_of_log, [rest], rtol=1e-7)
+
+
+def test_what_is_known_before_holds_an_effect_that_no_manoeuvre_shows():
+    random = np.random.default_rng(12)
+    columns, residual = random.standard_normal((4, 6, 2)), random.standard_normal((4, 6))
+    columns[..., 1] *= 1e-3
+    level, log = np.zeros((4, 6)), np.zeros(4, int)
+    made = Levelled.of(columns, residual, level, np.arange(4), log)
+    prior = (np.array([0.0, 1e6]), np.array([0.0, 3e6]))
+    theta, _ = Levelled.joined([made], log, prior).left_out()
+    np.testing.assert_allclose(theta[:, 1], 3.0, rtol=1e-4)
+    others = columns[1:].reshape(-1, 2)
+    wanted = np.linalg.solve(
+        others.T @ others + np.diag(prior[0]), others.T @ residual[1:].ravel() + prior[1]
+    )
+    np.testing.assert_allclose(theta[0], wanted, rtol=1e-9)

@@ -84,7 +84,7 @@ def comparison_of(base: Base, stacks: Sequence[Stack] = ()) -> Comparison:
 
     The table by revolution is empty without the `stacks` that the base was made of.
     """
-    measured = base.cells.values - base.offset_of_cell[:, None]
+    measured = base.cells.values - base.fit.beside
     spread = (
         base.plain.mean_square((base.plain(measured - np.nanmean(measured)) ** 2).sum())
         + base.floor.within
@@ -180,7 +180,7 @@ def _residual(base: Base) -> tuple[FloatArray, FloatArray]:
     (C, m) each, with the shift removed; NaN if empty.
     """
     good = base.plain.weights > 0
-    left = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
+    left = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     residual = np.where(good, base.plain(left) / np.where(good, base.plain.weights, 1.0), np.nan)
     return residual, residual / np.where(good, base.cells.sd, 1.0)
 
@@ -195,18 +195,17 @@ def _waveforms(base: Base) -> Waveforms:
     )
     chosen = chosen[np.argsort(c.conditions.speed_m_s[chosen])]
     columns = scatter_columns(c, base.fit)
-    between = (base.floor.load_sd * columns[..., 0]) ** 2 + (
+    between = (base.floor.load_sd**2 + base.floor.wander_sd**2) * columns[..., 0] ** 2 + (
         base.floor.baseline_sd * columns[..., 1]
     ) ** 2
     labels = tuple(
         f"{c.conditions.speed_m_s[i]:.1f} m/s, {c.regime[i]}, {PurePath(c.logs[c.log[i]]).name}"
         for i in chosen
     )
-    offset = base.offset_of_cell[:, None]
     return Waveforms(
         c.phi[chosen],
         c.values[chosen],
-        (base.fit.prediction + offset)[chosen],
+        (base.fit.prediction + base.fit.beside)[chosen],
         np.sqrt(c.within + between)[chosen],
         labels,
     )
@@ -268,9 +267,7 @@ def _row(base: Base, rows: FloatArray, description: dict[str, Any]) -> dict[str,
     """Errors over some cells."""
     index = np.flatnonzero(rows)
     plain = Plain.of(_some(base, index))
-    residual = np.nan_to_num(
-        base.cells.values - base.fit.prediction - base.offset_of_cell[:, None]
-    )[index]
+    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)[index]
     share = plain.weights**2
     within = float(
         (share * np.where(share > 0, base.cells.within[index], 0.0)).sum() / plain.weight
@@ -351,7 +348,7 @@ def _revolutions(base: Base, stack: Stack, cell: NDArray[np.int64]) -> list[dict
     cell = np.maximum(cell, 0)
     predicted = (
         base.model.predict(stack.conditions, surface=stack.surface, **angles)
-        + base.offset_of_cell[cell][:, None]
+        + base.fit.beside[cell]
     )
     left = np.where(
         np.isfinite(stack.values) & np.isfinite(predicted), stack.values - predicted, np.nan

@@ -27,6 +27,13 @@ import numpy as np
 
 from tirelog.data.recording import Stack
 from tirelog.diagnosis.assessment import Assessed
+from tirelog.diagnosis.beside import (
+    allowed_nuisances,
+    best_nuisance,
+    groups_of,
+    needed_nuisances,
+    with_nuisances,
+)
 from tirelog.diagnosis.compare import (
     Measured,
     comparison_of,
@@ -171,26 +178,24 @@ def diagnose(
 def search_effects(
     base: Base, extra: tuple[Effect, ...] = (), progress: Progress = lambda text: None
 ) -> Found:
-    """Steps until nothing more is worth naming.
+    """Steps until nothing more is worth naming, beside the nuisances that earn their place.
 
     With too few manoeuvres: one step, contenders refitted, nothing named.
     """
-    step = first_step(base, extra)
     if base.cells.manoeuvres < FEWEST_MANOEUVRES:
+        step = first_step(base, extra)
         contenders = step.contenders or tuple(contend(base, step.assessed, step.reasons))
         group = group_of(contenders) if contenders else ()
         return Found(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
         )
-    steps, after, excess = [step], base, base.excess
-    while step.named is not None and len(steps) < MOST_EFFECTS:
-        progress(f"named {step.named.id}; looking for another")
-        after = settled(step.named.base)
-        named = [s.named.id for s in steps if s.named is not None]
-        step = next_step(after, named, excess, extra)
-        steps.append(step)
-    if step.named is not None:  # the last that is looked for
-        after = settled(step.named.base)
+    steps, after = _climb(base, extra, progress, allowed_nuisances(base))
+    needed = needed_nuisances(after)
+    if groups_of(after) != groups_of(base):
+        if needed:
+            progress(f"once more beside the nuisances {', '.join(needed)}")
+        base = settled(with_nuisances(base, needed))
+        steps, after = _climb(base, extra, progress, ())
     named = [s.named.id for s in steps if s.named is not None]
     if len(named) < 2:
         return Found(base, tuple(steps), after)
@@ -202,6 +207,40 @@ def search_effects(
         replace(s, group=groups.get(s.named.id, ())) if s.named is not None else s for s in steps
     ]
     return Found(base, tuple(steps), after, dropped)
+
+
+def _climb(
+    base: Base, extra: tuple[Effect, ...], progress: Progress, nuisances: Sequence[str]
+) -> tuple[list[Step], Base]:
+    """The steps from a base upwards, and the base at their top.
+
+    Before each step the best of the `nuisances` that earns its place comes in if it leaves less
+    than the best effect: what both explain is then the nuisance's.
+    """
+    steps: list[Step] = []
+    after, excess = base, base.excess
+    while True:
+        named = [s.named.id for s in steps if s.named is not None]
+        step = next_step(after, named, excess, extra) if named else first_step(after, extra)
+        rival = best_nuisance(after, nuisances)
+        if rival is not None and _leaves_less(rival, step):
+            progress(f"beside the model: {groups_of(rival)[-1]}")
+            after = settled(rival)
+            continue
+        steps.append(step)
+        if step.named is None:
+            return steps, after
+        progress(f"named {step.named.id}; looking for another")
+        after = settled(step.named.base)
+        if len(steps) == MOST_EFFECTS:
+            return steps, after
+
+
+def _leaves_less(rival: Base, step: Step) -> bool:
+    """Is the held-out loss beside a nuisance below that with the effect of a step?"""
+    return step.named is None or float(rival.held_white.sum()) < float(
+        step.named.base.held_white.sum()
+    )
 
 
 def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:

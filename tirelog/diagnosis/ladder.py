@@ -240,7 +240,7 @@ def strengths_by_log(base: Base, effect: str) -> list[Mapping[str, Any]]:
     problem = Problem(base.cells, base.white)
     _, slopes = problem.linearised(base.model, names, {})
     columns = np.concatenate([slopes, np.ones_like(base.cells.phi)[..., None]], axis=-1)
-    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
+    residual = np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside)
     normal = Normal.of(base.white(columns), base.white(residual), base.cells.log)
     step = solve_scaled(normal.gram, normal.right)
     rows: list[Mapping[str, Any]] = []

@@ -126,7 +126,7 @@ def scattered(base: Base, floor_square: float) -> Scattered:
     beyond = max(
         base.square_held - floor_square, (base.reduced_chi2 - 1.0) * plain.bias / plain.weight, 0.0
     )
-    left = plain(np.nan_to_num(cells.values - base.fit.prediction - base.offset_of_cell[:, None]))
+    left = plain(np.nan_to_num(cells.values - base.fit.prediction - base.fit.beside))
     square = (left**2).sum(axis=1)
     load = plain(np.nan_to_num(load_derivative(cells, base.fit)))
     along = (left * load).sum(axis=1) ** 2 / np.maximum((load**2).sum(axis=1), 1e-300)
@@ -352,9 +352,7 @@ def leading_shape(base: Base) -> FloatArray:
 
     In the observable's unit at the cell where it is largest.
     """
-    residual = base.plain(
-        np.nan_to_num(base.cells.values - base.fit.prediction - base.offset_of_cell[:, None])
-    )
+    residual = base.plain(np.nan_to_num(base.cells.values - base.fit.prediction - base.fit.beside))
     size, strength, shape = np.linalg.svd(residual, full_matrices=False)
     scale = (
         strength[0] * np.abs(size[:, 0] / np.maximum(base.plain.weights.max(axis=1), 1e-300)).max()

@@ -25,8 +25,10 @@ from tirelog.inference.floor import (
     measure_floor,
     scatter_between,
     scatter_columns,
+    wander_within,
 )
 from tirelog.inference.metric.whitening import Whitener, whitener
+from tirelog.inference.nuisances import shared_by
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
@@ -59,10 +61,11 @@ class FittedChannel:
     def noise_chi2(self) -> float:
         """Chi-square of the fitted point, against noise and random effects alone."""
         scatter = np.array([self.floor.load_sd, self.floor.baseline_sd])
-        noise = whitener(self.cells).with_manoeuvres(
-            self.cells.manoeuvre, scatter_columns(self.cells, self.fit), scatter
-        )
-        residual = noise(self.cells.values - self.fit.prediction - self.offset_of_cell[:, None])
+        columns = scatter_columns(self.cells, self.fit)
+        noise = whitener(
+            self.cells, scattered=self.floor.wander_sd * columns[..., 0]
+        ).with_manoeuvres(self.cells.manoeuvre, columns, scatter)
+        residual = noise(self.cells.values - self.fit.prediction - self.fit.beside)
         return float((residual**2).sum())
 
     @property
@@ -71,14 +74,9 @@ class FittedChannel:
         return self.noise_chi2 / self.fit.freedom
 
     @property
-    def offset_of_cell(self) -> FloatArray:
-        """The offset of each cell's log, (C,)."""
-        return _offset_of_cell(self.cells, self.fit)
-
-    @property
     def square_fit(self) -> float:
         """Mean square error of a revolution's value on the data the fit saw."""
-        residual = self.cells.values - self.fit.prediction - self.offset_of_cell[:, None]
+        residual = self.cells.values - self.fit.prediction - self.fit.beside
         return self.floor.within + self.plain.mean_square((self.plain(residual) ** 2).sum())
 
     @property
@@ -146,7 +144,8 @@ def _fitted(
     rough = [_FIRST_DISCREPANCY**2 * float(np.nanmean(cells.values**2)) for cells in channels]
     whites = [whitener(cells, missed) for cells, missed in zip(channels, rough, strict=True)]
     fits = fit_channels(list(zip(channels, whites, strict=True)), model, several=several)
-    raw = [fit.cells for fit in fits]
+    always = [n.name for n in model.nuisances if n.use == "on"]
+    raw = [replace(f.cells, shared=shared_by(f.cells, f, always)) for f in fits]
     return _with_scatter(raw, fits, rough), raw
 
 
@@ -176,12 +175,14 @@ def _in_scatter(cells: Cells, plain: Plain, fit: Fit, missed: float) -> FittedCh
 
     The fit itself was made with another discrepancy, `missed` [unit^2].
     """
-    own = whitener(cells, missed)
     columns = scatter_columns(cells, fit)
+    wander_sd = wander_within(cells, whitener(cells), fit, columns)
+    wander = wander_sd * columns[..., 0]
+    own = whitener(cells, missed, wander)
     load_sd, baseline_sd = scatter_between(cells, own, fit, columns)
-    floor = measure_floor(cells, plain, columns, load_sd, baseline_sd)
+    floor = measure_floor(cells, plain, columns, load_sd, baseline_sd, wander_sd)
     discrepancy = _discrepancy(cells, plain, fit, floor)
-    white = whitener(cells, discrepancy).with_manoeuvres(
+    white = whitener(cells, discrepancy, wander).with_manoeuvres(
         cells.manoeuvre, columns, np.array([load_sd, baseline_sd])
     )
     return FittedChannel(cells, white, plain, floor, fit, discrepancy)
@@ -205,19 +206,12 @@ def _held_out(channel: FittedChannel, raw: Cells) -> Base:
     )
 
 
-def _offset_of_cell(cells: Cells, fit: Fit) -> FloatArray:
-    """The offset of each cell's log, (C,)."""
-    if not fit.offsets.size:
-        return np.zeros(len(cells))
-    return fit.offsets[np.searchsorted(np.unique(cells.log), cells.log)]
-
-
 def _discrepancy(cells: Cells, plain: Plain, fit: Fit, floor: Floor) -> float:
     """Mean square [unit^2] that the fit leaves above the floor.
 
     Nothing if it is too small to matter.
     """
-    residual = cells.values - fit.prediction - _offset_of_cell(cells, fit)[:, None]
+    residual = cells.values - fit.prediction - fit.beside
     left = plain.mean_square((plain(np.nan_to_num(residual)) ** 2).sum()) - floor.between
     return left if left > _LEAST_DISCREPANCY * floor.square else 0.0
 
@@ -253,10 +247,12 @@ def thinned(base: Base, most: int) -> Base:
         base.fit,
         prediction=base.fit.prediction[rows],
         jacobian=base.fit.jacobian[rows],
+        cells=cells,
         residual=base.fit.residual[rows],
     )
     scatter = np.array([base.floor.load_sd, base.floor.baseline_sd])
-    white = whitener(cells, base.discrepancy).with_manoeuvres(
-        cells.manoeuvre, scatter_columns(cells, fit), scatter
-    )
+    columns = scatter_columns(cells, fit)
+    white = whitener(
+        cells, base.discrepancy, base.floor.wander_sd * columns[..., 0]
+    ).with_manoeuvres(cells.manoeuvre, columns, scatter)
     return replace(base, cells=cells, white=white, plain=Plain.of(cells), fit=fit)

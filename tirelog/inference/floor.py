@@ -4,7 +4,8 @@
               effects of revolutions
     between   scatter between manoeuvres: load (amplitude and width together) and baseline, as
               random effects about what follows speed, acceleration and time (which is physics, and
-              for the candidates to explain)
+              for the candidates to explain); and of the load between the cells of a manoeuvre,
+              which is what a grade or wind does to it
     floor^2 = within^2 + between^2,   excess^2 = rmse^2 - floor^2
 
 rmse is that of one revolution's value at one angle. A cell's mean shows it as
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.shared import SharedEffects
 from tirelog.inference.fit.cells import Fit
 from tirelog.inference.metric.offsets import Levelled, Nuisance, Offsets
 from tirelog.inference.metric.projection import Normal, in_blocks, side_by_side, solve_scaled
@@ -31,6 +33,9 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: relative step of the load for its derivative
 _STEP = 0.01
+#: degrees of freedom of cells within manoeuvres that a wander of the load is told from; twice as
+#: many would leave short logs without it
+FEWEST_WANDERING = 8.0
 #: cells whose columns are worked on at a time, about
 _SOME_CELLS = 64
 
@@ -100,7 +105,8 @@ def _orthonormal_in_cells(columns: FloatArray) -> FloatArray:
 class Floor:
     """The noise floor: mean squares [unit^2] within, between, and by angle (m,).
 
-    `load_sd` relative, `baseline_sd` [unit]: scatter between manoeuvres.
+    `load_sd` relative, `baseline_sd` [unit]: scatter between manoeuvres; `wander_sd` relative: of
+    the load between the cells of a manoeuvre.
     """
 
     within: float
@@ -109,6 +115,7 @@ class Floor:
     between_by_angle: FloatArray
     load_sd: float
     baseline_sd: float
+    wander_sd: float = 0.0
 
     @property
     def square(self) -> float:
@@ -254,14 +261,68 @@ def scatter_between(
     return result[0], result[1]
 
 
+def wander_within(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray) -> float:
+    """Standard deviation of the relative load between the cells of a manoeuvre.
+
+    By the method of moments, weighted by what each cell knows (DerSimonian and Laird 1986, with
+    covariates). Each manoeuvre has its own level, and what follows speed is no wander; 0 if fewer
+    than FEWEST cells are left to show one.
+    """
+    if cells.phi.shape[1] == 1:
+        return 0.0
+    residual = Nuisance.of(Offsets.of(cells, white), white(fit.jacobian)).without(
+        white(cells.values - fit.prediction)
+    )
+    own = np.arange(len(cells))
+    normal = Normal.of(white(columns), residual, own)
+    load = solve_scaled(normal.gram, normal.right)[:, 0]
+    variance = solve_scaled(normal.gram, np.broadcast_to([1.0, 0.0], normal.right.shape))[:, 0]
+    known = variance > 0.0
+    variance = variance + _load_of_revolutions(cells, columns[..., 0])
+    speed = cells.conditions.speed_m_s / max(float(np.mean(cells.conditions.speed_m_s)), 1e-9) - 1.0
+    level = (cells.manoeuvre[:, None] == np.arange(cells.manoeuvres)).astype(float)
+    design = np.column_stack([level, speed, speed**2])[known]
+    weight = 1.0 / variance[known]
+    root = np.sqrt(weight)[:, None] * design
+    hat = root @ np.linalg.pinv(root)
+    freedom = float(weight.size - np.trace(hat))
+    if freedom < FEWEST_WANDERING:
+        return 0.0
+    scaled = np.sqrt(weight) * load[known]
+    left = scaled - hat @ scaled
+    spread = float((weight * (1.0 - np.diag(hat))).sum())
+    return float(np.sqrt(max((float(left @ left) - freedom) / max(spread, 1e-300), 0.0)))
+
+
+def _load_of_revolutions(cells: Cells, load: FloatArray) -> FloatArray:
+    """Variance (C,) of each cell's relative load from the scatter of its revolutions.
+
+    Amplitude, width and baseline scatter together as far as a load does it: their covariance along
+    what a `load` derivative (C, m) is made of.
+    """
+    good = np.isfinite(cells.values)[..., None]
+    columns, slope = np.where(good, cells.random, 0.0), np.where(good[..., 0], load, 0.0)
+    made_of = solve_scaled(
+        np.swapaxes(columns, 1, 2) @ columns, np.einsum("cmk,cm->ck", columns, slope)
+    )
+    along = np.einsum("ck,ckl,cl->c", made_of, cells.random_cov, made_of)
+    return np.asarray(along / np.maximum((made_of**2).sum(axis=1), 1e-300) ** 2, dtype=np.float64)
+
+
 def measure_floor(
-    cells: Cells, plain: Plain, columns: FloatArray, load_sd: float, baseline_sd: float
+    cells: Cells,
+    plain: Plain,
+    columns: FloatArray,
+    load_sd: float,
+    baseline_sd: float,
+    wander_sd: float = 0.0,
 ) -> Floor:
     """The floor from the cells' repeatability and the scatter between manoeuvres."""
     share = plain.weights**2
     total = np.maximum(share.sum(axis=0), 1e-300)
     within = np.where(share > 0, cells.within, 0.0)
-    scatter = (load_sd * columns[..., 0]) ** 2 + (baseline_sd * columns[..., 1]) ** 2
+    load_square = load_sd**2 + wander_sd**2
+    scatter = load_square * columns[..., 0] ** 2 + (baseline_sd * columns[..., 1]) ** 2
     scatter = np.where(share > 0, scatter, 0.0)
     return Floor(
         float((share * within).sum() / plain.weight),
@@ -270,6 +331,7 @@ def measure_floor(
         (share * scatter).sum(axis=0) / total,
         load_sd,
         baseline_sd,
+        wander_sd,
     )
 
 
@@ -285,7 +347,7 @@ def held_out_losses(
     """
     in_white, in_plain = (_levelled(cells, metric, fit, more) for metric in (white, plain))
     theta, offset = in_white.left_out()
-    of_all, level_of_all = in_white.step_of_all(fit.jacobian.shape[-1])
+    of_all, level_of_all = in_white.step_of_all(fit.jacobian.shape[-1] + fit.amplitudes.size)
     theta, offset = theta - of_all, offset - level_of_all
     return in_white.loss(theta, offset), in_plain.loss(theta, offset)
 
@@ -297,7 +359,11 @@ def _levelled(
 
     No metric couples two of them, so some are worked on at a time.
     """
-    parts, made = [fit.moving, *more], []
+    shared = cells.shared if cells.shared is not None and len(cells.shared) else None
+    parts = [fit.moving, *([] if shared is None else [shared.columns]), *more]
+    made = []
+    beside = 0.0 if shared is None else shared.columns @ fit.amplitudes
+    prediction = fit.prediction + beside
     level = float(cells.phi.shape[1] > 1)  # a number per revolution has no offset of its own
     last = (
         np.searchsorted(np.sort(cells.manoeuvre), np.arange(cells.manoeuvres), side="right")
@@ -309,7 +375,7 @@ def _levelled(
             (cells.manoeuvre >= manoeuvres.start) & (cells.manoeuvre < manoeuvres.stop)
         )
         some, values = metric.some(rows, manoeuvres), cells.values[rows]
-        residual = some(np.where(np.isfinite(values), values - fit.prediction[rows], 0.0))
+        residual = some(np.where(np.isfinite(values), values - prediction[rows], 0.0))
         columns, offset = (
             side_by_side(some, [part[rows] for part in parts]),
             some(np.full(values.shape, level)),
@@ -321,4 +387,17 @@ def _levelled(
         )
     log = np.zeros(cells.manoeuvres, np.int64)
     log[cells.manoeuvre] = np.unique(cells.log, return_inverse=True)[1]
-    return Levelled.joined(made, log)
+    return Levelled.joined(made, log, _prior(fit, shared, sum(part.shape[-1] for part in parts)))
+
+
+def _prior(
+    fit: Fit, shared: SharedEffects | None, columns: int
+) -> tuple[FloatArray, FloatArray] | None:
+    """What is known of the columns before any manoeuvre: of the shared effects, their size."""
+    if shared is None:
+        return None
+    precision, pull = np.zeros(columns), np.zeros(columns)
+    own = slice(fit.jacobian.shape[-1], fit.jacobian.shape[-1] + len(shared))
+    precision[own] = 1.0 / shared.sd**2
+    pull[own] = -fit.amplitudes / shared.sd**2
+    return precision, pull

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from tirelog.data.recording import Conditions, Stack
 from tirelog.errors import ModelError
 from tirelog.inference.cells.pieces import Pieces, pieces_of
+from tirelog.inference.cells.shared import SharedEffects
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 ComplexArray = NDArray[np.complex128]
@@ -72,6 +73,7 @@ class Cells:
                    left
     notes          sentences on what was set apart, taken together or left out of the logs
     free           which NUISANCES are taken out of each cell
+    shared         random effects that all manoeuvres share; none unless asked for
     """
 
     observable: str
@@ -98,6 +100,7 @@ class Cells:
     logs: tuple[str, ...]
     notes: tuple[str, ...] = ()
     free: tuple[str, ...] = ("shift",)
+    shared: SharedEffects | None = None
 
     @property
     def taken(self) -> FloatArray:

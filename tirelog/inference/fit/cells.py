@@ -54,10 +54,10 @@ class Fit:
     """A model fitted to one channel, alone or together with others, in the metric `white`.
 
     Whitened residual (C, m) with the offsets taken out, Jacobian of the prediction (C, m, p) in the
-    observable's unit, prediction (C, m) without offsets, offset per log, chi-square, degrees of
-    freedom (channels share what the parameters take); `known`: the parameters' errors, of all
-    channels together; `cells` as they were centred. `held`: parameters that stand at a bound and
-    would leave it.
+    observable's unit, prediction (C, m) without what is `beside` it: offset per log, amplitudes
+    (K,) of the cells' shared effects. Chi-square and degrees of freedom (channels share what the
+    parameters take); `known`: the parameters' errors, of all channels together; `cells` as they
+    were centred. `held`: parameters that stand at a bound and would leave it.
     """
 
     model: Model
@@ -68,6 +68,7 @@ class Fit:
     prediction: FloatArray
     jacobian: FloatArray
     offsets: FloatArray
+    amplitudes: FloatArray
     known: Errors
     settled: bool
     cells: Cells
@@ -76,6 +77,17 @@ class Fit:
     @property
     def reduced_chi2(self) -> float:
         return self.chi2 / self.freedom
+
+    @property
+    def beside(self) -> FloatArray:
+        """What is measured beside the prediction, (C, m): offsets and shared effects."""
+        beside = np.zeros(self.prediction.shape)
+        if self.offsets.size:
+            log = np.searchsorted(np.unique(self.cells.log), self.cells.log)
+            beside += self.offsets[log][:, None]
+        if self.cells.shared is not None:
+            beside += self.cells.shared.columns @ self.amplitudes
+        return beside
 
     @property
     def moving(self) -> FloatArray:
@@ -146,8 +158,8 @@ class Problem:
         white = self.offsets.without(self.white(jacobian))
         return white.reshape(-1, jacobian.shape[-1])
 
-    def offset_of_logs(self, prediction: FloatArray) -> FloatArray:
-        """Offset of each log, (logs,)."""
+    def beside(self, prediction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Offset of each log (logs,) and amplitudes of the shared effects (K,)."""
         return self.offsets.fit(self.white(self.cells.values - prediction))
 
 
@@ -356,6 +368,7 @@ def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     return replace(
         cells,
         conditions=cells.conditions.take(rows),
+        shared=None if cells.shared is None else cells.shared.take(rows),
         **{name: getattr(cells, name)[rows] for name in names},
     )
 
@@ -395,7 +408,7 @@ def finish(
             freedom[i],
             residuals[i],
             *points[i],
-            problem.offset_of_logs(points[i][0]),
+            *problem.beside(points[i][0]),
             known,
             settled,
             problem.cells,

@@ -1,16 +1,20 @@
-"""One free offset per log, in a metric: what its baseline stands at is nobody's physics.
+"""What is beside the model, in a metric: one free offset per log, and shared random effects.
 
     Cells, metric -> a log's column is 1 in its own cells, 0 elsewhere: whitened, one array (C, m)
                      for all logs together
+                  -> the columns of the shared effects, each as large as its standard deviation
 
-A metric couples no two manoeuvres and a manoeuvre belongs to one log, so the columns of two logs
-never meet: each is projected out alone, and the number of logs costs neither memory nor time.
+What a log's baseline stands at is nobody's physics. A metric couples no two manoeuvres and a
+manoeuvre belongs to one log, so the columns of two logs never meet: each is projected out alone,
+and the number of logs costs neither memory nor time. A shared effect is not projected out but
+shrunk by what its standard deviation allows: the sum of squares left is the least one that
+amplitudes can leave, their own squares in standard deviations counted with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +37,7 @@ _BLOCK = 32
 
 @dataclass(frozen=True)
 class Offsets:
-    """The cells' parts of the offsets of their logs.
+    """The cells' parts of the offsets of their logs, and shared effects if there are any.
 
     `direction` (C, m): each cell's part of its log's column, which has length one; `log` (C,) 0
     ... `count` - 1; `norm` (count,).
@@ -42,6 +46,7 @@ class Offsets:
     direction: FloatArray
     log: IntArray
     norm: FloatArray
+    shared: Shrunk | None = None
 
     @classmethod
     def of(cls, cells: Cells, white: Callable[[FloatArray], FloatArray]) -> Offsets:
@@ -51,7 +56,12 @@ class Offsets:
             return cls(np.zeros_like(cells.phi), log, np.zeros(0))
         columns = white(np.ones_like(cells.phi))
         norm = np.sqrt(np.bincount(log, (columns**2).sum(axis=1)))
-        return cls(columns / np.maximum(norm, 1e-300)[log][:, None], log, norm)
+        offsets = cls(columns / np.maximum(norm, 1e-300)[log][:, None], log, norm)
+        if cells.shared is None or not len(cells.shared):
+            return offsets
+        sized = white(cells.shared.columns) * cells.shared.sd
+        level = offsets.products(sized) / np.maximum(norm, 1e-300)[:, None]
+        return replace(offsets, shared=Shrunk.of(offsets._levelled(sized), cells.shared.sd, level))
 
     @property
     def count(self) -> int:
@@ -64,6 +74,11 @@ class Offsets:
         return result
 
     def without(self, x: FloatArray) -> FloatArray:
+        """x (C, m) or (C, m, k) with offsets taken out and shared effects shrunk."""
+        x = self._levelled(x)
+        return x if self.shared is None else self.shared(x)
+
+    def _levelled(self, x: FloatArray) -> FloatArray:
         """x (C, m) or (C, m, k) with the offsets taken out."""
         if not self.count or not x.size:
             return x
@@ -73,13 +88,58 @@ class Offsets:
         x = np.subtract(x, level, out=level)
         return x[..., 0] if flat else x
 
-    def fit(self, x: FloatArray) -> FloatArray:
-        """Offset of each log, (count,), that comes nearest to the whitened x (C, m)."""
-        return (
-            self.products(x[..., None])[:, 0] / np.maximum(self.norm, 1e-300)
-            if self.count
-            else np.zeros(0)
+    def fit(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Offset of each log (count,) and amplitudes (K,) nearest to the whitened x (C, m)."""
+        if not self.count:
+            return np.zeros(0), np.zeros(0)
+        offsets = self.products(x[..., None])[:, 0] / np.maximum(self.norm, 1e-300)
+        if self.shared is None:
+            return offsets, np.zeros(0)
+        sized = self.shared.fit(self._levelled(x))
+        return offsets - self.shared.level @ sized, sized * self.shared.sd
+
+
+@dataclass(frozen=True)
+class Shrunk:
+    """Shared effects in a metric, offsets taken out: the root of their inverse covariance.
+
+    With columns B, as large as their standard deviations, the covariance I + B B' has the inverse
+    root I - Q (1 - 1/sqrt(1 + D)) Q', Q D Q' = B B': `basis` Q (N, r) and `shrink` (r,). `turn`
+    (K, r) gives the amplitudes in standard deviations from Q' x; `sd` (K,); `level` (count, K) the
+    part of each column that is an offset.
+    """
+
+    basis: FloatArray
+    shrink: FloatArray
+    turn: FloatArray
+    sd: FloatArray
+    level: FloatArray
+
+    @classmethod
+    def of(cls, columns: FloatArray, sd: FloatArray, level: FloatArray) -> Shrunk:
+        """columns (C, m, K), whitened, offsets taken out, times their standard deviations."""
+        flat = columns.reshape(-1, columns.shape[-1])
+        values, vectors = np.linalg.eigh(flat.T @ flat)
+        keep = values > RANK * max(float(values[-1]), 1e-300)
+        values, vectors = values[keep], vectors[:, keep]
+        root = np.sqrt(values)
+        return cls(
+            flat @ (vectors / root),
+            1.0 - 1.0 / np.sqrt(1.0 + values),
+            vectors * (root / (1.0 + values)),
+            sd,
+            level,
         )
+
+    def __call__(self, x: FloatArray) -> FloatArray:
+        """x (C, m) or (C, m, k), shrunk along the effects."""
+        flat = x.reshape(self.basis.shape[0], -1)
+        taken = self.basis @ (self.shrink[:, None] * (self.basis.T @ flat))
+        return np.subtract(flat, taken, out=taken).reshape(x.shape)
+
+    def fit(self, x: FloatArray) -> FloatArray:
+        """Amplitudes (K,) in standard deviations, from x (C, m) with offsets taken out."""
+        return np.asarray(self.turn @ (self.basis.T @ x.ravel()), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -113,7 +173,8 @@ class Levelled:
     """Normal equations of each manoeuvre with its log's offset beside the columns.
 
     Those of the offset's column o on the columns (M, p), on itself and on the residual (M,);
-    `log` (M,).
+    `log` (M,). `prior`: precision (p,) of what is known of the columns' strengths before any
+    manoeuvre, and its pull (p,), precision times the mean; nothing without.
     """
 
     normal: Normal
@@ -121,6 +182,7 @@ class Levelled:
     size: FloatArray
     right: FloatArray
     log: IntArray
+    prior: tuple[FloatArray, FloatArray] | None = None
 
     @classmethod
     def of(
@@ -143,8 +205,13 @@ class Levelled:
         )
 
     @classmethod
-    def joined(cls, parts: Sequence[Levelled], log: IntArray) -> Levelled:
-        """Those of successive manoeuvres as one; `log` (M,) of all."""
+    def joined(
+        cls,
+        parts: Sequence[Levelled],
+        log: IntArray,
+        prior: tuple[FloatArray, FloatArray] | None = None,
+    ) -> Levelled:
+        """Those of successive manoeuvres as one; `log` (M,) of all, and what is known before."""
         gram, right, square = (
             np.concatenate([getattr(part.normal, name) for part in parts])
             for name in ("gram", "right", "square")
@@ -153,7 +220,14 @@ class Levelled:
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("cross", "size", "right")
         )
-        return cls(Normal(gram, right, square), cross, size, of_offset, log)
+        return cls(Normal(gram, right, square), cross, size, of_offset, log, prior)
+
+    def _known(self, gram: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Normal equations (..., p, p), (..., p) with what is known before."""
+        if self.prior is None:
+            return gram, right
+        precision, pull = (part[: right.shape[-1]] for part in self.prior)
+        return gram + np.diag(precision), right + pull
 
     def left_out(self) -> tuple[FloatArray, FloatArray]:
         """(theta (M, p), offset (M,)): for each manoeuvre the solution of all the others.
@@ -174,7 +248,9 @@ class Levelled:
             alone = others[3] <= 1e-12 * own[3]
             others[3] = np.where(alone, 0.0, others[3])
             gram, right = _without_offset(*others)
-            gram, right = gram + whole[1] - gram_of_log[log], right + whole[2] - right_of_log[log]
+            gram, right = self._known(
+                gram + whole[1] - gram_of_log[log], right + whole[2] - right_of_log[log]
+            )
             seen = np.einsum("mii->mi", gram) > RANK * np.einsum(
                 "mii->mi", whole[0] - own[0]
             )  # a column that the offsets take is none
@@ -202,7 +278,8 @@ class Levelled:
         )
         gram, right = _without_offset(grams, rights, crosses, sizes, _sums(self.right, self.log))
         theta = np.zeros(self.cross.shape[1])
-        theta[:first] = solve_scaled(gram.sum(axis=0)[None], right.sum(axis=0)[None])[0]
+        whole = self._known(gram.sum(axis=0)[None], right.sum(axis=0)[None])
+        theta[:first] = solve_scaled(*whole)[0]
         level = -np.divide(
             crosses @ theta[:first], sizes, out=np.zeros_like(sizes), where=sizes > 0
         )

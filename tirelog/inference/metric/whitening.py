@@ -116,12 +116,15 @@ class Whitener:
         )
 
 
-def whitener(cells: Cells, discrepancy: float = 0.0) -> Whitener:
+def whitener(
+    cells: Cells, discrepancy: float = 0.0, scattered: FloatArray | None = None
+) -> Whitener:
     """The operator of single cells: noise, shift and the random effects of revolutions.
 
     `discrepancy` [unit^2] is the mean square that the model at hand misses. It is added to the
     noise, so that a model that is wrong in shape does not buy shape with amplitude only because
-    amplitude scatters from revolution to revolution.
+    amplitude scatters from revolution to revolution. `scattered` (C, m), if any, is what else
+    scatters from cell to cell, at one standard deviation.
     """
     inverse = np.where(
         np.isfinite(cells.values) & np.isfinite(cells.sd),
@@ -135,5 +138,7 @@ def whitener(cells: Cells, discrepancy: float = 0.0) -> Whitener:
     root = vectors * np.sqrt(np.maximum(scale, 0.0))[:, None, :]
     prior = np.array([_FREE_SD[name] for name in cells.free])
     columns = np.concatenate([cells.random @ root, prior * cells.taken], axis=-1)
+    if scattered is not None:
+        columns = np.concatenate([columns, scattered[..., None]], axis=-1)
     basis, size, _ = np.linalg.svd(np.nan_to_num(columns) * inverse[..., None], full_matrices=False)
     return Whitener(inverse, basis, 1.0 - 1.0 / np.sqrt(1.0 + size**2))

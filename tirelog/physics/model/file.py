@@ -23,6 +23,7 @@ from tirelog.physics.carcass.numbers import CARCASSES, CONTACTS, carcass_paramet
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.entry import ModelEffect
 from tirelog.physics.model.model import COUPLED_STANDS, Model
+from tirelog.physics.model.nuisances import BY_NAME, NUISANCES, USES, Nuisance
 from tirelog.physics.model.user_effects import (
     EXPRESSION_ACTS_ON,
     catalogue_with,
@@ -97,15 +98,17 @@ def parse_model(
             file=path or "model",
             line=getattr(problem, "line", None),
         ) from None
-    _only(document, ("model", "parameters", "effects"), source, "a model file")
-    head, numbers, effects = (
+    _only(document, ("model", "parameters", "effects", "nuisances"), source, "a model file")
+    head, numbers, effects, beside = (
         document.get("model", {}),
         document.get("parameters", {}),
         document.get("effects", []),
+        document.get("nuisances", {}),
     )
-    if not (isinstance(head, dict) and isinstance(numbers, dict) and isinstance(effects, list)):
+    tables = all(isinstance(table, dict) for table in (head, numbers, beside))
+    if not (tables and isinstance(effects, list)):
         raise source.error(
-            "[model] and [parameters] are tables, [[effects]] a list of tables",
+            "[model], [parameters] and [nuisances] are tables, [[effects]] a list of tables",
             allowed="no other form is allowed",
             do="correct it",
         )
@@ -115,7 +118,8 @@ def parse_model(
     contact = _contact(head, numbers, carcass, source)
     known = carcass_parameters(carcass, observable, flat_road=contact == "flat_road")
     base = _base(numbers, known, source)
-    model = Model(observable, carcass, contact, base, document=text)
+    nuisances = _nuisances(beside, source)
+    model = Model(observable, carcass, contact, base, nuisances=nuisances, document=text)
     catalogue = catalogue if catalogue is not None else catalogue_with()
     after = 0
     for table in effects:
@@ -133,6 +137,40 @@ def parse_model(
         except ModelError as problem:
             raise source.here(problem, table["name"], after - 1) from None
     return model
+
+
+def _nuisances(table: Mapping[str, Any], source: _Text) -> tuple[Nuisance, ...]:
+    """All nuisances, with what the file says of them: a use, or a table of use and sizes."""
+    _only(table, (nuisance.name for nuisance in NUISANCES), source, "[nuisances]")
+    after = (source.line("nuisances") or 1) - 1
+    return tuple(
+        _nuisance(table[known.name], known, source, after) if known.name in table else known
+        for known in NUISANCES
+    )
+
+
+def _nuisance(given: Any, known: Nuisance, source: _Text, after: int) -> Nuisance:
+    own = given if isinstance(given, dict) else {"use": given}
+    _only(own, ("use", *(p.name for p in known.sizes)), source, f"nuisance {known.name}", after)
+    sizes = tuple(
+        replace(_number(own[p.name], p, source, p.name, after), free=False) if p.name in own else p
+        for p in known.sizes
+    )
+    try:
+        for size in sizes:
+            size.checked(f"nuisance {known.name}: {size.name}")
+    except ModelError as problem:
+        raise source.here(problem, known.name, after) from None
+    use = own.get("use", USES[0])
+    if use not in USES:
+        raise source.error(
+            f"nuisance {known.name}: {use!r} is no use of it",
+            known.name,
+            after,
+            allowed=USES,
+            do="choose one",
+        )
+    return replace(known, sizes=sizes, use=use)
 
 
 def _contact(
@@ -365,6 +403,7 @@ def as_toml(model: Model) -> str:
         if parameter.name in numbers or not model.document or parameter.free:
             _put(numbers, parameter)
     _put_effects(document, model)
+    _put_nuisances(document, model)
     return tomlkit.dumps(document)
 
 
@@ -407,6 +446,25 @@ def _put_effects(document: Any, model: Model) -> None:
             document["effects"] = tables
             tables = document["effects"]
         tables.append(table)
+
+
+def _put_nuisances(document: Any, model: Model) -> None:
+    """Writes the nuisances that are used otherwise than they are by default, or stand there."""
+    for nuisance in model.nuisances:
+        held = document.get("nuisances", {}).get(nuisance.name)
+        if held is None and nuisance == BY_NAME[nuisance.name]:
+            continue
+        use = held.get("use", USES[0]) if isinstance(held, dict) else held
+        if use == nuisance.use:
+            continue
+        table = document.setdefault("nuisances", tomlkit.table())
+        if isinstance(held, dict):
+            held["use"] = nuisance.use
+        else:
+            item = tomlkit.item(nuisance.use)
+            if held is None:
+                item.comment(nuisance.description)
+            table[nuisance.name] = item
 
 
 def _put(table: Any, parameter: Parameter, *, remark: bool = True) -> None:

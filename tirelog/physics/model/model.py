@@ -22,6 +22,7 @@ from tirelog.physics.carcass.numbers import (
 from tirelog.physics.effects import BY_ID, Effect
 from tirelog.physics.effects.base import acting_on
 from tirelog.physics.model.entry import ModelEffect
+from tirelog.physics.model.nuisances import NUISANCES, USES, Nuisance
 from tirelog.physics.model.prediction import Predicting
 from tirelog.physics.parameters import Parameter
 from tirelog.vocabulary.observables import OBSERVABLES
@@ -39,6 +40,7 @@ class Model(Predicting):
     observable  what it predicts; carcass beam, ring or coupled_ring; contact 'prescribed'
                 (patch_half_length_m) or 'flat_road' (rings)
     base        parameters of carcass and load; effects with theirs, distinct ids
+    nuisances   what may stand beside the model, with their ordinary sizes
     document    the TOML it was read from, so that comments survive; path where it lies
     """
 
@@ -47,6 +49,7 @@ class Model(Predicting):
     contact: str
     base: tuple[Parameter, ...]
     effects: tuple[ModelEffect, ...] = ()
+    nuisances: tuple[Nuisance, ...] = NUISANCES
     document: str | None = None
     path: Path | None = None
 
@@ -129,6 +132,14 @@ class Model(Predicting):
         self._accept(added)
         model = replace(self, effects=(*self.effects, added))
         return model.with_values({f"{added.id}.{name}": value for name, value in values.items()})
+
+    def with_nuisance(self, name: str, use: str) -> Model:
+        """The model with another use of a nuisance: auto, on or off."""
+        known = [nuisance.name for nuisance in self.nuisances]
+        _one_of("nuisance", name, known)
+        _one_of(f"use of the nuisance {name}:", use, USES)
+        changed = tuple(n.used(use) if n.name == name else n for n in self.nuisances)
+        return replace(self, nuisances=changed)
 
     def without_effect(self, effect: str) -> Model:
         """The model without an effect."""

@@ -1,0 +1,150 @@
+"""Nuisances beside the candidates: which of them earn a place, and how large they are.
+
+Base -> each nuisance's shared effects -> the flips, the held-out gain and the size that an
+        effect must show -> the base with the best of them, fitted again
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tirelog.diagnosis.assessment import nuisance
+from tirelog.diagnosis.naming import worth_it
+from tirelog.diagnosis.sign_flips import (
+    ALARM_P,
+    GAIN_SIGMAS,
+    LEAST_SHARE_OF_FLOOR,
+    Scores,
+    flip_test,
+    gain_and_error,
+)
+from tirelog.errors import ModelError
+from tirelog.inference.base import Base, refit
+from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.floor import held_out_losses
+from tirelog.inference.metric.projection import per_manoeuvre
+from tirelog.inference.nuisances import shared_by, shared_effects
+
+#: alarming nuisances that are fitted in full, the best first
+_MOST_REFITTED = 2
+
+
+@dataclass(frozen=True)
+class AssessedNuisance:
+    """A nuisance with its evidence: family-wise p, held-out gain and error, removed [unit^2]."""
+
+    effects: SharedEffects
+    p: float
+    gain: float
+    gain_error: float
+    removed: float
+
+    @property
+    def group(self) -> str:
+        return self.effects.group[0]
+
+    def alarms(self, floor_square: float) -> bool:
+        """The three rules that an effect must pass."""
+        return (
+            self.p <= ALARM_P
+            and self.gain > GAIN_SIGMAS * self.gain_error
+            and self.removed > LEAST_SHARE_OF_FLOOR * floor_square
+        )
+
+
+def groups_of(base: Base) -> tuple[str, ...]:
+    """The nuisances that a base holds already."""
+    return () if base.cells.shared is None else base.cells.shared.groups
+
+
+def allowed_nuisances(base: Base) -> tuple[str, ...]:
+    """The nuisances that may come in if they earn their place."""
+    return tuple(n.name for n in base.model.nuisances if n.use == "auto")
+
+
+def assess_nuisances(base: Base, allowed: Iterable[str]) -> list[AssessedNuisance]:
+    """Every nuisance that the base does not hold, by falling gain."""
+    missing = [name for name in allowed if name not in groups_of(base)]
+    found = [shared_effects(base.cells, base.fit, name) for name in missing]
+    effects = [x for x in found if x is not None]
+    if not effects:
+        return []
+    other = nuisance(base)
+    residual = other.without(
+        base.white(np.nan_to_num(base.cells.values - base.fit.prediction, copy=False))
+    )
+    scores = []
+    for x in effects:
+        left = other.without(base.white(x.columns * x.sd))
+        flat = left.reshape(-1, left.shape[-1])
+        by_manoeuvre = per_manoeuvre(
+            (np.swapaxes(left, 1, 2) @ residual[..., None])[..., 0], base.cells.manoeuvre
+        )
+        scores.append(Scores(by_manoeuvre, flat.T @ flat))
+    _, p = flip_test(scores, base.cells.manoeuvres)
+    assessed = []
+    for x, own in zip(effects, p, strict=True):
+        held_white, held_plain = held_out_losses(
+            base.cells, base.white, base.plain, base.fit, x.columns
+        )
+        gain, error = gain_and_error(base.held_white, held_white)
+        removed = float((base.held_plain - held_plain).sum()) / base.plain.weight
+        assessed.append(AssessedNuisance(x, float(own), gain, error, removed))
+    return sorted(assessed, key=lambda a: -a.gain)
+
+
+def best_nuisance(base: Base, allowed: Iterable[str]) -> Base | None:
+    """The base with the nuisance that gains most, if one earns its place."""
+    alarming = [a for a in assess_nuisances(base, allowed) if a.alarms(base.floor.square)]
+    tried = []
+    for a in alarming[:_MOST_REFITTED]:
+        try:
+            tried.append(with_nuisance(base, a.effects))
+        except ModelError:
+            continue
+    return min(tried, key=lambda b: float(b.held_white.sum()), default=None)
+
+
+def with_nuisance(base: Base, effects: SharedEffects) -> Base:
+    """The base with a nuisance beside its model, fitted again.
+
+    ModelError if the model cannot be computed where the fit leads.
+    """
+    held = [] if base.cells.shared is None else [base.cells.shared]
+    return _beside(base, SharedEffects.joined([*held, effects]))
+
+
+def with_nuisances(base: Base, groups: Sequence[str]) -> Base:
+    """The base with these nuisances and no other beside its model, fitted again."""
+    return _beside(base, shared_by(base.cells, base.fit, groups))
+
+
+def needed_nuisances(base: Base) -> tuple[str, ...]:
+    """Those of the base's nuisances that are always on, or without which it would be worse."""
+    groups = list(groups_of(base))
+    always = [n.name for n in base.model.nuisances if n.use == "on"]
+    for group in [g for g in groups if g not in always]:
+        kept = [g for g in groups if g != group]
+        less = _beside(base, base.cells.shared.of_groups(kept) if base.cells.shared else None)
+        if not worth_it(less, base):
+            base, groups = less, kept
+    return tuple(groups)
+
+
+def _beside(base: Base, shared: SharedEffects | None) -> Base:
+    raw = None if base.raw is None else replace(base.raw, shared=shared)
+    return refit(replace(base, cells=replace(base.cells, shared=shared), raw=raw), base.model)
+
+
+def amplitudes(base: Base, group: str) -> dict[str, float]:
+    """Fitted amplitudes of a nuisance by name, in their own units."""
+    shared = base.cells.shared
+    if shared is None:
+        return {}
+    pairs: Sequence[tuple[str, str, float]] = list(
+        zip(shared.group, shared.names, base.fit.amplitudes.tolist(), strict=True)
+    )
+    return {name: value for own, name, value in pairs if own == group}

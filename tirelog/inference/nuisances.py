@@ -1,0 +1,207 @@
+"""What every wheel, road and day does to a log beside the tire's own physics, as random effects.
+
+    cells, the model fitted to them -> for each nuisance the columns of what it does to the
+                                       waveforms, with the size that is ordinary
+
+    wheel      run-out: strain at harmonics 1 to 3 of the wheel; force variation: load at them
+    drift      patch length, foundation, bending stiffness and baseline move along a log, with its
+               temperature if that varies, else with time
+    rolling    the rolling radius is not the setup's, and follows speed and load
+    patch_law  the patch grows with another power of the load
+
+The shapes are changes of the fitted model's own prediction, so they are known as well as the model
+is. One amplitude serves all manoeuvres (of a log, for what belongs to a log): a nuisance repeats,
+which is why flips of manoeuvres take it for physics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tirelog.errors import ModelError
+from tirelog.inference.cells.cells import Cells
+from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.fit.cells import Fit
+from tirelog.inference.floor import load_derivative
+from tirelog.physics.model.model import Model
+from tirelog.physics.model.nuisances import Nuisance
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import STRAIN
+
+#: harmonics of the wheel that rims, mounting and uniformity of a tire show
+_HARMONICS = (1, 2, 3)
+#: the size of run-out in another unit than strain, as a share of the waveform's rms
+_RUNOUT_SHARE = 0.1
+#: a temperature that varies by more than this [K] within a log is what drifts follow there
+_WARMS_K = 2.0
+#: speed [m/s] up to which the size of a change of the rolling radius counts
+_RADIUS_SPEED = 25.0
+#: relative step of a derivative
+_STEP = 0.005
+#: what warms with the tire, of beam and ring
+_DRIFTING = {
+    "patch_half_length_m": "patch length",
+    "foundation_stiffness_N_m2": "foundation stiffness",
+    "radial_stiffness_N_m2": "radial stiffness",
+    "tread_stiffness_N_m2": "tread stiffness",
+    "flexural_stiffness_N_m2": "bending stiffness",
+}
+
+
+def wheel(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
+    """Run-out and force variation at the first harmonics of the wheel's angle."""
+    phi = np.nan_to_num(cells.phi)[..., None] * np.array(_HARMONICS)
+    waves = np.concatenate([np.cos(phi), np.sin(phi)], axis=-1)
+    load = load_derivative(cells, fit)
+    strain = cells.observable == STRAIN
+    runout = known.size("run_out") if strain else _RUNOUT_SHARE * _rms(fit)
+    names = [f"{wave} {k}" for wave in ("cos", "sin") for k in _HARMONICS]
+    return SharedEffects(
+        np.concatenate([waves, load[..., None] * waves], axis=-1),
+        np.repeat([runout, known.size("force")], len(names)),
+        tuple(f"{what} {name}" for what in ("run-out", "force variation") for name in names),
+        ("wheel",) * (2 * len(names)),
+    )
+
+
+def drift(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
+    """Patch length, stiffnesses and baseline along each log."""
+    along = _along_log(cells)
+    if not np.any(along):
+        return None
+    names = [name for name in _DRIFTING if name in fit.model.parameters]
+    slopes = _relative_slopes(cells, fit.model, names)
+    shapes = np.concatenate([slopes, np.ones_like(cells.phi)[..., None]], axis=-1)
+    sizes = np.r_[np.full(len(names), known.size("relative")), known.size("baseline") * _rms(fit)]
+    words = [*(_DRIFTING[name] for name in names), "baseline"]
+    logs = [int(log) for log in np.unique(cells.log) if np.any(along[cells.log == log])]
+    columns = [shapes * np.where(cells.log == log, along, 0.0)[:, None, None] for log in logs]
+    return SharedEffects(
+        np.concatenate(columns, axis=-1),
+        np.tile(sizes, len(logs)),
+        tuple(f"{word} along log {log}" for log in logs for word in words),
+        ("drift",) * (len(logs) * len(words)),
+    )
+
+
+def rolling(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
+    """A rolling radius that is not the setup's: a level, with speed squared, with load."""
+    slope = _radius_slope(cells, fit.model)
+    if slope is None:
+        return None
+    factors = {"level": np.ones(len(cells))}
+    square = (cells.conditions.speed_m_s / _RADIUS_SPEED) ** 2
+    if np.ptp(square) > 1e-3:
+        factors["with speed"] = square
+    load = cells.conditions.load_N
+    if np.isfinite(load).all() and np.ptp(load) > 0.02 * load.mean():
+        factors["with load"] = load / load.mean() - 1.0
+    return SharedEffects(
+        slope[..., None] * np.stack(list(factors.values()), axis=-1)[:, None, :],
+        np.full(len(factors), known.size("radius")),
+        tuple(f"radius {name}" for name in factors),
+        ("rolling",) * len(factors),
+    )
+
+
+def patch_law(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
+    """Another exponent of the patch's load law, if loads differ."""
+    load = cells.conditions.load_N
+    if not np.isfinite(load).all() or np.ptp(load) <= 0.02 * load.mean():
+        return None
+    if "patch_load_exponent" not in fit.model.parameters:
+        slope = load_derivative(cells, fit)
+    else:
+        slope = _relative_slopes(cells, fit.model, ["patch_half_length_m"])[..., 0]
+    return SharedEffects(
+        (slope * np.log(load / load.mean())[:, None])[..., None],
+        np.array([known.size("exponent")]),
+        ("exponent",),
+        ("patch_law",),
+    )
+
+
+#: every nuisance, by the word of the model file
+_COLUMNS: Mapping[str, Callable[[Cells, Fit, Nuisance], SharedEffects | None]] = {
+    "wheel": wheel,
+    "drift": drift,
+    "rolling": rolling,
+    "patch_law": patch_law,
+}
+
+
+def shared_effects(cells: Cells, fit: Fit, name: str) -> SharedEffects | None:
+    """What a nuisance of the fitted model does to cells; None if these cannot show it."""
+    known = next((n for n in fit.model.nuisances if n.name == name), None)
+    if known is None or cells.phi.shape[1] == 1:
+        return None
+    try:
+        found = _COLUMNS[name](cells, fit, known)
+    except ModelError:
+        return None
+    return found if found is not None and np.isfinite(found.columns).all() else None
+
+
+def shared_by(cells: Cells, fit: Fit, names: Sequence[str]) -> SharedEffects | None:
+    """Several nuisances at once; None if these cells can show none of them."""
+    found = [shared_effects(cells, fit, name) for name in names]
+    effects = [x for x in found if x is not None]
+    return SharedEffects.joined(effects) if effects else None
+
+
+def _rms(fit: Fit) -> float:
+    return float(np.sqrt(np.mean(fit.prediction**2)))
+
+
+def _along_log(cells: Cells) -> FloatArray:
+    """Place of each cell along its log, (C,), of span one, zero in the middle.
+
+    By temperature if it varies there, else by time; zero if the log is one cell.
+    """
+    along = np.zeros(len(cells))
+    for log in np.unique(cells.log):
+        rows = cells.log == log
+        driver = cells.conditions.temperature_K[rows]
+        if not np.isfinite(driver).all() or np.ptp(driver) < _WARMS_K:
+            driver = cells.conditions.time_s[rows]
+        if np.isfinite(driver).all() and np.ptp(driver) > 0.0:
+            along[rows] = (driver - driver.mean()) / np.ptp(driver)
+    return along
+
+
+def _relative_slopes(cells: Cells, model: Model, names: list[str]) -> FloatArray:
+    """Change of the prediction per relative change of each parameter, (C, m, k)."""
+    _, slopes = model.linearised(
+        cells.conditions,
+        names=names,
+        surface=cells.surface,
+        observable=cells.observable,
+        **cells.angles,
+    )
+    values = np.array([model.values[name] for name in names])
+    return np.asarray(np.moveaxis(slopes, 0, -1) * values, dtype=np.float64)
+
+
+def _radius_slope(cells: Cells, model: Model) -> FloatArray | None:
+    """Change of the prediction per relative change of the radius with which the tread passes.
+
+    Speeds are angles times that radius, and of a beam lengths too; a ring has its own.
+    """
+    ends = []
+    for step in (_STEP, -_STEP):
+        moved = model
+        if "patch_half_length_m" in model.parameters:
+            moved = model.with_values({"radius_m": model.values["radius_m"] * (1.0 + step)})
+        ends.append(
+            moved.predict(
+                replace(cells.conditions, speed_m_s=cells.conditions.speed_m_s * (1.0 + step)),
+                surface=cells.surface,
+                observable=cells.observable,
+                **cells.angles,
+            )
+        )
+    slope: FloatArray = (ends[0] - ends[1]) / (2.0 * _STEP)
+    return slope if np.any(slope) else None

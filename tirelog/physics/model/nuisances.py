@@ -1,0 +1,71 @@
+"""What a wheel, its road and the day do beside the tire's physics: words and sizes.
+
+A model file's [nuisances] says of each whether it stands beside the model ("on"), never does
+("off"), or does if it earns its place ("auto", the default), and how large it ordinarily is. A size
+is the standard deviation of an amplitude before anything is measured, not a bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from tirelog.physics.parameters import Parameter
+
+#: what a model file may say of a nuisance
+USES = ("auto", "on", "off")
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """One nuisance as it stands in a model: its use, one of USES, and its sizes."""
+
+    name: str
+    description: str
+    sizes: tuple[Parameter, ...]
+    use: str = "auto"
+
+    def size(self, name: str) -> float:
+        """The value of one of its sizes."""
+        return next(size.value for size in self.sizes if size.name == name)
+
+    def used(self, use: str) -> Nuisance:
+        """The same nuisance with another use."""
+        return replace(self, use=use)
+
+
+def _size(name: str, unit: str, description: str, value: float, high: float) -> Parameter:
+    return Parameter(name, unit, description, value, 1e-9, high, probe=value, free=False)
+
+
+#: every nuisance with its ordinary sizes.  The force variation is 50 to 100 N peak to peak of a
+#: passenger tire; 20 K warm a closed tire's gas by 7 %; a rolling radius is known to 1 or 2 %.
+#: A size twice as large gives a nuisance more of what it shares with an effect, and costs power
+NUISANCES = (
+    Nuisance(
+        "wheel",
+        "run-out and force variation at harmonics 1 to 3 of the wheel",
+        (
+            _size("run_out", "strain", "strain at one harmonic", 3e-5, 1e-2),
+            _size("force", "1", "force variation at one harmonic over the load", 0.01, 0.5),
+        ),
+    ),
+    Nuisance(
+        "drift",
+        "patch length, stiffnesses and baseline move along a log",
+        (
+            _size("relative", "1", "change of a length or stiffness along a log", 0.03, 1.0),
+            _size("baseline", "1", "change of the baseline over the waveform's rms", 0.1, 10.0),
+        ),
+    ),
+    Nuisance(
+        "rolling",
+        "the rolling radius is not the setup's, and follows speed and load",
+        (_size("radius", "1", "relative error; its change up to 25 m/s", 0.02, 0.5),),
+    ),
+    Nuisance(
+        "patch_law",
+        "the patch grows with another power of the load",
+        (_size("exponent", "1", "error of the exponent", 0.2, 2.0),),
+    ),
+)
+BY_NAME = {nuisance.name: nuisance for nuisance in NUISANCES}
