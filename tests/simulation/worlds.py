@@ -58,4 +58,6 @@ def instants(
         0.0,
         0.0,
         REFERENCE_LOAD_N,
+        0 * one,
+        one,
     )

@@ -7,16 +7,24 @@ Scenario --seed--> Drive, Roughness --> World
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.scenario.drive import Drive, Roughness, drive_of, roughness_of
+from tirelog.simulation.scenario.drive import (
+    Drive,
+    Roughness,
+    Wander,
+    drive_of,
+    roughness_of,
+    wander_of,
+)
 from tirelog.simulation.scenario.schema import Scenario
 from tirelog.simulation.sensors.sampling import (
     Trace,
+    flanks,
     in_source_units,
     pitch_tables,
     riding_values,
@@ -63,23 +71,38 @@ def simulate(scenario: Scenario) -> Simulated:
     """
     streams = [
         np.random.default_rng(s)
-        for s in np.random.SeedSequence(scenario.seed).spawn(3 + len(scenario.channels))
+        for s in np.random.SeedSequence(scenario.seed).spawn(4 + len(scenario.channels))
     ]
-    drive = drive_of(scenario, streams[0])
-    length = float(drive.angle_at(drive.time_s[-1])) * drive.radius_m
-    roughness = roughness_of(scenario, length, streams[1])
-    moments = traces(scenario, streams[2])
-    world, clean = _solved(scenario, drive, roughness, moments)
+    true = with_true_radius(scenario)
+    drive = drive_of(true, streams[0])
+    length = float(drive.distance_at(drive.time_s[-1]))
+    roughness = roughness_of(true, length, streams[1])
+    moments = traces(true, streams[2])
+    world, clean = _solved(true, drive, roughness, wander_of(true, streams[-1]), moments)
     tables = pitch_tables(world)
     channels = {}
-    for (name, trace), random in zip(moments.items(), streams[3:], strict=True):
+    for (name, trace), random in zip(moments.items(), streams[3:-1], strict=True):
         values = clean[name] if name in clean else vehicle_values(world, name, trace, tables)
-        channels[name] = spoiled(trace.sensor, in_source_units(world, trace, values), random)
+        told = in_source_units(world, trace, values)
+        channels[name] = spoiled(trace.sensor, told, flanks(world, trace, told), random)
     return Simulated(scenario, channels, _stamps(moments), world, tables)
 
 
+def with_true_radius(scenario: Scenario) -> Scenario:
+    """The scenario with the tire's own rolling radius at rest instead of the setup's."""
+    error = scenario.nuisances.rolling_radius.error
+    tire = scenario.tire
+    return replace(
+        scenario, tire=replace(tire, rolling_radius_m=tire.rolling_radius_m * (1.0 + error))
+    )
+
+
 def _solved(
-    scenario: Scenario, drive: Drive, roughness: Roughness, moments: dict[str, Trace]
+    scenario: Scenario,
+    drive: Drive,
+    roughness: Roughness,
+    wander: Wander,
+    moments: dict[str, Trace],
 ) -> tuple[World, dict[str, FloatArray]]:
     """The world of the scenario's truth, and the clean values of what it moves.
 
@@ -90,7 +113,7 @@ def _solved(
 
         rolled = RolledWorld(scenario, drive, roughness)
         return rolled, rolled.values(moments)
-    world = World(scenario, drive, roughness)
+    world = World(scenario, drive, roughness, wander)
     return world, riding_values(world, moments)
 
 

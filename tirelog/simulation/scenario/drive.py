@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from tirelog.simulation.scenario.schema import Scenario
+from tirelog.simulation.scenario.schema import RollingRadius, Scenario
 from tirelog.vocabulary.arrays import FloatArray
 
 #: step of the drive's own grid [s]
@@ -86,7 +86,8 @@ def _rounded(values: FloatArray, width_s: float) -> FloatArray:
 class Drive:
     """Everything that moves, on the grid `time_s` (n,).
 
-    Speed [m/s], acceleration, relative load, regimes as stretches.
+    Speed [m/s], acceleration, relative load, regimes as stretches; `radius_m` the rolling radius
+    at rest, `grows` how it grows with speed.
     """
 
     time_s: FloatArray
@@ -96,6 +97,15 @@ class Drive:
     coasting: FloatArray
     parts: tuple[Stretch, ...]
     radius_m: float
+    grows: RollingRadius
+
+    def stretch(self, speed_m_s: FloatArray) -> FloatArray:
+        """The rolling radius at a speed over that at rest."""
+        return stretch_of(self.grows, speed_m_s)
+
+    def radius_at(self, speed_m_s: FloatArray) -> FloatArray:
+        """The rolling radius [m] at a speed: way per angle of the wheel."""
+        return self.radius_m * self.stretch(speed_m_s)
 
     def speed_at(self, time_s: FloatArray) -> FloatArray:
         """Speed of the tread through the patch [m/s], never negative."""
@@ -114,7 +124,8 @@ class Drive:
         end = self.time_s[-1]
         inside = np.clip(time_s, 0.0, end)
         over = np.asarray(time_s) - inside
-        angle: FloatArray = self.angle(inside) + over * self.speed_at(inside) / self.radius_m
+        speed = self.speed_at(inside)
+        angle: FloatArray = self.angle(inside) + over * speed / self.radius_at(speed)
         return angle
 
     def load_factor_at(self, time_s: FloatArray) -> FloatArray:
@@ -127,6 +138,19 @@ class Drive:
         lagged: FloatArray = lfilter([share], [1.0, share - 1.0], self.acceleration_at(self.time_s))
         return lagged
 
+    def distance_at(self, time_s: FloatArray) -> FloatArray:
+        """Way of the tread through the patch since the log's start [m]."""
+        if not self.grows.growth:
+            return self.angle_at(time_s) * self.radius_m
+        inside = np.clip(time_s, 0.0, self.time_s[-1])
+        way: FloatArray = self._way(inside) + (time_s - inside) * self.speed_at(inside)
+        return way
+
+    @cached_property
+    def _way(self) -> CubicSpline:
+        way: CubicSpline = self.speed.antiderivative()
+        return way
+
     def times_of_angle(self, angle_rad: FloatArray) -> FloatArray:
         """Times [s] at which the wheel angle is `angle_rad` (within the log), to 1e-9 s."""
         grid = self.angle_at(self.time_s)
@@ -134,8 +158,9 @@ class Drive:
         time = np.interp(angle_rad, grid[rising], self.time_s[rising])
         for _ in range(4):
             speed = np.maximum(self.speed_at(time), 1e-3)
+            radius = self.radius_at(speed)
             time = np.clip(
-                time - (self.angle_at(time) - angle_rad) * self.radius_m / speed,
+                time - (self.angle_at(time) - angle_rad) * radius / speed,
                 0.0,
                 self.time_s[-1],
             )
@@ -156,9 +181,52 @@ def drive_of(scenario: Scenario, random: np.random.Generator) -> Drive:
         np.array([float(p.regime == "coast") for p in parts])[which], scenario.rounding_s
     )
     spline = CubicSpline(time, speed)
-    angle = spline.antiderivative()
+    grows = scenario.nuisances.rolling_radius
+    spinning = CubicSpline(time, speed / stretch_of(grows, speed)) if grows.growth else spline
+    angle = spinning.antiderivative()
     angle.c /= radius
-    return Drive(time, spline, angle, factor, coasting, tuple(parts), radius)
+    return Drive(time, spline, angle, factor, coasting, tuple(parts), radius, grows)
+
+
+def stretch_of(grows: RollingRadius, speed_m_s: FloatArray) -> FloatArray:
+    """1 + growth (v/v_ref)^2: how much longer the belt is at a speed than at rest."""
+    stretch: FloatArray = 1.0 + grows.growth * (speed_m_s / grows.at_speed_m_s) ** 2
+    return stretch
+
+
+@dataclass(frozen=True)
+class Wander:
+    """The load's slow wandering by grade and wind.
+
+    Relative, zero mean; `curve` of the time [s], None if there is none.
+    """
+
+    curve: CubicSpline | None = None
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Relative wandering at times [s]; at the log's ends it stays."""
+        if self.curve is None:
+            return np.zeros_like(time_s)
+        values: FloatArray = self.curve(np.clip(time_s, 0.0, self.curve.x[-1]))
+        return values
+
+
+#: step of the wandering's knots [s]: an exact Ornstein-Uhlenbeck sequence at these, smooth between
+#: them, so that the waveform's own knots (`Scenario.knot_s`) see all of it
+WANDER_STEP_S = 0.1
+
+
+def wander_of(scenario: Scenario, random: np.random.Generator) -> Wander:
+    """The load's wandering, drawn for the scenario; it begins where it would have been."""
+    wander = scenario.nuisances.load_wander
+    if not wander.share:
+        return Wander()
+    count = int(scenario.duration_s / WANDER_STEP_S) + 8
+    kept = np.exp(-WANDER_STEP_S / wander.time_constant_s)
+    white = random.standard_normal(count) * np.sqrt(1.0 - kept**2)
+    white[0] /= np.sqrt(1.0 - kept**2)
+    values = wander.share * lfilter([1.0], [1.0, -kept], white)
+    return Wander(CubicSpline(WANDER_STEP_S * np.arange(count), values))
 
 
 @dataclass(frozen=True)

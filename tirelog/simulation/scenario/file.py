@@ -21,6 +21,7 @@ from tirelog.simulation.scenario.schema import (
     TRUTHS,
     LoadStep,
     Manoeuvre,
+    Nuisances,
     Ramp,
     Road,
     Scenario,
@@ -44,6 +45,19 @@ def _number(value: Any) -> bool:
 def _value(spec: Field[Any], value: Any, table: str, file: str | None) -> Any:
     """`value` as the field wants it, or a UsageError that says what is allowed."""
     wanted, at = str(spec.type), f"{spec.name} = {value!r} in [{table}]"
+    if "length" in spec.metadata:
+        (low, high), most = spec.metadata["range"], spec.metadata["length"]
+        if (
+            not isinstance(value, list)
+            or len(value) > most
+            or not all(_number(v) and low <= v <= high for v in value)
+        ):
+            raise UsageError(
+                f"{at}; allowed is a list of at most {most} numbers from {low:g} to {high:g}; "
+                "mend it",
+                file=file,
+            )
+        return tuple(float(v) for v in value)
     if "tuple" in wanted:
         whole = "int" in wanted
         if not isinstance(value, list) or not all(
@@ -96,6 +110,30 @@ def _table(cls: type[T], data: Any, table: str, file: str | None) -> T:
                 file=file,
             )
     return cls(**{key: _value(specs[key], value, table, file) for key, value in data.items()})
+
+
+def _nuisances(data: Any, file: str | None) -> Nuisances:
+    """The table [nuisances]: a table for each of its fields."""
+    none = Nuisances()
+    known = [f.name for f in fields(Nuisances)]
+    if not isinstance(data, Mapping):
+        raise UsageError(
+            f"nuisances is not a table; allowed are [nuisances.{known[0]}] and the like; mend it",
+            file=file,
+        )
+    for key in data:
+        if key not in known:
+            raise UsageError(
+                f"unknown key {key!r} in [nuisances]{nearest(key, known)}; "
+                f"allowed are {', '.join(known)}; mend it",
+                file=file,
+            )
+    return Nuisances(
+        **{
+            key: _table(type(getattr(none, key)), table, f"nuisances.{key}", file)
+            for key, table in data.items()
+        }
+    )
 
 
 def _planted(data: Any, file: str | None) -> Planted:
@@ -181,7 +219,8 @@ def _plain(key: str, value: Any, file: str | None) -> Any:
 
 def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
     """The scenario in TOML tables `data`.  UsageError for anything that is not allowed."""
-    known = [*_PLAIN, *_TABLES, "manoeuvres", "channels", "effects", "ramp", "load_steps"]
+    lists = ("manoeuvres", "channels", "effects", "ramp", "load_steps")
+    known = [*_PLAIN, *_TABLES, "nuisances", *lists]
     for key in data:
         if key not in known:
             raise UsageError(
@@ -191,6 +230,7 @@ def scenario_of(data: Mapping[str, Any], file: str | None = None) -> Scenario:
             )
     values: dict[str, Any] = {key: _plain(key, data[key], file) for key in _PLAIN if key in data}
     values.update({key: _table(cls, data.get(key, {}), key, file) for key, cls in _TABLES.items()})
+    values["nuisances"] = _nuisances(data.get("nuisances", {}), file)
     manoeuvres = data.get("manoeuvres", [])
     channels = data.get("channels", {})
     if not isinstance(manoeuvres, list) or not manoeuvres:
@@ -255,6 +295,7 @@ def _check(scenario: Scenario, file: str | None) -> None:
                 "and end_s; mend them",
                 file=file,
             )
+    _check_nuisances(scenario, file)
     if scenario.truth == "coupled_ring":
         _check_coupled(scenario, file)
     elif scenario.load_steps or scenario.road.kind != "flat":
@@ -280,6 +321,54 @@ def _check(scenario: Scenario, file: str | None) -> None:
                 file=file,
             )
 
+
+def _check_nuisances(scenario: Scenario, file: str | None) -> None:
+    """What the tables under [nuisances] alone cannot say."""
+    nuisances = scenario.nuisances
+    if nuisances != Nuisances() and (scenario.truth == "coupled_ring" or scenario.ramp is not None):
+        what = "a [ramp]" if scenario.ramp is not None else 'truth = "coupled_ring"'
+        raise UsageError(
+            f'[nuisances] with {what}; allowed is a drive with truth = "beam" or "ring"; '
+            "remove one",
+            file=file,
+        )
+    run_out, force = nuisances.run_out, nuisances.force_variation
+    for name, sizes, phases in (
+        ("run_out", run_out.amplitudes_microstrain, run_out.phases_deg),
+        ("force_variation", force.shares, force.phases_deg),
+    ):
+        if len(phases) > len(sizes):
+            raise UsageError(
+                f"{len(phases)} phases_deg for {len(sizes)} harmonics in [nuisances.{name}]; "
+                "allowed is one for each; remove some",
+                file=file,
+            )
+    warming = nuisances.warming
+    if (
+        warming.patch_length_per_K
+        and scenario.truth == "ring"
+        and scenario.tire.contact == "flat_road"
+    ):
+        raise UsageError(
+            f"patch_length_per_K = {warming.patch_length_per_K!r} in [nuisances.warming] of a ring "
+            "on a flat road, whose patch follows from pressure and stiffness; allowed is 0, or "
+            'contact = "parabola"; mend it',
+            file=file,
+        )
+    for key in ("stiffness_per_K", "bending_per_K", "patch_length_per_K", "pressure_per_K"):
+        least = 1.0 + getattr(warming, key) * scenario.conditions.warm_up_K
+        if least < LEAST_WHEN_WARM:
+            raise UsageError(
+                f"{key} = {getattr(warming, key)!r} in [nuisances.warming] leaves {least:g} of it "
+                f"after warm_up_K = {scenario.conditions.warm_up_K:g}; "
+                f"allowed is {LEAST_WHEN_WARM:g} at least; lower one",
+                file=file,
+            )
+
+
+#: what must be left of a stiffness, a length or the pressure when the tire is warm: less is no
+#: tire; twice as much would refuse a foundation that loses half
+LEAST_WHEN_WARM = 0.3
 
 #: effects that a tire in motion knows: on the load, the sensors and the telemetry
 _MOVING = (

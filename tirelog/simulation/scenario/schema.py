@@ -40,6 +40,11 @@ def _within(default: float | None, low: float, high: float) -> Any:
     return field(default=default, metadata={"range": (low, high)})
 
 
+def _list_within(low: float, high: float, length: int) -> Any:
+    """At most `length` numbers in [low, high]."""
+    return field(default=(), metadata={"range": (low, high), "length": length})
+
+
 def _one_of(default: str, *allowed: str) -> Any:
     return field(default=default, metadata={"allowed": allowed})
 
@@ -160,6 +165,91 @@ class LoadStep:
     rise_s: float = _within(0.02, 1e-3, 1e3)
 
 
+#: harmonics of the wheel that run-out and force variation may have
+WHEEL_HARMONICS = 3
+
+
+@dataclass(frozen=True)
+class RunOut:
+    """The table [nuisances.run_out] of a scenario: strain that goes round with the wheel.
+
+    The h-th harmonic adds amplitude cos(h (wheel angle) - phase) to every strain channel, whatever
+    the road does: a bent rim, a splice far away, an eccentric hub.
+    """
+
+    amplitudes_microstrain: tuple[float, ...] = _list_within(0.0, 1e3, WHEEL_HARMONICS)
+    phases_deg: tuple[float, ...] = _list_within(-360.0, 360.0, WHEEL_HARMONICS)
+
+
+@dataclass(frozen=True)
+class ForceVariation:
+    """The table [nuisances.force_variation] of a scenario: load that varies with the wheel's turn.
+
+    The load is multiplied by 1 + sum of share cos(h (wheel angle) - phase).
+    """
+
+    shares: tuple[float, ...] = _list_within(0.0, 0.1, WHEEL_HARMONICS)
+    phases_deg: tuple[float, ...] = _list_within(-360.0, 360.0, WHEEL_HARMONICS)
+
+
+@dataclass(frozen=True)
+class LoadWander:
+    """The table [nuisances.load_wander] of a scenario: grade and wind.
+
+    The load is multiplied by 1 + an Ornstein-Uhlenbeck process of standard deviation `share`,
+    which forgets within `time_constant_s`. Scatter from manoeuvre to manoeuvre is
+    [road] load_scatter.
+    """
+
+    share: float = _within(0.0, 0.0, 0.1)
+    time_constant_s: float = _within(3.0, 1.0, 1e4)
+
+
+@dataclass(frozen=True)
+class Warming:
+    """The table [nuisances.warming] of a scenario: what the tire's temperature changes.
+
+    Relative changes per K of `warm_up_K` under [conditions]: foundation (the ring's both
+    stiffnesses), bending stiffness, prescribed patch length, inflation pressure; `strain_per_K` is
+    the baseline's. Setups tell the pressure of the log's start; a channel of kind
+    inflation_pressure or temperature follows.
+    """
+
+    stiffness_per_K: float = _within(0.0, -0.02, 0.02)
+    bending_per_K: float = _within(0.0, -0.02, 0.02)
+    patch_length_per_K: float = _within(0.0, -0.02, 0.02)
+    pressure_per_K: float = _within(0.0, -0.02, 0.02)
+    strain_per_K: float = _within(0.0, -1e-4, 1e-4)
+
+
+@dataclass(frozen=True)
+class RollingRadius:
+    """The table [nuisances.rolling_radius] of a scenario: the setup's radius is not the true one.
+
+    True rolling radius = the setup's (1 + `error`) (1 + `growth` (v/`at_speed_m_s`)^2): the belt is
+    longer at speed, so that the wheel turns less.
+    """
+
+    error: float = _within(0.0, -0.1, 0.1)
+    growth: float = _within(0.0, 0.0, 0.1)
+    at_speed_m_s: float = _within(25.0, 1.0, 120.0)
+
+
+@dataclass(frozen=True)
+class Nuisances:
+    """The table [nuisances] of a scenario: what every car has and no model of the tire tells.
+
+    Absent: none. What an instrument does (coloured noise, hum, digits, lost peaks) stands with its
+    channel, scatter of the load with the road, the patch's exponent with the tire.
+    """
+
+    run_out: RunOut = RunOut()
+    force_variation: ForceVariation = ForceVariation()
+    load_wander: LoadWander = LoadWander()
+    warming: Warming = Warming()
+    rolling_radius: RollingRadius = RollingRadius()
+
+
 @dataclass(frozen=True)
 class Manoeuvre:
     """A manoeuvre, from [[manoeuvres]].
@@ -179,9 +269,14 @@ class Sensor:
     """A sensor, from [channels.NAME].
 
     One instrument channel. `noise` and `quantisation` are in the unit that the file holds (nm,
-    microstrain, g, V, m/s, ...). `angle_deg` is the place on the wheel. `lost_fraction` of the
-    samples is blank, in runs of `lost_run` on average; `jitter_s` moves the moment of sampling
-    about its stamp; `delay_s` is the telemetry's; `range` and `bits` clip and digitise. Encoder:
+    microstrain, g, V, m/s, ...). The noise is white, or forgets its last sample by
+    `noise_correlation` (first order, the same size); `hum` is the amplitude of a sine at `hum_Hz`,
+    with half of it at the double; `flicker` the standard deviation over the log of 1/f noise.
+    `angle_deg` is the place on the wheel. `lost_fraction` of the samples is blank, in runs of
+    `lost_run` on average; a grating also loses the share `lost_at_flanks` of the samples at which
+    strain changes along the tread by more than half of the most. `jitter_s` moves the moment of
+    sampling about its stamp; `delay_s` is the telemetry's; `range` and `bits` clip and digitise.
+    Encoder:
     `steps`, `signal`, `amplitude`, `offset`, `pitch_error_deg` (drawn by `pitch_seed`),
     `missing_teeth`, `extra_teeth`.
     """
@@ -192,9 +287,14 @@ class Sensor:
     angle_deg: float = _within(0.0, -360.0, 360.0)
     surface: str = _one_of("outer", "outer", "inner")
     noise: float = _within(0.0, 0.0, 1e6)
+    noise_correlation: float = _within(0.0, 0.0, 0.999)
+    hum: float = _within(0.0, 0.0, 1e6)
+    hum_Hz: float = _within(50.0, 0.1, 1e5)
+    flicker: float = _within(0.0, 0.0, 1e6)
     quantisation: float = _within(0.0, 0.0, 1e6)
     lost_fraction: float = _within(0.0, 0.0, 0.9)
     lost_run: float = _within(1.0, 1.0, 1e4)
+    lost_at_flanks: float = _within(0.0, 0.0, 0.9)
     jitter_s: float = _within(0.0, 0.0, 0.1)
     gauge_length_m: float = _within(0.0, 0.0, 0.2)
     lag_s: float = _within(0.0, 0.0, 1.0)
@@ -253,6 +353,7 @@ class Scenario:
     conditions: TrueConditions = TrueConditions()
     vehicle: Vehicle = Vehicle()
     road: Road = Road()
+    nuisances: Nuisances = Nuisances()
     effects: tuple[Planted, ...] = ()
     truth: str = "beam"
     seed: int = 0

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
+from scipy.signal import lfilter
 
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2
 from tirelog.simulation.scenario.schema import Scenario, Sensor
@@ -32,6 +34,9 @@ RIDING = (*STRAIN_KINDS, *ACCELERATION_KINDS)
 PER_SI = {"strain": 1e6, "radial_acceleration": 1.0 / GRAVITY_M_S2}
 #: points around the sample in the angle's interpolation
 ANGLE_POINTS, TIME_POINTS = 6, 4
+#: share of the steepest strain from which on a grating's peak counts as on a flank of the patch,
+#: and the speed below which no slope along the tread is told [m/s]
+FLANK, SLOWEST_M_S = 0.5, 0.2
 
 
 def lagrange(place: FloatArray, points: int) -> FloatArray:
@@ -197,7 +202,7 @@ def vehicle_values(
     world: World, name: str, trace: Trace, tables: dict[str, FloatArray]
 ) -> FloatArray:
     """Clean values in SI of a channel that does not ride on the tread."""
-    time, kind, conditions = trace.moment_s, trace.sensor.kind, world.scenario.conditions
+    time, kind = trace.moment_s, trace.sensor.kind
     if kind == "wheel_encoder":
         return encoder_signal(world, trace.sensor, time, tables[name])
     if kind == "vehicle_speed":
@@ -210,11 +215,7 @@ def vehicle_values(
         return longitudinal_force(world, time)
     if kind == "inflation_pressure":
         course = world.scenario.ramp
-        return (
-            np.full(time.size, conditions.inflation_pressure_Pa)
-            if course is None
-            else ramp.pressure(course, time)
-        )
+        return world.pressure(time) if course is None else ramp.pressure(course, time)
     return world.temperature(time)
 
 
@@ -234,10 +235,50 @@ def in_source_units(world: World, trace: Trace, clean: FloatArray) -> FloatArray
     return clean * PER_SI.get(sensor.kind, 1.0)
 
 
-def spoiled(sensor: Sensor, values: FloatArray, random: np.random.Generator) -> FloatArray:
-    """Noise, clipping, digits and lost samples (NaN)."""
+def flanks(world: World, trace: Trace, told: FloatArray) -> NDArray[np.bool_]:
+    """Where the strain changes along the tread by more than FLANK of the most, (n,).
+
+    There the grating's peak is broad, whatever the speed.
+    """
+    if not trace.sensor.lost_at_flanks or trace.sensor.kind not in STRAIN_KINDS or told.size < 2:
+        return np.zeros(told.size, bool)
+    way = world.drive.speed_at(trace.moment_s) / trace.sensor.sampling_rate_Hz
+    slope = np.abs(np.gradient(told)) / np.maximum(way, 1e-6)
+    moving = way * trace.sensor.sampling_rate_Hz > SLOWEST_M_S
+    most = np.quantile(slope[moving], 0.999) if moving.any() else np.inf
+    return np.asarray(moving & (slope > FLANK * most), bool)
+
+
+def noise_of(sensor: Sensor, size: int, random: np.random.Generator) -> FloatArray:
+    """An instrument's noise (n,), in the file's unit: white or coloured, with hum and flicker."""
+    total = np.zeros(size)
     if sensor.noise:
-        values = values + sensor.noise * random.standard_normal(values.size)
+        white = random.standard_normal(size)
+        kept = sensor.noise_correlation
+        if kept and size:
+            white[0] /= np.sqrt(1.0 - kept**2)
+            white = lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], white)
+        total = sensor.noise * white
+    if sensor.hum:
+        phase = random.uniform(0.0, 2.0 * np.pi, 2)
+        turn = 2.0 * np.pi * sensor.hum_Hz * np.arange(size) / sensor.sampling_rate_Hz
+        total = total + sensor.hum * (np.sin(turn + phase[0]) + 0.5 * np.sin(2.0 * turn + phase[1]))
+    if sensor.flicker and size > 1:
+        # power as 1/f from one period of the log on
+        spectrum = fft.rfft(random.standard_normal(size))
+        spectrum[0] = 0.0
+        spectrum[1:] /= np.sqrt(np.arange(1.0, spectrum.size))
+        wave = fft.irfft(spectrum, n=size)
+        total = total + sensor.flicker * wave / wave.std()
+    return total
+
+
+def spoiled(
+    sensor: Sensor, values: FloatArray, flank: NDArray[np.bool_], random: np.random.Generator
+) -> FloatArray:
+    """Noise, clipping, digits and lost samples (NaN); `flank` (n,) are those of `flanks`."""
+    if sensor.noise or sensor.hum or sensor.flicker:
+        values = values + noise_of(sensor, values.size, random)
     if sensor.range is not None:
         values = np.clip(values, -sensor.range, sensor.range)
         if sensor.bits is not None:
@@ -251,6 +292,10 @@ def spoiled(sensor: Sensor, values: FloatArray, random: np.random.Generator) -> 
         for start in np.flatnonzero(begins):
             lost[start : start + int(random.geometric(1.0 / sensor.lost_run))] = True
         values = np.where(lost, np.nan, values)
+    if flank.any():
+        values = np.where(
+            flank & (random.random(values.size) < sensor.lost_at_flanks), np.nan, values
+        )
     return values
 
 

@@ -11,6 +11,7 @@ c d/dxi (errata). Arrays of transforms are (b, points/2 + 1); b instants.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,36 +105,55 @@ def curvature_operator(scenario: Scenario, ring: Ring) -> ComplexArray:
     return second
 
 
-def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: float) -> ComplexArray:
+def _derivatives(ring: Ring, at: Instants) -> Sequence[ComplexArray]:
+    """Transforms of the derivatives by xi along the belt as long as it is, (m,) or (b, m)."""
+    if not at.stretches:
+        return ring.derivatives
+    return [d / at.stretch[:, None] ** m for m, d in enumerate(ring.derivatives)]
+
+
+def _warmed(value: float, per_K: float, at: Instants) -> FloatArray:
+    """A stiffness at the tire's temperature, (b, 1)."""
+    warm: FloatArray = value * (1.0 + per_K * at.temperature_K[:, None])
+    return warm
+
+
+def _added(scenario: Scenario, ring: Ring, at: Instants, stiffness: FloatArray) -> ComplexArray:
     """Radial restoring operators that effects and damping add, (b, m).
 
     Force inwards per inward displacement.
     """
     mass = scenario.tire.line_mass_kg_m
-    one, d1, *_ = ring.derivatives
-    total = np.zeros((len(at), one.size), complex)
+    one, d1, *_ = derivatives = _derivatives(ring, at)
+    total = np.zeros((len(at), one.shape[-1]), complex)
     rate = 2.0 * mass * at.speed[:, None]
     if scenario.truth == "beam":
         total += rate * scenario.tire.damping_rate_1_s * d1
     for effect in scenario.effects:
-        total += _structural(effect, ring, at, stiffness, rate)
+        quarter = ring.quarter_turn
+        total += _structural(effect, derivatives, quarter, at, stiffness, rate)
         if effect.name == "thermal_drift" and effect["stiffness"]:
             total += stiffness * (effect["stiffness"] * at.warmed)[:, None] * one
     return total
 
 
 def _structural(
-    effect: Planted, ring: Ring, at: Instants, stiffness: float, rate: FloatArray
+    effect: Planted,
+    derivatives: Sequence[ComplexArray],
+    quarter_turn: ComplexArray,
+    at: Instants,
+    stiffness: FloatArray,
+    rate: FloatArray,
 ) -> ComplexArray | float:
     """One effect's operator, (b, m)."""
-    one, d1, d2, d3, _ = ring.derivatives
+    one, d1, d2, d3, _ = derivatives
     if effect.name == "viscous_damping":
         # other: part of the loss in bending, where short waves weigh more
         loss = 0.4 * d1 - 2.0 * DAMPED_LENGTH_M**2 * d3 if effect.other else d1
         return rate * effect["damping_rate_1_s"] * loss
     if effect.name == "hysteresis":
         weight = 0.75 * one - 2.0 * DAMPED_LENGTH_M**2 * d2 if effect.other else one
-        return stiffness * effect["loss_factor"] * ring.quarter_turn * weight
+        return stiffness * effect["loss_factor"] * quarter_turn * weight
     if effect.name == "belt_tension":
         tension = effect["tension_N"] + effect["tension_mass_kg_m"] * at.speed[:, None] ** 2
         shear = 1.0 - SHEAR_LENGTH_M**2 * d2 if effect.other else one
@@ -141,13 +161,13 @@ def _structural(
     return 0.0
 
 
-def _hardening(scenario: Scenario, stiffness: float, size: int) -> tuple[FloatArray, bool]:
+def _hardening(scenario: Scenario, stiffness: FloatArray) -> tuple[FloatArray, bool]:
     effect = scenario.planted("stiffening")
     if effect is None:
-        return np.zeros(size), False
+        return np.zeros(stiffness.shape[0]), False
     # other: hardening with |w| instead of w^2, the same at 8 mm
     scale = 0.008 if effect.other else 1.0
-    return np.full(size, stiffness * effect["cubic_1_m2"] * scale), effect.other
+    return stiffness[:, 0] * effect["cubic_1_m2"] * scale, effect.other
 
 
 def carcass(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
@@ -160,21 +180,22 @@ def carcass(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
 
 def _beam(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     """EJ w'''' + mu c^2 w'' + k w (+ what effects add) = p."""
-    tire = scenario.tire
-    bending = 4.0 if tire.flexural_stiffness_N_m2 is None else tire.flexural_stiffness_N_m2
-    stiffness = tire.foundation_stiffness_N_m2
-    one, _, d2, _, d4 = ring.derivatives
+    tire, warming = scenario.tire, scenario.nuisances.warming
+    cold = 4.0 if tire.flexural_stiffness_N_m2 is None else tire.flexural_stiffness_N_m2
+    bending = _warmed(cold, warming.bending_per_K, at)
+    stiffness = _warmed(tire.foundation_stiffness_N_m2, warming.stiffness_per_K, at)
+    one, _, d2, _, d4 = _derivatives(ring, at)
     added = _added(scenario, ring, at, stiffness)
     operator = (
         bending * d4 + tire.line_mass_kg_m * at.speed[:, None] ** 2 * d2 + stiffness * one + added
     )
-    if operator.real.min() <= 0.02 * stiffness:
+    if (operator.real.min(axis=1) <= 0.02 * stiffness[:, 0]).any():
         top = float(at.speed.max())
         raise UsageError(
             f"the beam is near or above its critical speed at {top:.1f} m/s; allowed is a drive "
             "below about 0.95 of it; drive slower, or give a stiffer tire"
         )
-    hardening, linearly = _hardening(scenario, stiffness, len(at))
+    hardening, linearly = _hardening(scenario, stiffness)
     return Carcass(ring, 1.0 / operator, np.zeros_like(operator), hardening, linearly)
 
 
@@ -189,23 +210,26 @@ def _ring(scenario: Scenario, ring: Ring, at: Instants) -> Carcass:
     Inertia (Coriolis, centripetal) and the centrifugal hoop force of the steadily flowing belt
     cancel (errata) and are left out.
     """
-    tire = scenario.tire
-    radius = tire.rolling_radius_m
+    tire, warming = scenario.tire, scenario.nuisances.warming
     one, *others = ring.derivatives
-    d1, d2, d3, d4 = (radius**m * d for m, d in enumerate(others, 1))
-    bending = (
-        2.0 if tire.flexural_stiffness_N_m2 is None else tire.flexural_stiffness_N_m2
-    ) / radius**4
-    hoop = scenario.conditions.inflation_pressure_Pa * tire.width_belt_m / radius
+    # by the angle: as long as the belt is, it goes round once
+    d1, d2, d3, d4 = (tire.rolling_radius_m**m * d for m, d in enumerate(others, 1))
+    radius = tire.rolling_radius_m * at.stretch[:, None]
+    cold = 2.0 if tire.flexural_stiffness_N_m2 is None else tire.flexural_stiffness_N_m2
+    bending = _warmed(cold, warming.bending_per_K, at) / radius**4
+    pressure = _warmed(scenario.conditions.inflation_pressure_Pa, warming.pressure_per_K, at)
+    hoop = pressure * tire.width_belt_m / radius
+    radial = _warmed(tire.radial_stiffness_N_m2, warming.stiffness_per_K, at)
+    tangential = _warmed(tire.tangential_stiffness_N_m2, warming.stiffness_per_K, at)
     spin = at.speed[:, None] / radius
     bent = d1 + d3
-    added = _added(scenario, ring, at, tire.radial_stiffness_N_m2)
+    added = _added(scenario, ring, at, radial)
     operator = (
         bending * np.abs(bent) ** 2
         + hoop * (d4 + d2)
-        + tire.tangential_stiffness_N_m2 * one
-        + np.abs(d1) ** 2 * (tire.radial_stiffness_N_m2 + added)
+        + tangential * one
+        + np.abs(d1) ** 2 * (radial + added)
         + spin * (tire.tangential_damping_N_s_m2 * d1 - tire.radial_damping_N_s_m2 * d3)
     )
-    hardening, linearly = _hardening(scenario, tire.radial_stiffness_N_m2, len(at))
+    hardening, linearly = _hardening(scenario, radial)
     return Carcass(ring, np.abs(d1) ** 2 / operator, d1 / operator, hardening, linearly)

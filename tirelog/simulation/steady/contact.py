@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from tirelog.errors import UsageError
-from tirelog.simulation.scenario.schema import Scenario
+from tirelog.simulation.scenario.schema import Scenario, Warming
 from tirelog.simulation.steady.carcass import Carcass, carcass
 from tirelog.simulation.steady.loads import Instants
 from tirelog.simulation.steady.operators import Ring
@@ -58,7 +58,13 @@ class FlatRoadContact:
         self.radius = scenario.tire.rolling_radius_m
         tire, planted = scenario.tire, {effect.name for effect in scenario.effects}
         damped = tire.radial_damping_N_s_m2 or tire.tangential_damping_N_s_m2
-        self._speed_matters = bool(damped or planted & {"viscous_damping", "belt_tension"})
+        nuisances = scenario.nuisances
+        self._speed_matters = bool(
+            damped
+            or planted & {"viscous_damping", "belt_tension"}
+            or nuisances.rolling_radius.growth
+        )
+        self._warmth_matters = nuisances.warming != Warming()
         self._look_within(SECTORS_RAD[0])
 
     def _look_within(self, angle_rad: float) -> None:
@@ -69,11 +75,11 @@ class FlatRoadContact:
         self.cos, self.sin = np.cos(phi), np.sin(phi)
         self.above = self.radius * (1.0 - self.cos)
         self._lag = (self.sector[:, None] - self.sector[None, :]) % self.ring.points
-        self._kept: dict[tuple[float, float], FloatArray] = {}
+        self._kept: dict[tuple[float, float, float], FloatArray] = {}
         self._active = self.ring.xi_m[self.sector] ** 2 < 0.05**2
 
     def touch(self, at: Instants) -> Touch:
-        """The contact at every instant, at its load.
+        """The contact at every instant, at its load; lengths are the grid's (`Instants.on_grid`).
 
         UsageError if the load is more than the ring can carry.
         """
@@ -92,7 +98,9 @@ class FlatRoadContact:
         pressure = np.zeros((len(at), self.ring.points))
         entry, exit_ = np.zeros(len(at)), np.zeros(len(at))
         for i in range(len(at)):
-            force, depth = self._solve(self._response(at.take(slice(i, i + 1))), float(at.load[i]))
+            force, depth = self._solve(
+                self._response(at.take(slice(i, i + 1))), float(at.load[i]), float(at.stretch[i])
+            )
             pressure[i, self.sector] = force
             entry[i], exit_[i] = self._edges(depth)
         return Touch(pressure, entry, exit_)
@@ -102,21 +110,29 @@ class FlatRoadContact:
 
         Shape (n, n), at one instant.
         """
-        key = (float(at.speed[0]) if self._speed_matters else 0.0, float(at.warmed[0]))
+        key = (
+            float(at.speed[0]) if self._speed_matters else 0.0,
+            float(at.warmed[0]),
+            float(at.temperature_K[0]) if self._warmth_matters else 0.0,
+        )
         if key not in self._kept:
             if len(self._kept) >= KEPT:
                 self._kept.clear()
-            self._kept[key] = self._assembled(carcass(self.scenario, self.ring, at))
+            warming = 1.0 + self.scenario.nuisances.warming.stiffness_per_K * at.temperature_K[0]
+            tangential = self.scenario.tire.tangential_stiffness_N_m2 * warming
+            self._kept[key] = self._assembled(
+                carcass(self.scenario, self.ring, at), float(tangential)
+            )
         return self._kept[key]
 
-    def _assembled(self, body: Carcass) -> FloatArray:
+    def _assembled(self, body: Carcass, tangential_N_m2: float) -> FloatArray:
         d1 = self.ring.derivatives[1] * self.radius
         # inward w is R dv/dxi: from the transforms of w back to v; the mean of v comes from
         # tangential loads alone
         along = np.zeros_like(d1)
         along[1:-1] = 1.0 / d1[1:-1]
         v_q = body.tangential[0] * along
-        v_q[0] = 1.0 / self.scenario.tire.tangential_stiffness_N_m2
+        v_q[0] = 1.0 / tangential_N_m2
         w_p, w_q, v_p, v_q = (
             self.ring.inverse(kernel)[self._lag]
             for kernel in (body.radial[0], body.tangential[0], body.radial[0] * along, v_q)
@@ -126,12 +142,15 @@ class FlatRoadContact:
         rise += self.sin[:, None] * (v_p * self.cos + v_q * self.sin)
         return rise
 
-    def _solve(self, compliance: FloatArray, load: float) -> tuple[FloatArray, FloatArray]:
+    def _solve(
+        self, compliance: FloatArray, load: float, stretch: float
+    ) -> tuple[FloatArray, FloatArray]:
         """Line force (n,) and pressed depth of the springs (n,).
 
         The depth is negative where the tread is clear of the road.
         """
         step, stiffness = self.ring.step_m, self.scenario.tire.tread_stiffness_N_m2
+        above = stretch * self.above
         active = self._active
         for _ in range(LARGEST_ITERATIONS):
             size = int(active.sum())
@@ -142,12 +161,12 @@ class FlatRoadContact:
             system[size, :size] = step
             solution = lu_solve(
                 lu_factor(system, check_finite=False),
-                np.append(-self.above[active], load),
+                np.append(-above[active], load),
                 check_finite=False,
             )
             force = np.zeros(active.size)
             force[active] = solution[:size]
-            depth = solution[size] - self.above - compliance @ force
+            depth = solution[size] - above - compliance @ force
             # a pressed spring shows its own force, a free one the depth of the road inside the
             # tread
             pressed = np.where(active, force / stiffness, depth)

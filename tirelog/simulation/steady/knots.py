@@ -94,7 +94,7 @@ def chunks(world: World, start_s: float, end_s: float) -> Iterator[KnotChunk]:
     quick = (
         scenario.planted("traction") is not None or scenario.planted("load_transfer") is not None
     )
-    factors = (1.0, 1.0 + LOAD_STEP, 1.0 - LOAD_STEP) if scenario.road.roughness else (1.0,)
+    factors = (1.0, 1.0 + LOAD_STEP, 1.0 - LOAD_STEP) if world.fluctuates else (1.0,)
     for span in plan_knots(world.drive, scenario.knot_s, quick, start_s, end_s):
         times = np.asarray(span.start_s + np.arange(-1, span.steps + 2) * span.step_s, float)
         middle = world.solve(world.instants(times))

@@ -33,7 +33,9 @@ class Instants:
     """What holds at b instants, each field (b,).
 
     Time [s], speed [m/s], acceleration [m/s^2], load [N], half length of the patch [m], slip
-    (braking > 0), the tire's warming as a share (0..1) and in K.
+    (braking > 0), the planted drift's course, the tire's rise of temperature [K], and the belt's
+    length over that at rest. On a stretched belt the grid's lengths, and so `half_length` and
+    `load` in `on_grid`, are those over the stretch.
     """
 
     time_s: FloatArray
@@ -45,10 +47,27 @@ class Instants:
     warmed: FloatArray
     distance_km: float
     water_depth_mm: float
-    reference_load: float
+    reference_load: float | FloatArray
+    temperature_K: FloatArray
+    stretch: FloatArray
 
     def __len__(self) -> int:
         return int(self.time_s.size)
+
+    @property
+    def stretches(self) -> bool:
+        return bool((self.stretch != 1.0).any())
+
+    def on_grid(self) -> Instants:
+        """The same in the grid's lengths: pressures [N/m] stay, so that forces shrink with them."""
+        if not self.stretches:
+            return self
+        return replace(
+            self,
+            half_length=self.half_length / self.stretch,
+            load=self.load / self.stretch,
+            reference_load=self.reference_load / self.stretch,
+        )
 
     def take(self, rows: slice) -> Instants:
         """Some of the instants."""

@@ -25,7 +25,7 @@ def _ring_down(effect: Planted, ring: Ring, at: Instants, exit_m: FloatArray) ->
     late = (
         (ring.xi_m - exit_m[:, None])
         % ring.circumference_m
-        / np.maximum(at.speed, SLOWEST_M_S)[:, None]
+        / np.maximum(at.speed / at.stretch, SLOWEST_M_S)[:, None]
     )
     swing = np.exp(-late / effect["decay_s"]) * np.sin(2.0 * np.pi * effect["frequency_Hz"] * late)
     return swing * _faded(ring, exit_m)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.simulation.scenario.planted import PLANTABLE
-from tirelog.simulation.scenario.schema import Scenario, Sensor
+from tirelog.simulation.scenario.schema import Nuisances, Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING
 from tirelog.simulation.sensors.wheel import longitudinal_force, passages, phase_shift
 from tirelog.simulation.steady.knots import CHUNK
@@ -50,6 +50,7 @@ def steady_truth(
         "tire": asdict(scenario.tire),
         "conditions": asdict(scenario.conditions),
         "road": asdict(scenario.road),
+        **({} if scenario.nuisances == Nuisances() else {"nuisances": asdict(scenario.nuisances)}),
         "ramp": None if scenario.ramp is None else asdict(scenario.ramp),
         "effects": planted_truth(scenario),
         "manoeuvres": [asdict(part) for part in world.drive.parts],
@@ -137,7 +138,7 @@ def _passages(world: World, sensor: Sensor, time: FloatArray) -> dict[str, Float
     at = world.instants(time, 1.0 + world.fluctuation(time))
     solution = world.solve(at)
     slope = world.ring.inverse(world.ring.derivatives[1] * world.strain(solution, sensor))
-    radius = world.drive.radius_m
+    radius = world.drive.radius_at(at.speed)
     return {
         "speed_m_s": at.speed,
         "acceleration_m_s2": at.acceleration,
@@ -148,7 +149,7 @@ def _passages(world: World, sensor: Sensor, time: FloatArray) -> dict[str, Float
         "entry_m": solution.entry_m,
         "exit_m": solution.exit_m,
         "slip_onset_m": solution.onset_m,
-        "dissipation_factor_1_m": (slope**2).sum(axis=1) * world.ring.step_m,
+        "dissipation_factor_1_m": (slope**2).sum(axis=1) * world.ring.step_m / at.stretch,
         "wheel_angle_rad": world.drive.angle_at(time),
         "phase_shift_deg": np.degrees(phase_shift(world, time)),
         "patch_width_deg": np.degrees((solution.exit_m - solution.entry_m) / radius),

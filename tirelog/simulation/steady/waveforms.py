@@ -8,12 +8,14 @@ Drive --instants--> Instants (b,) --loads, carcass--> w (b, points)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 
-from tirelog.simulation.scenario.drive import Drive, Roughness
+from tirelog.simulation.scenario.drive import Drive, Roughness, Wander
 from tirelog.simulation.scenario.planted import Planted
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors import ramp
@@ -47,8 +49,11 @@ class Solution:
 class World:
     """One scenario with its drawn road: gives instants, solutions and waveforms."""
 
-    def __init__(self, scenario: Scenario, drive: Drive, roughness: Roughness) -> None:
+    def __init__(
+        self, scenario: Scenario, drive: Drive, roughness: Roughness, wander: Wander | None = None
+    ) -> None:
         self.scenario, self.drive, self.roughness = scenario, drive, roughness
+        self.wander = wander or Wander()
         self.ring = Ring(scenario.grid_points, 2.0 * np.pi * scenario.tire.rolling_radius_m)
         self.curvature = curvature_operator(scenario, self.ring)
         flat = scenario.truth == "ring" and scenario.tire.contact == "flat_road"
@@ -57,9 +62,13 @@ class World:
     # ---- conditions ------------------------------------------------------------------------------
 
     def load(self, time_s: FloatArray) -> FloatArray:
-        """Load without the road's roughness [N]: scatter of the manoeuvres, load transfer, air."""
+        """Load without what varies within the turn [N].
+
+        Scatter of the manoeuvres, wandering, load transfer, air.
+        """
         drive, scenario = self.drive, self.scenario
         load = scenario.conditions.load_N * drive.load_factor_at(time_s)
+        load = load * (1.0 + self.wander.at(time_s))
         transfer, air = scenario.planted("load_transfer"), scenario.planted("aero_load")
         if transfer is not None:
             pitch = drive.acceleration_at(time_s)
@@ -71,11 +80,46 @@ class World:
             load = load * (1.0 + air["coefficient"] * (0.8 * speed**1.6 if air.other else speed**2))
         return load
 
+    @property
+    def fluctuates(self) -> bool:
+        """Does the load vary within the turn?"""
+        return bool(
+            self.scenario.road.roughness or any(self.scenario.nuisances.force_variation.shares)
+        )
+
     def fluctuation(self, time_s: FloatArray) -> FloatArray:
-        """The road's relative fluctuation of the load."""
-        if not self.scenario.road.roughness:
+        """What varies within the turn, relative to the load: the road, and the wheel's own."""
+        total = np.zeros_like(time_s)
+        if self.scenario.road.roughness:
+            total = self.roughness.at(self.drive.distance_at(time_s))
+        force = self.scenario.nuisances.force_variation
+        if any(force.shares):
+            angle = self.drive.angle_at(time_s)
+            total = total + wheel_harmonics(angle, force.shares, force.phases_deg).real
+        return total
+
+    def run_out(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
+        """The strain that goes round with the wheel, as the sensor's lag and bandwidth pass it."""
+        run_out = self.scenario.nuisances.run_out
+        if not any(run_out.amplitudes_microstrain):
             return np.zeros_like(time_s)
-        return self.roughness.at(self.drive.angle_at(time_s) * self.drive.radius_m)
+        angle, speed = self.drive.angle_at(time_s), self.drive.speed_at(time_s)
+        _, lag = self._sensor_effects(sensor)
+        tau = lag["lag_s"] if isinstance(lag, Planted) else lag or 0.0
+        spin = speed / self.drive.radius_at(speed)
+        total = np.zeros_like(time_s)
+        for order, size in enumerate(run_out.amplitudes_microstrain, 1):
+            only = [0.0] * (order - 1) + [1e-6 * size]
+            wave = wheel_harmonics(angle, only, run_out.phases_deg)
+            if isinstance(lag, Planted) and lag.other:
+                wave = wave / (1.0 + 0.5j * order * spin * tau) ** 2
+            else:
+                wave = wave / (1.0 + 1j * order * spin * tau)
+            if sensor.bandwidth_Hz is not None:
+                frequency = order * spin / (2.0 * np.pi)
+                wave = wave / np.sqrt(1.0 + (frequency / sensor.bandwidth_Hz) ** 4)
+            total += wave.real
+        return total
 
     def slip(self, time_s: FloatArray) -> FloatArray:
         """Longitudinal slip, braking positive.
@@ -118,8 +162,17 @@ class World:
         conditions = self.scenario.conditions
         return -conditions.warm_up_K * np.expm1(-time_s / conditions.warm_up_time_s)
 
-    def half_length(self, load: FloatArray) -> FloatArray:
-        """Prescribed half length of the patch [m] at a load.
+    def pressure(self, time_s: FloatArray) -> FloatArray:
+        """Inflation pressure [Pa]; the tire's warmth raises it."""
+        per_K, cold = (
+            self.scenario.nuisances.warming.pressure_per_K,
+            self.scenario.conditions.inflation_pressure_Pa,
+        )
+        pressure: FloatArray = cold * (1.0 + per_K * self.temperature(time_s))
+        return pressure
+
+    def half_length(self, load: FloatArray, time_s: FloatArray | float = 0.0) -> FloatArray:
+        """Prescribed half length of the patch [m] at a load and the tire's temperature.
 
         And at the pressure, if `inflation` is planted.
         """
@@ -127,9 +180,12 @@ class World:
         length = (
             tire.patch_half_length_m * (load / tire.reference_load_N) ** tire.patch_load_exponent
         )
+        per_K = self.scenario.nuisances.warming.patch_length_per_K
+        if per_K:
+            length = length * (1.0 + per_K * self.temperature(np.asarray(time_s)))
         if inflation is not None:
             ratio, power = (
-                self.scenario.conditions.inflation_pressure_Pa / REFERENCE_PRESSURE_PA,
+                self.pressure(np.asarray(time_s)) / REFERENCE_PRESSURE_PA,
                 inflation["exponent"],
             )
             length = length * (
@@ -141,24 +197,28 @@ class World:
         """What holds at `time_s` (b,), the load times `load_factor`."""
         load = self.load(time_s) * load_factor
         conditions = self.scenario.conditions
+        speed = self.drive.speed_at(time_s)
         return Instants(
             time_s,
-            self.drive.speed_at(time_s),
+            speed,
             self.drive.acceleration_at(time_s),
             load,
-            self.half_length(load),
+            self.half_length(load, time_s),
             self.slip(time_s),
             self.warmed(time_s),
             conditions.distance_km,
             conditions.water_depth_mm,
             self.scenario.tire.reference_load_N,
+            self.temperature(time_s),
+            self.drive.stretch(speed),
         )
 
     # ---- solutions -------------------------------------------------------------------------------
 
     def solve(self, at: Instants, start: FloatArray | None = None) -> Solution:
-        """The carcass at these instants."""
-        scenario, ring = self.scenario, self.ring
+        """The carcass at these instants; the patch in lengths of the road."""
+        scenario, ring, stretch = self.scenario, self.ring, at.stretch
+        at = at.on_grid()
         entry, exit_ = -at.half_length, at.half_length
         if self.road is not None:
             touch = self.road.touch(at)
@@ -169,10 +229,13 @@ class World:
         p = pressure(ring, scenario.effects, base, at)
         traction = scenario.planted("traction")
         rubbed = friction(ring, traction, p, at) if traction is not None else None
+        if rubbed is not None and at.stretches:
+            # a slope along the grid is steeper than along the belt
+            rubbed = replace(rubbed, radial=rubbed.radial / stretch[:, None])
         radial, along = self._components(p, rubbed)
         w = carcass(scenario, ring, at).displacement(radial, along, start)
         onset = np.full(len(at), np.nan) if rubbed is None else rubbed.onset_m
-        return Solution(w, at, entry, exit_, onset)
+        return Solution(w, at, entry * stretch, exit_ * stretch, onset * stretch)
 
     def _components(
         self, p: FloatArray, rubbed: Friction | None
@@ -197,8 +260,12 @@ class World:
 
         Before the sensor itself, without baseline.
         """
+        stretch = solution.at.stretch
         bent = self.curvature * self.ring.transform(solution.w)
-        extra = extra_strain(self.ring, self.scenario, solution.at, solution.exit_m)
+        if solution.at.stretches:
+            bent = bent / stretch[:, None] ** 2
+        exit_m = solution.exit_m / stretch
+        extra = extra_strain(self.ring, self.scenario, solution.at, exit_m)
         lever = self.lever(sensor)
         return lever * bent if extra is None else lever * bent + self.ring.transform(extra)
 
@@ -218,19 +285,20 @@ class World:
         Strain, or radial acceleration outwards [m/s^2] without gravity.
         """
         at, radius = solution.at, self.drive.radius_m
+        along = at.speed / at.stretch  # along the grid; a gauge is as long as its piece of the belt
         gauge, lag = self._sensor_effects(sensor)
         if sensor.kind == "radial_acceleration":
             spectrum = self.ring.transform(solution.w)
-            spin2 = (at.speed[:, None] / radius) ** 2
+            spin2 = (along[:, None] / radius) ** 2
             spectrum = (
                 -spin2
                 * (radius**2 * self.ring.derivatives[2] + self.ring.derivatives[0])
                 * spectrum
             )
-            seen = seen_by(self.ring, spectrum, at.speed, None, lag, sensor.bandwidth_Hz)
-            return self.ring.inverse(seen) - spin2 * radius
+            seen = seen_by(self.ring, spectrum, along, None, lag, sensor.bandwidth_Hz)
+            return self.ring.inverse(seen) - spin2 * radius * at.stretch[:, None]
         spectrum = self.strain(solution, sensor)
-        seen = seen_by(self.ring, spectrum, at.speed, gauge, lag, sensor.bandwidth_Hz)
+        seen = seen_by(self.ring, spectrum, along, gauge, lag, sensor.bandwidth_Hz)
         return self.ring.inverse(seen)
 
     def _sensor_effects(
@@ -246,7 +314,7 @@ class World:
     def baseline(self, time_s: FloatArray, sensor: Sensor) -> FloatArray:
         """The strain's slow baseline.
 
-        The sensor's own, inflation, tension's stretch, thermal drift.
+        The sensor's own, inflation, tension's stretch, thermal drift, warming, run-out.
         """
         total = np.full_like(time_s, sensor.baseline)
         if self.scenario.ramp is not None:
@@ -259,7 +327,23 @@ class World:
             total = total + tension["stretch_s2_m2"] * self.drive.speed_at(time_s) ** 2
         if drift is not None:
             total = total + drift["drift"] * self.warmed(time_s)
-        return total
+        if self.scenario.nuisances.warming.strain_per_K:
+            rise = self.temperature(time_s)
+            total = total + self.scenario.nuisances.warming.strain_per_K * rise
+        return total + self.run_out(time_s, sensor)
+
+
+def wheel_harmonics(
+    angle_rad: FloatArray, sizes: Sequence[float], phases_deg: Sequence[float]
+) -> ComplexArray:
+    """Sum of size e^(i (h angle - phase)) over the wheel's harmonics h = 1, 2, ...
+
+    The real part is the wave; a phase that is not given is zero.
+    """
+    total = np.zeros(np.shape(angle_rad), complex)
+    for order, (size, phase) in enumerate(zip_longest(sizes, phases_deg, fillvalue=0.0), 1):
+        total += size * np.exp(1j * (order * angle_rad - np.radians(phase)))
+    return total
 
 
 def family(sensor: Sensor) -> tuple[object, ...]:

@@ -1,0 +1,388 @@
+"""Cases for the nuisance benchmark: what is driven, on which tire, in which world.
+
+    world, seed, carcass --drawn--> one scenario per log (tables, and the TOML of them)
+
+What a seed draws is the same in every world, so that worlds differ by their nuisance alone. Seeds
+below 1000 are for choosing thresholds, from 20000 on for reporting, and the two are of differing
+kinds:
+
+    tuning     a car's tire (215/45 R17) within 20 %, grating outside, 2.5 kHz, 0.8 pm; speeds up
+               and down in turn, gentle
+    reporting  a heavier, larger tire (255/55 R19), grating inside, 2 or 4 kHz, 0.5 to 1.2 pm;
+               speeds up a staircase, hard braking, a long way down, pulses of the throttle
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from benchmarks.cases import ORDINARY, PLANS
+from tirelog.errors import UsageError, nearest
+from tirelog.simulation import Scenario, scenario_of
+from tirelog.simulation.scenario.planted import PLANTABLE
+
+Tables = dict[str, Any]
+Range = tuple[float, float]
+
+FIRST_REPORTING = 20000
+#: a tire warms by so much within its log [K], so that pressure, k, EJ and L drift together
+WARMED_K = 20.0
+#: per K: foundation, bending, patch length (beam only: a ring's follows), and absolute pressure
+PER_K = {
+    "stiffness_per_K": 0.002,
+    "bending_per_K": -0.002,
+    "patch_length_per_K": -0.00125,
+    "pressure_per_K": 0.0034,
+}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What seeds of one kind draw from: ranges, and the plans of a log (seconds, speed)."""
+
+    name: str
+    radius_m: Range
+    bending_N_m2: Range
+    foundation_N_m2: Range
+    mass_kg_m: Range
+    half_length_m: Range
+    load_N: Range
+    lever_m: Range
+    ring_bending_N_m2: Range
+    ring_stiffness_N_m2: Range
+    surface: str
+    rates_Hz: tuple[float, ...]
+    noise_nm: Range
+    roughness: Range
+    loads: tuple[float, ...]
+    plans: tuple[tuple[tuple[float, float], ...], ...]
+
+
+TUNING = Kind(
+    "tuning",
+    radius_m=(0.295, 0.315),
+    bending_N_m2=(3.2, 4.8),
+    foundation_N_m2=(1.6e6, 2.4e6),
+    mass_kg_m=(4.2, 4.8),
+    half_length_m=(0.054, 0.062),
+    load_N=(3200.0, 3700.0),
+    lever_m=(2.5e-4, 3.5e-4),
+    ring_bending_N_m2=(1.7, 2.4),
+    ring_stiffness_N_m2=(5.5e5, 7.5e5),
+    surface="outer",
+    rates_Hz=(2500.0,),
+    noise_nm=(0.0008, 0.0008),
+    roughness=(0.004, 0.004),
+    loads=(1.0, 1.2),
+    plans=(
+        PLANS["mixed"],
+        ((5, 10), (3, 16), (5, 16), (4, 11), (5, 11), (4, 21), (5, 21), (3, 14), (5, 14), (3, 9)),
+    ),
+)
+REPORTING = Kind(
+    "reporting",
+    radius_m=(0.345, 0.37),
+    bending_N_m2=(6.0, 9.0),
+    foundation_N_m2=(2.5e6, 3.4e6),
+    mass_kg_m=(6.0, 7.0),
+    half_length_m=(0.066, 0.078),
+    load_N=(4900.0, 5600.0),
+    lever_m=(4.0e-4, 5.5e-4),
+    ring_bending_N_m2=(2.4, 3.6),
+    ring_stiffness_N_m2=(7.0e5, 9.5e5),
+    surface="inner",
+    rates_Hz=(2000.0, 4000.0),
+    noise_nm=(0.0005, 0.0012),
+    roughness=(0.003, 0.008),
+    loads=(0.85, 1.1),
+    plans=(
+        (
+            (5, 8),
+            (2.5, 13),
+            (5, 13),
+            (2.5, 18),
+            (5, 18),
+            (3, 24),
+            (5, 24),
+            (4, 10),
+            (5, 10),
+            (3, 7),
+        ),
+        (
+            (5, 23),
+            (8, 15),
+            (5, 15),
+            (2, 20),
+            (2.5, 16.5),
+            (2, 20),
+            (5, 20),
+            (6, 8),
+            (5, 8),
+            (3, 13),
+        ),
+    ),
+)
+
+
+@dataclass
+class Drawn:
+    """One log as drawn: the tables of its scenario, and what the worlds may draw from."""
+
+    tables: Tables
+    random: np.random.Generator
+    carcass: str
+
+    @property
+    def duration_s(self) -> float:
+        return float(sum(m["duration_s"] for m in self.tables["manoeuvres"]))
+
+    @property
+    def grating(self) -> Tables:
+        channel: Tables = self.tables["channels"]["strain_1"]
+        return channel
+
+    def nuisance(self, name: str, **values: Any) -> None:
+        self.tables.setdefault("nuisances", {})[name] = values
+
+
+def _phases(log: Drawn) -> list[float]:
+    return [round(float(p), 1) for p in log.random.uniform(0.0, 360.0, 3)]
+
+
+def _run_out(microstrain: float) -> Callable[[Drawn], None]:
+    def change(log: Drawn) -> None:
+        sizes = [round(microstrain * share, 3) for share in (1.0, 0.5, 0.27)]
+        log.nuisance("run_out", amplitudes_microstrain=sizes, phases_deg=_phases(log))
+
+    return change
+
+
+def _force_variation(log: Drawn) -> None:
+    log.nuisance("force_variation", shares=[0.012, 0.006, 0.004], phases_deg=_phases(log))
+
+
+def _load_wander(log: Drawn) -> None:
+    seconds = round(float(log.random.uniform(2.0, 6.0)), 2)
+    log.nuisance("load_wander", share=0.03, time_constant_s=seconds)
+
+
+def _scatter(share: float) -> Callable[[Drawn], None]:
+    def change(log: Drawn) -> None:
+        log.tables["road"]["load_scatter"] = share
+
+    return change
+
+
+def _warming(logged: bool) -> Callable[[Drawn], None]:
+    def change(log: Drawn) -> None:
+        seconds = round(float(log.random.uniform(0.5, 2.0)) * log.duration_s, 1)
+        final = WARMED_K / -math.expm1(-log.duration_s / seconds)
+        log.tables["conditions"].update(warm_up_K=round(final, 3), warm_up_time_s=seconds)
+        sizes = dict(PER_K)
+        if log.carcass == "ring":
+            del sizes["patch_length_per_K"]
+        log.nuisance("warming", **sizes)
+        if logged:
+            rate = log.grating["sampling_rate_Hz"]
+            for name, kind, noise in (
+                ("pressure", "inflation_pressure", 300.0),
+                ("warmth", "temperature", 0.1),
+            ):
+                log.tables["channels"][name] = {
+                    "kind": kind,
+                    "sampling_rate_Hz": rate,
+                    "noise": noise,
+                }
+
+    return change
+
+
+def _radius(log: Drawn) -> None:
+    log.nuisance("rolling_radius", error=-0.015, growth=0.02, at_speed_m_s=25.0)
+
+
+def _colour(log: Drawn) -> None:
+    log.grating.update(noise_correlation=0.9, hum=0.003, hum_Hz=50.0, flicker=0.004)
+
+
+def _interrogator(log: Drawn) -> None:
+    log.grating.update(
+        noise=0.0003, quantisation=0.001, lost_fraction=0.01, lost_run=20.0, lost_at_flanks=0.3
+    )
+
+
+def _exponent(exponent: float) -> Callable[[Drawn], None]:
+    def change(log: Drawn) -> None:
+        log.tables["tire"]["patch_load_exponent"] = exponent
+
+    return change
+
+
+WORLDS: Mapping[str, Callable[[Drawn], None]] = {
+    "control": lambda log: None,
+    "run_out_3": _run_out(3.0),
+    "run_out_30": _run_out(30.0),
+    "force_variation": _force_variation,
+    "load_wander": _load_wander,
+    "scatter_1": _scatter(0.01),
+    "scatter_3": _scatter(0.03),
+    "warming": _warming(False),
+    "warming_logged": _warming(True),
+    "radius": _radius,
+    "colour": _colour,
+    "interrogator": _interrogator,
+    "exponent_0.35": _exponent(0.35),
+    "exponent_0.8": _exponent(0.8),
+}
+#: these belong to the wheel or the tire: every log of a case has the same
+SHARED = ("run_out_3", "run_out_30", "force_variation")
+
+
+def kind_of(seed: int) -> Kind:
+    """What a seed draws from."""
+    return TUNING if seed < FIRST_REPORTING else REPORTING
+
+
+def parts_of(world: str) -> list[str]:
+    """The worlds that `world` joins by +.  UsageError for one that is not known."""
+    parts = world.split("+")
+    for part in parts:
+        if part not in WORLDS:
+            raise UsageError(
+                f"unknown world {part!r}{nearest(part, WORLDS)}; "
+                f"allowed are {', '.join(WORLDS)}, several joined by +; mend it"
+            )
+    return parts
+
+
+def _in(random: np.random.Generator, between: Range, digits: int = 4) -> float:
+    return float(f"{random.uniform(*between):.{digits}g}")
+
+
+def _tire(kind: Kind, carcass: str, random: np.random.Generator) -> Tables:
+    radius = _in(random, kind.radius_m)
+    bending = _in(random, kind.bending_N_m2)
+    tire = {
+        "name": f"{kind.name} seed",
+        "rolling_radius_m": radius,
+        "unloaded_radius_m": round(1.025 * radius, 4),
+        "foundation_stiffness_N_m2": _in(random, kind.foundation_N_m2),
+        "line_mass_kg_m": _in(random, kind.mass_kg_m),
+        "patch_half_length_m": _in(random, kind.half_length_m),
+        "reference_load_N": _in(random, kind.load_N),
+        "lever_arm_m": _in(random, kind.lever_m),
+        "flexural_stiffness_N_m2": bending,
+    }
+    ring_bending = _in(random, kind.ring_bending_N_m2)
+    stiffness = _in(random, kind.ring_stiffness_N_m2)
+    if carcass == "ring":
+        tire.update(
+            flexural_stiffness_N_m2=ring_bending,
+            radial_stiffness_N_m2=stiffness,
+            tangential_stiffness_N_m2=_in(random, (0.8 * stiffness, 1.2 * stiffness)),
+        )
+    return tire
+
+
+def _drive(kind: Kind, random: np.random.Generator) -> list[Tables]:
+    """A plan of the kind, speeds and times varied by up to 6 %."""
+    plan = kind.plans[int(random.integers(len(kind.plans)))]
+    out, speed, factor = [], plan[0][1], 1.0
+    for number, (seconds, to) in enumerate(plan):
+        if number == 0 or to != speed:
+            factor = 1.0 + 0.06 * float(random.uniform(-1.0, 1.0))
+        duration = seconds * (1.0 + 0.06 * float(random.uniform(-1.0, 1.0)))
+        out.append({"duration_s": round(duration, 3), "speed_m_s": round(to * factor, 3)})
+        speed = to
+    return out
+
+
+@dataclass(frozen=True)
+class CaseOf:
+    """One case: world, seed, carcass, and what is planted at how much of its ordinary size."""
+
+    world: str
+    seed: int
+    carcass: str = "beam"
+    effect: str = ""
+    strength: float = 1.0
+    logs: int = 2
+    form: str = "exact"
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+    def tables(self) -> list[Tables]:
+        """The tables of each log's scenario."""
+        kind = kind_of(self.seed)
+        random = np.random.default_rng([self.seed, 16])
+        tire = _tire(kind, self.carcass, random)
+        rate = kind.rates_Hz[int(random.integers(len(kind.rates_Hz)))]
+        noise, roughness = _in(random, kind.noise_nm), _in(random, kind.roughness)
+        angle = round(float(random.uniform(0.0, 360.0)), 1)
+        turned = int(random.integers(2))  # so that age and water go with the load or against it
+        out = []
+        for number in range(self.logs):
+            share = kind.loads[number % len(kind.loads)]
+            tables: Tables = {
+                "seed": int(random.integers(2**31)),
+                "truth": self.carcass,
+                "tire": dict(tire),
+                "conditions": {
+                    "load_N": round(tire["reference_load_N"] * share, 1),
+                    "distance_km": (2000.0, 30000.0)[(number + turned) % 2],
+                    "water_depth_mm": (0.0, 1.0)[(number + turned) % 2],
+                },
+                "road": {"roughness": roughness},
+                "manoeuvres": _drive(kind, random),
+                "channels": {
+                    "strain_1": {
+                        "kind": "fbg_strain",
+                        "source": "CH1",
+                        "surface": kind.surface,
+                        "angle_deg": angle,
+                        "sampling_rate_Hz": rate,
+                        "noise": noise,
+                        "quantisation": 1e-4,
+                    }
+                },
+            }
+            for part in parts_of(self.world):
+                key = sum(part.encode()) * 8 + (0 if part in SHARED else 1 + number)
+                WORLDS[part](
+                    Drawn(tables, np.random.default_rng([self.seed, 17, key]), self.carcass)
+                )
+            if self.effect:
+                tables["effects"] = [planted_tables(self.effect, self.strength, self.form)]
+            out.append(tables)
+        return out
+
+    def scenarios(self) -> list[Scenario]:
+        """One scenario per log."""
+        return [scenario_of(tables) for tables in self.tables()]
+
+    def texts(self) -> list[str]:
+        """The scenario files of the logs."""
+        return [tomlkit.dumps(tables) for tables in self.tables()]
+
+
+#: parameters that are no strength: a fainter effect keeps them
+SHAPES = ("lever_m", "position", "width", "time_constant_s", "speed_exponent", "load_exponent")
+
+
+def planted_tables(effect: str, strength: float, form: str = "exact") -> Tables:
+    """An [[effects]] table at `strength` times its ordinary size."""
+    if effect not in ORDINARY:
+        raise UsageError(
+            f"unknown effect {effect!r}{nearest(effect, ORDINARY)}; "
+            f"allowed are {', '.join(ORDINARY)}; mend it"
+        )
+    values = {**PLANTABLE[effect].parameters, **ORDINARY[effect]}
+    for size in ORDINARY[effect]:
+        if size not in SHAPES:
+            values[size] *= strength
+    return {"name": effect, "form": form, **values}
