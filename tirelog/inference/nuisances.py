@@ -39,8 +39,13 @@ _RUNOUT_SHARE = 0.1
 _WARMS_K = 2.0
 #: speed [m/s] up to which the size of a change of the rolling radius counts
 _RADIUS_SPEED = 25.0
-#: relative step of a derivative
+#: relative step of a derivative, and that of the patch length for its second one
 _STEP = 0.005
+_LENGTH_STEP = 0.02
+#: logs that drift each on its own; more drift alike
+_MOST_LOGS = 4
+#: size of the bend of a drift over that of its slope
+_BEND = 0.3
 #: what warms with the tire, of beam and ring
 _DRIFTING = {
     "patch_half_length_m": "patch length",
@@ -68,7 +73,7 @@ def wheel(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
 
 
 def drift(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
-    """Patch length, stiffnesses and baseline along each log."""
+    """Patch length, stiffnesses and baseline along each log, or along all logs alike if many."""
     along = _along_log(cells)
     if not np.any(along):
         return None
@@ -78,12 +83,21 @@ def drift(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
     sizes = np.r_[np.full(len(names), known.size("relative")), known.size("baseline") * _rms(fit)]
     words = [*(_DRIFTING[name] for name in names), "baseline"]
     logs = [int(log) for log in np.unique(cells.log) if np.any(along[cells.log == log])]
-    columns = [shapes * np.where(cells.log == log, along, 0.0)[:, None, None] for log in logs]
+    parts = {f"log {log + 1}": cells.log == log for log in logs}
+    if len(logs) > _MOST_LOGS:
+        parts = {"each log": np.ones(len(cells), bool)}
+    # warming slows down: a straight line and a bend about it
+    factors = {"along": along, "bend along": np.where(along == 0.0, 0.0, 4.0 * along**2 - 0.5)}
+    columns, labels = [], []
+    for part, rows in parts.items():
+        for word, factor in factors.items():
+            columns.append(shapes * np.where(rows, factor, 0.0)[:, None, None])
+            labels += [f"{name} {word} {part}" for name in words]
     return SharedEffects(
         np.concatenate(columns, axis=-1),
-        np.tile(sizes, len(logs)),
-        tuple(f"{word} along log {log}" for log in logs for word in words),
-        ("drift",) * (len(logs) * len(words)),
+        np.concatenate([sizes, _BEND * sizes] * len(parts)),
+        tuple(labels),
+        ("drift",) * len(labels),
     )
 
 
@@ -112,15 +126,17 @@ def patch_law(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
     load = cells.conditions.load_N
     if not np.isfinite(load).all() or np.ptp(load) <= 0.02 * load.mean():
         return None
+    power = np.log(load / load.mean())[:, None]
     if "patch_load_exponent" not in fit.model.parameters:
-        slope = load_derivative(cells, fit)
+        columns, size = [load_derivative(cells, fit) * power], [1.0]
     else:
-        slope = _relative_slopes(cells, fit.model, ["patch_half_length_m"])[..., 0]
+        slope, curve = _length_slopes(cells, fit)
+        columns, size = [slope * power, 0.5 * curve * power**2], [1.0, known.size("exponent")]
     return SharedEffects(
-        (slope * np.log(load / load.mean())[:, None])[..., None],
-        np.array([known.size("exponent")]),
-        ("exponent",),
-        ("patch_law",),
+        np.stack(columns, axis=-1),
+        known.size("exponent") * np.array(size),
+        ("exponent", "exponent squared")[: len(size)],
+        ("patch_law",) * len(size),
     )
 
 
@@ -183,6 +199,22 @@ def _relative_slopes(cells: Cells, model: Model, names: list[str]) -> FloatArray
     )
     values = np.array([model.values[name] for name in names])
     return np.asarray(np.moveaxis(slopes, 0, -1) * values, dtype=np.float64)
+
+
+def _length_slopes(cells: Cells, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """First and second change of the prediction per relative change of the patch length, (C, m)."""
+    length = fit.model.values["patch_half_length_m"]
+    less, more = (
+        fit.model.with_values({"patch_half_length_m": length * (1.0 + step)}).predict(
+            cells.conditions,
+            surface=cells.surface,
+            observable=cells.observable,
+            **cells.angles,
+        )
+        for step in (-_LENGTH_STEP, _LENGTH_STEP)
+    )
+    curve = (more + less - 2.0 * fit.prediction) / _LENGTH_STEP**2
+    return (more - less) / (2.0 * _LENGTH_STEP), curve
 
 
 def _radius_slope(cells: Cells, model: Model) -> FloatArray | None:
