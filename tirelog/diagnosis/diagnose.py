@@ -52,6 +52,11 @@ from tirelog.diagnosis.naming import (
     regrouped,
     without_needless,
 )
+from tirelog.diagnosis.nuisance_sizes import (
+    NuisanceFound,
+    nuisance_sentences,
+    nuisances_found,
+)
 from tirelog.diagnosis.results import Candidate, Comparison, plain_values
 from tirelog.diagnosis.separation import advise
 from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
@@ -72,6 +77,9 @@ MOST = 0.7
 TOGETHER = 0.85
 #: a rest is worth a word from this share of the excess on (and LEAST_SHARE_OF_FLOOR of the floor)
 REST_SHARE = 0.02
+#: family-wise p at most with which an effect is named beside a rest that does not repeat; with
+#: ALARM_P one null in a hundred that scatters would get a name
+BEYOND_DOUBT_P = 0.001
 #: effects that one diagnosis names at most
 MOST_EFFECTS = 4
 
@@ -114,6 +122,7 @@ class Diagnosis:
     ambiguous_groups: tuple[tuple[str, ...], ...]
     separating_manoeuvres: tuple[Mapping[str, Any], ...]
     unexplained: Mapping[str, Any]
+    nuisances: tuple[NuisanceFound, ...]
     not_tested: Mapping[str, str]
     rmse_heldout_before: float | None
     rmse_heldout_after: float | None
@@ -142,7 +151,7 @@ class Diagnosis:
         return comparison_of(self.found.after, self.stacks) if self.selected else self.before
 
     def to_json(self) -> dict[str, Any]:
-        apart = ("effects", "notes", "found", "stacks")
+        apart = ("effects", "notes", "found", "stacks", "nuisances")
         names = [name for name in self.__dataclass_fields__ if name not in apart]
         rows = [
             {name: getattr(c, name) for name in Candidate.__dataclass_fields__}
@@ -151,6 +160,7 @@ class Diagnosis:
         told: dict[str, Any] = plain_values(
             {name: getattr(self, name) for name in names}
             | {"effects": rows, "note": " ".join(self.notes)}
+            | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
         )
         return told
 
@@ -189,13 +199,15 @@ def search_effects(
         return Found(
             base, (Step(base, step.assessed, step.reasons, contenders, None, group),), base
         )
-    steps, after = _climb(base, extra, progress, allowed_nuisances(base))
-    needed = needed_nuisances(after)
-    if groups_of(after) != groups_of(base):
-        if needed:
-            progress(f"once more beside the nuisances {', '.join(needed)}")
+    steps, after, ground = _climb(base, extra, progress, allowed_nuisances(base))
+    beside = groups_of(after)
+    needed = needed_nuisances(after) if beside != groups_of(base) else beside
+    if ground is not None and needed == beside:
+        base = ground  # nuisances came in before any effect: the steps stand as they are
+    else:
+        progress(f"once more beside {' and '.join(needed) or 'no nuisance'}")
         base = settled(with_nuisances(base, needed))
-        steps, after = _climb(base, extra, progress, ())
+        steps, after, _ = _climb(base, extra, progress, ())
     named = [s.named.id for s in steps if s.named is not None]
     if len(named) < 2:
         return Found(base, tuple(steps), after)
@@ -211,14 +223,16 @@ def search_effects(
 
 def _climb(
     base: Base, extra: tuple[Effect, ...], progress: Progress, nuisances: Sequence[str]
-) -> tuple[list[Step], Base]:
-    """The steps from a base upwards, and the base at their top.
+) -> tuple[list[Step], Base, Base | None]:
+    """The steps from a base upwards, the base at their top, and the one they stand on.
 
     Before each step the best of the `nuisances` that earns its place comes in if it leaves less
-    than the best effect: what both explain is then the nuisance's.
+    than the best effect: what both explain is then the nuisance's. The steps stand on the base with
+    all nuisances; on none if one came in after an effect.
     """
     steps: list[Step] = []
     after, excess = base, base.excess
+    ground: Base | None = base
     while True:
         named = [s.named.id for s in steps if s.named is not None]
         step = next_step(after, named, excess, extra) if named else first_step(after, extra)
@@ -226,14 +240,15 @@ def _climb(
         if rival is not None and _leaves_less(rival, step):
             progress(f"beside the model: {groups_of(rival)[-1]}")
             after = settled(rival)
+            ground, excess = (None, excess) if steps else (after, after.excess)
             continue
         steps.append(step)
         if step.named is None:
-            return steps, after
+            return steps, after, ground
         progress(f"named {step.named.id}; looking for another")
         after = settled(step.named.base)
         if len(steps) == MOST_EFFECTS:
-            return steps, after
+            return steps, after, ground
 
 
 def _leaves_less(rival: Base, step: Step) -> bool:
@@ -263,12 +278,19 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         if found.steps[0].named and excess_before
         else 0.0
     )
-    enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
+    # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
+    removed = excess_before - excess_after
+    repeats = max(removed, 0.0) + (max(left.size, 0.0) if left.significant else 0.0)
+    repeated = removed / repeats if repeats > 0.0 and beyond_doubt(found) else share
+    share_named = max(share, min(repeated, 1.0))
+    enough = share_named >= MOST and (
+        len(found.named) == 1 or alone >= MOST or share_named >= TOGETHER
+    )
     silent = "nothing_missing" if quiet(before, floor.square) else "scatter"
     verdict = _verdict(
         few,
         found.named,
-        share if enough else 0.0,
+        share_named if enough else 0.0,
         bool(groups),
         rest,
         "unknown" if left.significant else silent,
@@ -284,7 +306,9 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     unexplained = _unexplained(
         left, found, ranking, excess_after, excess_before, floor.square, bool(selected)
     )
+    beside = nuisances_found(after if selected else before)
     advice, notes = _advice(found, verdict)
+    notes += nuisance_sentences(beside, after if selected else before)
     notes += of_rounding(before)
     notes += (
         [said]
@@ -303,13 +327,17 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         "verdict": verdict,
         "selected": selected,
         "share": share,
+        "share_repeated": share_named,
         "shares": shares,
         "enough": MOST,
+        "explained": EXPLAINED,
+        "after": after.square_held,
         "unestablished": tuple(r.id for r in found.steps[0].contenders if not r.established),
         "scatter": scatter,
         "observable": before.model.observable,
         "unit": OBSERVABLES[before.model.observable].unit,
         "chi2": before.reduced_chi2,
+        "beside": tuple(n.nuisance for n in beside if n.stayed),
         "groups": groups,
         "unexplained": unexplained,
         "manoeuvres": before.cells.manoeuvres,
@@ -326,6 +354,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         else tuple(s.group for s in found.steps if few and s.group),
         separating_manoeuvres=tuple(advice),
         unexplained=unexplained | {"scatter": scatter},
+        nuisances=beside,
         not_tested=reasons,
         rmse_heldout_before=before.rmse_held,
         rmse_heldout_after=result.rmse_held,
@@ -340,6 +369,12 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         found=found,
         stacks=stacks,
     )
+
+
+def beyond_doubt(found: Found) -> bool:
+    """Is every name so significant that a rest that does not repeat cannot make it doubtful?"""
+    named = [step.named for step in found.steps if step.named is not None]
+    return bool(named) and all(r.assessed.p <= BEYOND_DOUBT_P for r in named)
 
 
 def _verdict(

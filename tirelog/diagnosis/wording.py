@@ -73,6 +73,13 @@ BELOW_ROUNDING = 0.9
 MUCH_ROUNDING = 0.5
 #: more logs than these are not spelled out in a command
 _MOST_LOGS = 12
+#: nuisances as a part of a sentence
+_BESIDE = {
+    "wheel": "the wheel's own run-out and force variation",
+    "drift": "a drift",
+    "rolling": "another rolling radius",
+    "patch_law": "another patch law",
+}
 _PARITY = {
     "even": "even about the patch centre",
     "odd": "odd about the patch centre",
@@ -89,8 +96,8 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     )
     if verdict == "nothing_missing":
         return (
-            "Nothing is missing that this data could show: what the model leaves is the noise "
-            "floor."
+            f"Nothing is missing that this data could show: what the model{_beside(facts)} leaves "
+            "is the noise floor."
         )
     if verdict == "scatter":
         return f"{_scatter(facts)} {FIRST_CHECK}"
@@ -130,10 +137,21 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
         return f"{explains} repeats{where} and has no name yet. {FIRST_CHECK}"
     one = len(selected) == 1
-    return (
-        f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} "
-        f"{percent(share)} of the excess."
-    )
+    said = f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} "
+    if share < facts["explained"]:
+        factor, unit = shown(facts["observable"], facts["unit"])
+        rest = max(facts["after"] - facts["floor"], 0.0) ** 0.5 * factor
+        return (
+            f"{said}{percent(facts['share_repeated'])} of the excess that repeats; {rest:.3g} "
+            f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {FIRST_CHECK}"
+        )
+    return f"{said}{percent(share)} of the excess."
+
+
+def _beside(facts: Mapping[str, Any]) -> str:
+    """The nuisances that stand beside the model, as a part of a sentence."""
+    beside = facts["beside"]
+    return f" with {' and '.join(_BESIDE[name] for name in beside)} beside it" if beside else ""
 
 
 def _nearest(facts: Mapping[str, Any]) -> str:

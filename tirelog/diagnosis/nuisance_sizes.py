@@ -1,0 +1,179 @@
+"""How large each nuisance is, with errors, and what to do about it: numbers and words.
+
+Base -> amplitudes of the nuisances beside its model (all that stayed together, each other one
+        alone beside them), parameters and offsets free -> parts with standard errors
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from tirelog.inference.base import Base
+from tirelog.inference.cells.shared import SharedEffects
+from tirelog.inference.metric.offsets import Nuisance, Offsets
+from tirelog.inference.nuisances import shared_effects
+from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import OBSERVABLES, shown
+
+#: parts below so many of their standard errors are not spoken of; nor those below this share of
+#: the largest
+_SPOKEN_SIGMAS = 3.0
+_SPOKEN_SHARE = 0.2
+#: a force variation [of the load] and a run-out [strain] beyond which a wheel wants work: twice
+#: what is ordinary at one harmonic, and 100 microstrain
+_MUCH_FORCE = 0.02
+_MUCH_RUN_OUT = 1e-4
+_ORDER = ("first", "second", "third")
+
+
+@dataclass(frozen=True)
+class NuisancePart:
+    """One number of a nuisance: value and standard error in its unit, and its ordinary size."""
+
+    name: str
+    value: float
+    se: float
+    unit: str
+    ordinary: float
+
+    @property
+    def sigmas(self) -> float:
+        return abs(self.value) / self.se if self.se > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class NuisanceFound:
+    """A nuisance with its parts, and whether it stayed beside the model."""
+
+    nuisance: str
+    stayed: bool
+    parts: tuple[NuisancePart, ...]
+
+    @property
+    def largest(self) -> NuisancePart:
+        """The part that is largest against its ordinary size."""
+        return max(self.parts, key=lambda part: abs(part.value) / part.ordinary)
+
+    def to_json(self) -> dict[str, Any]:
+        """Its largest part as size, se and unit; all parts; whether it stayed."""
+        most = self.largest
+        return {
+            "size": most.value, "se": most.se, "unit": most.unit, "what": most.name,
+            "stayed": self.stayed,
+            "parts": [
+                {"name": p.name, "value": p.value, "se": p.se, "unit": p.unit}
+                for p in self.parts
+            ],
+        }  # fmt: skip
+
+
+def nuisances_found(base: Base) -> tuple[NuisanceFound, ...]:
+    """Every nuisance that these data can show, with its size beside the base's model."""
+    held = base.cells.shared
+    groups = () if held is None else held.groups
+    found = []
+    if held is not None:
+        value, covariance = _amplitudes(replace(base, cells=replace(base.cells, shared=None)), held)
+        found += [
+            NuisanceFound(g, True, tuple(_parts(base, held, g, value, covariance))) for g in groups
+        ]
+    for nuisance in base.model.nuisances:
+        if nuisance.name in groups or nuisance.use == "off":
+            continue
+        effects = shared_effects(base.cells, base.fit, nuisance.name)
+        if effects is not None:
+            value, covariance = _amplitudes(base, effects)
+            parts = tuple(_parts(base, effects, nuisance.name, value, covariance))
+            found.append(NuisanceFound(nuisance.name, False, parts))
+    return tuple(found)
+
+
+def _amplitudes(base: Base, effects: SharedEffects) -> tuple[FloatArray, FloatArray]:
+    """Posterior means (K,) and covariance (K, K), base parameters and offsets free."""
+    other = Nuisance.of(Offsets.of(base.cells, base.white), base.white(base.fit.moving))
+    columns = other.without(base.white(effects.columns * effects.sd))
+    flat = columns.reshape(-1, len(effects))
+    residual = other.without(base.white(np.nan_to_num(base.cells.values - base.fit.prediction)))
+    covariance = np.linalg.inv(np.eye(len(effects)) + flat.T @ flat)
+    scale = max(1.0, base.fit.reduced_chi2)
+    value = effects.sd * (covariance @ (flat.T @ residual.ravel()))
+    return value, covariance * effects.sd[:, None] * effects.sd * scale
+
+
+def _parts(
+    base: Base, effects: SharedEffects, group: str, value: FloatArray, covariance: FloatArray
+) -> list[NuisancePart]:
+    """The numbers of one nuisance; cosine and sine of a harmonic are one."""
+    se = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    own = [i for i, name in enumerate(effects.group) if name == group]
+    if group != "wheel":
+        return [
+            NuisancePart(
+                effects.names[i], float(value[i]), float(se[i]), _unit(base, effects.names[i]),
+                float(effects.sd[i]),
+            )
+            for i in own
+        ]  # fmt: skip
+    at = {effects.names[i]: i for i in own}
+    parts = []
+    for what in ("run-out", "force variation"):
+        for k, order in enumerate(_ORDER, 1):
+            c, s = at[f"{what} cos {k}"], at[f"{what} sin {k}"]
+            size = float(np.hypot(value[c], value[s]))
+            error = float(np.hypot(value[c] * se[c], value[s] * se[s]) / max(size, 1e-300))
+            name = f"{what} at the {order} harmonic"
+            parts.append(NuisancePart(name, size, error, _unit(base, what), float(effects.sd[c])))
+    return parts
+
+
+def _unit(base: Base, name: str) -> str:
+    """The unit of a part: the observable's for what adds to it, else a share."""
+    adds = name.startswith(("run-out", "baseline"))
+    return OBSERVABLES[base.model.observable].unit if adds else "1"
+
+
+def nuisance_sentences(found: Sequence[NuisanceFound], base: Base) -> list[str]:
+    """What stayed beside the model, in words, and what to do about it."""
+    return [_sentence(nuisance, base) for nuisance in found if nuisance.stayed]
+
+
+def _sentence(found: NuisanceFound, base: Base) -> str:
+    most = max((abs(part.value) / part.ordinary for part in found.parts), default=0.0)
+    told = [
+        part
+        for part in found.parts
+        if part.sigmas >= _SPOKEN_SIGMAS and abs(part.value) / part.ordinary > _SPOKEN_SHARE * most
+    ] or [found.largest]
+    said = ", ".join(_said(part, base) for part in told)
+    if found.nuisance == "wheel":
+        much = any(
+            part.value > (_MUCH_FORCE if part.name.startswith("force") else _MUCH_RUN_OUT)
+            for part in told
+            if part.unit in ("1", "strain", "m/m")
+        )
+        does = "balance the wheel or mount the tire anew" if much else "within what wheels do"
+        return f"Beside the model stands the wheel: {said}; {does}."
+    if found.nuisance == "drift":
+        return f"Beside the model stands a drift: {said}; it warmed, or its pressure changed."
+    if found.nuisance == "rolling":
+        return (
+            f"Beside the model stands the rolling radius, against the setup's: {said}; "
+            "give the setup's [tire] the radius that a measured way shows."
+        )
+    exponent = base.model.values.get("patch_load_exponent")
+    against = "" if exponent is None else f" than the {exponent:g} of patch_load_exponent"
+    return f"Beside the model stands another patch law{against}: {said}."
+
+
+def _said(part: NuisancePart, base: Base) -> str:
+    if part.unit == "1" and part.name.startswith("exponent"):
+        return f"{part.name} {part.value:+.2g} ± {part.se:.1g}"
+    if part.unit == "1" and not part.name.startswith(("run-out", "baseline")):
+        sign = "" if part.name.startswith("force") else "+"
+        return f"{part.name} {100.0 * part.value:{sign}.2g} ± {100.0 * part.se:.1g} %"
+    factor, unit = shown(base.model.observable, OBSERVABLES[base.model.observable].unit)
+    return f"{part.name} {part.value * factor:.2g} ± {part.se * factor:.1g} {unit}"
