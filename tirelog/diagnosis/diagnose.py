@@ -281,16 +281,16 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     # what does not repeat is no effect's to explain: it is a size of its own, and vetoes no name
     removed = excess_before - excess_after
     repeats = max(removed, 0.0) + (max(left.size, 0.0) if left.significant else 0.0)
-    repeated = removed / repeats if repeats > 0.0 and beyond_doubt(found) else share
-    share_named = max(share, min(repeated, 1.0))
-    enough = share_named >= MOST and (
-        len(found.named) == 1 or alone >= MOST or share_named >= TOGETHER
-    )
+    counted, total = excess_before, share
+    if 0.0 < repeats < excess_before and beyond_doubt(found):
+        counted, share = repeats, min(removed / repeats, 1.0)
+        alone *= excess_before / repeats
+    enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
     silent = "nothing_missing" if quiet(before, floor.square) else "scatter"
     verdict = _verdict(
         few,
         found.named,
-        share_named if enough else 0.0,
+        share if enough else 0.0,
         bool(groups),
         rest,
         "unknown" if left.significant else silent,
@@ -302,7 +302,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         left, excess_after = describe(before), excess_before
         if not left.significant and excess_before <= LEAST_SHARE_OF_FLOOR * floor.square:
             verdict = silent  # what alarmed is gone, once less is taken for scatter
-    ranking = _ranking(found, selected, excess_before, floor.square, share)
+    ranking = _ranking(found, selected, counted, floor.square, share)
     unexplained = _unexplained(
         left, found, ranking, excess_after, excess_before, floor.square, bool(selected)
     )
@@ -327,7 +327,7 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         "verdict": verdict,
         "selected": selected,
         "share": share,
-        "share_repeated": share_named,
+        "total": total,
         "shares": shares,
         "enough": MOST,
         "explained": EXPLAINED,

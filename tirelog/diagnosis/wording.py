@@ -138,11 +138,11 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         return f"{explains} repeats{where} and has no name yet. {FIRST_CHECK}"
     one = len(selected) == 1
     said = f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} "
-    if share < facts["explained"]:
+    if facts["total"] < facts["explained"]:
         factor, unit = shown(facts["observable"], facts["unit"])
         rest = max(facts["after"] - facts["floor"], 0.0) ** 0.5 * factor
         return (
-            f"{said}{percent(facts['share_repeated'])} of the excess that repeats; {rest:.3g} "
+            f"{said}{percent(share)} of the excess that repeats; {rest:.3g} "
             f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {FIRST_CHECK}"
         )
     return f"{said}{percent(share)} of the excess."
