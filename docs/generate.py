@@ -12,7 +12,9 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
+from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect
+from tirelog.physics.model.nuisances import NUISANCES, Nuisance
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
@@ -288,12 +290,42 @@ def observables_section() -> str:
     return table(("`--observable`", "what it is", "unit", "measured by channels of kind"), rows)
 
 
+def _sizes(nuisance: Nuisance) -> str:
+    """The ordinary sizes of a nuisance as a cell."""
+    return "; ".join(f"`{p.name}` {p.value:g} {unit_of(p.unit)}".strip() for p in nuisance.sizes)
+
+
+def verdicts_page() -> str:
+    """The verdicts in the order in which they are tried, and every number that decides."""
+    rules = [(f"`{rule.verdict}`", rule.words) for rule in RULES]
+    numbers = [(f"`{t.name}`", f"{t.value:.3g}", t.unit, t.reason) for t in THRESHOLDS]
+    nuisances = [(f"`{n.name}`", n.description, _sizes(n)) for n in NUISANCES]
+    return f"""{NOTE.format("tirelog/diagnosis/rules.py")}
+# How a verdict comes about
+The first rule that holds is the verdict of `tirelog diagnose`:
+
+{table(("verdict", "given if"), rules)}
+
+## What decides
+{table(("name", "value", "unit", "why"), numbers)}
+
+## Nuisances
+What every wheel, road and day does stands beside the model if it earns its place by the same rules
+as an effect, or if the model file's `[nuisances]` says `"on"`; never if it says `"off"`. A size is
+the standard deviation of an amplitude before anything is measured, and can be given:
+`wheel = {{ use = "auto", force = 0.02 }}`.
+
+{table(("nuisance", "what it is", "ordinary sizes"), nuisances)}
+"""
+
+
 PAGES: Mapping[str, Callable[[], str]] = {
     "docs/quality_words.md": quality_page,
     "docs/channel_kinds.md": kinds_page,
     "docs/conditions.md": conditions_page,
     "docs/observables.md": observables_page,
     "docs/effects.md": effects_page,
+    "docs/verdicts.md": verdicts_page,
 }
 README_SECTIONS: Mapping[str, Callable[[], str]] = {
     "quality words": quality_section,

@@ -13,14 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tirelog.diagnosis.sign_flips import (
-    ALARM_P,
-    GAIN_SIGMAS,
-    LEAST_SHARE_OF_FLOOR,
-    Scores,
-    flip_test,
-    gain_and_error,
-)
+from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.diagnosis.signatures import Signature
 from tirelog.inference.base import Base
 from tirelog.inference.floor import held_out_losses

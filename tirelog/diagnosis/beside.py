@@ -13,14 +13,8 @@ import numpy as np
 
 from tirelog.diagnosis.assessment import nuisance
 from tirelog.diagnosis.naming import worth_it
-from tirelog.diagnosis.sign_flips import (
-    ALARM_P,
-    GAIN_SIGMAS,
-    LEAST_SHARE_OF_FLOOR,
-    Scores,
-    flip_test,
-    gain_and_error,
-)
+from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit
 from tirelog.inference.cells.shared import SharedEffects

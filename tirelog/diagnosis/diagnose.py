@@ -34,6 +34,13 @@ from tirelog.diagnosis.beside import (
     needed_nuisances,
     with_nuisances,
 )
+from tirelog.diagnosis.checks import (
+    Check,
+    Suspect,
+    check_sentences,
+    posterior_checks,
+    suspects,
+)
 from tirelog.diagnosis.compare import (
     Measured,
     comparison_of,
@@ -58,8 +65,19 @@ from tirelog.diagnosis.nuisance_sizes import (
     nuisances_found,
 )
 from tirelog.diagnosis.results import Candidate, Comparison, plain_values
+from tirelog.diagnosis.rules import (
+    BEYOND_DOUBT_P,
+    EXPLAINED,
+    FEWEST_MANOEUVRES,
+    LEAST_SHARE_OF_FLOOR,
+    MOST,
+    MOST_EFFECTS,
+    REST_SHARE,
+    TOGETHER,
+    Evidence,
+    verdict_of,
+)
 from tirelog.diagnosis.separation import advise
-from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES, LEAST_SHARE_OF_FLOOR
 from tirelog.diagnosis.signatures import candidate_effects
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import next_command, not_varied, sentence_of, unexplained_sentence
@@ -67,21 +85,6 @@ from tirelog.inference.base import Base, settled
 from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.observables import OBSERVABLES
-
-#: shares of the excess that the selected effects remove: below the first something is missing
-#: besides (`partial`), below the second the verdict is `unknown`
-EXPLAINED = 0.9
-MOST = 0.7
-#: share that several must remove together, if the first of them alone does not remove MOST: two
-#: wrong names imitate more than one
-TOGETHER = 0.85
-#: a rest is worth a word from this share of the excess on (and LEAST_SHARE_OF_FLOOR of the floor)
-REST_SHARE = 0.02
-#: family-wise p at most with which an effect is named beside a rest that does not repeat; with
-#: ALARM_P one null in a hundred that scatters would get a name
-BEYOND_DOUBT_P = 0.001
-#: effects that one diagnosis names at most
-MOST_EFFECTS = 4
 
 Progress = Callable[[str], None]
 
@@ -123,6 +126,8 @@ class Diagnosis:
     separating_manoeuvres: tuple[Mapping[str, Any], ...]
     unexplained: Mapping[str, Any]
     nuisances: tuple[NuisanceFound, ...]
+    checks: tuple[Check, ...]
+    suspects: tuple[Suspect, ...]
     not_tested: Mapping[str, str]
     rmse_heldout_before: float | None
     rmse_heldout_after: float | None
@@ -151,7 +156,7 @@ class Diagnosis:
         return comparison_of(self.found.after, self.stacks) if self.selected else self.before
 
     def to_json(self) -> dict[str, Any]:
-        apart = ("effects", "notes", "found", "stacks", "nuisances")
+        apart = ("effects", "notes", "found", "stacks", "nuisances", "checks", "suspects")
         names = [name for name in self.__dataclass_fields__ if name not in apart]
         rows = [
             {name: getattr(c, name) for name in Candidate.__dataclass_fields__}
@@ -161,6 +166,8 @@ class Diagnosis:
             {name: getattr(self, name) for name in names}
             | {"effects": rows, "note": " ".join(self.notes)}
             | {"nuisances": {n.nuisance: n.to_json() for n in self.nuisances}}
+            | {"checks": [asdict(c) | {"never": c.never} for c in self.checks]}
+            | {"suspects": [asdict(s) for s in self.suspects]}
         )
         return told
 
@@ -286,29 +293,35 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         counted, share = repeats, min(removed / repeats, 1.0)
         alone *= excess_before / repeats
     enough = share >= MOST and (len(found.named) == 1 or alone >= MOST or share >= TOGETHER)
-    silent = "nothing_missing" if quiet(before, floor.square) else "scatter"
-    verdict = _verdict(
-        few,
-        found.named,
-        share if enough else 0.0,
-        bool(groups),
-        rest,
-        "unknown" if left.significant else silent,
+    evidence = Evidence(
+        few=few,
+        named=len(found.named),
+        share=share if enough else 0.0,
+        rest=rest,
+        alike=bool(groups),
+        repeats=left.significant,
+        quiet=quiet(before, floor.square),
     )
+    verdict = verdict_of(evidence)
     selected = found.named if verdict in ("missing", "partial", "ambiguous") else ()
     if (
         found.named and not selected
     ):  # what was named is not claimed: the description is of what the model as it came leaves
         left, excess_after = describe(before), excess_before
         if not left.significant and excess_before <= LEAST_SHARE_OF_FLOOR * floor.square:
-            verdict = silent  # what alarmed is gone, once less is taken for scatter
+            # what alarmed is gone, once less is taken for scatter
+            verdict = verdict_of(replace(evidence, named=0, repeats=False))
     ranking = _ranking(found, selected, counted, floor.square, share)
     unexplained = _unexplained(
         left, found, ranking, excess_after, excess_before, floor.square, bool(selected)
     )
-    beside = nuisances_found(after if selected else before)
+    result = after if selected else before
+    beside, checks = nuisances_found(result), posterior_checks(result)
+    suspected = suspects(result) if verdict in ("unknown", "scatter", "partial") else ()
     advice, notes = _advice(found, verdict)
-    notes += nuisance_sentences(beside, after if selected else before)
+    notes += nuisance_sentences(beside, result)
+    if verdict in ("unknown", "scatter", "partial"):
+        notes += check_sentences(checks)
     notes += of_rounding(before)
     notes += (
         [said]
@@ -322,12 +335,12 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
     reasons = {k: v for s in found.steps[:1] for k, v in s.reasons.items() if k not in ranked}
     scatter = asdict(scattered(before, floor.square)) if verdict == "scatter" else None
     shares = {c.effect: c.excess_removed for c in ranking}
-    result = after if selected else before
     facts = {
         "verdict": verdict,
         "selected": selected,
         "share": share,
         "total": total,
+        "suspects": tuple(s.said for s in suspected[:3]),
         "shares": shares,
         "enough": MOST,
         "explained": EXPLAINED,
@@ -355,6 +368,8 @@ def conclude(found: Found, stacks: Sequence[Stack]) -> Diagnosis:
         separating_manoeuvres=tuple(advice),
         unexplained=unexplained | {"scatter": scatter},
         nuisances=beside,
+        checks=checks,
+        suspects=suspected,
         not_tested=reasons,
         rmse_heldout_before=before.rmse_held,
         rmse_heldout_after=result.rmse_held,
@@ -375,21 +390,6 @@ def beyond_doubt(found: Found) -> bool:
     """Is every name so significant that a rest that does not repeat cannot make it doubtful?"""
     named = [step.named for step in found.steps if step.named is not None]
     return bool(named) and all(r.assessed.p <= BEYOND_DOUBT_P for r in named)
-
-
-def _verdict(
-    few: bool, named: Sequence[str], share: float, grouped: bool, rest: bool, unnamed: str
-) -> str:
-    """The verdict in one word; `unnamed` is the one if no effect is named."""
-    if few:
-        return "too_few"
-    if not named:
-        return unnamed
-    if share < MOST:
-        return "unknown"
-    if share < EXPLAINED or rest:
-        return "partial"
-    return "ambiguous" if grouped else "missing"
 
 
 def _ranking(

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from tirelog.diagnosis.compare import Measured, measured_pieces, remarks_of, start
-from tirelog.diagnosis.diagnose import EXPLAINED, Found, Progress, search_effects
+from tirelog.diagnosis.diagnose import Found, Progress, search_effects
 from tirelog.diagnosis.naming import Step
 from tirelog.diagnosis.results import Ladder, LadderStep, excess_of
-from tirelog.diagnosis.sign_flips import FEWEST_MANOEUVRES
+from tirelog.diagnosis.rules import EXPLAINED, FEWEST_MANOEUVRES
 from tirelog.diagnosis.validity import out_of_range
 from tirelog.diagnosis.wording import probability
 from tirelog.inference.base import Base

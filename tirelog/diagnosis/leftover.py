@@ -22,14 +22,8 @@ import numpy as np
 from tirelog.diagnosis.assessment import nuisance
 from tirelog.diagnosis.naming import even_share, hats
 from tirelog.diagnosis.pressure_shapes import pressure_columns
-from tirelog.diagnosis.sign_flips import (
-    ALARM_P,
-    GAIN_SIGMAS,
-    LEAST_SHARE_OF_FLOOR,
-    Scores,
-    flip_test,
-    gain_and_error,
-)
+from tirelog.diagnosis.rules import ALARM_P, GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR
+from tirelog.diagnosis.sign_flips import Scores, flip_test, gain_and_error
 from tirelog.inference.base import Base, thinned
 from tirelog.inference.floor import held_out_losses, load_derivative
 from tirelog.inference.metric.offsets import Nuisance

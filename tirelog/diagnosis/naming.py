@@ -22,7 +22,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tirelog.diagnosis.assessment import Assessed, assess
-from tirelog.diagnosis.sign_flips import GAIN_SIGMAS, LEAST_SHARE_OF_FLOOR, gain_and_error
+from tirelog.diagnosis.rules import (
+    CONTENDER,
+    ESTABLISHED_SIGMAS,
+    GAIN_SIGMAS,
+    LEAST_SHARE_OF_FLOOR,
+    LIKE,
+    MOST_CONTENDERS,
+    NOT_FORM,
+    QUIET_CHI2,
+    QUIET_FLOORS,
+    SECOND_LEAST,
+    THIRD,
+    TWINS,
+    WORSE_SIGMAS,
+)
+from tirelog.diagnosis.sign_flips import gain_and_error
 from tirelog.diagnosis.signatures import all_signatures, candidate_effects, with_candidate
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base, refit, settled, thinned
@@ -34,9 +49,6 @@ from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
-#: candidates whose statistic reaches this share of the largest are refitted, at most so many
-CONTENDER = 0.65
-MOST_CONTENDERS = 4
 #: starts of a candidate are tried on so many cells, so many steps
 _TRIAL_CELLS = 24
 _TRIAL_STEPS = 12
@@ -45,29 +57,10 @@ _TRIAL_STEPS = 12
 #: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
 #: nothing seen
 SAME_CHI2 = 1e-3
-#: likeness (a cosine) from which on two effects are one to these data
-TWINS = 0.95
-#: and from which on they are if the wrong one leaves less than a third of the floor more: in mean
-#: squares, a ninth
-LIKE = 0.90
-_THIRD = 1.0 / 9.0
 #: share of such a direction that makes a strength undetermined
 _UNDETERMINED = 0.1
-#: squared floors that a second effect removes beside free shapes of the first
-SECOND_LEAST = 0.5
 #: share of a contribution's energy that makes it even, or odd
 _SYMMETRIC = 0.95
-#: a rest of the excess that no form of the first effect would leave
-NOT_FORM = 0.12
-#: standard errors (of all strengths together, per root of their number) from which an effect is
-#: there at all; doubled it would ask of a name more than the test asks of an alarm
-ESTABLISHED_SIGMAS = 2.0
-#: standard errors by which a rival is clearly worse than one that is right to the floor
-WORSE_SIGMAS = 3.0
-#: what is left is the floor: held-out error in floors, and reduced chi-square, at most (the
-#: contract's); twice the margins would let a quarter of the floor's square pass unsaid
-QUIET_FLOORS = 1.05
-QUIET_CHI2 = 1.2
 
 
 @dataclass(frozen=True)
@@ -321,7 +314,7 @@ def group_of(contenders: Sequence[Refitted]) -> tuple[str, ...]:
             min(r.likeness, r.likeness_of_size) >= TWINS
             or (
                 r.likeness_of_size >= LIKE
-                and r.base.square_held - best.base.square_held < _THIRD * floor
+                and r.base.square_held - best.base.square_held < THIRD * floor
             )
         )
     ]

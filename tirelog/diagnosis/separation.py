@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tirelog.data.recording import Conditions
-from tirelog.diagnosis.naming import LIKE
+from tirelog.diagnosis.rules import LIKE
 from tirelog.errors import ModelError
 from tirelog.inference.base import Base
 from tirelog.inference.fit.cells import Problem, free_names

@@ -24,16 +24,6 @@ import numpy as np
 
 from tirelog.vocabulary.arrays import FloatArray
 
-#: an alarm needs all three: a family-wise p of at most this, which bounds the rate of false alarms
-#: over all candidates (doubled, it allows twice as many);
-ALARM_P = 0.01
-#: a gain held out of more than so many of its standard errors;
-GAIN_SIGMAS = 1.0
-#: and that more than this share of the squared floor goes: what is too small to matter may repeat
-#: perfectly, and no p-value removes that
-LEAST_SHARE_OF_FLOOR = 0.05
-#: manoeuvres that a two-sided p of ALARM_P needs
-FEWEST_MANOEUVRES = 8
 #: up to so many manoeuvres all patterns of signs are tried
 _EXACT = 13
 #: and beyond them so many random ones, some at a time

@@ -100,7 +100,7 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
             "is the noise floor."
         )
     if verdict == "scatter":
-        return f"{_scatter(facts)} {FIRST_CHECK}"
+        return f"{_scatter(facts)} {_first_check(facts)}"
     if verdict == "too_few":
         return (
             f"Too few manoeuvres for a test ({facts['manoeuvres']}): candidates are ranked, none "
@@ -109,7 +109,7 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
     if verdict == "unknown":
         return (
             f"Something repeatable is missing ({excess:.2g} squared floors){_nearest(facts)}. "
-            f"{FIRST_CHECK}"
+            f"{_first_check(facts)}"
         )
     if verdict == "ambiguous":
         sets = "; ".join(" or ".join(group) for group in facts["groups"])
@@ -130,12 +130,12 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         if share >= 0.9:
             return (
                 f"{explains} repeats and is within what a somewhat different form of {names} "
-                f"would leave. {FIRST_CHECK}"
+                f"would leave. {_first_check(facts)}"
             )
         if not rest.get("significant"):
-            return f"{explains} has no name: {_SHAPELESS}. {FIRST_CHECK}"
+            return f"{explains} has no name: {_SHAPELESS}. {_first_check(facts)}"
         where = f" {_WHERE[rest['where']]}" if rest.get("where") else ""
-        return f"{explains} repeats{where} and has no name yet. {FIRST_CHECK}"
+        return f"{explains} repeats{where} and has no name yet. {_first_check(facts)}"
     one = len(selected) == 1
     said = f"{names} {'is' if one else 'are'} missing: {'it removes' if one else 'they remove'} "
     if facts["total"] < facts["explained"]:
@@ -143,9 +143,16 @@ def sentence_of(facts: Mapping[str, Any]) -> str:
         rest = max(facts["after"] - facts["floor"], 0.0) ** 0.5 * factor
         return (
             f"{said}{percent(share)} of the excess that repeats; {rest:.3g} "
-            f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {FIRST_CHECK}"
+            f"{unit} beside it do not repeat from manoeuvre to manoeuvre. {_first_check(facts)}"
         )
     return f"{said}{percent(share)} of the excess."
+
+
+def _first_check(facts: Mapping[str, Any]) -> str:
+    """What to look at before physics: the conditions that would explain much, or all of them."""
+    if not facts["suspects"]:
+        return FIRST_CHECK
+    return f"Or the conditions are wrong: {'; or '.join(facts['suspects'])}."
 
 
 def _beside(facts: Mapping[str, Any]) -> str:

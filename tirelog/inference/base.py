@@ -58,14 +58,18 @@ class FittedChannel:
         return self.fit.model
 
     @property
-    def noise_chi2(self) -> float:
-        """Chi-square of the fitted point, against noise and random effects alone."""
+    def noise(self) -> Whitener:
+        """The metric of noise and random effects alone, without what the model misses."""
         scatter = np.array([self.floor.load_sd, self.floor.baseline_sd])
         columns = scatter_columns(self.cells, self.fit)
-        noise = whitener(
+        return whitener(
             self.cells, scattered=self.floor.wander_sd * columns[..., 0]
         ).with_manoeuvres(self.cells.manoeuvre, columns, scatter)
-        residual = noise(self.cells.values - self.fit.prediction - self.fit.beside)
+
+    @property
+    def noise_chi2(self) -> float:
+        """Chi-square of the fitted point, against noise and random effects alone."""
+        residual = self.noise(self.cells.values - self.fit.prediction - self.fit.beside)
         return float((residual**2).sum())
 
     @property

@@ -168,6 +168,28 @@ def shared_by(cells: Cells, fit: Fit, names: Sequence[str]) -> SharedEffects | N
     return SharedEffects.joined(effects) if effects else None
 
 
+def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:
+    """Change of the prediction per relative change of load, rolling radius and pressure, (C, m).
+
+    A pressure acts through the foundation, which it stretches. What the model cannot be computed
+    with is left out.
+    """
+    if cells.phi.shape[1] == 1:
+        return {}
+    slopes = {"load": load_derivative(cells, fit)}
+    stiffness = [
+        name
+        for name in ("foundation_stiffness_N_m2", "radial_stiffness_N_m2")
+        if name in fit.model.parameters
+    ]
+    try:
+        slopes["inflation pressure"] = _relative_slopes(cells, fit.model, stiffness).sum(axis=-1)
+        radius = _radius_slope(cells, fit.model)
+    except ModelError:
+        return slopes
+    return slopes if radius is None else slopes | {"rolling radius": radius}
+
+
 def _rms(fit: Fit) -> float:
     return float(np.sqrt(np.mean(fit.prediction**2)))
 
@@ -188,7 +210,7 @@ def _along_log(cells: Cells) -> FloatArray:
     return along
 
 
-def _relative_slopes(cells: Cells, model: Model, names: list[str]) -> FloatArray:
+def _relative_slopes(cells: Cells, model: Model, names: Sequence[str]) -> FloatArray:
     """Change of the prediction per relative change of each parameter, (C, m, k)."""
     _, slopes = model.linearised(
         cells.conditions,

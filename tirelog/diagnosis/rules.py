@@ -1,0 +1,178 @@
+"""The rules of a diagnosis in one table: what a name needs, which verdict follows, and why.
+
+`THRESHOLDS` lists every number that decides, with unit and reason; `RULES` the verdicts in the
+order in which they are tried. docs/verdicts.md is made of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A number that decides: its name in the code, value, unit, and what it is for."""
+
+    name: str
+    value: float
+    unit: str
+    reason: str
+
+
+THRESHOLDS: list[Threshold] = []
+
+
+def _number(name: str, value: float, unit: str, reason: str) -> float:
+    THRESHOLDS.append(Threshold(name, value, unit, reason))
+    return value
+
+
+# ---- is anything there? --------------------------------------------------------------------------
+ALARM_P = _number(
+    "ALARM_P", 0.01, "probability",
+    "family-wise p at most; bounds the rate of false alarms over all candidates, doubled it allows "
+    "twice as many",
+)  # fmt: skip
+GAIN_SIGMAS = _number(
+    "GAIN_SIGMAS", 1.0, "standard errors",
+    "held-out gain at least, by the scatter of manoeuvres",
+)  # fmt: skip
+LEAST_SHARE_OF_FLOOR = _number(
+    "LEAST_SHARE_OF_FLOOR", 0.05, "squared floors",
+    "what goes must be this large at least: what is too small to matter may repeat perfectly, and "
+    "no p-value removes that",
+)  # fmt: skip
+FEWEST_MANOEUVRES = int(
+    _number("FEWEST_MANOEUVRES", 8, "manoeuvres", "a two-sided p of ALARM_P needs so many")
+)
+# ---- which one is it? ----------------------------------------------------------------------------
+CONTENDER = _number(
+    "CONTENDER", 0.65, "share of the largest statistic",
+    "candidates from here on are refitted with the base free",
+)  # fmt: skip
+MOST_CONTENDERS = int(
+    _number("MOST_CONTENDERS", 4, "candidates", "and at most so many, for the time it takes")
+)
+TWINS = _number(
+    "TWINS", 0.95, "cosine",
+    "likeness from which on two effects are one to these data: noise separates shapes that differ "
+    "by 5 %, knowledge of tires does not",
+)  # fmt: skip
+LIKE = _number(
+    "LIKE", 0.90, "cosine",
+    "and from which on they are if the worse one leaves less than THIRD more",
+)  # fmt: skip
+THIRD = _number("THIRD", 1.0 / 9.0, "squared floors", "a third of the floor, in mean squares")
+ESTABLISHED_SIGMAS = _number(
+    "ESTABLISHED_SIGMAS", 2.0, "standard errors",
+    "by which an effect's strengths differ from nothing, per root of their number; doubled it "
+    "would ask of a name more than the test asks of an alarm",
+)  # fmt: skip
+WORSE_SIGMAS = _number(
+    "WORSE_SIGMAS", 3.0, "standard errors",
+    "by which a rival is clearly worse than one that is right to the floor",
+)  # fmt: skip
+# ---- is there another? ---------------------------------------------------------------------------
+SECOND_LEAST = _number(
+    "SECOND_LEAST", 0.5, "squared floors",
+    "what a further effect must remove beside free shapes of those before: what a form that is "
+    "somewhat wrong leaves repeats perfectly; true seconds keep 2 and more, false ones 0.3 at most",
+)  # fmt: skip
+NOT_FORM = _number(
+    "NOT_FORM", 0.12, "share of the excess",
+    "a rest that no form of the first effect would leave; forms 20 to 40 % wrong leave 1 to 6 %",
+)  # fmt: skip
+MOST_EFFECTS = int(_number("MOST_EFFECTS", 4, "effects", "that one diagnosis names at most"))
+# ---- what is said of it? -------------------------------------------------------------------------
+EXPLAINED = _number(
+    "EXPLAINED", 0.9, "share of the excess that repeats",
+    "that the named effects remove; below it something is missing besides",
+)  # fmt: skip
+MOST = _number(
+    "MOST", 0.7, "share of the excess that repeats",
+    "below it a name is not claimed: false names explain less",
+)  # fmt: skip
+TOGETHER = _number(
+    "TOGETHER", 0.85, "share of the excess that repeats",
+    "that several must remove if the first alone does not remove MOST: two wrong names imitate "
+    "more than one",
+)  # fmt: skip
+REST_SHARE = _number(
+    "REST_SHARE", 0.02, "share of the excess", "from which on a rest is worth a word"
+)
+BEYOND_DOUBT_P = _number(
+    "BEYOND_DOUBT_P", 0.001, "probability",
+    "family-wise p at most with which an effect is named beside a rest that does not repeat; with "
+    "ALARM_P one null in a hundred that scatters would get a name",
+)  # fmt: skip
+QUIET_FLOORS = _number(
+    "QUIET_FLOORS", 1.05, "floors",
+    "held-out error at most of what is the noise floor; twice the margin would let a quarter of "
+    "the floor's square pass unsaid",
+)  # fmt: skip
+QUIET_CHI2 = _number("QUIET_CHI2", 1.2, "reduced chi-square", "and its chi-square at most")
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a verdict is made of.
+
+    few       fewer manoeuvres than FEWEST_MANOEUVRES
+    named     how many effects alarmed, gained, were large enough and established
+    share     of the excess that repeats, which they remove
+    rest      something of size repeats beside them;  alike  another effect does the same
+    repeats   something repeats that no effect is named for;  quiet  what is left is the floor
+    """
+
+    few: bool
+    named: int
+    share: float
+    rest: bool
+    alike: bool
+    repeats: bool
+    quiet: bool
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A verdict, when it is given, and that in words."""
+
+    verdict: str
+    given: Callable[[Evidence], bool]
+    words: str
+
+
+#: tried from the top; the first that holds is the verdict
+RULES = (
+    Rule("too_few", lambda e: e.few, f"fewer than {FEWEST_MANOEUVRES} manoeuvres: a ranking"),
+    Rule(
+        "scatter",
+        lambda e: not e.named and not e.repeats and not e.quiet,
+        "nothing is named, nothing repeats, and what is left is more than the floor",
+    ),
+    Rule(
+        "nothing_missing",
+        lambda e: not e.named and not e.repeats,
+        f"nothing is named, nothing repeats, and what is left is the floor: held out at most "
+        f"{QUIET_FLOORS:g} floors, reduced chi-square at most {QUIET_CHI2:g}",
+    ),
+    Rule(
+        "unknown",
+        lambda e: not e.named or e.share < MOST,
+        f"something repeats, and no effect removes {100 * MOST:.0f} % of it",
+    ),
+    Rule(
+        "partial",
+        lambda e: e.share < EXPLAINED or e.rest,
+        f"the named effects remove {100 * MOST:.0f} to {100 * EXPLAINED:.0f} % of what repeats, or "
+        "something of size repeats beside them",
+    ),
+    Rule("ambiguous", lambda e: e.alike, "they remove it, and another effect would as well"),
+    Rule("missing", lambda e: True, "the named effects remove what repeats"),
+)
+
+
+def verdict_of(evidence: Evidence) -> str:
+    """The first verdict whose rule holds."""
+    return next(rule.verdict for rule in RULES if rule.given(evidence))
