@@ -23,9 +23,10 @@ from tirelog.inference.metric.projection import solve_scaled
 from tirelog.inference.nuisances import condition_slopes
 from tirelog.vocabulary.arrays import FloatArray
 
-#: residuals that are drawn; the range that is said is what 99 % of them keep to
+#: residuals that are drawn, and the standard deviations about their mean that make the range: one
+#: of the five leaves it by chance in a log in two hundred
 _DRAWN = 200
-_WITHIN = (0.005, 0.995)
+_WITHIN = 3.3
 #: a direction shrunk by so much is free, and no residual has a part in it
 _FREE = 0.99
 #: a suspect is said from this share of the excess on, that it would remove
@@ -65,7 +66,8 @@ def posterior_checks(base: Base, seed: int = 0) -> tuple[Check, ...]:
         free = (white.shrink > _FREE)[..., None]
         noise = other.without(noise - (white.basis @ (free * along))[..., 0])
         row[:] = [statistic(noise) for statistic in statistics.values()]
-    low, high = np.quantile(drawn, _WITHIN, axis=0)
+    mean, spread = drawn.mean(axis=0), drawn.std(axis=0, ddof=1)
+    low, high = mean - _WITHIN * spread, mean + _WITHIN * spread
     return tuple(
         Check(name, statistic(measured), float(a), float(b))
         for (name, statistic), a, b in zip(statistics.items(), low, high, strict=True)

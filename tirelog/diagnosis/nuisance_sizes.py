@@ -120,14 +120,20 @@ def _parts(
         ]  # fmt: skip
     at = {effects.names[i]: i for i in own}
     parts = []
-    for what in ("run-out", "force variation"):
-        for k, order in enumerate(_ORDER, 1):
-            c, s = at[f"{what} cos {k}"], at[f"{what} sin {k}"]
-            size = float(np.hypot(value[c], value[s]))
-            error = float(np.hypot(value[c] * se[c], value[s] * se[s]) / max(size, 1e-300))
-            name = f"{what} at the {order} harmonic"
-            parts.append(NuisancePart(name, size, error, _unit(base, what), float(effects.sd[c])))
+    for cosine, c in at.items():
+        if " cos " not in cosine:
+            continue
+        s = at[cosine.replace(" cos ", " sin ")]
+        what, place = cosine.split(" cos ")
+        size = float(np.hypot(value[c], value[s]))
+        error = float(np.hypot(value[c] * se[c], value[s] * se[s]) / max(size, 1e-300))
+        name = f"{what} at the {_ORDER[int(place[0]) - 1]} harmonic{_of_log(place[1:])}"
+        parts.append(NuisancePart(name, size, error, _unit(base, what), float(effects.sd[c])))
     return parts
+
+
+def _of_log(place: str) -> str:
+    return f" of{place}" if place else ""
 
 
 def _unit(base: Base, name: str) -> str:

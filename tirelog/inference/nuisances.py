@@ -10,8 +10,8 @@
     patch_law  the patch grows with another power of the load
 
 The shapes are changes of the fitted model's own prediction, so they are known as well as the model
-is. One amplitude serves all manoeuvres (of a log, for what belongs to a log): a nuisance repeats,
-which is why flips of manoeuvres take it for physics.
+is. One amplitude serves all manoeuvres (of a log, if it belongs to a log or a mounting): a nuisance
+repeats, which is why flips of manoeuvres take it for physics.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tirelog.errors import ModelError
 from tirelog.inference.cells.cells import Cells
@@ -28,7 +29,7 @@ from tirelog.inference.fit.cells import Fit
 from tirelog.inference.floor import load_derivative
 from tirelog.physics.model.model import Model
 from tirelog.physics.model.nuisances import Nuisance
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray
 from tirelog.vocabulary.observables import STRAIN
 
 #: harmonics of the wheel that rims, mounting and uniformity of a tire show
@@ -42,8 +43,8 @@ _RADIUS_SPEED = 25.0
 #: relative step of a derivative, and that of the patch length for its second one
 _STEP = 0.005
 _LENGTH_STEP = 0.02
-#: logs that drift each on its own; more drift alike
-_MOST_LOGS = 4
+#: values that the columns of a nuisance have at most if each log has its own: 64 MB
+_MOST_VALUES = 8_000_000
 #: size of the bend of a drift over that of its slope
 _BEND = 0.3
 #: what warms with the tire, of beam and ring
@@ -64,11 +65,18 @@ def wheel(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
     strain = cells.observable == STRAIN
     runout = known.size("run_out") if strain else _RUNOUT_SHARE * _rms(fit)
     names = [f"{wave} {k}" for wave in ("cos", "sin") for k in _HARMONICS]
+    parts = _parts(cells, np.unique(cells.log), 2 * len(names))
+    columns = np.concatenate([waves, load[..., None] * waves], axis=-1)
     return SharedEffects(
-        np.concatenate([waves, load[..., None] * waves], axis=-1),
-        np.repeat([runout, known.size("force")], len(names)),
-        tuple(f"{what} {name}" for what in ("run-out", "force variation") for name in names),
-        ("wheel",) * (2 * len(names)),
+        np.concatenate([columns * rows[:, None, None] for rows in parts.values()], axis=-1),
+        np.tile(np.repeat([runout, known.size("force")], len(names)), len(parts)),
+        tuple(
+            f"{what} {name} {part}".strip()
+            for part in parts
+            for what in ("run-out", "force variation")
+            for name in names
+        ),
+        ("wheel",) * (2 * len(names) * len(parts)),
     )
 
 
@@ -82,17 +90,15 @@ def drift(cells: Cells, fit: Fit, known: Nuisance) -> SharedEffects | None:
     shapes = np.concatenate([slopes, np.ones_like(cells.phi)[..., None]], axis=-1)
     sizes = np.r_[np.full(len(names), known.size("relative")), known.size("baseline") * _rms(fit)]
     words = [*(_DRIFTING[name] for name in names), "baseline"]
-    logs = [int(log) for log in np.unique(cells.log) if np.any(along[cells.log == log])]
-    parts = {f"log {log + 1}": cells.log == log for log in logs}
-    if len(logs) > _MOST_LOGS:
-        parts = {"each log": np.ones(len(cells), bool)}
+    logs = [log for log in np.unique(cells.log) if np.any(along[cells.log == log])]
+    parts = _parts(cells, np.array(logs), 2 * len(words))
     # warming slows down: a straight line and a bend about it
     factors = {"along": along, "bend along": np.where(along == 0.0, 0.0, 4.0 * along**2 - 0.5)}
     columns, labels = [], []
     for part, rows in parts.items():
         for word, factor in factors.items():
             columns.append(shapes * np.where(rows, factor, 0.0)[:, None, None])
-            labels += [f"{name} {word} {part}" for name in words]
+            labels += [f"{name} {word} {part or 'each log'}" for name in words]
     return SharedEffects(
         np.concatenate(columns, axis=-1),
         np.concatenate([sizes, _BEND * sizes] * len(parts)),
@@ -166,6 +172,16 @@ def shared_by(cells: Cells, fit: Fit, names: Sequence[str]) -> SharedEffects | N
     found = [shared_effects(cells, fit, name) for name in names]
     effects = [x for x in found if x is not None]
     return SharedEffects.joined(effects) if effects else None
+
+
+def _parts(cells: Cells, logs: IntArray, columns: int) -> dict[str, NDArray[np.bool_]]:
+    """The cells of each log, by its name; all of them together, without one, if that is too much.
+
+    Between two logs a tire may have been mounted anew, and a day has passed.
+    """
+    if logs.size == 1 or logs.size * columns * cells.phi.size > _MOST_VALUES:
+        return {"": np.ones(len(cells), bool)}
+    return {f"log {log + 1}": cells.log == log for log in logs}
 
 
 def condition_slopes(cells: Cells, fit: Fit) -> dict[str, FloatArray]:

@@ -1,0 +1,104 @@
+"""A nuisance of the wheel or the road is none of the tire's effects: truth by `simulate`."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.cases import Case, case
+from tirelog.diagnosis.beside import groups_of
+from tirelog.diagnosis.compare import start
+from tirelog.diagnosis.diagnose import conclude, search_effects
+from tirelog.inference.stacks.cut import stacks_from_logs
+from tirelog.physics.model.model import Model
+from tirelog.simulation import simulate, to_recording
+from tirelog.simulation.scenario.schema import (
+    ForceVariation,
+    LoadWander,
+    Nuisances,
+    RollingRadius,
+    RunOut,
+)
+
+SHORT = Case(plan="short", logs=2, duration=0.8)
+WHEEL = Nuisances(
+    run_out=RunOut((8.0, 4.0, 2.0), (30.0, 100.0, 200.0)),
+    force_variation=ForceVariation((0.012, 0.006, 0.004), (10.0, 80.0, 150.0)),
+)
+
+
+#: what every case of the benchmark's tire is known by
+MODEL = Model.new("beam", radius_m=0.305)
+
+
+def measured(nuisances, planted=(), seed=403, how=SHORT):
+    """Stacks of two short logs in a world."""
+    logs = [replace(log, nuisances=nuisances) for log in case(planted, seed=seed, how=how)]
+    return stacks_from_logs(
+        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=128
+    )
+
+
+def diagnosed(stacks, model=MODEL):
+    return conclude(search_effects(start(stacks, model)), ())
+
+
+@pytest.fixture(scope="module")
+def wheel_null():
+    return measured(WHEEL)
+
+
+def test_run_out_and_force_variation_are_told_with_their_size(wheel_null):
+    result = diagnosed(wheel_null)
+    assert result.verdict == "nothing_missing"
+    wheel = next(n for n in result.nuisances if n.nuisance == "wheel")
+    assert wheel.stayed
+    sizes = {part.name: part for part in wheel.parts}
+    for order, run_out, force in zip(
+        ("first", "second", "third"), (8e-6, 4e-6, 2e-6), (0.012, 0.006, 0.004), strict=True
+    ):
+        for name, true in (("run-out", run_out), ("force variation", force)):
+            part = sizes[f"{name} at the {order} harmonic of log 1"]
+            assert abs(part.value - true) < max(4.0 * part.se, 0.05 * true), part
+    said = result.to_json()["nuisances"]["wheel"]
+    assert said["stayed"]
+    assert said["se"] > 0.0
+    assert said["unit"]
+
+
+def test_without_the_nuisance_it_is_taken_for_something_missing(wheel_null):
+    result = diagnosed(wheel_null, MODEL.with_nuisance("wheel", "off"))
+    assert result.verdict not in ("nothing_missing", "scatter")
+    assert "wheel" not in result.to_json()["nuisances"]
+
+
+def test_a_nuisance_that_is_on_stands_beside_the_base(wheel_null):
+    base = start(wheel_null, MODEL.with_nuisance("wheel", "on"))
+    assert groups_of(base) == ("wheel",)
+    assert base.reduced_chi2 < 1.2 < 5.0 < start(wheel_null, MODEL).reduced_chi2
+
+
+def test_an_effect_is_named_beside_the_wheel():
+    stacks = measured(WHEEL, {"viscous_damping": {"damping_rate_1_s": 40.0}})
+    result = diagnosed(stacks)
+    assert result.selected == ("viscous_damping",)
+    damping = result.model.parameters["viscous_damping.damping_rate_1_s"]
+    assert abs(damping.value - 40.0) < 4.0 * damping.se
+
+
+def test_a_radius_that_is_wrong_and_grows_is_no_effect():
+    stacks = measured(Nuisances(rolling_radius=RollingRadius(-0.015, 0.02)))
+    result = diagnosed(stacks)
+    assert result.verdict == "nothing_missing"
+    assert [n.nuisance for n in result.nuisances if n.stayed] == ["rolling"]
+
+
+def test_a_load_that_wanders_is_in_the_floor():
+    how = replace(SHORT, plan="mixed")
+    quiet, restless = (
+        start(measured(Nuisances(load_wander=LoadWander(share, 2.0)), how=how), MODEL)
+        for share in (0.0, 0.03)
+    )
+    assert quiet.floor.wander_sd < 0.005 < 0.012 < restless.floor.wander_sd < 0.05
+    assert restless.reduced_chi2 < 1.2
+    np.testing.assert_array_less(quiet.floor.between, restless.floor.between)
