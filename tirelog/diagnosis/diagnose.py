@@ -51,6 +51,7 @@ from tirelog.diagnosis.compare import (
 from tirelog.diagnosis.leftover import Leftover, describe, scattered
 from tirelog.diagnosis.naming import (
     Step,
+    assess_all,
     contend,
     first_step,
     group_of,
@@ -242,13 +243,16 @@ def _climb(
     ground: Base | None = base
     while True:
         named = [s.named.id for s in steps if s.named is not None]
-        step = next_step(after, named, excess, extra) if named else first_step(after, extra)
-        rival = best_nuisance(after, nuisances)
-        if rival is not None and _leaves_less(rival, step):
+        rival = None if quiet(after, after.floor.square) else best_nuisance(after, nuisances)
+        step = None
+        if rival is None or named or _may_do_as_well(after, rival, extra):
+            step = next_step(after, named, excess, extra) if named else first_step(after, extra)
+        if rival is not None and (step is None or _leaves_less(rival, step)):
             progress(f"beside the model: {groups_of(rival)[-1]}")
             after = settled(rival)
             ground, excess = (None, excess) if steps else (after, after.excess)
             continue
+        assert step is not None
         steps.append(step)
         if step.named is None:
             return steps, after, ground
@@ -256,6 +260,19 @@ def _climb(
         after = settled(step.named.base)
         if len(steps) == MOST_EFFECTS:
             return steps, after, ground
+
+
+def _may_do_as_well(base: Base, rival: Base, extra: tuple[Effect, ...]) -> bool:
+    """Could an effect, once refitted, leave as little as a nuisance does?
+
+    Not if the nuisance leaves the floor, and none comes near to it by its linear strength: refits
+    of effects take most of a search.
+    """
+    if rival.excess > LEAST_SHARE_OF_FLOOR * rival.floor.square:
+        return True
+    assessed, _ = assess_all(base, extra)
+    most = max((a.removed for a in assessed if a.alarms(base.floor.square)), default=0.0)
+    return most > 0.5 * MOST * (base.excess - rival.excess)
 
 
 def _leaves_less(rival: Base, step: Step) -> bool:

@@ -30,12 +30,16 @@ from tirelog.inference.metric.offsets import Levelled, Nuisance, Offsets
 from tirelog.inference.metric.projection import Normal, in_blocks, side_by_side, solve_scaled
 from tirelog.inference.metric.whitening import Whitener
 from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.observables import STRAIN
 
 #: relative step of the load for its derivative
 _STEP = 0.01
 #: degrees of freedom of cells within manoeuvres that a wander of the load is told from; twice as
 #: many would leave short logs without it
 FEWEST_WANDERING = 8.0
+#: standard deviations of chi-square by which it must be told: nulls stay below 2, a wander of 3 %
+#: shows with 18 and more; below it, what the model's shape lacks would pass for a wander
+SURE_SIGMAS = 4.0
 #: cells whose columns are worked on at a time, about
 _SOME_CELLS = 64
 
@@ -265,10 +269,11 @@ def wander_within(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray) 
     """Standard deviation of the relative load between the cells of a manoeuvre.
 
     By the method of moments, weighted by what each cell knows (DerSimonian and Laird 1986, with
-    covariates). Each manoeuvre has its own level, and what follows speed is no wander; 0 if fewer
-    than FEWEST cells are left to show one.
+    covariates). Each manoeuvre has its own level, and what follows speed is no wander; 0 if too few
+    cells are left to show one, or they do not surely. Only of strain: an acceleration's size follows
+    the speed squared, so that a speed that is 0.3 % off looks like a load.
     """
-    if cells.phi.shape[1] == 1:
+    if cells.phi.shape[1] == 1 or cells.observable != STRAIN:
         return 0.0
     residual = Nuisance.of(Offsets.of(cells, white), white(fit.jacobian)).without(
         white(cells.values - fit.prediction)
@@ -291,6 +296,8 @@ def wander_within(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray) 
     scaled = np.sqrt(weight) * load[known]
     left = scaled - hat @ scaled
     spread = float((weight * (1.0 - np.diag(hat))).sum())
+    if float(left @ left) < freedom + SURE_SIGMAS * np.sqrt(2.0 * freedom):
+        return 0.0
     return float(np.sqrt(max((float(left @ left) - freedom) / max(spread, 1e-300), 0.0)))
 
 
