@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.cases import Case, case
-from tirelog.diagnosis.beside import groups_of
+from tirelog.diagnosis.beside import allowed_nuisances, groups_of
 from tirelog.diagnosis.compare import start
 from tirelog.diagnosis.diagnose import conclude, search_effects
 from tirelog.inference.stacks.cut import stacks_from_logs
@@ -20,7 +20,7 @@ from tirelog.simulation.scenario.schema import (
     RunOut,
 )
 
-SHORT = Case(plan="short", logs=2, duration=0.8)
+SHORT = Case(plan="short", logs=2, duration=0.6)
 WHEEL = Nuisances(
     run_out=RunOut((8.0, 4.0, 2.0), (30.0, 100.0, 200.0)),
     force_variation=ForceVariation((0.012, 0.006, 0.004), (10.0, 80.0, 150.0)),
@@ -35,7 +35,7 @@ def measured(nuisances, planted=(), seed=403, how=SHORT):
     """Stacks of two short logs in a world."""
     logs = [replace(log, nuisances=nuisances) for log in case(planted, seed=seed, how=how)]
     return stacks_from_logs(
-        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=128
+        [to_recording(simulate(log), f"log_{i}") for i, log in enumerate(logs)], angles=64
     )
 
 
@@ -66,16 +66,14 @@ def test_run_out_and_force_variation_are_told_with_their_size(wheel_null):
     assert said["unit"]
 
 
-def test_without_the_nuisance_it_is_taken_for_something_missing(wheel_null):
-    result = diagnosed(wheel_null, MODEL.with_nuisance("wheel", "off"))
-    assert result.verdict not in ("nothing_missing", "scatter")
-    assert "wheel" not in result.to_json()["nuisances"]
-
-
 def test_a_nuisance_that_is_on_stands_beside_the_base(wheel_null):
     base = start(wheel_null, MODEL.with_nuisance("wheel", "on"))
     assert groups_of(base) == ("wheel",)
-    assert base.reduced_chi2 < 1.2 < 5.0 < start(wheel_null, MODEL).reduced_chi2
+    assert base.reduced_chi2 < 1.2
+    off = MODEL.with_nuisance("wheel", "off")
+    plain = start(wheel_null, off)
+    assert plain.reduced_chi2 > 5.0
+    assert "wheel" not in allowed_nuisances(plain)
 
 
 def test_an_effect_is_named_beside_the_wheel():

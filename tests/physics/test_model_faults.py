@@ -9,7 +9,7 @@ from tirelog.errors import ModelError
 from tirelog.physics import Model
 from tirelog.physics.model.expression import LONGEST
 from tirelog.physics.model.expression import parse_expression as parse_expression
-from tirelog.physics.model.file import load_model, parse_model, save_model
+from tirelog.physics.model.file import as_toml, load_model, parse_model, save_model
 from tirelog.physics.model.user_effects import effects_of_file
 
 PHI = np.linspace(-1.0, 1.0, 9)
@@ -264,3 +264,34 @@ def test_a_function_with_another_number_of_arguments(text: str) -> None:
     """
     with pytest.raises(ModelError, match=r"arguments; allowed are \d"):
         parse_expression(text, {"xi", "L"})
+
+
+NUISANCES = {
+    'wheels = "on"': "unknown key 'wheels' in [nuisances] (nearest: wheel)",
+    'wheel = "maybe"': "nuisance wheel: 'maybe' is no use of it; allowed are auto, on, off",
+    "wheel = 3": "nuisance wheel: 3 is no use of it",
+    "drift = { relative = -1.0 }": "relative = -1 1 lies outside its bounds",
+    'drift = { relative = "a" }': "relative: value = 'a'",
+    "drift = { relatve = 0.1 }": "unknown key 'relatve' in nuisance drift (nearest: relative)",
+}
+
+
+@pytest.mark.parametrize(("line", "said"), NUISANCES.items())
+def test_a_wrong_nuisance_is_refused_at_its_line(line: str, said: str) -> None:
+    text = as_toml(Model.new("beam")) + f"\n[nuisances]\n{line}\n"
+    with pytest.raises(ModelError) as refused:
+        parse_model(text)
+    assert said in str(refused.value)
+    assert f"model:{text.count(chr(10))}" in str(refused.value)
+
+
+def test_nuisances_are_kept_as_they_are_written() -> None:
+    written = 'wheel = "off" # bad rig\ndrift = { use = "on", relative = 0.05 }\n'
+    model = parse_model(as_toml(Model.new("beam")) + "\n[nuisances]\n" + written)
+    assert [n.use for n in model.nuisances] == ["off", "on", "auto", "auto"]
+    assert written in as_toml(model)
+    again = parse_model(as_toml(model.with_nuisance("rolling", "on").with_nuisance("drift", "off")))
+    assert [n.use for n in again.nuisances] == ["off", "off", "on", "auto"]
+    assert again.nuisances[1].size("relative") == 0.05
+    with pytest.raises(ModelError, match="wheel"):
+        model.with_nuisance("weel", "on")

@@ -270,8 +270,8 @@ def wander_within(cells: Cells, white: Whitener, fit: Fit, columns: FloatArray) 
 
     By the method of moments, weighted by what each cell knows (DerSimonian and Laird 1986, with
     covariates). Each manoeuvre has its own level, and what follows speed is no wander; 0 if too few
-    cells are left to show one, or they do not surely. Only of strain: an acceleration's size follows
-    the speed squared, so that a speed that is 0.3 % off looks like a load.
+    cells are left to show one, or they do not surely. Only of strain: an acceleration's size
+    follows the speed squared, so that a speed that is 0.3 % off looks like a load.
     """
     if cells.phi.shape[1] == 1 or cells.observable != STRAIN:
         return 0.0
