@@ -247,7 +247,7 @@ def test_the_fit_is_two_steps_of_least_squares_with_the_cramer_rao_bound():
     assert found.lost.tolist() == [False, True, True, False, False]
     assert found.spike.tolist() == [False, False, True, False, False]
     for k in range(5):
-        at = np.arange(*windows.spans[k, :2])
+        at = np.arange(windows.spans["first"][k], windows.spans["stop"][k])
         weight = np.isfinite(values[at]) & (at != 505)
         time_s, omega, height = start.time_s[k], start.omega[k], 1.0
         for _ in range(2):
