@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray, Records
+from tirelog.vocabulary.arrays import FloatArray, Record, Records
 
 #: a row as its fit begins: patch centre [s], the wheel's rate [rad/s] and its change [rad/s^2], how
 #: far the rate may be off (standard deviation, relative), height of the passage [channel's unit]
@@ -226,7 +226,7 @@ def fit_rows(
 
 
 @compiled
-def read_window(source: Source, span: Records, scratch: Scratch) -> tuple[int, int]:
+def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, int]:
     """Fills `scratch` with the samples of a `span`, thinned; how many, and how many are lost.
 
     Their times too. Lost and stuck ones have no weight. Stuck are three or more in a row on the
