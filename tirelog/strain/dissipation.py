@@ -29,7 +29,7 @@ from tirelog.dsp.differentiator import bridged, differentiator
 from tirelog.runtime import compiled
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 
 # Samples to the energy of their derivative in each revolution, in one pass.
@@ -40,6 +40,8 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 #: what a block's first sample has to be a multiple of, so that the fours are the same wherever the
 #: values were cut
 FOUR = 4
+#: a row's sums: of the squared slope, and of its squared change from one place to the next
+ENERGY = np.dtype([("slope2", "f8"), ("change2", "f8")])
 #: rows of the scratch: slope, energy and bend of four samples
 SCRATCH_ROWS = 3
 #: samples that stay in the fastest cache while all coefficients pass over them
@@ -55,13 +57,13 @@ def revolution_sums(
     rows: IntArray,
     low: IntArray,
     high: IntArray,
-    sums: FloatArray,
+    sums: Records,
 ) -> None:
     """Adds to `sums` the squared derivative of `values`, and its squared changes.
 
-    `sums` (m, 2) of the `rows` (k,): the squared derivative of `values` (n,) over [low, high) (k,),
-    and its squared change from one place to the next. Places count as `first` does, the place of
-    the first value.
+    `sums` (m,) of ENERGY, of the `rows` (k,): the squared derivative of `values` (n,) over
+    [low, high) (k,), and its squared change from one place to the next. Places count as `first`
+    does, the place of the first value.
 
     derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 if that leaves
     `values`; `scratch` (SCRATCH_ROWS, n or more). Sums go four by four at multiples of FOUR, so
@@ -73,7 +75,8 @@ def revolution_sums(
     begin = FOUR - first % FOUR  # the first four that has a neighbour before it
     _fours(slope, begin, energies, bends)
     for j in range(rows.size):
-        energy, bend = sums[rows[j], 0], sums[rows[j], 1]
+        row = sums[rows[j]]
+        energy, bend = row["slope2"], row["change2"]
         i, end = max(low[j] - first, 1), min(high[j] - first, n - 1)
         while i < end:
             if (i - begin) % FOUR == 0 and i + FOUR <= end:
@@ -88,7 +91,7 @@ def revolution_sums(
                 energy += slope[i] * slope[i]
                 bend += change * change
                 i += 1
-        sums[rows[j], 0], sums[rows[j], 1] = energy, bend
+        row["slope2"], row["change2"] = energy, bend
 
 
 @compiled
@@ -266,7 +269,7 @@ def _energies(
         // FOUR
         * FOUR
     )
-    sums, scratch = np.zeros((len(passages), 2)), np.empty((SCRATCH_ROWS, step + 2 * (half + 3)))
+    sums, scratch = np.zeros(len(passages), ENERGY), np.empty((SCRATCH_ROWS, step + 2 * (half + 3)))
     breaks = (
         np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]])
         if channel.axis.explicit is None
@@ -291,7 +294,7 @@ def _energies(
                 means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
                 within = np.maximum(low[rows], start) - begin, np.minimum(high[rows], stop) - begin
                 revolution_sums(means, first - begin, side, scratch, rows, *within, sums)
-    return sums[:, 0], sums[:, 1], (high - low).astype(float) * known
+    return sums["slope2"], sums["change2"], (high - low).astype(float) * known
 
 
 def steady_stretches(

@@ -19,6 +19,8 @@ from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 Bytes = NDArray[np.int8]
+#: deviations of passages [rad] that were summed: how many, their sum, the sum of their squares
+SUMS = np.dtype([("number", "f8"), ("total", "f8"), ("squares", "f8")])
 
 #: samples whose extremes are taken together
 CHUNK = 64
