@@ -647,14 +647,14 @@ def _(rng: np.random.Generator) -> Arguments:
 
 @inputs_of("strain.dissipation")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.strain.dissipation import ENERGY
+    from tirelog.strain.dissipation import ENERGY, Scratch
 
     values, side = rng.normal(size=300).cumsum(), rng.normal(size=13)
     rows, low, high = np.array([2, 0]), np.array([110, 190]), np.array([190, 390])
     slope = rng.normal(size=60)
     return {
         "revolution_sums": [
-            (values, 100, side, np.zeros((3, 300)), rows, low, high, np.zeros(3, ENERGY))
+            (values, 100, side, Scratch(*np.zeros((3, 300))), rows, low, high, np.zeros(3, ENERGY))
         ],
         "_derivative": [(values, side, np.zeros(300)), (values[:20].copy(), side, np.zeros(20))],
         "_fours": [(slope, 2, np.zeros(60), np.zeros(60))],

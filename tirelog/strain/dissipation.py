@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +43,21 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 FOUR = 4
 #: a row's sums: of the squared slope, and of its squared change from one place to the next
 ENERGY = np.dtype([("slope2", "f8"), ("change2", "f8")])
-#: rows of the scratch: slope, energy and bend of four samples
-SCRATCH_ROWS = 3
 #: samples that stay in the fastest cache while all coefficients pass over them
 _TILE = 512
+
+
+class Scratch(NamedTuple):
+    """Room for the samples worked on at once, (n,) each: slope, and sums of fours of samples."""
+
+    slope: FloatArray
+    energies: FloatArray
+    bends: FloatArray
+
+
+def scratch_of(samples: int) -> Scratch:
+    """Room for so many samples."""
+    return Scratch(*np.empty((len(Scratch._fields), samples)))
 
 
 @compiled
@@ -53,7 +65,7 @@ def revolution_sums(
     values: FloatArray,
     first: int,
     side: FloatArray,
-    scratch: FloatArray,
+    scratch: Scratch,
     rows: IntArray,
     low: IntArray,
     high: IntArray,
@@ -66,11 +78,11 @@ def revolution_sums(
     does, the place of the first value.
 
     derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 if that leaves
-    `values`; `scratch` (SCRATCH_ROWS, n or more). Sums go four by four at multiples of FOUR, so
+    `values`; `scratch` has room for n or more. Sums go four by four at multiples of FOUR, so
     that they do not depend on where the values were cut, if at such places.
     """
     n = values.size
-    slope, energies, bends = scratch[0, :n], scratch[1], scratch[2]
+    slope, energies, bends = scratch.slope[:n], scratch.energies, scratch.bends
     _derivative(values, side, slope)
     begin = FOUR - first % FOUR  # the first four that has a neighbour before it
     _fours(slope, begin, energies, bends)
@@ -269,7 +281,7 @@ def _energies(
         // FOUR
         * FOUR
     )
-    sums, scratch = np.zeros(len(passages), ENERGY), np.empty((SCRATCH_ROWS, step + 2 * (half + 3)))
+    sums, scratch = np.zeros(len(passages), ENERGY), scratch_of(step + 2 * (half + 3))
     breaks = (
         np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]])
         if channel.axis.explicit is None

@@ -182,8 +182,9 @@ def _windows(
 ) -> tuple[FloatArray, ...]:
     """The middle level's crossing by a straight line, and the sine around it; (n,) each.
 
-    The crossing between `before` and `after`; the middle of the window, k, omega, and the sum over
-    the difference, NaN if no sine can be laid.
+    `x` (size,); `coarse` (n,) places, `before` and `after` (n,) samples of each change of side;
+    `slow` [samples]. The crossing between `before` and `after`; the middle of the window, k, omega,
+    and the sum over the difference, NaN if no sine can be laid.
     """
     n, total = coarse.size, _sums(x)
     level = _middles(x, total, coarse, before, after, slow)
@@ -238,10 +239,10 @@ def _middles(
     after: IntArray,
     slow: float,
 ) -> FloatArray:
-    """Middle level at each crossing (n,).
+    """Middle level at each crossing (n,), in the unit of `x` (size,).
 
-    The mean over the whole periods within AROUND on both sides, from crossing to crossing; half way
-    between the samples `before` and `after` if they are slow.
+    `total` (size + 1,) of `_sums`. The mean over the whole periods within AROUND on both sides,
+    from crossing to crossing; half way between the samples `before` and `after` if they are slow.
     """
     n = coarse.size
     below, level = np.empty(n), np.empty(n)

@@ -123,7 +123,11 @@ FINE, TOO_WIDE, FLOWN = range(3)
 def road_at(
     x: float, corner: FloatArray, height: FloatArray, constants: Record
 ) -> tuple[float, float]:
-    """Height [m] and slope of the road at the distance x [m]."""
+    """Height [m] and slope of the road at the distance x [m].
+
+    Straight between its corners (c,), `height` (c,) there [m]; beyond them level. From the first
+    corner on the waves of `constants`, one CONSTANTS, are added.
+    """
     high, slope = height[0], 0.0
     if x >= corner[-1]:
         high = height[-1]

@@ -89,8 +89,13 @@ def look_up(
 ) -> tuple[int, float]:  # fmt: skip
     """Fill `columns` and `place` of the samples of a row that are used; count and mean.
 
-    `place`: on the grid. The mean of the samples is taken off. `motion`: one MOTION; `grid`: one
-    GRID, of which `shift` [m] is taken instead of its own.
+    Samples (m,) that are there and lie within the half window of the patch centre, shifted by
+    `shift` [m]; their mean is taken off. `motion`: one MOTION; `grid`: one GRID.
+
+    table    (g, c): the form's columns without the offset; number `follows` goes with the squared
+             speed. The last of c = `wide` columns is not kept, since the samples take its place
+    columns  (m + SPARE, wide + 1), filled: the form's columns with the offset, the samples last
+    place    (m,), filled: place on the grid [rows of the table]
     """
     centre, rate, speed = motion["centre"], motion["rate_Hz"], motion["speed_m_s"]
     acceleration, half_window = motion["acceleration_m_s2"], grid["half_window_m"]
@@ -120,10 +125,10 @@ def look_up(
 
 @compiled
 def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
-    """Products of all pairs of columns and values, summed over the samples.
+    """Fills `gram` (wide + 1, wide + 1) with products of all pairs of columns, the values last.
 
-    `columns` has room for SPARE more than are used. SPARE + 1 samples at a time: what is summed is
-    loaded and stored once for all of them.
+    Summed over the `used` samples. `columns` has room for SPARE more than are used. SPARE + 1
+    samples at a time: what is summed is loaded and stored once for all of them.
     """
     for i in range(wide + 1):
         for j in range(i + 1):
@@ -152,8 +157,10 @@ def own_inverse(
 ) -> float:
     """Inverse of a passage's own block, with what is known added; its rough height.
 
-    What is known: damping and tilt (`odd_sd`, in heights). Scaled to a diagonal of one, which is
-    lifted a little so that columns that cannot be told apart share what there is.
+    What is known: damping and tilt (standard deviation `odd_sd`, in heights), beside values with
+    the noise `sigma`. Scaled to a diagonal of one, which is lifted a little so that columns that
+    cannot be told apart share what there is. `gram` of `products`; `lower` (OWN, OWN) is room,
+    `inverse` (OWN, OWN) is filled.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
     rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
@@ -189,7 +196,7 @@ def own_inverse(
 
 @compiled
 def apply_inverse(inverse: FloatArray, right: FloatArray, out: FloatArray) -> None:
-    """`inverse` times the first OWN of `right`."""
+    """Fills `out` (OWN,) with the product of `inverse` (OWN, OWN) and the head of `right`."""
     for i in range(OWN):
         value = 0.0
         for j in range(OWN):
@@ -199,14 +206,17 @@ def apply_inverse(inverse: FloatArray, right: FloatArray, out: FloatArray) -> No
 
 @compiled
 def bend(moved: float, height: float, rough: float) -> float:
-    """Coefficient of the quadratic column that belongs to the linear one's `moved`."""
+    """Coefficient of the quadratic column that belongs to the linear one's `moved` [m].
+
+    Of a passage of `height`, half of moved^2 / height; at most MOST_BEND of its `rough` height.
+    """
     size = 0.5 * moved**2 / height
     return 0.0 if np.isnan(size) else min(max(size, -MOST_BEND * rough), MOST_BEND * rough)
 
 
 @compiled
 def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
-    """Squared residual that the coefficients `whole` (wide,) leave."""
+    """Squared residual that the coefficients `whole` (wide,) leave; `gram` of `products`."""
     left: float = gram[wide, wide]
     for i in range(wide):
         left -= 2.0 * whole[i] * gram[i, wide]

@@ -53,7 +53,10 @@ ATTEMPTS = 8
 
 @compiled
 def _wave(waves: FloatArray, onset: int, place: FloatArray, used: int, wave: FloatArray) -> None:
-    """The traction with the onset `onset` of the table `waves` (g, c) at the samples in use."""
+    """Fills `wave` (m,) with the traction of onset number `onset` at the samples in use.
+
+    From the table `waves` (g, c), at their places (m,) on its grid.
+    """
     for k in range(used):
         low = int(place[k])
         share = place[k] - low
@@ -97,8 +100,9 @@ def traction_gains(
 ) -> FloatArray:  # fmt: skip
     """Squared `sigma` of misfit that a small traction removes from the fit of each row.
 
-    That of the best onset. `waves` (g, c): tractions on the table's grid, of which `every`-th is
-    tried; shape (n,).
+    That of the best onset, (n,); 0 if too few samples are there. `waves` (g, c): tractions on the
+    table's grid, of which `every`-th is tried. `values` (n, m) move as `motion` (n,) says; `table`
+    (g, FITTED) on `grid`, one GRID; `odd_sd`: of damping and tilt, in heights.
     """
     out, wide = np.zeros(values.shape[0]), table.shape[1]
     columns, place, wave = (
@@ -145,11 +149,12 @@ def _joint(
 ) -> int:  # fmt: skip
     """Form and traction together by least squares for each onset in `tried`; the best one.
 
-    Returned is the place of the best in `tried`. Filled: `told` (t, 3), squared residual over
-    sigma^2, length over height and its standard error; `best`, its coefficients (the form's FITTED,
-    the traction's).
+    Returned is the place of the best in `tried` (t,). Filled: `told` (t,) of TRIED; `best`
+    (FITTED + 1,), the form's coefficients and the traction's. A solution that moves the form by
+    more than `trust_m` [m] costs more: it is linear about where the form stands.
 
-    such a solution costs more.
+    columns  (m + SPARE, FITTED + 1) and place (m,) as `kernels.look_up` fills them, `used` of them
+    waves    (g, c): the traction with each onset, on the table's grid
     """
     gram, lower, inverse = (
         np.empty((FITTED + 1, FITTED + 1)),
@@ -207,7 +212,7 @@ def _joint(
 
 @compiled
 def _own_shift(whole: FloatArray, most: float) -> float:
-    """How far a joint solution moves the form on."""
+    """How far a joint solution `whole` (FITTED + 1,) moves the form on [m], `most` at most."""
     shift = whole[SHIFT] / whole[HEIGHT]
     return 0.0 if np.isnan(shift) else min(max(shift, -most), most)
 

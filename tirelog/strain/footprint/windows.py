@@ -198,7 +198,8 @@ def _cut_out(
 ) -> FloatArray:
     """`count` samples from each of `starts` (n,) on, times `turned`.
 
-    NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which are numbered from `low` on.
+    Shape (n, count); NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which are
+    numbered from `low` on. `turned`: 1 or -1.
     """
     out = np.empty((starts.size, count))
     for row in range(starts.size):

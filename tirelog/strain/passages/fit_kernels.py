@@ -147,7 +147,7 @@ def spline_curve(
 
 @compiled
 def basis(u: float, which: int) -> float:
-    """The four cubic B-splines that are not zero at the fraction `u` in [0, 1] between knots."""
+    """Cubic B-spline number `which`, 0 to 3, of those that live at `u` in [0, 1] between knots."""
     if which == 0:
         return (1 - u) ** 3 / 6.0
     if which == 1:

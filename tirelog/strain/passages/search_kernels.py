@@ -69,6 +69,7 @@ def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float
 
 @compiled
 def _sum(values: FloatArray, first: int, count: int) -> float:
+    """The sum of so many of `values` from `first` on, in their order; NaN if one is lost."""
     total = 0.0
     for i in range(first, first + count):
         total += values[i]
@@ -77,7 +78,10 @@ def _sum(values: FloatArray, first: int, count: int) -> float:
 
 @compiled
 def _median_of_some(values: FloatArray, first: int, quarter: int) -> float:
-    """Median of the means of those of four quarters that are whole, NaN if none is."""
+    """Median of the means of those of four quarters that are whole, NaN if none is.
+
+    The quarters begin at `first` and have `quarter` of `values` (n,) each.
+    """
     s0 = s1 = s2 = s3 = np.inf
     there = 0
     for begin in range(first, min(first + 4 * quarter, values.size - quarter + 1), quarter):
