@@ -79,6 +79,22 @@ class Scratch(NamedTuple):
     bend: FloatArray
 
 
+class Step(NamedTuple):
+    """A solution of y = a + b T + c T' + d phi T'.
+
+    offset, height    a and b [channel's unit]
+    shift, stretch    c = -b s and d = b e: see `fit_rows`
+    shift_variance, stretch_variance  of c and d, per noise variance
+    """
+
+    offset: float
+    height: float
+    shift: float
+    stretch: float
+    shift_variance: float
+    stretch_variance: float
+
+
 def scratch() -> Scratch:
     """Room for one window."""
     return Scratch(*np.empty((len(Scratch._fields), MOST_SAMPLES)))
@@ -197,14 +213,14 @@ def fit_rows(
         for iteration in range(ITERATIONS):
             hold = (max(noise, 1e-12 * height) / (height * row["stretch"])) ** 2
             _shapes(count, time_s, omega, alpha, table, window_rad, scratch)
-            a, b, c, d, variance_c, variance_d = _step(count, hold, scratch)
+            step = _step(count, hold, scratch)
             if iteration == 0 and _wild(count, abs(height), noise, scratch):
                 made["spike"] = True
-                a, b, c, d, variance_c, variance_d = _step(count, hold, scratch)
-            guess = b if abs(b) > 0.05 * height else height
-            shift = min(max(-c / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
+                step = _step(count, hold, scratch)
+            guess = step.height if abs(step.height) > 0.05 * height else height
+            shift = min(max(-step.shift / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
             time_s += shift / omega
-            omega *= 1.0 + min(max(d / guess, -MOST_STRETCH), MOST_STRETCH)
+            omega *= 1.0 + min(max(step.stretch / guess, -MOST_STRETCH), MOST_STRETCH)
             height = abs(guess)
         square, off, stuck, used = 0.0, 0.0, 0.0, 0
         for i in range(count):
@@ -217,11 +233,11 @@ def fit_rows(
         made["used"] = used
         made["clipped"] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
         made["time_s"] = time_s
-        made["time_se_s"] = noise * np.sqrt(variance_c) / (height * omega)
+        made["time_se_s"] = noise * np.sqrt(step.shift_variance) / (height * omega)
         made["omega_rad_s"] = omega
-        made["omega_se_rad_s"] = noise * np.sqrt(variance_d) / height * omega
-        made["height"] = b
-        made["offset"] = a
+        made["omega_se_rad_s"] = noise * np.sqrt(step.stretch_variance) / height * omega
+        made["height"] = step.height
+        made["offset"] = step.offset
         made["misfit"] = np.sqrt(square / max(used, 1))
 
 
@@ -301,14 +317,12 @@ def _shapes(
 
 
 @compiled
-def _step(
-    count: int, hold: float, scratch: Scratch
-) -> tuple[float, float, float, float, float, float]:
-    """One Gauss-Newton step: a, b, -b s, b e, and the variances of the last two.
+def _step(count: int, hold: float, scratch: Scratch) -> Step:
+    """One Gauss-Newton step of the first `count` samples of a window.
 
-    These are per noise variance; residuals of all samples that are there (0 where lost) go to
-    `scratch`. The stretch is held by `hold`; the other three have a prior too weak to matter, for
-    rows without samples.
+    Residuals of all samples that are there (0 for lost ones) go to `scratch`. The stretch is held
+    by `hold`, the inverse of its variance per noise variance; the other three have a prior too weak
+    to matter, for rows without samples.
     """
     values, weights, phis = scratch.value, scratch.weight, scratch.phi
     shapes, slopes, residuals = scratch.shape, scratch.slope, scratch.residual
@@ -338,7 +352,7 @@ def _step(
         (n10, n20, n30, n21, n31, n32),
         (r0, r1, r2, r3),
     )
-    a, b, c, d = solved[0], solved[1], solved[2], solved[3]
+    a, b, c, d = solved.offset, solved.height, solved.shift, solved.stretch
     for i in range(count):
         residual = values[i] - (a + b * shapes[i] + (c + d * phis[i]) * slopes[i])
         residuals[i] = residual if np.isfinite(residual) else 0.0
@@ -350,7 +364,7 @@ def _solve(
     diagonal: tuple[float, float, float, float],
     below: tuple[float, float, float, float, float, float],
     right: tuple[float, float, float, float],
-) -> tuple[float, float, float, float, float, float]:
+) -> Step:
     """The solution of four normal equations, and two diagonal elements of the inverse.
 
     The last two elements, by L D L'. `below` the diagonal: 10, 20, 30, 21, 31, 32. Nothing here is
@@ -374,7 +388,7 @@ def _solve(
     d = r3 * i3
     c = r2 * i2 - l32 * d
     b = r1 * i1 - l21 * c - l31 * d
-    return r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3
+    return Step(r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3)
 
 
 @compiled
