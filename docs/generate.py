@@ -15,10 +15,12 @@ from pathlib import Path
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
+from tirelog.vocabulary.columns import COLUMNS, OPTIONAL
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
 from tirelog.vocabulary.quality import OK, Quality
+from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 from tirelog.vocabulary.units import UNITS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -189,6 +191,49 @@ def observables_page() -> str:
     )
 
 
+def tables_page() -> str:
+    """docs/tables.md."""
+    return (
+        "\n".join(
+            [
+                NOTE.format("tirelog/vocabulary/tables.py"),
+                "# Tables of a log\n",
+                "Each is a command and a function of `import tirelog`; those of a drive are made "
+                "by `tirelog tables` and\nare keys of a campaign's `[tables]`, with the names of "
+                "options in brackets. A column in brackets stands\nthere only if the setup or a "
+                "calibration gives what it needs. A new one: [howto/table.md](howto/table.md).",
+                *(table_section(entry) for entry in LOG_TABLES.values()),
+            ]
+        )
+        + "\n"
+    )
+
+
+def table_section(entry: LogTable) -> str:
+    """All that the register says of one table."""
+    columns = [COLUMNS[name] for name in entry.columns]
+    options = "".join(f"* `{o.flag}` (`{o.name}`): {o.help}\n" for o in entry.options)
+    return "\n".join(
+        [
+            f"\n## {entry.name}\n",
+            f"{entry.says} `tirelog {entry.name} LOG`, `tirelog.{entry.python_name}(log)`.\n",
+            f"* a table of a {'drive' if entry.driven else 'static test'}, made of channels of "
+            f"kind {words(entry.kinds)}\n{options}",
+            table(
+                ("column", "unit", "what it is"),
+                [
+                    (
+                        f"[`{c.name}`]" if c.name in OPTIONAL else f"`{c.name}`",
+                        c.unit,
+                        c.meaning,
+                    )
+                    for c in columns
+                ],
+            ),
+        ]
+    )
+
+
 def effects_page() -> str:
     """docs/effects.md."""
     return (
@@ -326,6 +371,7 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "docs/observables.md": observables_page,
     "docs/effects.md": effects_page,
     "docs/verdicts.md": verdicts_page,
+    "docs/tables.md": tables_page,
 }
 README_SECTIONS: Mapping[str, Callable[[], str]] = {
     "quality words": quality_section,

@@ -65,13 +65,23 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, from where it is defined."""
-    if name not in _HOMES:
+    """A public name, from where it is defined; a table of the register, from its entry."""
+    if name in _HOMES:
+        value = getattr(import_module(_HOMES[name]), name)
+    elif name in (tables := _log_tables()):
+        value = import_module("tirelog.api.tables").table_function(tables[name])
+    else:
         raise AttributeError(f"module 'tirelog' has no attribute {name!r}")
-    value = getattr(import_module(_HOMES[name]), name)
     globals()[name] = value  # the next time it is found without this
     return value
 
 
+def _log_tables() -> dict[str, Any]:
+    """The register's tables by their names in Python."""
+    from tirelog.vocabulary.tables import LOG_TABLES
+
+    return {table.python_name: table for table in LOG_TABLES.values()}
+
+
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *__all__, *_log_tables()})

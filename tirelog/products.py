@@ -6,7 +6,8 @@
 Each table's command, `tables`, campaigns, the report and the Python functions all go through
 `tables_of`. Tables of strain channels share what they are made of: a channel is read once and its
 passages are found once, whatever the number of tables, and several channels are worked on at a
-time.
+time. A table that a function of its own makes needs nothing here: `vocabulary.tables` names the
+function.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from threading import Condition
 from typing import TYPE_CHECKING, Any
 
 from tirelog.data.recording import Channel, Recording
 from tirelog.errors import UsageError, nearest
-from tirelog.vocabulary.kinds import STRAIN_KINDS
+from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 if TYPE_CHECKING:
     from tirelog.strain.footprint.learn import Learnt
@@ -61,28 +63,29 @@ class Work:
 
 @dataclass(frozen=True)
 class Maker:
-    """How a table is made.
+    """How a table of the register is made.
 
-    kinds       of channels that it is made of
-    options     their names; those in `inner` are for programs, no setting of a table
+    inner       options that are for programs, no setting of a table
     of_channel  the rows of one channel whose passages are known; None: the log as a whole is needed
     whole       the rows of a whole log; with both, `of_channel` is taken if `by_channel` says so
     check       UsageError for options that no log can be made a table with
-    driven      False for a table of a static test, which no drive has
     """
 
-    kinds: tuple[str, ...]
-    options: tuple[str, ...] = ()
+    table: LogTable
     inner: tuple[str, ...] = ()
     of_channel: Callable[[Work, Options], Part] | None = None
     whole: Callable[[Recording, Options], Iterator[Part]] | None = None
     by_channel: Callable[[Recording, Options], bool] = lambda recording, options: True
     check: Callable[[Options], None] = lambda options: None
-    driven: bool = True
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Names of the table's settings."""
+        return tuple(option.name for option in self.table.options)
 
     def suits(self, recording: Recording) -> bool:
         """True if the recording has the channels that the table is made of."""
-        return bool(recording.of_kind(*self.kinds))
+        return bool(recording.of_kind(*self.table.kinds))
 
     def goes_by_channel(self, recording: Recording, options: Options) -> bool:
         """True if the table is made channel by channel from passages."""
@@ -362,26 +365,6 @@ def _calibration(options: Options) -> Calibration | None:
     )
 
 
-def _inflation(recording: Recording, options: Options) -> Iterator[Part]:
-    from tirelog.strain.inflation import inflation_of
-
-    for found in inflation_of(recording, _ends_Pa(options)):
-        yield Part("inflation", found.columns, found.remarks, found)
-
-
-def _ends_Pa(options: Options) -> tuple[float, float] | None:
-    """Inflation pressures at both ends of a ramp that no channel records; None: not given."""
-    begin, end = options.get("from_Pa"), options.get("to_Pa")
-    if begin is None and end is None:
-        return None
-    if begin is None or end is None or begin == end:
-        raise UsageError(
-            "--from and --to (from_Pa and to_Pa) go together and differ; allowed are two "
-            "pressures in Pa; e.g. --from 1.7e5 --to 2.3e5"
-        )
-    return begin, end
-
-
 def _check_with(read: Callable[[Options], object]) -> Callable[[Options], None]:
     """A check by reading the options and dropping what they say."""
 
@@ -391,38 +374,43 @@ def _check_with(read: Callable[[Options], object]) -> Callable[[Options], None]:
     return check
 
 
-#: how each table is made, in the order of `tables`
-MAKERS: Mapping[str, Maker] = {
-    "speed": Maker(
-        (*STRAIN_KINDS, "wheel_encoder", "radial_acceleration"),
-        ("calibrate_radius",),
+def _by_its_function(table: LogTable) -> Maker:
+    """A table that one function makes of a whole log, as its entry in the register says."""
+
+    def whole(recording: Recording, options: Options) -> Iterator[Part]:
+        for found in resolve_name(table.made_by)(recording, **options):
+            yield Part(table.name, found.columns, found.remarks, found)
+
+    def check(options: Options) -> None:
+        if table.checked_by:
+            resolve_name(table.checked_by)(**options)
+
+    return Maker(table, whole=whole, check=check)
+
+
+#: tables that share what they are made of: passages, forms, a calibration
+_TOGETHER = (
+    Maker(
+        LOG_TABLES["speed"],
         of_channel=_speed_of_channel,
         whole=_speed_of_log,
         by_channel=_speed_by_channel,
     ),
-    "footprint": Maker(
-        STRAIN_KINDS, ("cutoff",), of_channel=_footprint, check=_check_with(_cutoff)
-    ),
-    "dissipation": Maker(
-        STRAIN_KINDS,
-        ("steady_step", "average"),
-        of_channel=_dissipation,
-        check=_check_with(_steadiness),
-    ),
-    "phase-shift": Maker(
-        ("wheel_encoder",),
-        ("calibration", "zero"),
+    Maker(LOG_TABLES["footprint"], of_channel=_footprint, check=_check_with(_cutoff)),
+    Maker(LOG_TABLES["dissipation"], of_channel=_dissipation, check=_check_with(_steadiness)),
+    Maker(
+        LOG_TABLES["phase-shift"],
         ("forces",),
         whole=_phase_shift,
         check=_check_with(_calibration),
     ),
-    "inflation": Maker(
-        STRAIN_KINDS,
-        ("from_Pa", "to_Pa"),
-        whole=_inflation,
-        check=_check_with(_ends_Pa),
-        driven=False,
-    ),
+)
+#: how each table of the register is made
+MAKERS: Mapping[str, Maker] = {
+    **{maker.table.name: maker for maker in _TOGETHER},
+    **{name: _by_its_function(table) for name, table in LOG_TABLES.items() if table.made_by},
 }
 #: the tables of a drive, which `tables`, campaigns and the report make together
-OF_A_DRIVE: Mapping[str, Maker] = {name: maker for name, maker in MAKERS.items() if maker.driven}
+OF_A_DRIVE: Mapping[str, Maker] = {
+    name: maker for name, maker in MAKERS.items() if maker.table.driven
+}

@@ -1,7 +1,7 @@
-"""Property: who follows the how-tos for a condition and an observable has them everywhere.
+"""Property: who follows the how-tos for a condition, an observable and a table has them everywhere.
 
 The pages' own blocks are put into a copy of the package, in the files that they name and no others;
-a fresh process then uses the new condition, effect and observable.
+a fresh process then uses the new condition, effect, observable and table.
 """
 
 import os
@@ -77,6 +77,38 @@ assert np.allclose(timed.predict(conditions), length / 10.0)
 assert shown("contact_time", "") == (1e3, "ms")
 assert set(SCALARS) == set(MEASURED)
 assert "contact_time" in BY_ID["camber_load"].reaches
+
+import json
+from inspect import signature
+from pathlib import Path
+import pandas as pd
+from tirelog.campaign.manifest import load_manifest
+from tirelog.cli import run
+from tirelog.products import OF_A_DRIVE
+import h5py
+with h5py.File("a.h5", "w") as file:  # a text log would have its kernels compiled in the copy
+    file["s"] = 1e-4 * np.sin(np.arange(400) / 7.0)
+lines = ("[log]", "sampling_rate_Hz = 100.0", "[channels.s]", "kind = 'strain'", "source = '/s'")
+Path("a.toml").write_text("\\n".join(lines))
+# no csv either, whose writer is a kernel
+assert run(["strain-range", "a.h5", "-o", "r.parquet"]) == 0
+row = pd.read_parquet("r.parquet").iloc[0]
+assert abs(row.strain_least + 1e-4) < 1e-7 and abs(row.strain_largest - 1e-4) < 1e-7, row
+frame = tirelog.strain_range("a.h5", outside=0.25)
+assert frame.strain_largest[0] < 0.8e-4 and frame.attrs["units"]["duration_s"] == "s"
+assert list(signature(tirelog.strain_range).parameters) == ["logs", "setup", "outside"]
+assert "Share left out" in tirelog.strain_range.__doc__ and "strain_range" in dir(tirelog)
+assert run(["strain-range", "a.h5", "--outside", "0.7", "-o", "x.parquet"]) == 2
+assert not Path("x.parquet").exists()
+all_of_it = ["tables", "a.h5", "-o", "t", "--format", "parquet"]
+assert run([*all_of_it, "--table", "strain-range"]) == 0
+assert pd.read_parquet("t/strain-range.parquet").equals(pd.read_parquet("r.parquet"))
+assert run(["check", "t/strain-range.parquet", "--against", "r.parquet"]) == 0
+lines = ("[campaign]", "name = 'm'", "[[logs]]", "glob = 'a.h5'", "[tables.strain-range]")
+Path("m.toml").write_text("\\n".join((*lines, "outside = 0.1")))
+known = {name: maker.options for name, maker in OF_A_DRIVE.items()}
+assert load_manifest(Path("m.toml"), known).tables == {"strain-range": {"outside": 0.1}}
+assert "## strain-range" in pages["tables_page"]() and "`--outside`" in pages["tables_page"]()
 """
 
 
@@ -98,7 +130,7 @@ def follow(page: str, copy: Path) -> set[str]:
     return touched
 
 
-def test_a_condition_with_its_effect_and_an_observable_are_three_files_each(
+def test_a_condition_with_its_effect_an_observable_and_a_table_are_three_files_each(
     tmp_path: Path,
 ) -> None:
     shutil.copytree(
@@ -106,6 +138,7 @@ def test_a_condition_with_its_effect_and_an_observable_are_three_files_each(
     )
     assert len(follow("condition.md", tmp_path)) == 3
     assert len(follow("observable.md", tmp_path)) == 3
+    assert len(follow("table.md", tmp_path)) == 3
     script = USED.replace("FOLDER", repr(str(tmp_path))).replace(
         "DOCS", repr(str(ROOT / "docs" / "generate.py"))
     )
@@ -129,10 +162,14 @@ def test_the_readme_s_own_effect_is_read(tmp_path: Path) -> None:
     assert effect.valid_range == {"speed_m_s": (0.0, 40.0)}
 
 
-@pytest.mark.parametrize("page", ["effect.md", "condition.md", "observable.md"])
+@pytest.mark.parametrize("page", ["effect.md", "condition.md", "observable.md", "table.md"])
 def test_every_file_that_a_howto_names_is_there(page: str) -> None:
     text = (ROOT / "docs" / "howto" / page).read_text(encoding="utf-8")
     named = set(re.findall(r"`((?:tirelog|tests|docs)/[\w/]+\.py)", text))
-    new = {"tirelog/physics/effects/NAME.py", "tirelog/physics/effects/camber_load.py"}
+    new = {
+        "tirelog/physics/effects/NAME.py",
+        "tirelog/physics/effects/camber_load.py",
+        "tirelog/strain/strain_range.py",
+    }
     assert len(named) >= 3
     assert [name for name in named - new if not (ROOT / name).exists()] == []

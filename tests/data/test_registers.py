@@ -1,13 +1,22 @@
 """Property: the registers agree with each other and with what is made from them."""
 
+from importlib import import_module
+from importlib.util import find_spec
+from inspect import getdoc, signature
+from pkgutil import resolve_name
+
 import pytest
 
+import tirelog
 from tirelog.inference.stacks.numbers import MEASURED
 from tirelog.physics.effects.base import ENTERS
 from tirelog.physics.model.laws import LAWS
+from tirelog.products import MAKERS
 from tirelog.vocabulary import units
+from tirelog.vocabulary.columns import COLUMNS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES, SCALARS, shown, waveform_of
+from tirelog.vocabulary.tables import LOG_TABLES, LogTable
 
 
 def test_a_kind_s_own_unit_is_one_of_its_quantities() -> None:
@@ -40,3 +49,19 @@ def test_the_waveform_of_mixed_channels_is_strain() -> None:
     assert waveform_of(["radial_acceleration"]) == "radial_acceleration"
     assert waveform_of(["radial_acceleration", "fbg_strain"]) == "strain"
     assert waveform_of([]) == "strain"
+
+
+@pytest.mark.parametrize("table", LOG_TABLES.values(), ids=LOG_TABLES)
+def test_a_table_s_entry_names_what_is_there(table: LogTable) -> None:
+    assert set(table.columns) <= set(COLUMNS)
+    named = [name for name in (table.made_by, table.checked_by, table.picture) if name]
+    assert all(callable(resolve_name(name)) for name in named)
+    assert MAKERS[table.name].table is table
+    function = getattr(tirelog, table.python_name)
+    keywords = {o.name for o in table.options} - {"steady_step", "average"}  # theirs have units
+    assert keywords <= set(signature(function).parameters)
+    own = find_spec(f"tirelog.cli.{table.python_name}")
+    assert (own is None) == bool(table.made_by or table.name == "speed")
+    if own is not None:  # its command says the same as the reference page
+        command = getattr(import_module(own.name), table.python_name)
+        assert getdoc(command) == table.says

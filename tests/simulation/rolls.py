@@ -10,6 +10,7 @@ import numpy as np
 from tirelog.simulation.rolling.belt import Belt
 from tirelog.simulation.rolling.profile import Profile
 from tirelog.simulation.rolling.splines import Splines
+from tirelog.simulation.rolling.step_kernel import DRIVE
 from tirelog.simulation.rolling.tire import Rider, RollingTire, Standing, TireMotion, standing
 from tirelog.simulation.scenario.schema import TrueTire
 
@@ -38,12 +39,11 @@ def orders(
     start_m: float = 0.0,
     step: float = STEP,
 ) -> np.ndarray:
-    """Constant speed, load and torque, (n, 4)."""
-    one = np.ones(steps)
-    return np.stack(
-        [start_m + speed * step * np.arange(1, steps + 1), 0.0 * one, load * one, torque * one],
-        axis=1,
-    )
+    """Constant speed, load and torque, (n,) of DRIVE."""
+    made = np.zeros(steps, DRIVE)
+    made["distance_m"] = start_m + speed * step * np.arange(1, steps + 1)
+    made["load_N"], made["torque_N_m"] = load, torque
+    return made
 
 
 def rolling(
@@ -60,8 +60,8 @@ def rolling(
     )
 
 
-def moved(tire: RollingTire, table: np.ndarray, every: int = 1) -> TireMotion:
-    return TireMotion.of(tire.step_s * every * np.arange(table.shape[0]), table)
+def moved(tire: RollingTire, ran: tuple[np.ndarray, np.ndarray], every: int = 1) -> TireMotion:
+    return TireMotion.of(tire.step_s * every * np.arange(ran[0].size), *ran)
 
 
 def strain_rider(of: Belt, angle_rad: float, lever_m: float = 3e-4) -> Rider:

@@ -10,7 +10,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.profile import Profile
 from tirelog.simulation.rolling.tire import TireMotion, standing
 from tirelog.simulation.scenario.schema import Sensor
@@ -46,12 +45,12 @@ def rolled(
     tire.damp_hub(3000.0)
     tire.run(orders(round(0.6 / step), speed=SPEED, load=LOAD, step=step))
     tire.damp_hub(0.0)
-    start = tire.state[kernel.HUB_X]
-    table = tire.run(
+    start = tire.state["hub_x_m"]
+    ran = tire.run(
         orders(round(seconds / step), speed=SPEED, load=LOAD, start_m=start, step=step),
         riders=(strain_rider(of, 0.3),),
     )
-    return moved(tire, table)
+    return moved(tire, ran)
 
 
 Profile.__hash__ = object.__hash__  # type: ignore[method-assign]
@@ -93,9 +92,9 @@ def test_energy_is_kept_without_damping() -> None:
     tire = rolling(of, speed=SPEED, load=LOAD, start=drop)
     energy, height = [], []
     for _ in range(100):
-        tire.run(orders(800, speed=SPEED, load=LOAD, start_m=tire.state[kernel.HUB_X]))
-        energy.append(tire.energy_J() + LOAD * tire.state[kernel.HUB_Z])
-        height.append(tire.state[kernel.HUB_Z])
+        tire.run(orders(800, speed=SPEED, load=LOAD, start_m=tire.state["hub_x_m"]))
+        energy.append(tire.energy_J() + LOAD * tire.state["hub_z_m"])
+        height.append(tire.state["hub_z_m"])
     assert np.ptp(height) > 0.02
     assert abs(np.mean(energy[-25:]) - np.mean(energy[:25])) < 1e-5 * energy[0]
     assert np.ptp(energy) < 1.2e-4 * energy[0]
@@ -117,8 +116,8 @@ def test_dampers_take_what_the_road_holds_back() -> None:
     tire.run(orders(24000, speed=SPEED, load=LOAD))
     held, lost = [], []
     for _ in range(40):
-        table = tire.run(orders(100, speed=SPEED, load=LOAD, start_m=tire.state[kernel.HUB_X]))
-        held.append(-table[:, kernel.OUT_FORCE_X].mean() * SPEED)
+        motion, _ = tire.run(orders(100, speed=SPEED, load=LOAD, start_m=tire.state["hub_x_m"]))
+        held.append(-motion["force_x_N"].mean() * SPEED)
         lost.append(tire.u @ of.full(of.damping) @ tire.u)
     assert np.mean(held) > 300.0
     assert np.mean(lost) == pytest.approx(np.mean(held), rel=0.02)

@@ -11,16 +11,19 @@ from scipy.special import eval_legendre, spherical_jn
 
 from tirelog.data.recording import Channel, TimeAxis
 from tirelog.dsp.derivatives import closed, derivative, noise_gains, window_spectra
+from tirelog.strain.footprint import kernels
 from tirelog.strain.footprint.family import EdgeFamily, EdgeShape
 from tirelog.strain.footprint.family_kernels import ORDERS, inverted, spherical_bessel
 from tirelog.strain.footprint.kernels import MOST_BEND, class_sums, fit_rows
-from tirelog.strain.footprint.onset_kernels import onset_rows, traction_gains
+from tirelog.strain.footprint.onset_kernels import ONSET, onset_rows, traction_gains
 from tirelog.strain.footprint.plain_edges import find_edges, least
 from tirelog.strain.footprint.windows import gather_windows
 
 SIGMA, ODD_SD = 0.02, 0.3
 #: the table's grid: first, step, squared speed, shift, half window
 GRID = np.array([-0.15, 5e-4, 196.0, 0.003, 0.13])
+#: and as the kernels take it
+GRIDS = GRID.view(kernels.GRID)
 
 
 def smooth(columns: int) -> np.ndarray:
@@ -58,6 +61,25 @@ def windows(
         values[row] += 0.7
     values[rng.uniform(size=values.shape) < 0.01] = np.nan
     return values, motion
+
+
+def moving(motion: np.ndarray) -> np.ndarray:
+    """Centre, rate, speed and acceleration (n, 4) as the kernels take them."""
+    return np.ascontiguousarray(motion).view(kernels.MOTION)[:, 0]
+
+
+def numbers(found: np.ndarray) -> np.ndarray:
+    """Records of numbers as rows of an array, in the order of their fields."""
+    return found.view(float).reshape(found.size, -1)
+
+
+def fitted_rows(values: np.ndarray, motion: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """The fit of each row by one table: the solution, two errors, chi2, samples."""
+    n = len(values)
+    found = np.full(n, np.nan, kernels.FIT)
+    form = np.zeros(n, np.int64)
+    fit_rows(values, moving(motion), form, table[None], GRIDS, SIGMA, ODD_SD, found)
+    return numbers(found)
 
 
 def distance(motion: np.ndarray, count: int) -> np.ndarray:
@@ -105,7 +127,7 @@ def test_a_fit_is_the_least_squares_solution():
     table[:, 5:7] *= 1e-2
     table[:, 7] *= 1e-4
     values, motion = windows(20, 900, table)
-    found = fit_rows(values, motion, np.zeros(20, np.int64), table[None], GRID[None], SIGMA, ODD_SD)
+    found = fitted_rows(values, motion, table)
     for row in range(20):
         columns, known, _, middle = design(values[row], motion[row], table, 1.0, 7)
         whole, inverse = plain_fit(columns, known, ODD_SD)
@@ -121,7 +143,7 @@ def test_a_row_with_too_few_samples_is_not_known():
     table = smooth(8)
     values, motion = windows(1, 901, table)
     values[0, np.r_[:28, 33:61]] = np.nan
-    found = fit_rows(values, motion, np.zeros(1, np.int64), table[None], GRID[None], SIGMA, ODD_SD)
+    found = fitted_rows(values, motion, table)
     assert np.isnan(found[0, :9]).all()
     assert found[0, 9] == np.isfinite(values).sum()
 
@@ -132,7 +154,7 @@ def test_what_passages_share_is_what_one_large_solution_says():
     """
     table = smooth(8)
     values, motion = windows(12, 902, table)
-    sums, rows, left = class_sums(values, motion, table, GRID, -1e-4, 6, SIGMA, ODD_SD, 40)
+    sums = class_sums(values, moving(motion), table, GRIDS[0], -1e-4, 6, SIGMA, ODD_SD, 40)
     normal, right, cells = np.zeros((3, 3)), np.zeros(3), np.zeros((2, 40))
     for row in range(12):
         columns, known, xi, _ = design(values[row], motion[row], table, -1e-4, 6)
@@ -141,17 +163,17 @@ def test_what_passages_share_is_what_one_large_solution_says():
         solution = projected @ known
         normal += solution[0] ** 2 * shared.T @ (shared - own @ projected @ shared) / SIGMA**2
         right += solution[0] * shared.T @ (known - own @ solution) / SIGMA**2
-        np.testing.assert_allclose(rows[row, :6], solution, rtol=1e-7, atol=1e-10)
+        np.testing.assert_allclose(sums.own[row], solution, rtol=1e-7, atol=1e-10)
         residual = known - own @ solution
-        assert rows[row, 6] == pytest.approx(residual @ residual / SIGMA**2, rel=1e-8)
+        assert sums.chi2[row] == pytest.approx(residual @ residual / SIGMA**2, rel=1e-8)
         np.add.at(
             cells,
             (slice(None), ((xi + GRID[4]) / (2 * GRID[4]) * 40).astype(int)),
             [residual / solution[0], np.ones(xi.size)],
         )
-    np.testing.assert_allclose(sums[:, :3], normal, rtol=1e-6)
-    np.testing.assert_allclose(sums[:, 3], right, rtol=1e-6)
-    np.testing.assert_allclose(left, cells, atol=1e-9)
+    np.testing.assert_allclose(sums.normal, normal, rtol=1e-6)
+    np.testing.assert_allclose(sums.right, right, rtol=1e-6)
+    np.testing.assert_allclose([sums.left, sums.counts], cells, atol=1e-9)
 
 
 def traction_waves() -> np.ndarray:
@@ -197,7 +219,7 @@ def test_the_gain_of_a_traction():
     table[:, 5:7] *= 1e-2
     table[:, 7] *= 1e-4
     values, motion = windows(8, 903, table, 0.1 * waves[:, 5])
-    found = traction_gains(values, motion, table, GRID, waves, 2, SIGMA, ODD_SD)
+    found = traction_gains(values, moving(motion), table, GRIDS[0], waves, 2, SIGMA, ODD_SD)
     for row in range(8):
         columns, known, xi, _ = design(values[row], motion[row], table, 1.0, 7)
         whole, inverse = plain_fit(columns, known, ODD_SD)
@@ -220,9 +242,12 @@ def test_form_and_traction_together():
     values, motion = windows(6, 904, table, 0.2 * waves[:, 6])
     shift = np.linspace(-0.002, 0.002, 6)
     starts = np.array([0.0, 1e4])  # the second is outside of the window
-    found = onset_rows(
-        values, motion, table, GRID, waves, 1, shift, starts, 1, SIGMA, ODD_SD, np.inf, 3
-    )
+    made = np.full(6, np.nan, ONSET)
+    onset_rows(
+        values, moving(motion), table, GRIDS[0], waves, 1, shift, starts, 1, SIGMA, ODD_SD, np.inf,
+        3, made,
+    )  # fmt: skip
+    found = numbers(made)
     at = GRID[0] + GRID[1] * np.arange(601)
 
     def tried(row, place, onsets):

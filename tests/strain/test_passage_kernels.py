@@ -19,6 +19,7 @@ from tirelog.strain.passages.decimate import decimate
 from tirelog.strain.passages.fit import Signal, Start, curve_sums, fit_passages, gather
 from tirelog.strain.passages.fit_kernels import MOST_SAMPLES
 from tirelog.strain.passages.search_kernels import (
+    PULSE,
     bucket_medians,
     half_level,
     medians_around,
@@ -126,10 +127,11 @@ def test_a_plateau_is_one_turning_point_and_still_values_are_none():
 
 def test_half_level_crossings_of_triangles():
     values = np.array([0, 1, 2, 3, 4, 2, 0, 1, 3, 5, 4, 3, 2, 1], np.float32)
-    pulses = np.empty((2, 4))
+    pulses = np.empty(2, PULSE)
     half_level(values, np.array([4, 9]), np.array([0, 6]), np.array([6, 13]), pulses)
     # base 0, level 2: from 2 to 5; base 1 (the higher valley), level 3: from 8 to 11
-    np.testing.assert_allclose(pulses, [[3.5, 3.0, 4.0, 0.0], [9.5, 3.0, 4.0, 1.0]])
+    expected = [[3.5, 3.0, 4.0, 0.0], [9.5, 3.0, 4.0, 1.0]]
+    np.testing.assert_allclose(pulses.view(float).reshape(2, 4), expected)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
@@ -247,7 +249,7 @@ def test_the_fit_is_two_steps_of_least_squares_with_the_cramer_rao_bound():
     assert found.lost.tolist() == [False, True, True, False, False]
     assert found.spike.tolist() == [False, False, True, False, False]
     for k in range(5):
-        at = np.arange(*windows.spans[k, :2])
+        at = np.arange(windows.spans["first"][k], windows.spans["stop"][k])
         weight = np.isfinite(values[at]) & (at != 505)
         time_s, omega, height = start.time_s[k], start.omega[k], 1.0
         for _ in range(2):

@@ -31,8 +31,14 @@ GOLDEN = Path(__file__).parents[1] / "golden"
 REGISTER = PACKAGE / "vocabulary" / "quality.py"
 #: other things of the same name: a column, an option, a regime of the simulation, a repair's count
 NAMESAKES = {
-    "leak": {"vocabulary/columns.py", "strain/inflation.py", "strain/inflation_table.py"},
-    "cutoff": {"products.py", "campaign/manifest.py", "api/tables.py"},
+    "leak": {"vocabulary/columns.py", "vocabulary/tables.py", "strain/inflation.py"},
+    "cutoff": {
+        "vocabulary/tables.py",
+        "products.py",
+        "campaign/manifest.py",
+        "api/tables.py",
+        "cli/footprint.py",
+    },
     "standstill": {"simulation/scenario/schema.py", "simulation/scenario/drive.py"},
     "clock_set_back": {"runs/clock.py"},
 }

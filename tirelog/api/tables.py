@@ -8,6 +8,8 @@ what is wrong with a row stands in its ``quality``; input that was lost is warne
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter, Signature, signature
+from textwrap import fill, indent
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -17,6 +19,7 @@ from tirelog.data.setup import Setup
 from tirelog.products import Part, checked, tables_of
 from tirelog.strain.dissipation_table import regressions
 from tirelog.tables.frame import frame_of, whole_frame
+from tirelog.vocabulary.tables import LogTable
 
 if TYPE_CHECKING:
     from tirelog.wheel.calibration import Calibration
@@ -223,6 +226,28 @@ def inflation(
     1000.1
     """
     return _table("inflation", logs, setup, {"from_Pa": from_Pa, "to_Pa": to_Pa})
+
+
+def table_function(table: LogTable) -> Callable[..., pd.DataFrame]:
+    """The function of a table that has none above: its options as keywords, as for `inflation`."""
+
+    def made(logs: Logs, setup: Path | Setup | None = None, **options: Any) -> pd.DataFrame:
+        return _table(table.name, logs, setup, options)
+
+    told = "".join(f"{option.name}\n    {option.help}\n" for option in table.options)
+    columns = fill(f"``{', '.join(table.columns)}``.", 90)
+    made.__name__ = made.__qualname__ = table.python_name
+    made.__doc__ = (
+        f"{table.says}\n\nParameters\n----------\nlogs, setup\n    As for `speed`.\n{told}\n"
+        f"Returns\n-------\npandas.DataFrame\n{indent(columns, '    ')}\n"
+    )
+    shared = [p for p in signature(made).parameters.values() if p.kind != Parameter.VAR_KEYWORD]
+    own = [
+        Parameter(o.name, Parameter.KEYWORD_ONLY, default=None, annotation=f"{o.kind.__name__}")
+        for o in table.options
+    ]
+    vars(made).update(__signature__=Signature([*shared, *own]))  # what help() shows
+    return made
 
 
 def _own(part: Part, log: str) -> Rows:

@@ -14,16 +14,12 @@ from typing import Annotated, Any
 
 import typer
 
-#: commands in the order of help: module in `tirelog.cli`, and the function or sub-application in it
-COMMANDS = (
-    ("ingest", "ingest"),
-    ("info", "info"),
-    ("speed", "speed"),
-    ("footprint", "footprint"),
-    ("dissipation", "dissipation"),
-    ("phase-shift", "phase_shift"),
-    ("tables", "tables"),
-    ("inflation", "inflation"),
+from tirelog.vocabulary.tables import LOG_TABLES
+
+#: commands in the order of help: module in `tirelog.cli`, and the function or sub-application in
+#: it; the tables of `vocabulary.tables` stand before `tables` if of a drive, else after it
+BEFORE_TABLES = (("ingest", "ingest"), ("info", "info"))
+AFTER_TABLES = (
     ("simulate", "simulate"),
     ("effects", "effects"),
     ("model", "app"),
@@ -34,6 +30,27 @@ COMMANDS = (
     ("campaign", "app"),
     ("check", "check"),
 )
+
+
+def _commands() -> Iterator[tuple[str, Any]]:
+    """Every command's name, and the function or sub-application behind it."""
+    from tirelog.cli.log_table import table_command
+
+    def own(module: str, attribute: str) -> Any:
+        return getattr(importlib.import_module(f"tirelog.cli.{module}"), attribute)
+
+    def of_a_log(driven: bool) -> Iterator[tuple[str, Any]]:
+        for name, table in LOG_TABLES.items():
+            if table.driven == driven:
+                module = table.python_name
+                alone = importlib.util.find_spec(f"tirelog.cli.{module}") is not None
+                yield name, own(module, module) if alone else table_command(table)
+
+    yield from ((name, own(name, attribute)) for name, attribute in BEFORE_TABLES)
+    yield from of_a_log(driven=True)
+    yield "tables", own("tables", "tables")
+    yield from of_a_log(driven=False)
+    yield from ((name, own(name, attribute)) for name, attribute in AFTER_TABLES)
 
 
 def _version(asked: bool) -> None:
@@ -115,11 +132,7 @@ def command() -> Any:
         name="tirelog", rich_markup_mode=None, pretty_exceptions_enable=False, no_args_is_help=True
     )
     app.callback()(_callback)
-    for name, attribute in COMMANDS:
-        module = f"tirelog.cli.{name.replace('-', '_')}"
-        if importlib.util.find_spec(module) is None:
-            continue
-        target = getattr(importlib.import_module(module), attribute)
+    for name, target in _commands():
         if isinstance(target, typer.Typer):
             app.add_typer(target, name=name)
         else:

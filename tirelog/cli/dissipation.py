@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.log_table import table_option
 from tirelog.runtime import one_thread
 
 
@@ -16,13 +17,8 @@ def dissipation(
     output: Output = None,
     format: Format = None,
     quiet: Quiet = False,
-    steady_step: Annotated[
-        float,
-        typer.Option(
-            "--steady-step", help="Largest step of a constant speed between revolutions, m/s."
-        ),
-    ] = 0.08,
-    average: Annotated[int, typer.Option("--average", help="Revolutions of a moving average.")] = 9,
+    steady_step: Annotated[float, table_option("dissipation", "steady_step")] = 0.08,
+    average: Annotated[int, table_option("dissipation", "average")] = 9,
     fit: Annotated[
         bool,
         typer.Option(

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.log_table import table_option
 from tirelog.runtime import one_thread
 
 
@@ -16,14 +15,7 @@ def footprint(
     output: Output = None,
     format: Format = None,
     quiet: Quiet = False,
-    cutoff: Annotated[
-        str,
-        typer.Option(
-            "--cutoff",
-            help="Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel "
-            "frequency (40x).",
-        ),
-    ] = "auto",
+    cutoff: Annotated[str, table_option("footprint", "cutoff")] = "auto",
     plot: Plot = None,
 ) -> None:
     """Tell contact length, edges and slip onset at each passage of the patch."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tirelog.cli.common import Format, Logs, Output, Plot, Quiet, Session, SetupFile, keeps_hashes
+from tirelog.cli.log_table import table_option
 
 if TYPE_CHECKING:
     from tirelog.products import Part
@@ -21,9 +22,7 @@ def phase_shift(
     setup: SetupFile = None,
     output: Output = None,
     format: Format = None,
-    calibration: Annotated[
-        Path | None, typer.Option(help="Calibration file to apply.", show_default=False)
-    ] = None,
+    calibration: Annotated[Path | None, table_option("phase-shift", "calibration")] = None,
     calibrate: Annotated[
         Path | None,
         typer.Option(
@@ -31,12 +30,7 @@ def phase_shift(
             show_default=False,
         ),
     ] = None,
-    zero: Annotated[
-        str,
-        typer.Option(
-            help="Zero of the phase shift: auto, none, a speed in m/s, or START:STOP in s."
-        ),
-    ] = "auto",
+    zero: Annotated[str, table_option("phase-shift", "zero")] = "auto",
     fit_forces: Annotated[
         bool,
         typer.Option("--fit-forces", help="With --calibrate: force maps from the force channels."),

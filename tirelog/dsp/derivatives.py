@@ -63,7 +63,10 @@ def closed(windows: FloatArray) -> FloatArray:
 def _shaped(
     spectra: ComplexArray, factor: ComplexArray, step_Hz: float, cutoff_Hz: FloatArray
 ) -> ComplexArray:
-    """`spectra` (n, f) times the low-pass of each row and `factor` (f,)."""
+    """`spectra` (n, f) times the low-pass of each row, `cutoff_Hz` (n,), and `factor` (f,).
+
+    Frequencies are `step_Hz` apart.
+    """
     out = np.empty_like(spectra)
     for row in range(spectra.shape[0]):
         for k in range(factor.size):

@@ -78,7 +78,7 @@ def bridged(values: FloatArray, wild: float) -> FloatArray:
 
 @compiled
 def _doubtful(values: FloatArray, wild: float) -> bool:
-    """True if any of `values` is lost or leaves the cubic by more than `wild`."""
+    """True if any of `values` (n,) is lost or leaves its neighbours' cubic by more than `wild`."""
     count, most = 0, 6.0 * wild
     for i in range(min(values.size, 2)):
         count += (
@@ -94,7 +94,7 @@ def _doubtful(values: FloatArray, wild: float) -> bool:
 
 @compiled
 def _bend(values: FloatArray, i: int) -> float:
-    """How far a sample is off the cubic; 0 if that is not known."""
+    """How far sample `i` is off the cubic of its four neighbours; 0 if that is not known."""
     if i < 2 or i >= values.size - 2:
         return 0.0
     bend = (

@@ -151,7 +151,7 @@ def _packed(raw: NDArray[Any], lost: int) -> tuple[NDArray[np.uint16], int] | No
 
 @compiled
 def pack(raw: NDArray[Any], lost: int, least: int, short: NDArray[np.uint16]) -> None:
-    """How far each count is above `least`, 0 if it is `lost`."""
+    """Fills `short` (n,) with how far each count of `raw` (n,) is above `least`, 0 if `lost`."""
     for i in range(raw.size):
         short[i] = np.uint16(0) if raw[i] == lost else np.uint16(raw[i] - least)
 
@@ -160,13 +160,16 @@ def pack(raw: NDArray[Any], lost: int, least: int, short: NDArray[np.uint16]) ->
 def unpacked(
     short: NDArray[np.uint16], least: int, scale: float, offset: float, out: FloatArray
 ) -> None:
-    """What `_packed` made, in SI: (short + least) x scale + offset, NaN where lost."""
+    """Fills `out` (n,) with what `pack` made, in SI; NaN for a lost count.
+
+    (short + least) x scale + offset, `scale` and `offset` in the channel's SI unit.
+    """
     for i in range(short.size):
         out[i] = np.nan if short[i] == 0 else (np.int64(short[i]) + least) * scale + offset
 
 
 @compiled
 def scaled(raw: NDArray[np.int32], lost: int, scale: float, offset: float, out: FloatArray) -> None:
-    """Counts in SI: raw x scale + offset, NaN where `lost`."""
+    """Fills `out` (n,) with counts in SI: raw x scale + offset, NaN if `lost`."""
     for i in range(raw.size):
         out[i] = np.nan if raw[i] == lost else raw[i] * scale + offset

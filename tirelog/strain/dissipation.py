@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from tirelog.dsp.differentiator import bridged, differentiator
 from tirelog.runtime import compiled
 from tirelog.strain.passages.find import Passages
 from tirelog.strain.passages.template import LENGTH_TO_WIDTH
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 
 # Samples to the energy of their derivative in each revolution, in one pass.
@@ -40,10 +41,23 @@ from tirelog.vocabulary.quality import Quality, QualityFlags, good, marked
 #: what a block's first sample has to be a multiple of, so that the fours are the same wherever the
 #: values were cut
 FOUR = 4
-#: rows of the scratch: slope, energy and bend of four samples
-SCRATCH_ROWS = 3
+#: a row's sums: of the squared slope, and of its squared change from one place to the next
+ENERGY = np.dtype([("slope2", "f8"), ("change2", "f8")])
 #: samples that stay in the fastest cache while all coefficients pass over them
 _TILE = 512
+
+
+class Scratch(NamedTuple):
+    """Room for the samples worked on at once, (n,) each: slope, and sums of fours of samples."""
+
+    slope: FloatArray
+    energies: FloatArray
+    bends: FloatArray
+
+
+def scratch_of(samples: int) -> Scratch:
+    """Room for so many samples."""
+    return Scratch(*np.empty((len(Scratch._fields), samples)))
 
 
 @compiled
@@ -51,29 +65,30 @@ def revolution_sums(
     values: FloatArray,
     first: int,
     side: FloatArray,
-    scratch: FloatArray,
+    scratch: Scratch,
     rows: IntArray,
     low: IntArray,
     high: IntArray,
-    sums: FloatArray,
+    sums: Records,
 ) -> None:
     """Adds to `sums` the squared derivative of `values`, and its squared changes.
 
-    `sums` (m, 2) of the `rows` (k,): the squared derivative of `values` (n,) over [low, high) (k,),
-    and its squared change from one place to the next. Places count as `first` does, the place of
-    the first value.
+    `sums` (m,) of ENERGY, of the `rows` (k,): the squared derivative of `values` (n,) over
+    [low, high) (k,), and its squared change from one place to the next. Places count as `first`
+    does, the place of the first value.
 
     derivative[i] = sum over k of side[k - 1] (values[i + k] - values[i - k]), 0 if that leaves
-    `values`; `scratch` (SCRATCH_ROWS, n or more). Sums go four by four at multiples of FOUR, so
+    `values`; `scratch` has room for n or more. Sums go four by four at multiples of FOUR, so
     that they do not depend on where the values were cut, if at such places.
     """
     n = values.size
-    slope, energies, bends = scratch[0, :n], scratch[1], scratch[2]
+    slope, energies, bends = scratch.slope[:n], scratch.energies, scratch.bends
     _derivative(values, side, slope)
     begin = FOUR - first % FOUR  # the first four that has a neighbour before it
     _fours(slope, begin, energies, bends)
     for j in range(rows.size):
-        energy, bend = sums[rows[j], 0], sums[rows[j], 1]
+        row = sums[rows[j]]
+        energy, bend = row["slope2"], row["change2"]
         i, end = max(low[j] - first, 1), min(high[j] - first, n - 1)
         while i < end:
             if (i - begin) % FOUR == 0 and i + FOUR <= end:
@@ -88,7 +103,7 @@ def revolution_sums(
                 energy += slope[i] * slope[i]
                 bend += change * change
                 i += 1
-        sums[rows[j], 0], sums[rows[j], 1] = energy, bend
+        row["slope2"], row["change2"] = energy, bend
 
 
 @compiled
@@ -266,7 +281,7 @@ def _energies(
         // FOUR
         * FOUR
     )
-    sums, scratch = np.zeros((len(passages), 2)), np.empty((SCRATCH_ROWS, step + 2 * (half + 3)))
+    sums, scratch = np.zeros(len(passages), ENERGY), scratch_of(step + 2 * (half + 3))
     breaks = (
         np.concatenate([[0], channel.axis.first[1:] // how.averaged, [last]])
         if channel.axis.explicit is None
@@ -291,7 +306,7 @@ def _energies(
                 means = bridged(np.ascontiguousarray(_means(raw, how.averaged)), wild)
                 within = np.maximum(low[rows], start) - begin, np.minimum(high[rows], stop) - begin
                 revolution_sums(means, first - begin, side, scratch, rows, *within, sums)
-    return sums[:, 0], sums[:, 1], (high - low).astype(float) * known
+    return sums["slope2"], sums["change2"], (high - low).astype(float) * known
 
 
 def steady_stretches(

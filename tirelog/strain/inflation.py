@@ -47,10 +47,24 @@ class InflationOfChannel:
     remarks: tuple[str, ...]
 
 
+def refuse_one_end(from_Pa: float | None = None, to_Pa: float | None = None) -> None:
+    """UsageError for one end of a ramp without the other, or two that are the same."""
+    if (from_Pa, to_Pa) != (None, None) and (None in (from_Pa, to_Pa) or from_Pa == to_Pa):
+        raise UsageError(
+            "--from and --to (from_Pa and to_Pa) go together and differ; allowed are two "
+            "pressures in Pa; e.g. --from 1.7e5 --to 2.3e5"
+        )
+
+
 def inflation_of(
-    recording: Recording, ends_Pa: tuple[float, float] | None = None
+    recording: Recording, from_Pa: float | None = None, to_Pa: float | None = None
 ) -> Iterator[InflationOfChannel]:
-    """The static test of each strain channel of `recording`."""
+    """The static test of each strain channel of `recording`.
+
+    `from_Pa` and `to_Pa`: inflation pressures [Pa] at both ends of a ramp that no channel records.
+    """
+    refuse_one_end(from_Pa, to_Pa)
+    ends_Pa = None if from_Pa is None or to_Pa is None else (from_Pa, to_Pa)
     pressures = recording.of_kind("inflation_pressure")
     pressure = pressures[0] if pressures else None
     for channel in strain_channels(recording):

@@ -113,8 +113,8 @@ def write_rows(
 ) -> int:
     """Writes the rows of `cells` (columns, n) into `out`; how many bytes.
 
-    -1 if a number cannot be written. `begins`: where in `texts` each word begins, and the end of
-    the last.
+    -1 if a number cannot be written. `digits` (columns,): how many are significant, WHOLE or WORD;
+    `begins` (words + 1,): where in `texts` each word begins, and the end of the last.
     """
     at = 0
     exponents = np.zeros(
@@ -226,6 +226,7 @@ def _twelve_digits(whole: np.uint64, out: Bytes, at: int) -> None:
 
 @compiled
 def _six_digits(six: np.uint32, out: Bytes, at: int) -> None:
+    """The digits of `six`, below a million, from place `at` on."""
     thousand = np.uint32(1000)
     high = np.uint32(six // thousand)
     _three_digits(high, out, at)
@@ -234,6 +235,7 @@ def _six_digits(six: np.uint32, out: Bytes, at: int) -> None:
 
 @compiled
 def _three_digits(three: np.uint32, out: Bytes, at: int) -> None:
+    """The digits of `three`, below a thousand, from place `at` on."""
     ten = np.uint32(10)
     two = np.uint32(three // ten)
     one = np.uint32(two // ten)

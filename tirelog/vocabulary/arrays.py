@@ -7,3 +7,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+#: an array of named fields; what they are stands beside the dtype
+Records = NDArray[np.void]
+#: one element of such an array
+Record = np.void

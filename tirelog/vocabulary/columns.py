@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tirelog.vocabulary.tables import LOG_TABLES
+
 
 @dataclass(frozen=True)
 class TableColumn:
@@ -443,42 +445,14 @@ _ALL = [
 
 COLUMNS: dict[str, TableColumn] = {column.name: column for column in _ALL}
 
-_BEGIN = ("log", "channel", "revolution", "time_s", "speed_m_s")
-
-
-def _revolutions(*own: str) -> tuple[str, ...]:
-    """A table with a row per revolution: the common beginning, its own columns, and the quality."""
-    return (*_BEGIN, *own, "quality")
-
-
+#: the columns of every table; those of a log are named in `tables`
 TABLES: dict[str, tuple[str, ...]] = {
-    "speed": _revolutions("period_s", "speed_se_m_s", "acceleration_m_s2"),
-    "footprint": _revolutions(
-        "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m",
-        "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s", "edge_asymmetry",
-        "slip_onset_m", "slip_onset_se_m", "slip_onset_reason",
-    ),
-    "dissipation": _revolutions(
-        "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2", "steady",
-        "dissipation_factor_mean_1_m", "specific_power_mean_m3_s2", "strip_power_W",
-        "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient",
-    ),
+    **{table.name: table.columns for table in LOG_TABLES.values()},
     "dissipation-fit": (
         "log", "channel", "quantity", "intercept", "intercept_se", "slope", "slope_se",
         "slope_lower", "slope_upper", "scatter", "rows", "stretches", "points", "speeds",
         "degrees_of_freedom", "slowest_m_s", "fastest_m_s", "miss", "miss_sigmas", "curvature",
         "curvature_se", "judgement",
-    ),
-    "inflation": _revolutions(
-        "stretch", "duration_s", "inflation_pressure_Pa", "pressure_change_Pa", "strain",
-        "strain_se", "strain_change", "strain_slope_1_Pa", "strain_slope_se_1_Pa",
-        "strain_rate_1_s", "nonlinearity", "leak",
-    ),
-    "phase-shift": _revolutions(
-        "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg",
-        "phase_shift_deg", "phase_shift_se_deg", "patch_width_detrended_deg",
-        "phase_shift_detrended_deg", "phase_shift_corrected_deg", "vertical_force_N",
-        "vertical_force_se_N", "longitudinal_force_N", "longitudinal_force_se_N",
     ),
     "predict": (
         "xi_m", "phi_deg", "displacement_m", "strain", "radial_acceleration_m_s2",

@@ -28,9 +28,10 @@ PIECE = 1 << 15
 def _hermite(
     at: FloatArray, time: FloatArray, count: Any, rate: Any, unit: float, result: FloatArray
 ) -> None:
-    """Fills `result` (n,) with the cubics' angles [rad] at the times `at`.
+    """Fills `result` (n,) with the cubics' angles [rad] at the times `at` (n,) [s].
 
-    These are in any order; NaN outside of the knots. Ascending times are quickest.
+    These are in any order; NaN outside of the knots. Ascending times are quickest. Knots (k,):
+    `time` [s], ascending, `count` times `unit` [rad], `rate` [rad/s].
     """
     n, k = time.size, 0
     low = high = np.nan

@@ -10,7 +10,7 @@ Samples are finite, float64, C-contiguous.  Thresholds hold for a chunk of CHUNK
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 Bytes = NDArray[np.int8]
+#: deviations of passages [rad] that were summed: how many, their sum, the sum of their squares
+SUMS = np.dtype([("number", "f8"), ("total", "f8"), ("squares", "f8")])
 
 #: samples whose extremes are taken together
 CHUNK = 64
@@ -174,14 +176,30 @@ def places(
     return np.where(np.abs(shift) < 0.5 * np.pi / omega, centre - shift, rough)
 
 
+class Sines(NamedTuple):
+    """A sine around each crossing of the middle level, (n,) each; NaN if none can be laid.
+
+    rough     the crossing by a straight line [samples]
+    centre    the middle of the window [samples]; reach: k, samples on either side of it
+    omega     [rad per sample]
+    quotient  the samples' sum over their difference
+    """
+
+    rough: FloatArray
+    centre: FloatArray
+    reach: FloatArray
+    omega: FloatArray
+    quotient: FloatArray
+
+
 @compiled
 def _windows(
     x: FloatArray, coarse: FloatArray, before: IntArray, after: IntArray, slow: float
-) -> tuple[FloatArray, ...]:
-    """The middle level's crossing by a straight line, and the sine around it; (n,) each.
+) -> Sines:
+    """The middle level's crossing by a straight line, and the sine around it.
 
-    The crossing between `before` and `after`; the middle of the window, k, omega, and the sum over
-    the difference, NaN if no sine can be laid.
+    `x` (size,); `coarse` (n,) places, `before` and `after` (n,) samples of each change of side,
+    between which the crossing lies; `slow` [samples].
     """
     n, total = coarse.size, _sums(x)
     level = _middles(x, total, coarse, before, after, slow)
@@ -224,7 +242,7 @@ def _windows(
                     omega,
                     area / (later - earlier),
                 )
-    return rough, middle, k_of, omega_of, quotient
+    return Sines(rough, middle, k_of, omega_of, quotient)
 
 
 @compiled
@@ -236,10 +254,10 @@ def _middles(
     after: IntArray,
     slow: float,
 ) -> FloatArray:
-    """Middle level at each crossing (n,).
+    """Middle level at each crossing (n,), in the unit of `x` (size,).
 
-    The mean over the whole periods within AROUND on both sides, from crossing to crossing; half way
-    between the samples `before` and `after` if they are slow.
+    `total` (size + 1,) of `_sums`. The mean over the whole periods within AROUND on both sides,
+    from crossing to crossing; half way between the samples `before` and `after` if they are slow.
     """
     n = coarse.size
     below, level = np.empty(n), np.empty(n)

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.dsp.encoder.angle import AngleFunction
+from tirelog.dsp.encoder.kernels import SUMS
 from tirelog.dsp.encoder.signal import Integers
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 #: knots lie at least so far apart while the motion is even: a cubic follows a wheel that shakes at
 #: 20 Hz to a thousandth of a degree
@@ -89,16 +90,18 @@ def _local_cubics(
     first: int,
     stop: int,
     last: float,
-    sums: FloatArray,
+    sums: Records,
 ) -> tuple[IntArray, FloatArray, FloatArray, NDArray[np.int8]]:
     """Which passages become knots (k,); their times, rates [rad/s] and reaches.
 
     Of the passages [first, stop) those KNOT_STEP_S after the one before them, which is at `last`
     [s], and all beside uneven ones. Reach 0: no cubic could be laid, the rate is the neighbours'.
 
-    classes), by the count modulo the classes.
+    `time` (n,) [s], `count` and `stretch` (n,); `unit` per count [rad]. Added to: what the cubics
+    of each reach left of the passages, `sums` (MOST_REACH + 1, classes) of SUMS, by the count
+    modulo the classes.
     """
-    n, run, classes = time.size, _even_runs(time, count, stretch), sums.shape[2]
+    n, run, classes = time.size, _even_runs(time, count, stretch), sums.shape[1]
     knot, smooth, rate, reaches = (
         np.empty(stop - first, np.int64),
         np.empty(n),
@@ -137,9 +140,10 @@ def _local_cubics(
                 residual = -at * rate[k]
                 if abs(residual) < 0.2 * unit:
                     place = count[i] % classes
-                    sums[reach, 0, place] += 1
-                    sums[reach, 1, place] += residual
-                    sums[reach, 2, place] += residual * residual
+                    left = sums[reach, place]
+                    left["number"] += 1
+                    left["total"] += residual
+                    left["squares"] += residual * residual
         if reaches[k] == 0:
             before = i - 1 if i > 0 and stretch[i - 1] == stretch[i] else i
             after = i + 1 if i + 1 < n and stretch[i + 1] == stretch[i] else i
@@ -217,7 +221,7 @@ class KnotBuilder:
         if stop <= first:
             self._held = parts
             return
-        sums = np.zeros((MOST_REACH + 1, 3, self.classes))
+        sums = np.zeros((MOST_REACH + 1, self.classes), SUMS)
         at, smooth, rate, reach = _local_cubics(
             time, count, stretch, self.unit_rad, first, stop, self._last, sums
         )
@@ -233,12 +237,12 @@ class KnotBuilder:
         begin = max(stop - margin, 0)
         self._held, self._first = tuple(p[begin:] for p in parts), stop - begin
 
-    def _note_scatter(self, sums: FloatArray) -> None:
+    def _note_scatter(self, sums: Records) -> None:
         """Notes what the cubics of each reach left.
 
         Each class of counts about its own mean: a cubic that keeps w of a passage leaves 1 - w.
         """
-        number, total, squares = sums[:, 0], sums[:, 1], sums[:, 2]
+        number, total, squares = (sums[name].copy() for name in ("number", "total", "squares"))
         kept = VALUE[:, MOST_REACH]
         left = (squares - total**2 / np.maximum(number, 1.0)).sum(axis=1)[LEAST_REACH:]
         freedom = (number.sum(axis=1) - (number > 0).sum(axis=1))[LEAST_REACH:]

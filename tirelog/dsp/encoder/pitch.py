@@ -23,10 +23,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tirelog.dsp.encoder.kernels import SUMS
 from tirelog.dsp.encoder.signal import Integers
 from tirelog.dsp.sliding import sliding_mean
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: turns that a table needs; fewer leave it zero
 LEAST_TURNS = 4
@@ -76,12 +77,12 @@ def _window_mean(x: FloatArray, turn: int) -> FloatArray:
 
 @compiled
 def _deviation_sums(
-    time: FloatArray, seen: NDArray[np.bool_], first: int, turn: int, limit: float, sums: FloatArray
+    time: FloatArray, seen: NDArray[np.bool_], first: int, turn: int, limit: float, sums: Records
 ) -> None:
-    """Adds the deviations of the passages of one stretch to `sums` (3, turn).
+    """Adds the deviations of the passages of one stretch to `sums` (turn,) of SUMS.
 
-    Number, deviations [rad] and their squares, without the turn at each end and without uneven
-    turns. `time` of the counts `first`, `first` + 1, ..., of those `seen` only.
+    By the count modulo the turn, without the turn at each end and without uneven turns; none above
+    `limit` [rad]. `time` (n,) [s] of the counts `first`, `first` + 1, ..., of those `seen` only.
     """
     n, half = time.size, turn // 2
     pace = (time[n - 1] - time[0]) / (n - 1)
@@ -100,9 +101,9 @@ def _deviation_sums(
             deviation = (bent[i] - 2 * once[i] + twice[i - half]) * 2 * np.pi / lap
             if abs(deviation) < limit:
                 k = (first + i) % turn
-                sums[0, k] += 1
-                sums[1, k] += deviation
-                sums[2, k] += deviation * deviation
+                sums[k]["number"] += 1
+                sums[k]["total"] += deviation
+                sums[k]["squares"] += deviation * deviation
 
 
 @dataclass
@@ -119,7 +120,7 @@ class StretchSums:
     begin_s: float
     end_s: float
     forward: bool
-    sums: FloatArray
+    sums: Records
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,7 @@ class PitchLearner:
         for low, high in zip([0, *ends.tolist()], [*ends.tolist(), time_s.size], strict=True):
             number = int(stretch[low])
             if not self.stretches or self.stretches[-1].number != number:
-                sums = np.zeros((3, 2 * self.steps))
+                sums = np.zeros(2 * self.steps, SUMS)
                 begin = float(time_s[low])
                 self.stretches.append(
                     StretchSums(
@@ -247,24 +248,25 @@ class PitchLearner:
 
     def table(self, placings: list[Placing]) -> PitchTable:
         """The table of all stretches that roll forward, laid on one another."""
-        total = np.zeros((3, 2 * self.steps))
+        total = np.zeros(2 * self.steps, SUMS)
         for stretch, placing in zip(self.stretches, placings, strict=True):
             if placing.sign > 0 and stretch.forward:
-                total += np.roll(stretch.sums, placing.offset, axis=1)
+                for name in SUMS.names or ():
+                    total[name] += np.roll(stretch.sums[name], placing.offset)
         return _table(total)
 
 
-def _table(sums: FloatArray) -> PitchTable:
+def _table(sums: Records) -> PitchTable:
     """The table from number, sum and sum of squares of the deviations of each passage of a turn."""
-    number, total, squares = sums[0], sums[1], float(sums[2].sum())
-    turns, size = float(np.median(number)), number.size
+    number, total, squares = (sums[name].copy() for name in ("number", "total", "squares"))
+    turns, size, square = float(np.median(number)), number.size, float(squares.sum())
     if turns < LEAST_TURNS:
         return PitchTable.zero(size // 2)
     mean = total / np.maximum(number, 1.0)
     explained = float(number @ mean**2)
-    left = max(squares - explained, 0.0) / max(number.sum() - size, 1.0)
+    left = max(square - explained, 0.0) / max(number.sum() - size, 1.0)
     error = np.where(number > 0, mean - mean[number > 0].mean(), 0.0)
-    share = max(explained - left * size, 0.0) / max(squares, np.finfo(float).tiny)
+    share = max(explained - left * size, 0.0) / max(square, np.finfo(float).tiny)
     return PitchTable(error, float(np.sqrt(left / turns)), int(turns), float(np.sqrt(left)), share)
 
 

@@ -296,7 +296,7 @@ def _regular(
 
 @compiled
 def _all_regular(steps: FloatArray) -> bool:
-    """Whether no interval differs much from those five before and after it.
+    """Whether no interval of `steps` (n,) [samples] differs much from those five before and after.
 
     At the ends: one of them. Then no closer look is needed.
     """

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,24 @@ from tirelog.physics.moving.ring import CoupledRing
 from tirelog.physics.moving.road import RoadProfile
 from tirelog.physics.spectral import ComplexArray
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, Records
+
+#: a node when it was seen last: its place along the road and its height, how deep it was below the
+#: road, and the number of that call; NaN: never
+SEEN = np.dtype([("s_m", "f8"), ("z_m", "f8"), ("depth_m", "f8"), ("call", "f8")])
+
+
+class Pressed(NamedTuple):
+    """What the road does to nodes: forces (j,) [N/m] along it and upwards; per length [J/m] the
+    energies of springs and bristles, and what sliding took.
+    """
+
+    f_s: FloatArray
+    f_z: FloatArray
+    sprung: float
+    clung: float
+    lost: float
+
 
 # Where the tread's nodes are, and what the road does to them.
 #
@@ -55,14 +73,12 @@ def places(
 
 @compiled
 def press(
-    s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: FloatArray,
+    s: FloatArray, z: FloatArray, height: FloatArray, slope: FloatArray, was: Records,
     bristles: FloatArray, start: int, nodes: int, k_t: float, c_x: float, mu: float, now: float,
-) -> tuple[FloatArray, FloatArray, float, float, float]:  # fmt: skip
-    """Forces (f_s, f_z) [N/m] on nodes (j,), and energies.
+) -> Pressed:  # fmt: skip
+    """The road's forces on nodes (j,), and energies.
 
-    The energies are those of springs and bristles and what sliding took, in J per length of pitch.
-
-    was (4, M): s, z, depth and the call `now` at which the node was seen last; bristles (M,) [m]. A
+    was (M,) of SEEN, of the call before or earlier; bristles (M,) [m]; k_t, c_x [N/m^2]. A
     node that came down since the last call has slid for a part of the way; one that was not looked
     at then has not.
     """
@@ -72,7 +88,7 @@ def press(
     for i in range(size):
         j = (start + i) % nodes
         gap, steep = height[i] - z[i], slope[i]
-        before, seen = bristles[j], was[3, j] == now - 1.0
+        before, seen = bristles[j], was[j]["call"] == now - 1.0
         bristles[j] = 0.0
         if gap > 0.0:
             sprung += 0.5 * k_t * gap * gap
@@ -84,10 +100,11 @@ def press(
             if seen:
                 share = (
                     1.0
-                    if was[2, j] >= 0.0
-                    else min(max(gap / max(gap - was[2, j], 1e-12), 0.0), 1.0)
+                    if was[j]["depth_m"] >= 0.0
+                    else min(max(gap / max(gap - was[j]["depth_m"], 1e-12), 0.0), 1.0)
                 )
-                slid = share * ((s[i] - was[0, j]) - steep * (z[i] - was[1, j])) / long
+                rise = steep * (z[i] - was[j]["z_m"])
+                slid = share * ((s[i] - was[j]["s_m"]) - rise) / long
             else:
                 before = 0.0
             free = before + slid
@@ -97,8 +114,9 @@ def press(
             bristles[j] = held
             f_s[i] -= c_x * held / long
             f_z[i] += c_x * held * steep / long
-        was[0, j], was[1, j], was[2, j], was[3, j] = s[i], z[i], gap, now
-    return f_s, f_z, sprung, clung, lost
+        node = was[j]
+        node["s_m"], node["z_m"], node["depth_m"], node["call"] = s[i], z[i], gap, now
+    return Pressed(f_s, f_z, sprung, clung, lost)
 
 
 @compiled
@@ -174,7 +192,7 @@ class Tread:
         self._cos, self._sin = np.cos(turns), np.sin(turns)
         self._pitch = 2.0 * np.pi * self.tire.R / self.nodes
         self.bristles = np.zeros(self.nodes)
-        self._was = np.full((4, self.nodes), np.nan)
+        self._was = np.full(self.nodes, np.nan, SEEN)
         self._now = 0
         self._top, self._top_at = 0.0, np.inf
 

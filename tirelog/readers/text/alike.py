@@ -20,27 +20,39 @@ ends with the group, each masked:
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.readers.base import LOST_COUNT
 from tirelog.readers.text.digits import EXACT_POWERS, NIBBLES, POWERS, Bytes, Whole, value_of, word
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: what is done with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and
 #: byte behind
 SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
-#: columns of the table that guides the reading of rows (`kernels.rows`)
-GUIDE = 5
-WHAT, SLOT, PLACES, MARKS_LOST, TOO_WIDE = range(GUIDE)
-#: columns of a template's table of cells: what, slot, whether 0 is lost, whether the cell is a word
-#: for a lost sample; the power of ten that a count or tick is multiplied by, a float divided by;
-#: whether negative; first byte and byte behind; whether there are digits before the last eight;
-#: places and masks of the words of the last eight digits, and of those before
-_CELL = 17
-_WHAT, _SLOT, _MARKS_LOST, _WORD, _POWER, _NEGATIVE, _FIRST, _STOP, _LONG, _LAST = range(10)
-_EARLIER = 13
+#: what to do with a column: `what` of the above, its slot in that output, places of counts, whether
+#: 0 and -1 are lost; set to True: a count could not hold a number
+GUIDE = np.dtype(
+    [("what", "i8"), ("slot", "i8"), ("places", "i8"), ("marks_lost", "?"), ("too_wide", "?")],
+    align=True,
+)
+#: first byte of a cell and the byte behind it
+CELL_SPAN = np.dtype([("first", "i8"), ("stop", "i8")])
+#: a cell of a template: `what` and slot of its column; the power of ten that a count or tick is
+#: multiplied by, a float divided by; first byte and byte behind in the row; whether 0 is lost,
+#: whether it is a word for a lost sample, whether it is negative, whether there are digits before
+#: the last eight
+CELL = np.dtype(
+    [("what", "i8"), ("slot", "i8"), ("power", "i8"), ("first", "i8"), ("stop", "i8"),
+     ("marks_lost", "?"), ("word", "?"), ("negative", "?"), ("long", "?")],
+    align=True,
+)  # fmt: skip
+#: where a group of digits is loaded from, in bytes of the row + _BEFORE: the word that holds those
+#: before the decimal sign, the one that holds those behind it, and which of their bytes count
+GROUP = np.dtype([("whole_at", "i8"), ("whole", "u8"), ("behind_at", "i8"), ("behind", "u8")])
 #: decimals of a tick
 TICK_PLACES = 9
 #: rows of more bytes have no template
@@ -51,9 +63,24 @@ _BEFORE = 8
 _BATCH = 64
 
 Counts = NDArray[np.int32]
-#: of each byte of a row: what it is (a digit 0), what sets the highest bit when it is added to any
-#: other difference, and that bit
-Pattern = NDArray[np.uint8]
+
+
+class Template(NamedTuple):
+    """How a row is written, and what its cells are.
+
+    usual, above, bit  of each byte of the row: what it is (a digit 0), what sets the highest bit
+                       when it is added to any other difference, and that bit
+    cells              (columns,) of CELL, of which those that are wanted come first
+    last, earlier      (columns,) of GROUP: each cell's last eight digits, and those before
+    """
+
+    usual: Bytes
+    above: Bytes
+    bit: Bytes
+    cells: Records
+    last: Records
+    earlier: Records
+
 
 _ALL = np.uint64(2**64 - 1)
 _LARGEST_COUNT = (1 << 31) - 2
@@ -61,31 +88,33 @@ LARGEST = np.iinfo(np.int64).max
 
 
 @compiled
-def unlearnt(width: int) -> tuple[Pattern, IntArray]:
-    """Room for a template of so many columns: (pattern of the row's bytes, table of its cells)."""
-    return np.empty((3, _LONGEST_ROW), np.uint8), np.empty((width, _CELL), np.int64)
+def unlearnt(width: int) -> Template:
+    """Room for a template of so many columns."""
+    return Template(
+        np.empty(_LONGEST_ROW, np.uint8), np.empty(_LONGEST_ROW, np.uint8),
+        np.empty(_LONGEST_ROW, np.uint8), np.empty(width, CELL), np.empty(width, GROUP),
+        np.empty(width, GROUP),
+    )  # fmt: skip
 
 
 @compiled
 def _masked(first: Whole, stop: Whole) -> Whole:
     """A mask of the digit values in the bytes first to stop of a word."""
     if first >= stop:
-        return 0
-    return np.int64((_ALL << np.uint64(8 * first)) & (_ALL >> np.uint64(64 - 8 * stop)) & NIBBLES)
+        return np.uint64(0)
+    return (_ALL << np.uint64(8 * first)) & (_ALL >> np.uint64(64 - 8 * stop)) & NIBBLES
 
 
 @compiled
-def _group(
-    cells: IntArray, k: int, at: int, point: Whole, end: Whole, whole: Whole, behind: Whole
-) -> None:
-    """Sets where a group of digits is loaded from.
+def _group(group: Record, point: Whole, end: Whole, whole: Whole, behind: Whole) -> None:
+    """Sets where a GROUP of digits is loaded from.
 
     `whole` of them before the byte `point`, `behind` before the byte `end` (both in the row).
     """
-    cells[k, at] = point - 8 + behind + _BEFORE
-    cells[k, at + 1] = _masked(8 - behind - whole, 8 - behind)
-    cells[k, at + 2] = (end if behind else point) - 8 + _BEFORE
-    cells[k, at + 3] = _masked(8 - behind, 8)
+    group["whole_at"] = point - 8 + behind + _BEFORE
+    group["whole"] = _masked(8 - behind - whole, 8 - behind)
+    group["behind_at"] = (end if behind else point) - 8 + _BEFORE
+    group["behind"] = _masked(8 - behind, 8)
 
 
 @compiled
@@ -101,35 +130,29 @@ def _most_digits(what: Whole, power: Whole) -> Whole:
 
 @compiled
 def learn_alike(
-    data: Bytes,
-    begin: Whole,
-    stop: Whole,
-    guides: IntArray,
-    separator: int,
-    decimal: int,
-    pattern: Pattern,
-    cells: IntArray,
-) -> Whole:
-    """Learns the row from `begin` to `stop`, newline included, into `pattern` and `cells`.
+    data: Bytes, begin: Whole, stop: Whole, guides: Records, separator: int, decimal: int,
+    template: Template,
+) -> Whole:  # fmt: skip
+    """Learns the row from `begin` to `stop`, newline included, into `template`.
 
     The row has been read before. Returned is how many of its cells are wanted, 0 if it makes no
-    template.
+    template. `guides` (columns,) of GUIDE.
     """
-    width, used, at = guides.shape[0], 0, begin
+    width, used, at = guides.size, 0, begin
     if stop - begin > _LONGEST_ROW - 8 or begin < _BEFORE:
         return 0
     for i in range(stop - begin):
         byte = data[begin + i]
         digit = 48 <= byte <= 57
-        pattern[0, i], pattern[1, i], pattern[2, i] = (
-            (48, 0x76, 0x80) if digit else (byte, 0x7F, 0x80)
-        )
-    pattern[2, stop - begin : stop - begin + 8] = 0  # what stands behind the row may be anything
+        template.usual[i], template.above[i] = (48, 0x76) if digit else (byte, 0x7F)
+        template.bit[i] = 0x80
+    template.bit[stop - begin : stop - begin + 8] = 0  # what stands behind the row may be anything
     for c in range(width):
         first = at
         while data[at] != separator and data[at] != 10:
             at += 1
-        what, slot, places = guides[c, WHAT], guides[c, SLOT], guides[c, PLACES]
+        guide = guides[c]
+        what, places, marks_lost = guide["what"], guide["places"], guide["marks_lost"]
         end = at
         while first < end and (data[first] == 13 or (data[first] == 32 and separator != 32)):
             first += 1
@@ -140,13 +163,12 @@ def learn_alike(
         at += 1
         if what == SKIP:
             continue
-        cells[used] = 0
-        cells[used, _WHAT], cells[used, _SLOT], cells[used, _MARKS_LOST] = (
-            what,
-            slot,
-            guides[c, MARKS_LOST],
-        )
-        cells[used, _FIRST], cells[used, _STOP] = first - begin, end - begin
+        cell, last, earlier = template.cells[used], template.last[used], template.earlier[used]
+        cell["what"], cell["slot"], cell["marks_lost"] = what, guide["slot"], marks_lost
+        cell["first"], cell["stop"] = first - begin, end - begin
+        cell["power"], cell["word"], cell["negative"], cell["long"] = 0, False, False, False
+        _group(last, 0, 0, 0, 0)
+        _group(earlier, 0, 0, 0, 0)
         if what != SPAN:
             negative = data[first] == 45
             digits = first + (negative or data[first] == 43)
@@ -162,43 +184,38 @@ def learn_alike(
                 and point + behind + (data[point] == decimal and point < end) == end
             )
             up = behind if what == FLOAT else (places if what == COUNT else TICK_PLACES) - behind
-            if not plain or (negative and guides[c, MARKS_LOST]):
+            if not plain or (negative and marks_lost):
                 if what == TICK:
                     return 0
                 for i in range(first - begin, end - begin):
-                    pattern[0, i], pattern[1, i] = data[begin + i], 0x7F
-                cells[used, _WORD] = 1
+                    template.usual[i], template.above[i] = data[begin + i], 0x7F
+                cell["word"] = True
             elif up < 0 or whole + behind > _most_digits(what, up):
                 return 0
             else:
-                cells[used, _POWER], cells[used, _NEGATIVE], cells[used, _LONG] = (
-                    up,
-                    negative,
-                    whole + behind > 8,
-                )
-                last = min(behind, 8)
-                before = min(whole, 8 - last)
-                _group(cells, used, _LAST, point - begin, end - begin, before, last)
+                cell["power"], cell["negative"] = up, negative
+                cell["long"] = whole + behind > 8
+                late = min(behind, 8)
+                before = min(whole, 8 - late)
+                _group(last, point - begin, end - begin, before, late)
                 _group(
-                    cells,
-                    used,
-                    _EARLIER,
+                    earlier,
                     point - before - begin,
                     end - 8 - begin,
                     whole - before,
-                    behind - last,
+                    behind - late,
                 )
         used += 1
     return used if at == stop else 0
 
 
 @compiled
-def _fitting(data: Bytes, at: Whole, size: Whole, most: Whole, pattern: Pattern) -> Whole:
-    """How many rows, `most` at most, of `size` bytes from `at` on fit the pattern."""
+def _fitting(data: Bytes, at: Whole, size: Whole, most: Whole, template: Template) -> Whole:
+    """How many rows, `most` at most, of `size` bytes from `at` on fit the template."""
     usual, above, bit = (
-        pattern[0].view(np.uint64),
-        pattern[1].view(np.uint64),
-        pattern[2].view(np.uint64),
+        template.usual.view(np.uint64),
+        template.above.view(np.uint64),
+        template.bit.view(np.uint64),
     )
     words = (size + 7) // 8
     for n in range(most):
@@ -216,22 +233,11 @@ def _fitting(data: Bytes, at: Whole, size: Whole, most: Whole, pattern: Pattern)
 
 @compiled
 def _gathered(
-    data: Bytes,
-    base: Whole,
-    size: Whole,
-    n: Whole,
-    cell: IntArray,
-    at: int,
-    numbers: IntArray,
-    times: Whole,
+    data: Bytes, base: Whole, size: Whole, n: Whole, group: Record, numbers: IntArray, times: Whole
 ) -> None:
-    """Adds the numbers that a group of digits is in `n` rows of `size` bytes, multiplied."""
-    one, before, other, behind = (
-        base + cell[at],
-        np.uint64(cell[at + 1]),
-        base + cell[at + 2],
-        np.uint64(cell[at + 3]),
-    )
+    """Adds the numbers that a GROUP of digits is in `n` rows of `size` bytes, multiplied."""
+    one, before = base + group["whole_at"], group["whole"]
+    other, behind = base + group["behind_at"], group["behind"]
     for i in range(n):
         numbers[i] += times * value_of(
             (word(data, one + i * size) & before) | (word(data, other + i * size) & behind)
@@ -240,55 +246,53 @@ def _gathered(
 
 @compiled
 def alike_rows(
-    data: Bytes, at: Whole, size: Whole, pattern: Pattern, cells: IntArray, row: Whole,
-    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray,
+    data: Bytes, at: Whole, size: Whole, template: Template, wanted: Whole, row: Whole,
+    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: Records,
 ) -> tuple[Whole, Whole]:  # fmt: skip
     """Rows of `size` bytes like the one learnt into columns; (row, byte) behind them.
 
-    The one learnt lies before them; they go into columns from `row` on. Ends before a row that does
+    The one learnt lies before them, with so many cells `wanted`; they go into columns from `row` on
+    (see `kernels.parse_rows`). Ends before a row that does
     not fit, and before some whose numbers may be too large.
     """
     numbers = np.empty(_BATCH, np.int64)
     r = row
     while True:
-        n = _fitting(data, at, size, min(_BATCH, begins.size - r), pattern)
+        n = _fitting(data, at, size, min(_BATCH, begins.size - r), template)
         too_large = False
         for i in range(n):
             begins[r + i] = at + i * size
-        for k in range(cells.shape[0]):
-            cell = cells[k]
-            what, slot, times = (
-                cell[_WHAT],
-                cell[_SLOT],
-                1 if cell[_WHAT] == FLOAT else POWERS[cell[_POWER]],
-            )
-            sign = -1 if cell[_NEGATIVE] else 1
+        for k in range(wanted):
+            cell = template.cells[k]
+            what, slot, power = cell["what"], cell["slot"], cell["power"]
+            times = 1 if what == FLOAT else POWERS[power]
+            sign = -1 if cell["negative"] else 1
             if what == SPAN:
                 for i in range(n):
-                    spans[slot, r + i, 0], spans[slot, r + i, 1] = (
-                        begins[r + i] + cell[_FIRST],
-                        begins[r + i] + cell[_STOP],
-                    )
+                    span = spans[slot, r + i]
+                    span["first"] = begins[r + i] + cell["first"]
+                    span["stop"] = begins[r + i] + cell["stop"]
                 continue
             numbers[:n] = 0
-            _gathered(data, at - _BEFORE, size, n, cell, _LAST, numbers, times)
-            if cell[_LONG]:
-                _gathered(data, at - _BEFORE, size, n, cell, _EARLIER, numbers, 100_000_000 * times)
+            _gathered(data, at - _BEFORE, size, n, template.last[k], numbers, times)
+            if cell["long"]:
+                high = 100_000_000 * times
+                _gathered(data, at - _BEFORE, size, n, template.earlier[k], numbers, high)
             if what == COUNT:
                 zero = (
                     counts[slot, r - 1]
-                    if cell[_WORD]
-                    else np.int32(LOST_COUNT if cell[_MARKS_LOST] else 0)
+                    if cell["word"]
+                    else np.int32(LOST_COUNT if cell["marks_lost"] else 0)
                 )
                 for i in range(n):
                     too_large |= numbers[i] > _LARGEST_COUNT
                     counts[slot, r + i] = zero if numbers[i] == 0 else np.int32(sign * numbers[i])
             elif what == FLOAT:
-                divisor = sign * EXACT_POWERS[cell[_POWER]]
+                divisor = sign * EXACT_POWERS[power]
                 nought = (
                     floats[slot, r - 1]
-                    if cell[_WORD]
-                    else (np.nan if cell[_MARKS_LOST] else 0.0 / divisor)
+                    if cell["word"]
+                    else (np.nan if cell["marks_lost"] else 0.0 / divisor)
                 )
                 for i in range(n):
                     floats[slot, r + i] = nought if numbers[i] == 0 else numbers[i] / divisor

@@ -20,15 +20,10 @@ from tirelog.readers.text.alike import (
     COUNT,
     FLOAT,
     LARGEST,
-    MARKS_LOST,
-    PLACES,
     SKIP,
-    SLOT,
     SPAN,
     TICK,
     TICK_PLACES,
-    TOO_WIDE,
-    WHAT,
     Counts,
     alike_rows,
     learn_alike,
@@ -49,10 +44,12 @@ from tirelog.readers.text.digits import (
     word,
 )
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 #: what is known about a cell: not yet anything, a number, that it is blank
 _UNREAD, _NUMBER, _BLANK = range(3)
+#: a cell that is left to the caller: its row and column, first byte and byte behind
+HARD = np.dtype([("row", "i8"), ("column", "i8"), ("first", "i8"), ("stop", "i8")])
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
 
@@ -134,45 +131,32 @@ def _fits(what: Whole, places: Whole, whole: Whole, behind: Whole) -> bool:
 
 @compiled
 def parse_rows(
-    data: Bytes, at: Whole, guides: IntArray, separator: int, decimal: int, least: int, rest: bool,
-    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: IntArray,
-    hard: IntArray,
+    data: Bytes, at: Whole, guides: Records, separator: int, decimal: int, least: int, rest: bool,
+    begins: IntArray, counts: Counts, floats: FloatArray, ticks: IntArray, spans: Records,
+    hard: Records,
 ) -> tuple[Whole, Whole, Whole]:  # fmt: skip
     """Rows from the byte `at` on into columns; (rows, byte behind them, `hard` cells).
 
-    guides  (columns, GUIDE): what, slot in the output, places of counts, whether 0 and -1 are lost,
-            set to 1 if a count could not hold a number
+    guides  (columns,) of GUIDE
     least   cells that a row has to have; `rest` allows cells behind the columns
     begins  (n,) first byte of each row, of n at most; counts, floats, ticks: (slots, n); spans:
-            (slots, n, 2)
-    hard    (h, 4): row, column, first byte, byte behind of cells that are left to the caller
+            (slots, n) of CELL_SPAN
+    hard    (h,) of HARD
 
     Ends before a row of another width, before one whose tick is no plain number, or if `hard`
     has no room. A newline ends `data`. One long function, since an array that is passed on costs
     more than a cell.
     """
-    width, used, safe = guides.shape[0], 0, data.size - _TAIL
-    pattern, template = unlearnt(width)
+    width, used, safe = guides.size, 0, data.size - _TAIL
+    template = unlearnt(width)
     r, begin, kept, wait, patience = 0, at, 0, _SOON, _SOON
     while True:
         if wait == 0 and used == kept:  # the row above left nothing to the caller
-            first_row, many = (
-                r,
-                learn_alike(data, begin, at, guides, separator, decimal, pattern, template),
-            )
-            if many:
+            first_row = r
+            wanted = learn_alike(data, begin, at, guides, separator, decimal, template)
+            if wanted:
                 r, at = alike_rows(
-                    data,
-                    at,
-                    at - begin,
-                    pattern,
-                    template[:many],
-                    r,
-                    begins,
-                    counts,
-                    floats,
-                    ticks,
-                    spans,
+                    data, at, at - begin, template, wanted, r, begins, counts, floats, ticks, spans
                 )
             patience = _SOON if r > first_row else min(2 * patience, _MOST_PATIENCE)
             wait = patience
@@ -181,14 +165,16 @@ def parse_rows(
         begin, kept, wait = at, used, max(wait - 1, 0)
         begins[r] = at
         if (
-            used + width > hard.shape[0]
+            used + width > hard.size
             or at >= data.size
             or data[_after_blanks(data, at, separator)] == 10
         ):
             return r, begin, kept
         ended = False
         for c in range(width):
-            what, slot, places = guides[c, WHAT], guides[c, SLOT], guides[c, PLACES]
+            guide = guides[c]
+            what, slot, places = guide["what"], guide["slot"], guide["places"]
+            marks_lost = guide["marks_lost"]
             if at < safe and not ended and COUNT <= what <= FLOAT:
                 negative = data[at] == 45
                 first = at + negative
@@ -205,21 +191,13 @@ def parse_rows(
                     if what == COUNT:
                         m *= POWERS[places - behind]
                         count = -m if negative else m
-                        if (
-                            (negative or m == 0)
-                            and guides[c, MARKS_LOST]
-                            and (m == 0 or m == POWERS[places])
-                        ):
+                        if (negative or m == 0) and marks_lost and (m == 0 or m == POWERS[places]):
                             count = LOST_COUNT
                         counts[slot, r] = count
                     else:
                         value = m / EXACT_POWERS[behind]
                         value = -value if negative else value
-                        if (
-                            (negative or m == 0)
-                            and guides[c, MARKS_LOST]
-                            and (m == 0 or value == -1.0)
-                        ):
+                        if (negative or m == 0) and marks_lost and (m == 0 or value == -1.0):
                             value = np.nan
                         floats[slot, r] = value
                     at = end + (c + 1 < width)
@@ -248,8 +226,8 @@ def parse_rows(
                 if state == _NUMBER:
                     count = as_count(m, e, places)
                     if count == WIDE:
-                        guides[c, TOO_WIDE], count = 1, 0
-                    elif guides[c, MARKS_LOST] and (count == 0 or count == -POWERS[places]):
+                        guide["too_wide"], count = True, 0
+                    elif marks_lost and (count == 0 or count == -POWERS[places]):
                         count = LOST_COUNT
                 counts[slot, r] = count
             elif what == FLOAT:
@@ -257,7 +235,7 @@ def parse_rows(
                 if state == _NUMBER:
                     value, good = as_float(m, e, negative)
                     state = _NUMBER if good else _UNREAD
-                    if guides[c, MARKS_LOST] and (value == 0.0 or value == -1.0):
+                    if marks_lost and (value == 0.0 or value == -1.0):
                         value = np.nan
                 floats[slot, r] = value
             elif what == TICK:
@@ -266,9 +244,11 @@ def parse_rows(
                     return r, begin, kept
                 ticks[slot, r] = m * POWERS[up]
             elif what == SPAN:
-                spans[slot, r, 0], spans[slot, r, 1], state = start, stop, _NUMBER
+                span = spans[slot, r]
+                span["first"], span["stop"], state = start, stop, _NUMBER
             if state == _UNREAD and what != SKIP:
-                hard[used, 0], hard[used, 1], hard[used, 2], hard[used, 3] = r, c, start, stop
+                left = hard[used]
+                left["row"], left["column"], left["first"], left["stop"] = r, c, start, stop
                 used += 1
             if data[at] == 10:
                 ended = True

@@ -17,10 +17,10 @@ import re
 import numpy as np
 
 from tirelog.readers.base import Samples, counted_floats
-from tirelog.readers.text.alike import COUNT, FLOAT, GUIDE, SPAN, TICK, TOO_WIDE
+from tirelog.readers.text.alike import CELL_SPAN, COUNT, FLOAT, GUIDE, SPAN, TICK
 from tirelog.readers.text.digits import Block, bytes_of
 from tirelog.readers.text.flat import cell_numbers
-from tirelog.readers.text.kernels import parse_rows
+from tirelog.readers.text.kernels import HARD, parse_rows
 from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
@@ -58,9 +58,9 @@ class _Table:
     def __init__(self, plan: RowPlan, block: Block, at: int) -> None:
         self.plan, self.block, self.columns = plan, block, plan.columns
         self.whats, self.slots = self._roles()
-        guides = np.zeros((plan.across, GUIDE), np.int64)
+        guides = np.zeros(plan.across, GUIDE)
         for k, what in self.whats.items():
-            guides[k, :4] = what, self.slots[k], plan.places.get(k) or 0, k in plan.gratings
+            guides[k] = what, self.slots[k], plan.places.get(k) or 0, k in plan.gratings, False
         data = bytes_of(block)
         lines = min(
             (len(block) - at) // (block.find(b"\n", at) + 1 - at) + 1, _ROWS
@@ -70,9 +70,9 @@ class _Table:
         self.counts, self.floats = np.empty((counts, lines), np.int32), np.empty((floats, lines))
         self.ticks, self.spans = (
             np.empty((ticks, lines), np.int64),
-            np.empty((spans, lines, 2), np.int64),
+            np.empty((spans, lines), CELL_SPAN),
         )
-        hard = np.empty((_HARD + plan.across, 4), np.int64)
+        hard = np.empty(_HARD + plan.across, HARD)
         self.size, self.stop, used = parse_rows(
             data, at, guides, ord(plan.layout.separator), ord(plan.layout.decimal), plan.least,
             plan.layout.ragged, self.begins, self.counts, self.floats, self.ticks, self.spans, hard,
@@ -88,7 +88,7 @@ class _Table:
                 self.spans[:, : self.size].copy(),
             )
         self.hard = hard[:used].copy()
-        self.too_wide = {k for k in self.whats if guides[k, TOO_WIDE]}
+        self.too_wide = {k for k in self.whats if guides["too_wide"][k]}
 
     def _roles(self) -> tuple[dict[int, int], dict[int, int]]:
         """What to do with each column that is wanted, and its place among those of its kind."""
@@ -116,12 +116,14 @@ class _Table:
     def resolve(self) -> None:
         """Reads the cells that were left."""
         self.found, self.unread = cell_numbers(
-            self.block, self.hard[:, 2], self.hard[:, 3], self.plan.layout.decimal
+            self.block, self.hard["first"], self.hard["stop"], self.plan.layout.decimal
         )
         for k, what in self.whats.items() if self.hard.size else ():
             if what == FLOAT:
-                mine = self.hard[:, 1] == k
-                self.floats[self.slots[k], self.hard[mine, 0]] = self._lost_of(k, self.found[mine])
+                mine = self.hard["column"] == k
+                self.floats[self.slots[k], self.hard["row"][mine]] = self._lost_of(
+                    k, self.found[mine]
+                )
 
     def _lost_of(self, k: int, numbers: FloatArray) -> FloatArray:
         return without_lost(numbers) if k in self.plan.gratings else numbers
@@ -129,7 +131,7 @@ class _Table:
     def cut(self, size: int) -> None:
         """Leaves only the first rows; the next one is not good."""
         self.size, self.stop, self.full = size, int(self.begins[size]), False
-        kept = self.hard[:, 0] < size
+        kept = self.hard["row"] < size
         self.hard, self.found, self.unread = self.hard[kept], self.found[kept], self.unread[kept]
 
     def parsed(self, stamps: Nanoseconds | FloatArray | None) -> Parsed:
@@ -160,11 +162,11 @@ class _Table:
         if self.whats[k] == FLOAT:
             return self.floats[self.slots[k], : self.size]
         counts = self.counts[self.slots[k], : self.size]
-        mine = self.hard[:, 1] == k
+        mine = self.hard["column"] == k
         if not self.hard.size or not mine.any():
             return counts
         values = counted_floats(counts, self.plan.places[k] or 0)
-        values[self.hard[mine, 0]] = self._lost_of(k, self.found[mine])
+        values[self.hard["row"][mine]] = self._lost_of(k, self.found[mine])
         return values
 
     def stamps(self) -> Nanoseconds | FloatArray | None:
@@ -188,7 +190,7 @@ class _Table:
 
     def _spans(self, k: int) -> tuple[IntArray, IntArray]:
         spans = self.spans[self.slots[k], : self.size]
-        return spans[:, 0], spans[:, 1]
+        return spans["first"], spans["stop"]
 
     def _errors(self, k: int) -> IntArray:
         """How many error codes of each row are not 0."""

@@ -55,10 +55,10 @@ def times_alike(
     out: IntArray,
     done: NDArray[np.bool_],
 ) -> None:
-    """Fills `out` with times [ns] that are written like `pattern`, and `done`.
+    """Fills `out` (n,) with times [ns] that are written like `pattern` (m,), and `done` (n,).
 
-    From the bytes `starts` on; True in `done`, others are False. `dated` ones count from 1970, and
-    lie `offset_s` east of UTC.
+    From the bytes `starts` (n,) on; False in `done` if one is written otherwise, or is no time.
+    `roles` (m,): what each byte is. `dated` ones count from 1970, and lie `offset_s` east of UTC.
     """
     fields = np.empty(8, np.int64)
     decimals = (roles == FRACTION).sum()

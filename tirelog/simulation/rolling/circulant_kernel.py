@@ -6,26 +6,38 @@ apply: the stencil times x
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray
 
-Factors = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-
 #: half width of every stencil
 HALF = 5
 
 
+class Factors(NamedTuple):
+    """A circulant of n + 5 unknowns, factored.
+
+    stencil  (11,): the row of the circulant, its diagonal in the middle
+    lower    (n, 5), upper (n, 6): the band, pivots of `upper` inverted
+    border   (n, 5): what the last five unknowns cost the rest
+    foot     (5, 5): the inverse of what is left for these
+    """
+
+    stencil: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    border: FloatArray
+    foot: FloatArray
+
+
 @compiled
 def factors(size: int) -> Factors:
-    """Room for the factors of a circulant of `size` = n + 5 unknowns.
-
-    Stencil (11,); lower (n, 5); upper (n, 6), its pivots inverted; border (n, 5), what the last
-    five unknowns cost the rest; foot (5, 5), the inverse of what is left for them.
-    """
+    """Room for the factors of a circulant of `size` = n + 5 unknowns."""
     n = size - HALF
-    return (
+    return Factors(
         np.zeros(2 * HALF + 1),
         np.zeros((n, HALF)),
         np.zeros((n, HALF + 1)),

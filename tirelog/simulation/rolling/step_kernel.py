@@ -18,6 +18,8 @@ kicks are: h < 2/sqrt((k_t + C_x)/rho A).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tirelog.runtime import compiled
@@ -29,7 +31,7 @@ from tirelog.simulation.rolling.circulant_kernel import (
     factors,
     solve,
 )
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: functions that live on an element
 LIVING = 6
@@ -39,33 +41,93 @@ STALE = 2e-3
 #: points are looked at, over R
 FAR, NEAR = 0.9, 0.02
 
-# places in `constants`
-RADIUS, PRESSED, BRISTLE, FRICTION, PITCH, HUB_MASS, HUB_INERTIA, SPIN_INERTIA = range(8)
-CARRIED, TRANSLATION, SPRING, DAMPER, MEAN_INERTIA, HUB_DAMPING, TOP, AMPLITUDE, WAVE = range(8, 17)
-# places in `state`
-ANGLE, SPIN, MOMENTUM, HUB_Z, HUB_RATE, HUB_X, FACTORED_AT, HUB_IMPULSE, DRIFT = range(9)
-# columns of the motion; riders' readings follow
-(
-    OUT_ANGLE,
-    OUT_SPIN,
-    OUT_HUB_Z,
-    OUT_FORCE_X,
-    OUT_FORCE_Z,
-    OUT_ENTRY,
-    OUT_EXIT,
-    OUT_SPINDLE_X,
-    OUT_SPINDLE_Z,
-) = range(9)
-COLUMNS = 9
+#: a tire on its road: belt's radius; stiffness of tread springs and bristles, friction; distance of
+#: tread points; the hub's mass and inertia, the whole spin's inertia; how the belt's centre is
+#: carried by a coefficient and pulled by the hub; the sidewall's spring and damper between hub and
+#: a coefficient; the belt's inertia per coefficient; the hub's damper; top, amplitude and wave
+#: number of the road
+CONSTANTS = np.dtype(
+    [("radius_m", "f8"), ("pressed_N_m2", "f8"), ("bristle_N_m2", "f8"), ("friction", "f8"),
+     ("pitch_m", "f8"), ("hub_mass_kg", "f8"), ("hub_inertia_kg_m2", "f8"),
+     ("spin_inertia_kg_m2", "f8"), ("carried_kg", "f8"), ("translation", "f8"),
+     ("spring_N_m", "f8"), ("damper_N_s_m", "f8"), ("mean_inertia_kg", "f8"),
+     ("hub_damping_N_s_m", "f8"), ("top_m", "f8"), ("amplitude_m", "f8"), ("wave_1_m", "f8")]
+)  # fmt: skip
+#: what moves beside the belt: wheel angle, spin, the spin's momentum; the hub's height, its rate,
+#: its way forward; the spin that the belt's factors hold at; the damper's impulse on the hub, and
+#: the spin's change over the last belt step
+STATE = np.dtype(
+    [("angle_rad", "f8"), ("spin_rad_s", "f8"), ("momentum_N_m_s", "f8"), ("hub_z_m", "f8"),
+     ("hub_rate_m_s", "f8"), ("hub_x_m", "f8"), ("factored_at_rad_s", "f8"),
+     ("hub_impulse_N_s", "f8"), ("drift_rad_s", "f8")]
+)  # fmt: skip
+#: a tread point: deflection of its bristle, its place along the road and its height when it was
+#: seen last, at the step `seen`
+POINT = np.dtype([("bristle_m", "f8"), ("along_m", "f8"), ("height_m", "f8"), ("seen", "i8")])
+#: what the road does: torque on the wheel, force backwards and upwards, edges of the contact behind
+#: the axle (NaN in the air)
+CONTACT = np.dtype(
+    [("torque_N_m", "f8"), ("force_s_N", "f8"), ("force_z_N", "f8"), ("entry_m", "f8"),
+     ("exit_m", "f8")]
+)  # fmt: skip
+#: what one step is driven with: distance at its end, forward acceleration, load, torque
+DRIVE = np.dtype(
+    [("distance_m", "f8"), ("acceleration_m_s2", "f8"), ("load_N", "f8"), ("torque_N_m", "f8")]
+)
+#: the motion at one moment: see `tire.TireMotion`
+MOMENT = np.dtype(
+    [("angle_rad", "f8"), ("spin_rad_s", "f8"), ("hub_z_m", "f8"), ("force_x_N", "f8"),
+     ("force_z_N", "f8"), ("entry_m", "f8"), ("exit_m", "f8"), ("spindle_x_N", "f8"),
+     ("spindle_z_N", "f8")]
+)  # fmt: skip
+#: a direction, as cosine and sine of its angle
+DIRECTION = np.dtype([("cos", "f8"), ("sin", "f8")])
+
+
+class Stencils(NamedTuple):
+    """The belt's circulants, (11,) each: inertia M, swirl G, centrifugal S, K, damping C."""
+
+    inertia: FloatArray
+    swirl: FloatArray
+    centrifugal: FloatArray
+    stiffness: FloatArray
+    damping: FloatArray
+
+
+class Basis(NamedTuple):
+    """The functions that live on an element at its tread points, and slopes; (points, LIVING)."""
+
+    value: FloatArray
+    slope: FloatArray
+
+
+class Work(NamedTuple):
+    """Room for one step, (N,) each; `place` (11,) holds the stencil K - W^2 S."""
+
+    load: FloatArray
+    kicked: FloatArray
+    swirled: FloatArray
+    spun: FloatArray
+    pulling: FloatArray
+    right: FloatArray
+    pushed: FloatArray
+    moved: FloatArray
+    place: FloatArray
+
+
 # what a run returns
 FINE, TOO_WIDE, FLOWN = range(3)
 
 
 @compiled
 def road_at(
-    x: float, corner: FloatArray, height: FloatArray, constants: FloatArray
+    x: float, corner: FloatArray, height: FloatArray, constants: Record
 ) -> tuple[float, float]:
-    """Height [m] and slope of the road at the distance x [m]."""
+    """Height [m] and slope of the road at the distance x [m].
+
+    Straight between its corners (c,), `height` (c,) there [m]; beyond them level. From the first
+    corner on the waves of `constants`, one CONSTANTS, are added.
+    """
     high, slope = height[0], 0.0
     if x >= corner[-1]:
         high = height[-1]
@@ -73,31 +135,34 @@ def road_at(
         i = np.searchsorted(corner, x, side="right") - 1
         slope = (height[i + 1] - height[i]) / (corner[i + 1] - corner[i])
         high = height[i] + slope * (x - corner[i])
-    if x > corner[0] and constants[AMPLITUDE] != 0.0:
-        q = constants[WAVE]
-        high += constants[AMPLITUDE] * (1.0 - np.cos(q * (x - corner[0])))
-        slope += constants[AMPLITUDE] * q * np.sin(q * (x - corner[0]))
+    if x > corner[0] and constants["amplitude_m"] != 0.0:
+        q, amplitude = constants["wave_1_m"], constants["amplitude_m"]
+        high += amplitude * (1.0 - np.cos(q * (x - corner[0])))
+        slope += amplitude * q * np.sin(q * (x - corner[0]))
     return high, slope
 
 
 @compiled
 def touch(
-    v: FloatArray, state: FloatArray, constants: FloatArray, basis: FloatArray, circle: FloatArray,
-    corner: FloatArray, height: FloatArray, tread: FloatArray, seen: IntArray, now: int,
-    load: FloatArray, result: FloatArray,
+    v: FloatArray, state: Record, constants: Record, basis: Basis, circle: Records,
+    corner: FloatArray, height: FloatArray, tread: Records, now: int, load: FloatArray,
+    result: Record,
 ) -> int:  # fmt: skip
-    """The road's forces on the belt, and the edges of the contact.
+    """The road's forces on the belt, and the edges of the contact; FINE, TOO_WIDE or FLOWN.
 
-    `load` (N,) on the coefficients; `result` (5,): torque, force backwards and upwards, entry and
-    exit behind the axle [m] (NaN in the air). `tread` (points, 3) holds bristle, place along the
-    road and height of what was seen at step `seen`.
+    v             (N,) coefficients [m]; `state` one STATE, `constants` one CONSTANTS
+    circle        (points,) of DIRECTION: the tread points on a wheel at angle 0
+    corner, height  (c,) [m]: the road between its corners
+    tread         (points,) of POINT, of which those near the road are looked at at step `now`
+    load          (N,) [N] on the coefficients, filled; `result`: one CONTACT, filled
     """
-    size, points, per = v.size, circle.shape[0], basis.shape[1]
-    radius, angle, pitch = constants[RADIUS], state[ANGLE], constants[PITCH]
+    size, points, per = v.size, circle.size, basis.value.shape[0]
+    radius, angle, pitch = constants["radius_m"], state["angle_rad"], constants["pitch_m"]
+    hub_x, hub_z = state["hub_x_m"], state["hub_z_m"]
     load[:] = 0.0
-    result[:3] = 0.0
-    result[3:] = np.nan
-    low = (state[HUB_Z] - constants[TOP]) / radius - NEAR
+    result["torque_N_m"], result["force_s_N"], result["force_z_N"] = 0.0, 0.0, 0.0
+    result["entry_m"], result["exit_m"] = np.nan, np.nan
+    low = (hub_z - constants["top_m"]) / radius - NEAR
     if low >= 1.0:
         return FINE
     reach = min(np.arccos(max(low, -1.0)), FAR)
@@ -105,7 +170,8 @@ def touch(
     first = int(np.ceil((-reach - angle) / spacing - 0.5))
     last = int(np.floor((reach - angle) / spacing - 0.5))
     turn_c, turn_s = np.cos(angle), np.sin(angle)
-    pressed, stuck = constants[PRESSED] * pitch, constants[BRISTLE] * pitch
+    stiffness, cling = constants["pressed_N_m2"], constants["bristle_N_m2"]
+    pressed, stuck = stiffness * pitch, cling * pitch
     before_depth = before_s = 0.0
     j = (first - 1) % points
     element, q = j // per, j % per
@@ -116,94 +182,97 @@ def touch(
             element, q = element + 1, 0
         if j == points:
             j, element = 0, 0
-        cos = circle[j, 0] * turn_c - circle[j, 1] * turn_s
-        sin = circle[j, 1] * turn_c + circle[j, 0] * turn_s
+        at, point = circle[j], tread[j]
+        cos = at["cos"] * turn_c - at["sin"] * turn_s
+        sin = at["sin"] * turn_c + at["cos"] * turn_s
         along = out = 0.0
         if element >= HALF:
             for k in range(LIVING):
                 c = v[element + k - HALF]
-                along += basis[0, q, k] * c
-                out -= basis[1, q, k] * c
+                along += basis.value[q, k] * c
+                out -= basis.slope[q, k] * c
         else:
             for k in range(LIVING):
                 c = v[(element + k - HALF) % size]
-                along += basis[0, q, k] * c
-                out -= basis[1, q, k] * c
+                along += basis.value[q, k] * c
+                out -= basis.slope[q, k] * c
         s = (radius + out) * sin + along * cos
-        z = state[HUB_Z] - (radius + out) * cos + along * sin
-        high, slope = road_at(state[HUB_X] - s, corner, height, constants)
+        z = hub_z - (radius + out) * cos + along * sin
+        high, slope = road_at(hub_x - s, corner, height, constants)
         depth = high - z
-        known, was_s, was_z, bristle = seen[j] == now - 1, tread[j, 1], tread[j, 2], tread[j, 0]
-        seen[j] = now
-        tread[j, 0], tread[j, 1], tread[j, 2] = 0.0, s - state[HUB_X], z
+        known, bristle = point["seen"] == now - 1, point["bristle_m"]
+        was_s, was_z = point["along_m"], point["height_m"]
+        point["seen"], point["bristle_m"] = now, 0.0
+        point["along_m"], point["height_m"] = s - hub_x, z
         if depth > 0.0:
             if number in (first, last):
                 return TOO_WIDE if reach >= FAR else FLOWN
-            if np.isnan(result[3]):
-                result[3] = s - (s - before_s) * depth / (depth - before_depth)
+            if np.isnan(result["entry_m"]):
+                result["entry_m"] = s - (s - before_s) * depth / (depth - before_depth)
             long = np.sqrt(1.0 + slope * slope)
             force_s, force_z = pressed * depth * slope, pressed * depth
-            if constants[BRISTLE] > 0.0:
+            if cling > 0.0:
                 if known:
-                    bristle += (s - state[HUB_X] - was_s - slope * (z - was_z)) / long
-                limit = constants[FRICTION] * constants[PRESSED] * depth * long / constants[BRISTLE]
+                    bristle += (s - hub_x - was_s - slope * (z - was_z)) / long
+                limit = constants["friction"] * stiffness * depth * long / cling
                 bristle = min(max(bristle, -limit), limit)
-                tread[j, 0] = bristle
+                point["bristle_m"] = bristle
                 force_s -= stuck * bristle / long
                 force_z += stuck * bristle * slope / long
             tangential, radial = force_s * cos + force_z * sin, force_s * sin - force_z * cos
             for k in range(LIVING):
                 load[(element + k - HALF) % size] += (
-                    tangential * basis[0, q, k] - radial * basis[1, q, k]
+                    tangential * basis.value[q, k] - radial * basis.slope[q, k]
                 )
-            result[0] += (radius + out) * tangential - along * radial
-            result[1] += force_s
-            result[2] += force_z
+            result["torque_N_m"] += (radius + out) * tangential - along * radial
+            result["force_s_N"] += force_s
+            result["force_z_N"] += force_z
         elif before_depth > 0.0:
-            result[4] = s - (s - before_s) * depth / (depth - before_depth)
+            result["exit_m"] = s - (s - before_s) * depth / (depth - before_depth)
         before_depth, before_s = depth, s
     return FINE
 
 
 @compiled
 def kick(
-    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray,
-    middles: FloatArray, mass: Factors, order: FloatArray, step: float, torque: float,
-    work: FloatArray,
+    v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
+    middles: Records, mass: Factors, order: Record, step: float, torque: float, work: Work,
 ) -> tuple[float, float, float]:  # fmt: skip
     """The sidewall's force on the hub backwards and upwards, and the spin.
 
-    Takes the impulses of the road (`work[0]` on the coefficients, `torque`), of hub and drive
-    (`order`: see `run_steps`) over one step, and the spin that follows; leaves the spin of the next
-    belt step's middle.
+    Takes the impulses of the road (`work.load` [N] on the coefficients, `torque` [N m]), of hub and
+    drive (`order`, one DRIVE) over one step [s], and the spin that follows; leaves the spin of the
+    next belt step's middle. `v` (N,) [m], `u` (N,) [m/s]; `middles` (N,) of DIRECTION.
     """
-    load, kicked, swirled, spun, pulling = work[0], work[1], work[2], work[3], work[4]
-    turn_c, turn_s = np.cos(state[ANGLE]), np.sin(state[ANGLE])
+    load, kicked, swirled = work.load, work.kicked, work.swirled
+    spun, pulling, spring = work.spun, work.pulling, constants["spring_N_m"]
+    turn_c, turn_s = np.cos(state["angle_rad"]), np.sin(state["angle_rad"])
     sum_c = sum_s = 0.0
     for j in range(v.size):
-        sum_c += v[j] * middles[j, 0]
-        sum_s += v[j] * middles[j, 1]
+        sum_c += v[j] * middles[j]["cos"]
+        sum_s += v[j] * middles[j]["sin"]
     back, up = sum_c * turn_c - sum_s * turn_s, sum_s * turn_c + sum_c * turn_s
     # hub: the spring's force at this place, the damper's impulse of the last belt step
-    held = constants[SPRING] * up + state[HUB_IMPULSE] / step
-    rigid_z = (held - order[2] - constants[HUB_DAMPING] * state[HUB_RATE]) / constants[HUB_MASS]
-    state[HUB_RATE] += step * rigid_z
+    held = spring * up + state["hub_impulse_N_s"] / step
+    damped = constants["hub_damping_N_s_m"] * state["hub_rate_m_s"]
+    rigid_z = (held - order["load_N"] - damped) / constants["hub_mass_kg"]
+    state["hub_rate_m_s"] += step * rigid_z
     # the hub moves backwards at minus the drive's acceleration; the belt, seen from it, the other
     # way
-    rigid_s = -order[1]
+    rigid_s = -order["acceleration_m_s2"]
     along_s, along_c = rigid_z * turn_c - rigid_s * turn_s, rigid_z * turn_s + rigid_s * turn_c
     solve(mass, load, kicked)
+    pull = constants["translation"]
     for j in range(v.size):
-        kicked[j] = u[j] + step * (
-            kicked[j] - constants[TRANSLATION] * (along_s * middles[j, 1] + along_c * middles[j, 0])
-        )
-    off = constants[CARRIED] * (back * rigid_z - up * rigid_s)
-    momentum = state[MOMENTUM]
-    state[MOMENTUM] += step * (order[3] + torque - off)
+        at = middles[j]
+        kicked[j] = u[j] + step * (kicked[j] - pull * (along_s * at["sin"] + along_c * at["cos"]))
+    off = constants["carried_kg"] * (back * rigid_z - up * rigid_s)
+    momentum = state["momentum_N_m_s"]
+    state["momentum_N_m_s"] += step * (order["torque_N_m"] + torque - off)
     # spin: L = (J + v S v) W + u G v + R m u, and a change of spin kicks the belt by -(G v + R m)
-    apply_circulant(stencils[1], v, swirled)
+    apply_circulant(stencils.swirl, v, swirled)
     solve(mass, swirled, spun)
-    apply_circulant(stencils[2], v, pulling)
+    apply_circulant(stencils.centrifugal, v, pulling)
     pulled = own = carried = carried_before = mean = mean_before = 0.0
     for j in range(v.size):
         pulled += v[j] * pulling[j]
@@ -212,129 +281,123 @@ def kick(
         carried_before += u[j] * swirled[j]
         mean += kicked[j]
         mean_before += u[j]
-    arm = constants[RADIUS] * constants[MEAN_INERTIA]
+    radius = constants["radius_m"]
+    arm = radius * constants["mean_inertia_kg"]
     left = (
         momentum
-        - (constants[SPIN_INERTIA] + pulled) * state[SPIN]
+        - (constants["spin_inertia_kg_m2"] + pulled) * state["spin_rad_s"]
         - carried_before
         - arm * mean_before
     )
-    yielding = constants[HUB_INERTIA] + pulled - own
+    yielding = constants["hub_inertia_kg_m2"] + pulled - own
     # what the spin has changed by over the last belt step, which was taken at the spin of its
     # middle
-    state[DRIFT] = left / yielding + 0.5 * state[DRIFT]
-    left += state[MOMENTUM] - momentum - carried + carried_before - arm * (mean - mean_before)
+    state["drift_rad_s"] = left / yielding + 0.5 * state["drift_rad_s"]
+    new = state["momentum_N_m_s"]
+    left += new - momentum - carried + carried_before - arm * (mean - mean_before)
     change = left / yielding
-    now = state[SPIN] + 0.5 * change
-    change += 0.5 * state[DRIFT]
-    state[SPIN] += change
+    now = state["spin_rad_s"] + 0.5 * change
+    change += 0.5 * state["drift_rad_s"]
+    state["spin_rad_s"] += change
     for j in range(v.size):
-        u[j] = kicked[j] - change * (spun[j] + constants[RADIUS])
-    return constants[SPRING] * back, held, now
+        u[j] = kicked[j] - change * (spun[j] + radius)
+    return spring * back, held, now
 
 
 @compiled
 def belt_step(
-    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray,
-    middles: FloatArray, system: Factors, step: float, work: FloatArray,
+    v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
+    middles: Records, system: Factors, step: float, work: Work,
 ) -> None:  # fmt: skip
-    """The belt moves on by a step at a steady spin, and wheel and hub with it.
+    """The belt moves on by a step [s] at a steady spin, and wheel and hub with it.
 
-    `work[5]` holds the stencil K - W^2 S.
+    `v` (N,) [m] and `u` (N,) [m/s] become those at the step's end; arguments as of `kick`.
     """
-    right, pushed, moved, place = work[0], work[1], work[2], work[5, : 2 * HALF + 1]
-    spin = state[SPIN]
-    if not abs(spin - state[FACTORED_AT]) < STALE:
-        state[FACTORED_AT] = spin
+    right, pushed, moved, place = work.right, work.pushed, work.moved, work.place
+    spin = state["spin_rad_s"]
+    if not abs(spin - state["factored_at_rad_s"]) < STALE:
+        state["factored_at_rad_s"] = spin
         for d in range(2 * HALF + 1):
-            place[d] = stencils[3, d] - spin * spin * stencils[2, d]
-            system[0][d] = (
-                2.0 * stencils[0, d] / step
-                + 2.0 * spin * stencils[1, d]
-                + stencils[4, d]
+            place[d] = stencils.stiffness[d] - spin * spin * stencils.centrifugal[d]
+            system.stencil[d] = (
+                2.0 * stencils.inertia[d] / step
+                + 2.0 * spin * stencils.swirl[d]
+                + stencils.damping[d]
                 + 0.5 * step * place[d]
             )
         factor(system)
-    apply_circulant(stencils[0], u, right)
+    apply_circulant(stencils.inertia, u, right)
     apply_circulant(place, v, pushed)
     for j in range(v.size):
         right[j] = 2.0 * right[j] - step * pushed[j]
     solve(system, right, moved)
-    half_c, half_s = (
-        np.cos(state[ANGLE] + 0.5 * step * spin),
-        np.sin(state[ANGLE] + 0.5 * step * spin),
-    )
+    middle = state["angle_rad"] + 0.5 * step * spin
+    half_c, half_s = np.cos(middle), np.sin(middle)
     sum_c = sum_s = 0.0
     for j in range(v.size):
         v[j] += moved[j]
         u[j] = 2.0 * moved[j] / step - u[j]
-        sum_c += moved[j] * middles[j, 0]
-        sum_s += moved[j] * middles[j, 1]
-    state[HUB_IMPULSE] = constants[DAMPER] * (sum_s * half_c + sum_c * half_s)
-    state[ANGLE] += step * spin
-    state[HUB_Z] += step * state[HUB_RATE]
+        sum_c += moved[j] * middles[j]["cos"]
+        sum_s += moved[j] * middles[j]["sin"]
+    state["hub_impulse_N_s"] = constants["damper_N_s_m"] * (sum_s * half_c + sum_c * half_s)
+    state["angle_rad"] += step * spin
+    state["hub_z_m"] += step * state["hub_rate_m_s"]
 
 
 @compiled
 def run_steps(
-    v: FloatArray, u: FloatArray, state: FloatArray, constants: FloatArray, stencils: FloatArray,
-    basis: FloatArray, circle: FloatArray, middles: FloatArray, corner: FloatArray,
-    height: FloatArray, tread: FloatArray, seen: IntArray, drive: FloatArray, riders: FloatArray,
-    ridden: IntArray, step: float, now: int, every: int, motion: FloatArray,
+    v: FloatArray, u: FloatArray, state: Record, constants: Record, stencils: Stencils,
+    basis: Basis, circle: Records, middles: Records, corner: FloatArray, height: FloatArray,
+    tread: Records, drive: Records, riders: FloatArray, ridden: IntArray, step: float, now: int,
+    every: int, result: Record, motion: Records, read: FloatArray,
 ) -> int:  # fmt: skip
-    """Moves the tire on by drive.shape[0] steps.
+    """Moves the tire on by drive.size steps of `step` [s]; FINE, TOO_WIDE or FLOWN.
 
-    drive (n, 4): distance at the step's end [m], forward acceleration [m/s^2], load [N], torque [N
-    m]. Every `every`-th moment goes to `motion` (n/every, 9 + riders): riders (k, w) read w
-    coefficients from ridden (k,) on.
-
-    `stencils` (5, 11): inertia M, swirl G, centrifugal S, stiffness K, damping C.
+    drive    (n,) of DRIVE
+    motion   (n/every,) of MOMENT, of every `every`-th moment; read (n/every, k) what the riders
+             (k, w) read of w coefficients from ridden (k,) on
+    middles  (N,) of DIRECTION: the middles of the functions; `result`: room for one CONTACT
+    The others as of `touch` and `kick`; the arrays of what moves hold the end when it returns.
     """
     size = v.size
-    mass, system, work, result = factors(size), factors(size), np.zeros((6, size)), np.zeros(5)
-    mass[0][:] = stencils[0]
+    mass, system = factors(size), factors(size)
+    work = Work(
+        np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size),
+        np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(2 * HALF + 1),
+    )  # fmt: skip
+    mass.stencil[:] = stencils.inertia
     factor(mass)
-    state[FACTORED_AT] = np.inf
-    for index in range(drive.shape[0]):
+    state["factored_at_rad_s"] = np.inf
+    for index in range(drive.size):
         told = touch(
-            v,
-            state,
-            constants,
-            basis,
-            circle,
-            corner,
-            height,
-            tread,
-            seen,
-            now + index,
-            work[0],
+            v, state, constants, basis, circle, corner, height, tread, now + index, work.load,
             result,
-        )
+        )  # fmt: skip
         if told != FINE:
             return told
         row = index // every
         kept = index % every == 0
         if kept:
-            motion[row, OUT_ANGLE], motion[row, OUT_HUB_Z] = state[ANGLE], state[HUB_Z]
-            motion[row, OUT_FORCE_X], motion[row, OUT_FORCE_Z] = -result[1], result[2]
-            motion[row, OUT_ENTRY], motion[row, OUT_EXIT] = result[3], result[4]
+            moment = motion[row]
+            moment["angle_rad"], moment["hub_z_m"] = state["angle_rad"], state["hub_z_m"]
+            moment["force_x_N"], moment["force_z_N"] = -result["force_s_N"], result["force_z_N"]
+            moment["entry_m"], moment["exit_m"] = result["entry_m"], result["exit_m"]
             for k in range(riders.shape[0]):
                 value = 0.0
                 for i in range(riders.shape[1]):
                     value += riders[k, i] * v[(ridden[k] + i) % size]
-                motion[row, COLUMNS + k] = value
+                read[row, k] = value
         back, up, spin = kick(
-            v, u, state, constants, stencils, middles, mass, drive[index], step, result[0], work
-        )
+            v, u, state, constants, stencils, middles, mass, drive[index], step,
+            result["torque_N_m"], work,
+        )  # fmt: skip
         if kept:
-            motion[row, OUT_SPIN], motion[row, OUT_SPINDLE_X], motion[row, OUT_SPINDLE_Z] = (
-                spin,
-                -back,
-                up,
-            )
+            moment = motion[row]
+            moment["spin_rad_s"], moment["spindle_x_N"], moment["spindle_z_N"] = spin, -back, up
             # a belt that is half a radius off its hub has no small displacements
-            if not abs(back) + abs(up) < 0.25 * constants[SPRING] * size * constants[RADIUS]:
+            most = 0.25 * constants["spring_N_m"] * size * constants["radius_m"]
+            if not abs(back) + abs(up) < most:
                 return FLOWN
         belt_step(v, u, state, constants, stencils, middles, system, step, work)
-        state[HUB_X] = drive[index, 0]
+        state["hub_x_m"] = drive[index]["distance_m"]
     return FINE

@@ -12,6 +12,7 @@ The hub's way forward is the drive's; its height and its spin are free.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,8 @@ from tirelog.simulation.rolling import step_kernel as kernel
 from tirelog.simulation.rolling.belt import Belt
 from tirelog.simulation.rolling.circulant_kernel import HALF
 from tirelog.simulation.rolling.profile import Profile
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.simulation.rolling.step_kernel import MOMENT
+from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: tread points on an element of the belt
 POINTS = 8
@@ -60,22 +62,9 @@ class TireMotion:
     read: FloatArray
 
     @classmethod
-    def of(cls, time_s: FloatArray, table: FloatArray) -> TireMotion:
-        angle, spin, hub_z, *forces, spindle_x, spindle_z = table[:, : kernel.COLUMNS].T
-        force_x, force_z, entry, exit_ = forces
-        return cls(
-            time_s,
-            angle,
-            spin,
-            hub_z,
-            force_x,
-            force_z,
-            entry,
-            exit_,
-            spindle_x,
-            spindle_z,
-            table[:, kernel.COLUMNS :],
-        )
+    def of(cls, time_s: FloatArray, moments: Records, read: FloatArray) -> TireMotion:
+        """What `RollingTire.run` gives, at the times `time_s` (k,)."""
+        return cls(time_s, read=read, **{name: moments[name] for name in MOMENT.names or ()})
 
 
 def longest_step_s(belt: Belt) -> float:
@@ -183,67 +172,85 @@ class RollingTire:
             spin * np.linalg.solve(belt.full(splines.gram(0, 0)), slope), float
         )
         self.now = 1
-        self._stencils = np.stack(
-            [belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping]
-        )
+        self._stencils = kernel.Stencils(
+            *(
+                np.array(stencil, float)
+                for stencil in (
+                    belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness, belt.damping
+                )
+            )
+        )  # fmt: skip
         place = (np.arange(POINTS) + 0.5) / POINTS
-        self._basis = np.stack([splines.local(place), splines.local(place, 1)])
-        angle = (np.arange(points) + 0.5) * (2.0 * np.pi / points)
-        self._circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        self._middles = np.stack([np.cos(splines.middle_rad), np.sin(splines.middle_rad)], axis=1)
-        self._tread, self._seen = np.zeros((points, 3)), np.zeros(points, np.int64)
+        self._basis = kernel.Basis(splines.local(place), splines.local(place, 1))
+        self._circle = _directions((np.arange(points) + 0.5) * (2.0 * np.pi / points))
+        self._middles = _directions(splines.middle_rad)
+        self._tread = np.zeros(points, kernel.POINT)
         spring, damper = belt.held
-        self.constants = np.zeros(17)
-        self.constants[:8] = (
-            belt.radius_m, tire.tread_stiffness_N_m2, tire.bristle_stiffness_N_m2, tire.friction,
-            2.0 * np.pi * belt.radius_m / points, tire.hub_mass_kg, tire.hub_inertia_kg_m2,
-            tire.hub_inertia_kg_m2 + belt.mass_kg * belt.radius_m**2,
-        )  # fmt: skip
-        self.constants[8:] = (
-            belt.carried, belt.translation, spring, damper,
-            tire.line_mass_kg_m * belt.radius_m * splines.step_rad, 0.0, profile.top_m,
-            profile.amplitude_m, 2.0 * np.pi / profile.wavelength_m,
-        )  # fmt: skip
-        self.state = np.zeros(9)
-        self.state[[kernel.SPIN, kernel.HUB_Z, kernel.HUB_X]] = spin, start.hub_z_m, distance_m
-        self.state[kernel.MOMENTUM] = self._momentum()
+        self.constants = np.zeros(1, kernel.CONSTANTS)[0]
+        for name, value in {
+            "radius_m": belt.radius_m,
+            "pressed_N_m2": tire.tread_stiffness_N_m2,
+            "bristle_N_m2": tire.bristle_stiffness_N_m2,
+            "friction": tire.friction,
+            "pitch_m": 2.0 * np.pi * belt.radius_m / points,
+            "hub_mass_kg": tire.hub_mass_kg,
+            "hub_inertia_kg_m2": tire.hub_inertia_kg_m2,
+            "spin_inertia_kg_m2": tire.hub_inertia_kg_m2 + belt.mass_kg * belt.radius_m**2,
+            "carried_kg": belt.carried,
+            "translation": belt.translation,
+            "spring_N_m": spring,
+            "damper_N_s_m": damper,
+            "mean_inertia_kg": tire.line_mass_kg_m * belt.radius_m * splines.step_rad,
+            "top_m": profile.top_m,
+            "amplitude_m": profile.amplitude_m,
+            "wave_1_m": 2.0 * np.pi / profile.wavelength_m,
+        }.items():
+            self.constants[name] = value
+        self.state = np.zeros(1, kernel.STATE)[0]
+        self.state["spin_rad_s"], self.state["hub_z_m"] = spin, start.hub_z_m
+        self.state["hub_x_m"] = distance_m
+        self.state["momentum_N_m_s"] = self._momentum()
 
     def _momentum(self) -> float:
         """The spin's momentum of this state."""
-        belt, spin = self.belt, self.state[kernel.SPIN]
+        belt, spin = self.belt, self.state["spin_rad_s"]
         pulled = self.v @ belt.full(belt.centrifugal) @ self.v
         own = self.u @ belt.full(belt.swirl) @ self.v
-        mean = belt.radius_m * self.constants[kernel.MEAN_INERTIA] * self.u.sum()
-        return float((self.constants[kernel.SPIN_INERTIA] + pulled) * spin + own + mean)
+        mean = belt.radius_m * self.constants["mean_inertia_kg"] * self.u.sum()
+        return float((self.constants["spin_inertia_kg_m2"] + pulled) * spin + own + mean)
 
     @property
     def angle_rad(self) -> float:
-        return float(self.state[kernel.ANGLE])
+        return float(self.state["angle_rad"])
+
+    @property
+    def distance_m(self) -> float:
+        return float(self.state["hub_x_m"])
 
     @property
     def spin_rad_s(self) -> float:
-        return float(self.state[kernel.SPIN])
+        return float(self.state["spin_rad_s"])
 
     def damp_hub(self, damper_N_s_m: float) -> None:
         """A damper between the hub and something that stands still above it."""
-        self.constants[kernel.HUB_DAMPING] = damper_N_s_m
+        self.constants["hub_damping_N_s_m"] = damper_N_s_m
 
     def damp_belt(self, damping_N_s_m2: float) -> None:
         """Damping of the sidewall, radial and tangential, beside the tire's own."""
         belt, gram = self.belt, self.belt.splines.gram
-        self._stencils[4] = belt.damping + belt.radius_m * damping_N_s_m2 * (
+        self._stencils.damping[:] = belt.damping + belt.radius_m * damping_N_s_m2 * (
             gram(0, 0) + gram(1, 1)
         )
         more = 2.0 * belt.radius_m * belt.splines.first_harmonic * damping_N_s_m2
-        self.constants[kernel.DAMPER] = belt.held[1] + more
+        self.constants["damper_N_s_m"] = belt.held[1] + more
 
     def run(
-        self, drive: FloatArray, *, every: int = 1, riders: tuple[Rider, ...] = ()
-    ) -> FloatArray:
-        """The kept rows, of the steps' begins, shape (ceil(n/every), 9 + readings).
+        self, drive: Records, *, every: int = 1, riders: tuple[Rider, ...] = ()
+    ) -> tuple[Records, FloatArray]:
+        """Kept moments, of the steps' begins: (k,) of MOMENT, readings (k, r); k = ceil(n/every).
 
-        One step per row of `drive` (n, 4): distance [m] at its end, forward acceleration, load,
-        torque. UsageError if the belt leaves what small displacements can say.
+        One step per order of `drive` (n,) of DRIVE. UsageError if the belt leaves what small
+        displacements can say.
         """
         rows = (
             np.concatenate([rider.rows for rider in riders])
@@ -251,14 +258,15 @@ class RollingTire:
             else np.zeros((0, self.v.size))
         )
         weights, begin = _packed(rows)
-        table = np.empty((-(-drive.shape[0] // every), kernel.COLUMNS + rows.shape[0]))
+        moments = np.empty(-(-drive.size // every), MOMENT)
+        read = np.empty((moments.size, rows.shape[0]))
         told = kernel.run_steps(
             self.v, self.u, self.state, self.constants, self._stencils, self._basis, self._circle,
-            self._middles, self.profile.corner_m, self.profile.height_m, self._tread, self._seen,
-            np.ascontiguousarray(drive, np.float64), weights, begin, self.step_s, self.now, every,
-            table,
+            self._middles, self.profile.corner_m, self.profile.height_m, self._tread, drive,
+            weights, begin, self.step_s, self.now, every, np.empty(1, kernel.CONTACT)[0], moments,
+            read,
         )  # fmt: skip
-        self.now += drive.shape[0]
+        self.now += drive.size
         if told != kernel.FINE:
             what = (
                 f"touches the road beyond +-{np.degrees(kernel.FAR):.0f} degrees"
@@ -266,11 +274,11 @@ class RollingTire:
                 else "leaves its sidewall"
             )
             raise UsageError(
-                f"the belt {what} near {self.state[kernel.HUB_X]:.1f} m of the drive; "
+                f"the belt {what} near {self.state['hub_x_m']:.1f} m of the drive; "
                 "allowed are loads and obstacles of small "
                 "displacements; lower them, or give a stiffer tire"
             )
-        return table
+        return moments, read
 
     def energy_J(self) -> float:
         """Kinetic and elastic energy [J] of belt, hub and tread springs on a level road.
@@ -282,13 +290,13 @@ class RollingTire:
         M, G, S, K = (
             belt.full(a) for a in (belt.inertia, belt.swirl, belt.centrifugal, belt.stiffness)
         )
-        v, u, spin, rate = self.v, self.u, state[kernel.SPIN], state[kernel.HUB_RATE]
+        v, u, spin, rate = self.v, self.u, state["spin_rad_s"], state["hub_rate_m_s"]
         wave, own = (
-            np.sin(belt.splines.middle_rad + state[kernel.ANGLE]),
-            np.cos(belt.splines.middle_rad + state[kernel.ANGLE]),
+            np.sin(belt.splines.middle_rad + state["angle_rad"]),
+            np.cos(belt.splines.middle_rad + state["angle_rad"]),
         )
-        turning = 0.5 * self.constants[kernel.SPIN_INERTIA] * spin**2
-        turning += spin * belt.radius_m * self.constants[kernel.MEAN_INERTIA] * float(u.sum())
+        turning = 0.5 * self.constants["spin_inertia_kg_m2"] * spin**2
+        turning += spin * belt.radius_m * self.constants["mean_inertia_kg"] * float(u.sum())
         moving = 0.5 * u @ M @ u + spin * u @ G @ v + 0.5 * spin**2 * v @ S @ v
         moving += rate * belt.carried * (u @ wave + spin * v @ own)
         hub = 0.5 * (belt.tire.hub_mass_kg + belt.mass_kg) * rate**2
@@ -296,26 +304,33 @@ class RollingTire:
         tread = (
             0.5
             * belt.tire.tread_stiffness_N_m2
-            * self.constants[kernel.PITCH]
+            * self.constants["pitch_m"]
             * float(pressed @ pressed)
         )
         return float(turning + moving + hub + 0.5 * v @ K @ v + tread)
 
     def _heights(self) -> FloatArray:
         """Height (points,) of the tread."""
-        points, size = self._circle.shape[0], self.v.size
+        points, size = self._circle.size, self.v.size
         element = np.arange(points) // POINTS
         living = self.v[(element[:, None] + np.arange(kernel.LIVING) - HALF) % size]
         along, slope = (
             np.einsum("ik,ik->i", np.tile(each, (size, 1)), living) for each in self._basis
         )
-        phi = (np.arange(points) + 0.5) * (2.0 * np.pi / points) + self.state[kernel.ANGLE]
+        phi = (np.arange(points) + 0.5) * (2.0 * np.pi / points) + self.state["angle_rad"]
         return np.asarray(
-            self.state[kernel.HUB_Z]
+            self.state["hub_z_m"]
             - (self.belt.radius_m - slope) * np.cos(phi)
             + along * np.sin(phi),
             float,
         )
+
+
+def _directions(angle_rad: NDArray[np.floating[Any]]) -> Records:
+    """Directions (n,) as the kernels take them."""
+    made = np.empty(angle_rad.size, kernel.DIRECTION)
+    made["cos"], made["sin"] = np.cos(angle_rad), np.sin(angle_rad)
+    return made
 
 
 def _packed(rows: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:

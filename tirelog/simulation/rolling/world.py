@@ -24,14 +24,14 @@ from tirelog.errors import UsageError
 from tirelog.simulation.rolling.belt import Belt
 from tirelog.simulation.rolling.profile import profile_of
 from tirelog.simulation.rolling.splines import Splines
-from tirelog.simulation.rolling.step_kernel import COLUMNS, OUT_ANGLE
+from tirelog.simulation.rolling.step_kernel import DRIVE, MOMENT
 from tirelog.simulation.rolling.tire import Rider, RollingTire, TireMotion, standing
 from tirelog.simulation.scenario.drive import GRAVITY_M_S2, Drive, Roughness
 from tirelog.simulation.scenario.schema import Scenario, Sensor
 from tirelog.simulation.sensors.sampling import RIDING, Trace, lagrange
 from tirelog.simulation.sensors.wheel import longitudinal_force
 from tirelog.simulation.steady.waveforms import World
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: the tire rolls on the level so long before anything is kept [s], its hub held by so much of the
 #: critical damping
@@ -107,11 +107,8 @@ class RolledWorld(World):
             return np.zeros_like(time_s)
         return self.roughness.at(self.distance(time_s))
 
-    def _orders(self, time_s: FloatArray) -> FloatArray:
-        """The drive at the steps, shape (n, 4).
-
-        Acceleration, load and torque, with the distance at the steps' ends.
-        """
+    def _orders(self, time_s: FloatArray) -> Records:
+        """The drive at the steps, (n,) of DRIVE, with the distance at the steps' ends."""
         drive, tire = self._way, self.scenario.tire
         acceleration = np.where(
             (time_s >= 0.0) & (time_s <= drive.time_s[-1]), drive.acceleration_at(time_s), 0.0
@@ -128,7 +125,10 @@ class RolledWorld(World):
         spun = tire.hub_inertia_kg_m2 + self.belt.mass_kg * self.belt.radius_m**2
         torque = force * self.belt.radius_m + spun * acceleration / self.belt.radius_m
         end = self.distance(time_s + self.scenario.step_s)
-        return np.stack([end, acceleration, load, torque], axis=1)
+        orders = np.empty(time_s.size, DRIVE)
+        orders["distance_m"], orders["acceleration_m_s2"] = end, acceleration
+        orders["load_N"], orders["torque_N_m"] = load, torque
+        return orders
 
     # ---- the roll --------------------------------------------------------------------------------
 
@@ -159,15 +159,16 @@ class RolledWorld(World):
         every = max(1, int(1.0 / (_ROWS * fastest * step)))
         steps = int((before + scenario.duration_s + behind) / step / every + 1) * every
         block = _BLOCK // every * every or every
-        table = np.empty((steps // every, COLUMNS + sum(rider.rows.shape[0] for rider in riders)))
+        moments = np.empty(steps // every, MOMENT)
+        read = np.empty((moments.size, sum(rider.rows.shape[0] for rider in riders)))
         for first in range(0, steps, block):
             last = min(first + block, steps)
             moment = -before + step * np.arange(float(first), last)
-            table[first // every : last // every] = tire.run(
-                self._orders(moment), every=every, riders=riders
-            )
-        table[:, OUT_ANGLE] -= zero
-        motion = TireMotion.of(-before + step * every * np.arange(table.shape[0]), table)
+            kept = slice(first // every, last // every)
+            moments[kept], read[kept] = tire.run(self._orders(moment), every=every, riders=riders)
+        moments["angle_rad"] -= zero
+        times = -before + step * every * np.arange(moments.size)
+        motion = TireMotion.of(times, moments, read)
         return motion, {
             name: self._place(motion, 3 * k, np.radians(s.angle_deg))
             for k, (name, s) in enumerate(riding.items())

@@ -29,9 +29,9 @@ _DEEP, _STABLE = 44, 16.0
 
 @compiled
 def spherical_bessel(z: float, out: FloatArray) -> None:
-    """Fills `out` with j_0 .. j_(ORDERS - 1) of `z` > 0.
+    """Fills `out` (ORDERS,) with the spherical Bessel functions j_0 .. j_(ORDERS - 1) of `z` > 0.
 
-    Upwards if that is stable, else downwards (Miller).
+    By their recurrence (DLMF 10.51.1), upwards if that is stable, else downwards (Miller).
     """
     by_z = 1.0 / z
     first = np.sin(z) * by_z
@@ -84,9 +84,10 @@ def inverted(matrix: FloatArray) -> FloatArray:
 
 @compiled
 def _transforms(kappa: FloatArray, L: float, waves: FloatArray, slopes: FloatArray) -> None:
-    """Transforms at each wave number, and their slopes by L.
+    """Fills `waves` and `slopes`: transforms at each wave number, and their derivatives by L.
 
-    Columns: tests P_2, P_4, ... | terms (1 - x^2) P'_(n+1) | x (1 - x^2), shape (n, 2 TERMS + 1).
+    `kappa` (n,) [1/m], `L` [m]. Derivatives of Bessel functions by DLMF 10.51.2. Columns: tests
+    P_2, P_4, ... | terms (1 - x^2) P'_(n+1) | x (1 - x^2), shape (n, 2 TERMS + 1).
     """
     j, by_z = np.empty(ORDERS), np.empty(ORDERS - 1)
     for k in range(kappa.size):
@@ -123,8 +124,9 @@ def form_spectra(
 ) -> NDArray[np.complex128]:
     """Spectrum of `shape` (the fields of EdgeShape) and its six derivatives, (n, 7).
 
-    At the wave numbers `kappa` (n,) of the operator with `square` (n,) and `tangential` (n,);
-    `mass` (TERMS, TERMS): <test, term>.
+    At the wave numbers `kappa` (n,) [1/m] of the operator with `square` (n,) [1/m^2] and
+    `tangential` (n,) [1]; `radius` [m]; `mass` (TERMS, TERMS): <test, term>. The parameters are an
+    axis that fits step along, in the order of the fields, so they are counted and not named.
     """
     L, ell, tension, ratio, damping, tilt = (
         shape[0],

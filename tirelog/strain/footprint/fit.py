@@ -18,19 +18,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from tirelog.strain.footprint.family import ComplexArray, EdgeShape
-from tirelog.strain.footprint.kernels import (
-    DAMPING,
-    HEIGHT,
-    LENGTH,
-    OFFSET,
-    OWN,
-    SHIFT,
-    TILT,
-    fit_rows,
-)
+from tirelog.strain.footprint.kernels import FIT, GRID, OWN, fit_rows
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: points of the form's table over a revolution: every half a millimetre, straight lines between
 #: them
@@ -42,26 +33,22 @@ ODD_SD = 0.3
 
 def grid_of(
     reference: Reference, number: int, half_window_m: float, spectra: ComplexArray
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, Record]:
     """Waves (g, c) of `spectra` (n, c) at speed `number` of `reference`, and their grid.
 
-    The grid as the kernels take it: first, step, squared speed, shift, half window, shape (5,).
+    The grid as the kernels take it, one GRID.
     """
     xi, columns = reference.family.on_grid(spectra, TABLE_POINTS, 1.02 * half_window_m)
-    return columns, np.array(
-        [
-            xi[0],
-            xi[1] - xi[0],
-            reference.speed_m_s[number] ** 2,
-            reference.shifts_m[number],
-            half_window_m,
-        ]
-    )
+    grid = np.empty(1, GRID)
+    grid["first_m"], grid["step_m"] = xi[0], xi[1] - xi[0]
+    grid["speed2_m2_s2"] = reference.speed_m_s[number] ** 2
+    grid["shift_m"], grid["half_window_m"] = reference.shifts_m[number], half_window_m
+    return columns, grid[0]
 
 
 def shape_table(
     reference: Reference, number: int, half_window_m: float
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, Record]:
     """The columns that learning needs at speed `number`, and their grid.
 
     Height, -shift, length, damping, tilt | bending length, tension, tread.
@@ -78,7 +65,7 @@ def shape_table(
 
 def _form_table(
     reference: Reference, number: int, half_window_m: float
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, Record]:
     """The columns that a fit needs at speed `number`, and their grid.
 
     Height, -shift, length, damping, tilt | second by length, second by shift, by the squared speed.
@@ -105,7 +92,7 @@ def _form_table(
         ),
     )
     if reference.residuals is not None and reference.residual_xi_m is not None:
-        xi = grid[0] + grid[1] * np.arange(columns.shape[0])
+        xi = grid["first_m"] + grid["step_m"] * np.arange(columns.shape[0])
         columns[:, 0] += np.interp(
             xi, reference.residual_xi_m, reference.residuals[number], 0.0, 0.0
         )
@@ -116,12 +103,12 @@ def _form_table(
 class FormTables:
     """The form at k speeds: columns, grids, half lengths and shifts.
 
-    `columns` (k, g, 8) on `grids` (k, 5), `half_length_m` and `shift_m` behind the passages'
+    `columns` (k, g, 8) on `grids` (k,) of GRID, `half_length_m` and `shift_m` behind the passages'
     centres (k,).
     """
 
     columns: FloatArray
-    grids: FloatArray
+    grids: Records
     half_length_m: FloatArray
     shift_m: FloatArray
 
@@ -169,7 +156,7 @@ class PassageFits:
 
 
 def fit_edges(
-    windows: PatchWindows, motion: FloatArray, tables: FormTables, number: IntArray, noise: float
+    windows: PatchWindows, motion: Records, tables: FormTables, number: IntArray, noise: float
 ) -> PassageFits:
     """The fits of the rows of `windows`, each against its form.
 
@@ -177,20 +164,21 @@ def fit_edges(
     `tables`; `noise`: standard deviation of a sample of the log.
     """
     sigma = noise / np.sqrt(windows.averaged)
-    found = fit_rows(windows.values, motion, number, tables.columns, tables.grids, sigma, ODD_SD).T
-    height, used = found[HEIGHT], found[OWN + 3]
+    found = np.full(len(number), np.nan, FIT)
+    fit_rows(windows.values, motion, number, tables.columns, tables.grids, sigma, ODD_SD, found)
+    height, used = found["height"], found["used"]
     with np.errstate(divide="ignore", invalid="ignore"):
-        relative = found / height
+        relative = {name: found[name] / height for name in FIT.names or ()}
         nan = np.where(height > 0, 1.0, np.nan)
     return PassageFits(
-        height * nan,
-        found[OFFSET] * nan,
-        (tables.shift_m[number] + relative[SHIFT]) * nan,
-        2.0 * (tables.half_length_m[number] + relative[LENGTH]) * nan,
-        relative[DAMPING] * nan,
-        relative[TILT] * nan,
-        2.0 * sigma * relative[OWN] * nan,
-        sigma * relative[OWN + 1] * nan,
-        found[OWN + 2] / np.maximum(used - OWN, 1) * nan,
-        used.copy(),
+        height=height * nan,
+        offset=found["offset"] * nan,
+        shift_m=(tables.shift_m[number] + relative["shift"]) * nan,
+        length_m=2.0 * (tables.half_length_m[number] + relative["length"]) * nan,
+        damping=relative["damping"] * nan,
+        tilt=relative["tilt"] * nan,
+        length_se_m=2.0 * sigma * relative["length_se"] * nan,
+        shift_se_m=sigma * relative["shift_se"] * nan,
+        chi2=found["chi2"] / np.maximum(used - OWN, 1) * nan,
+        used=used.copy(),
     )

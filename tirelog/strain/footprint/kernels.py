@@ -6,17 +6,70 @@
             --scaled Cholesky--> inverse of the passage's own block --> solution
 
 Columns of a passage's own: height, offset, -shift, length, damping, tilt (OWN); of a fit then the
-quadratic ones by length and shift, of learning then the shared ones. A table (g, c) has the same
-columns without the offset, on an even grid [m]; one of them, `follows`,
+quadratic ones by length and shift, of learning then the shared ones. They are an axis of linear
+algebra, over which sums run, so their places have names and no fields. A table (g, c) has the same
+columns without the offset, on an even GRID [m]; one of them, `follows`,
 times `by_speed2` x (the row's squared speed - the table's) is added to the height's.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
+
+#: how a row moves: column of the patch centre, columns per second, speed and acceleration of the
+#: tread there
+MOTION = np.dtype(
+    [("centre", "f8"), ("rate_Hz", "f8"), ("speed_m_s", "f8"), ("acceleration_m_s2", "f8")]
+)
+#: where a table stands: abscissa of its first row and from row to row, square of the speed that it
+#: holds at, shift of its form behind the patch centre, half of the window that samples are used in
+GRID = np.dtype(
+    [("first_m", "f8"), ("step_m", "f8"), ("speed2_m2_s2", "f8"), ("shift_m", "f8"),
+     ("half_window_m", "f8")]
+)  # fmt: skip
+#: a row's fit, NaN without one: the solution by the passage's own columns (height and offset in the
+#: values' unit, the others times the height; shift and length in m), errors of length and shift
+#: of a linear height [m sigma^-1], squared residual over sigma^2, samples used
+FIT = np.dtype(
+    [("height", "f8"), ("offset", "f8"), ("shift", "f8"), ("length", "f8"), ("damping", "f8"),
+     ("tilt", "f8"), ("length_se", "f8"), ("shift_se", "f8"), ("chi2", "f8"), ("used", "f8")]
+)  # fmt: skip
+
+
+class ClassSums(NamedTuple):
+    """What the rows of one class of speed say of the s columns that all passages share.
+
+    normal, right  (s, s), (s,): normal equations, over sigma^2
+    length_by      (s,): how far the length's column goes with them
+    own            (n, OWN): each row's own solution, 0 if it has too few samples
+    chi2, used     (n,): its squared residual over sigma^2, samples used
+    left, counts   (cells,): sums of residuals over heights by place in the window, and how many
+    """
+
+    normal: FloatArray
+    right: FloatArray
+    length_by: FloatArray
+    own: FloatArray
+    chi2: FloatArray
+    used: FloatArray
+    left: FloatArray
+    counts: FloatArray
+
+
+def motion_of(
+    centre: FloatArray, rate_Hz: float, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
+) -> Records:
+    """How rows move, (n,) of MOTION."""
+    motion = np.empty(centre.size, MOTION)
+    motion["centre"], motion["rate_Hz"] = centre, rate_Hz
+    motion["speed_m_s"], motion["acceleration_m_s2"] = speed_m_s, acceleration_m_s2
+    return motion
+
 
 OWN, HEIGHT, OFFSET, SHIFT, LENGTH, DAMPING, TILT = 6, 0, 1, 2, 3, 4, 5
 #: columns of a fit: a passage's own and the quadratic ones
@@ -31,16 +84,22 @@ SPARE = 3
 
 @compiled
 def look_up(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float,
-    follows: int, wide: int, columns: FloatArray, place: FloatArray,
+    values: FloatArray, motion: Record, table: FloatArray, grid: Record, shift: float,
+    by_speed2: float, follows: int, wide: int, columns: FloatArray, place: FloatArray,
 ) -> tuple[int, float]:  # fmt: skip
     """Fill `columns` and `place` of the samples of a row that are used; count and mean.
 
-    `place`: on the grid. The mean of the samples is taken off. `window`: centre (column), rate,
-    speed, acceleration; `grid`: first and step, squared speed, shift, half window.
+    Samples (m,) that are there and lie within the half window of the patch centre, shifted by
+    `shift` [m]; their mean is taken off. `motion`: one MOTION; `grid`: one GRID.
+
+    table    (g, c): the form's columns without the offset; number `follows` goes with the squared
+             speed. The last of c = `wide` columns is not kept, since the samples take its place
+    columns  (m + SPARE, wide + 1), filled: the form's columns with the offset, the samples last
+    place    (m,), filled: place on the grid [rows of the table]
     """
-    centre, rate, speed, acceleration = window[0], window[1], window[2], window[3]
-    first, step, square, shift, half_window = grid[0], grid[1], grid[2], grid[3], grid[4]
+    centre, rate, speed = motion["centre"], motion["rate_Hz"], motion["speed_m_s"]
+    acceleration, half_window = motion["acceleration_m_s2"], grid["half_window_m"]
+    first, step, square = grid["first_m"], grid["step_m"], grid["speed2_m2_s2"]
     faster, top = by_speed2 * (speed**2 - square), table.shape[0] - 1.001
     per_column, per_step, half = 1.0 / rate, 1.0 / step, 0.5 * acceleration
     used, total = 0, 0.0
@@ -66,10 +125,10 @@ def look_up(
 
 @compiled
 def products(columns: FloatArray, used: int, wide: int, gram: FloatArray) -> None:
-    """Products of all pairs of columns and values, summed over the samples.
+    """Fills `gram` (wide + 1, wide + 1) with products of all pairs of columns, the values last.
 
-    `columns` has room for SPARE more than are used. SPARE + 1 samples at a time: what is summed is
-    loaded and stored once for all of them.
+    Summed over the `used` samples. `columns` has room for SPARE more than are used. SPARE + 1
+    samples at a time: what is summed is loaded and stored once for all of them.
     """
     for i in range(wide + 1):
         for j in range(i + 1):
@@ -98,8 +157,10 @@ def own_inverse(
 ) -> float:
     """Inverse of a passage's own block, with what is known added; its rough height.
 
-    What is known: damping and tilt (`odd_sd`, in heights). Scaled to a diagonal of one, which is
-    lifted a little so that columns that cannot be told apart share what there is.
+    What is known: damping and tilt (standard deviation `odd_sd`, in heights), beside values with
+    the noise `sigma`. Scaled to a diagonal of one, which is lifted a little so that columns that
+    cannot be told apart share what there is. `gram` of `products`; `lower` (OWN, OWN) is room,
+    `inverse` (OWN, OWN) is filled.
     """
     # oddness is a ratio to the height, whose rough size is the right side's
     rough: float = max(abs(gram[HEIGHT, wide]) / max(gram[HEIGHT, HEIGHT], 1e-300), 1e-300)
@@ -135,7 +196,7 @@ def own_inverse(
 
 @compiled
 def apply_inverse(inverse: FloatArray, right: FloatArray, out: FloatArray) -> None:
-    """`inverse` times the first OWN of `right`."""
+    """Fills `out` (OWN,) with the product of `inverse` (OWN, OWN) and the head of `right`."""
     for i in range(OWN):
         value = 0.0
         for j in range(OWN):
@@ -145,14 +206,17 @@ def apply_inverse(inverse: FloatArray, right: FloatArray, out: FloatArray) -> No
 
 @compiled
 def bend(moved: float, height: float, rough: float) -> float:
-    """Coefficient of the quadratic column that belongs to the linear one's `moved`."""
+    """Coefficient of the quadratic column that belongs to the linear one's `moved` [m].
+
+    Of a passage of `height`, half of moved^2 / height; at most MOST_BEND of its `rough` height.
+    """
     size = 0.5 * moved**2 / height
     return 0.0 if np.isnan(size) else min(max(size, -MOST_BEND * rough), MOST_BEND * rough)
 
 
 @compiled
 def quadratic_form(gram: FloatArray, wide: int, whole: FloatArray) -> float:
-    """Squared residual that the coefficients `whole` (wide,) leave."""
+    """Squared residual that the coefficients `whole` (wide,) leave; `gram` of `products`."""
     left: float = gram[wide, wide]
     for i in range(wide):
         left -= 2.0 * whole[i] * gram[i, wide]
@@ -185,22 +249,16 @@ def fitted(
 
 @compiled
 def fit_rows(
-    values: FloatArray,
-    window: FloatArray,
-    number: IntArray,
-    tables: FloatArray,
-    grids: FloatArray,
-    sigma: float,
-    odd_sd: float,
-) -> FloatArray:
-    """The fit of each row of `values` (n, m) against its form, shape (n, OWN + 4).
+    values: FloatArray, motion: Records, number: IntArray, tables: FloatArray, grids: Records,
+    sigma: float, odd_sd: float, found: Records,
+) -> None:  # fmt: skip
+    """Fills `found` (n,) of FIT with the fit of each row of `values` (n, m) against its form.
 
-    Form `number` (n,) of the `tables` (k, g, FITTED) on `grids` (k, 5); `window` (n, 4). Columns:
-    the solution's OWN, the linear height's errors of length and shift, squared residual over
-    sigma^2, samples used; NaN if there are too few samples. The offset is the values' own.
+    Form `number` (n,) of the `tables` (k, g, FITTED) on `grids` (k,); `motion` (n,). `found` comes
+    as NaN, which a row with too few samples keeps. The offset is the values' own. `sigma`: standard
+    deviation of a value; `odd_sd`: of damping and tilt, in heights.
     """
     wide = tables.shape[2]
-    out = np.full((values.shape[0], OWN + 4), np.nan)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     gram, lower, inverse = (
         np.empty((FITTED + 1, FITTED + 1)),
@@ -211,44 +269,40 @@ def fit_rows(
     for row in range(values.shape[0]):
         k = number[row]
         used, middle = look_up(
-            values[row], window[row], tables[k], grids[k], 1.0, wide - 1, wide, columns, place
-        )
-        out[row, OWN + 3] = used
+            values[row], motion[row], tables[k], grids[k], grids[k]["shift_m"], 1.0, wide - 1,
+            wide, columns, place,
+        )  # fmt: skip
+        made = found[row]
+        made["used"] = used
         if used < FITTED:
             continue
         products(columns, used, wide, gram)
         rough = own_inverse(gram, wide, sigma, odd_sd, lower, inverse)
         fitted(gram, inverse, rough, bends, whole)
-        for i in range(OWN):
-            out[row, i] = whole[i]
-        out[row, OFFSET] += middle
-        out[row, OWN] = np.sqrt(inverse[LENGTH, LENGTH])
-        out[row, OWN + 1] = np.sqrt(inverse[SHIFT, SHIFT])
-        out[row, OWN + 2] = max(quadratic_form(gram, wide, whole), 0.0) / sigma**2
-    return out
+        made["height"], made["offset"] = whole[HEIGHT], whole[OFFSET] + middle
+        made["shift"], made["length"] = whole[SHIFT], whole[LENGTH]
+        made["damping"], made["tilt"] = whole[DAMPING], whole[TILT]
+        made["length_se"] = np.sqrt(inverse[LENGTH, LENGTH])
+        made["shift_se"] = np.sqrt(inverse[SHIFT, SHIFT])
+        made["chi2"] = max(quadratic_form(gram, wide, whole), 0.0) / sigma**2
 
 
 @compiled
 def class_sums(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, by_speed2: float,
+    values: FloatArray, motion: Records, table: FloatArray, grid: Record, by_speed2: float,
     follows: int, sigma: float, odd_sd: float, cells: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+) -> ClassSums:  # fmt: skip
     """What the rows of one class of speed say of the columns that all passages share.
 
-    These are the columns behind the passages' own; each row's own are eliminated.
-
-    `table` (g, OWN - 1 + s). (s, s + 2): normal matrix, right side, how far the length's column
-    goes with them, all but the last over sigma^2; (n, OWN + 2): own solutions, squared residual
-    over sigma^2, samples used; (2, cells): sums of residuals over heights by place in the window,
-    and how many.
+    These are the columns behind the passages' own; each row's own are eliminated. `values` (n, m)
+    move as `motion` (n,) says; `table` (g, OWN - 1 + s) on `grid`, one GRID.
     """
     wide = table.shape[1] + 1
     shared = wide - OWN
-    sums, rows, left = (
-        np.zeros((shared, shared + 2)),
-        np.zeros((values.shape[0], OWN + 2)),
-        np.zeros((2, cells)),
-    )
+    count = values.shape[0]
+    normal, right, length_by = np.zeros((shared, shared)), np.zeros(shared), np.zeros(shared)
+    rows, chi2, samples = np.zeros((count, OWN)), np.zeros(count), np.zeros(count)
+    left, counts = np.zeros(cells), np.zeros(cells)
     columns, place = np.empty((values.shape[1] + SPARE, wide + 1)), np.empty(values.shape[1])
     gram, lower, inverse = (
         np.empty((wide + 1, wide + 1)),
@@ -256,12 +310,13 @@ def class_sums(
         np.empty((OWN, OWN)),
     )
     cross, own = np.empty((shared, OWN)), np.empty(OWN)
-    per_cell = cells / (2.0 * grid[4])
+    per_cell = cells / (2.0 * grid["half_window_m"])
     for row in range(values.shape[0]):
         used, _ = look_up(
-            values[row], window[row], table, grid, by_speed2, follows, wide, columns, place
-        )
-        rows[row, OWN + 1] = used
+            values[row], motion[row], table, grid, grid["shift_m"], by_speed2, follows, wide,
+            columns, place,
+        )  # fmt: skip
+        samples[row] = used
         if used < OWN:
             continue
         products(columns, used, wide, gram)
@@ -271,20 +326,24 @@ def class_sums(
             rows[row, i] = own[i]
         for s in range(shared):
             apply_inverse(inverse, gram[OWN + s], cross[s])
-            sums[s, shared + 1] -= cross[s, LENGTH]
+            length_by[s] -= cross[s, LENGTH]
         for s in range(shared):
             for t in range(shared + 1):
                 other = OWN + t if t < shared else wide
                 value = gram[OWN + s, other]
                 for i in range(OWN):
                     value -= gram[OWN + s, i] * (cross[t, i] if t < shared else own[i])
-                sums[s, t] += value * (own[HEIGHT] ** 2 if t < shared else own[HEIGHT]) / sigma**2
+                if t < shared:
+                    normal[s, t] += value * own[HEIGHT] ** 2 / sigma**2
+                else:
+                    right[s] += value * own[HEIGHT] / sigma**2
         for k in range(used):
             residual = columns[k, wide]
             for i in range(OWN):
                 residual -= columns[k, i] * own[i]
-            rows[row, OWN] += (residual / sigma) ** 2
-            cell = min(int((grid[0] + place[k] * grid[1] + grid[4]) * per_cell), cells - 1)
-            left[0, cell] += residual / own[HEIGHT]
-            left[1, cell] += 1.0
-    return sums, rows, left
+            chi2[row] += (residual / sigma) ** 2
+            xi = grid["first_m"] + place[k] * grid["step_m"]
+            cell = min(int((xi + grid["half_window_m"]) * per_cell), cells - 1)
+            left[cell] += residual / own[HEIGHT]
+            counts[cell] += 1.0
+    return ClassSums(normal, right, length_by, rows, chi2, samples, left, counts)

@@ -30,7 +30,7 @@ from tirelog.strain.footprint.slip_onset import (
 )
 from tirelog.strain.footprint.windows import PatchWindows, gather_windows
 from tirelog.strain.passages.find import Passages
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 from tirelog.vocabulary.quality import good
 
 #: a slower wheel's windows are not cut out (its passage takes seconds)
@@ -173,7 +173,7 @@ class Look:
     averaged: IntArray
     block_samples: int
 
-    def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, FloatArray, float, int]]:
+    def alike(self, rows: IntArray) -> Iterator[tuple[PatchWindows, Records, float, int]]:
         """Windows, motion, noise of a value and form's number of `rows`, alike ones together."""
         gathered = gather_windows(
             self.channel,

@@ -26,8 +26,21 @@ from tirelog.strain.footprint.kernels import (
     products,
     quadratic_form,
 )
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
+#: a row's best onset, NaN without one: its number and that of the onset in the middle of three;
+#: squared residual over sigma^2, and length over height [m], at the onset before the middle one, at
+#: it, and after it; at the best one with the length's standard error; samples used; the least
+#: squared residual with an onset that is far from the best
+ONSET = np.dtype(
+    [("best", "f8"), ("middle", "f8"), ("chi2_before", "f8"), ("chi2_middle", "f8"),
+     ("chi2_after", "f8"), ("length_before", "f8"), ("length_middle", "f8"),
+     ("length_after", "f8"), ("chi2", "f8"), ("length", "f8"), ("length_se", "f8"), ("used", "f8"),
+     ("rival", "f8")]
+)  # fmt: skip
+#: one onset that was tried: squared residual over sigma^2, length over height and its standard
+#: error [m]
+TRIED = np.dtype([("chi2", "f8"), ("length", "f8"), ("length_se", "f8")])
 #: a traction of which the passage's other columns leave less than this share cannot be told from
 #: them; turns of its quadratic terms
 LEAST_OWN, JOINT_ROUNDS = 1e-5, 5
@@ -40,7 +53,10 @@ ATTEMPTS = 8
 
 @compiled
 def _wave(waves: FloatArray, onset: int, place: FloatArray, used: int, wave: FloatArray) -> None:
-    """The traction with the onset `onset` of the table `waves` (g, c) at the samples in use."""
+    """Fills `wave` (m,) with the traction of onset number `onset` at the samples in use.
+
+    From the table `waves` (g, c), at their places (m,) on its grid.
+    """
     for k in range(used):
         low = int(place[k])
         share = place[k] - low
@@ -79,13 +95,14 @@ def _beside(
 
 @compiled
 def traction_gains(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray,
+    values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
     every: int, sigma: float, odd_sd: float,
 ) -> FloatArray:  # fmt: skip
     """Squared `sigma` of misfit that a small traction removes from the fit of each row.
 
-    That of the best onset. `waves` (g, c): tractions on the table's grid, of which `every`-th is
-    tried; shape (n,).
+    That of the best onset, (n,); 0 if too few samples are there. `waves` (g, c): tractions on the
+    table's grid, of which `every`-th is tried. `values` (n, m) move as `motion` (n,) says; `table`
+    (g, FITTED) on `grid`, one GRID; `odd_sd`: of damping and tilt, in heights.
     """
     out, wide = np.zeros(values.shape[0]), table.shape[1]
     columns, place, wave = (
@@ -106,8 +123,9 @@ def traction_gains(
     )
     for row in range(values.shape[0]):
         used, _ = look_up(
-            values[row], window[row], table, grid, 1.0, wide - 1, wide, columns, place
-        )
+            values[row], motion[row], table, grid, grid["shift_m"], 1.0, wide - 1, wide, columns,
+            place,
+        )  # fmt: skip
         if used < FITTED:
             continue
         products(columns, used, wide, gram)
@@ -127,15 +145,16 @@ def traction_gains(
 @compiled
 def _joint(
     columns: FloatArray, place: FloatArray, used: int, waves: FloatArray, tried: IntArray,
-    sigma: float, odd_sd: float, trust_m: float, told: FloatArray, best: FloatArray,
+    sigma: float, odd_sd: float, trust_m: float, told: Records, best: FloatArray,
 ) -> int:  # fmt: skip
     """Form and traction together by least squares for each onset in `tried`; the best one.
 
-    Returned is the place of the best in `tried`. Filled: `told` (t, 3), squared residual over
-    sigma^2, length over height and its standard error; `best`, its coefficients (the form's FITTED,
-    the traction's).
+    Returned is the place of the best in `tried` (t,). Filled: `told` (t,) of TRIED; `best`
+    (FITTED + 1,), the form's coefficients and the traction's. A solution that moves the form by
+    more than `trust_m` [m] costs more: it is linear about where the form stands.
 
-    such a solution costs more.
+    columns  (m + SPARE, FITTED + 1) and place (m,) as `kernels.look_up` fills them, `used` of them
+    waves    (g, c): the traction with each onset, on the table's grid
     """
     gram, lower, inverse = (
         np.empty((FITTED + 1, FITTED + 1)),
@@ -174,14 +193,15 @@ def _joint(
         left = quadratic_form(gram, wide, whole) - 2.0 * size * right + size**2 * own
         for i in range(FITTED):
             left += 2.0 * size * along[i] * whole[i]
-        told[t, 0] = left / sigma**2
-        told[t, 1] = whole[LENGTH] / whole[HEIGHT]
-        told[t, 2] = (
+        one = told[t]
+        one["chi2"] = left / sigma**2
+        one["length"] = whole[LENGTH] / whole[HEIGHT]
+        one["length_se"] = (
             sigma
             / abs(whole[HEIGHT])
             * np.sqrt(inverse[LENGTH, LENGTH] + moved[LENGTH] ** 2 / free)
         )
-        cost = told[t, 0] * max(abs(whole[SHIFT] / whole[HEIGHT]) / trust_m, 1.0) ** FAR
+        cost = one["chi2"] * max(abs(whole[SHIFT] / whole[HEIGHT]) / trust_m, 1.0) ** FAR
         if t == 0 or cost < lowest:
             top, lowest = t, cost
             for i in range(FITTED):
@@ -192,31 +212,29 @@ def _joint(
 
 @compiled
 def _own_shift(whole: FloatArray, most: float) -> float:
-    """How far a joint solution moves the form on."""
+    """How far a joint solution `whole` (FITTED + 1,) moves the form on [m], `most` at most."""
     shift = whole[SHIFT] / whole[HEIGHT]
     return 0.0 if np.isnan(shift) else min(max(shift, -most), most)
 
 
 @compiled
 def onset_rows(
-    values: FloatArray, window: FloatArray, table: FloatArray, grid: FloatArray, waves: FloatArray,
+    values: FloatArray, motion: Records, table: FloatArray, grid: Record, waves: FloatArray,
     fine: int, shift_m: FloatArray, starts_m: FloatArray, turns: int, sigma: float, odd_sd: float,
-    enough: float, apart: int,
-) -> FloatArray:  # fmt: skip
-    """Form and traction of each row, (n, 13), with the best onset.
+    enough: float, apart: int, found: Records,
+) -> None:  # fmt: skip
+    """Fills `found` (n,) of ONSET: form and traction of each row with the best onset.
+
+    `found` comes as NaN, which a row keeps that has too few samples or whose form is not upright.
 
     The form is put first where `shift_m` (n,) says, with the evenly spaced `starts_m` about it and
     every `fine`-th of the onsets of `waves` (g, c) tried. From the best of these the form is put
     `turns` times where the joint solution moves it, with onsets about the best; the next best ones
     follow while more than `enough` squared sigmas per sample are left.
 
-    Columns: number of the best onset, and of the onset in the middle of three; squared residual
-    over sigma^2 at those; length over height at those; the best's squared residual, length over
-    height, and its error; samples used; the least squared residual with an onset more than `apart`
-    from the best one (costs of what is not to be trusted included). NaN: too few samples, or the
-    form is not upright.
+    The rival is more than `apart` onsets from the best one; costs of what is not to be trusted are
+    in its squared residual.
     """
-    out = np.full((values.shape[0], 13), np.nan)
     columns, place = np.empty((values.shape[1] + SPARE, FITTED + 1)), np.empty(values.shape[1])
     wide, coarse, near = (
         table.shape[1],
@@ -224,7 +242,7 @@ def onset_rows(
         np.arange(-fine, fine + 1),
     )
     tried = near.copy()
-    told, best, at = np.empty((max(coarse.size, near.size), 3)), np.empty(FITTED + 1), grid.copy()
+    told, best = np.empty(max(coarse.size, near.size), TRIED), np.empty(FITTED + 1)
     cost, onset, moved = (
         np.empty(starts_m.size),
         np.zeros(starts_m.size, np.int64),
@@ -233,6 +251,7 @@ def onset_rows(
     trust_m = TRUST * (starts_m[1] - starts_m[0])
     costs = np.empty((starts_m.size, coarse.size))
     for row in range(values.shape[0]):
+        made = found[row]
         for attempt in range(starts_m.size + ATTEMPTS):
             rough, k = attempt < starts_m.size, attempt
             if not rough:
@@ -241,10 +260,10 @@ def onset_rows(
             shift = shift_m[row] + starts_m[k] if rough else moved[k]
             chosen, used, top = int(onset[k]), 0, 0
             for turn in range(1 if rough else turns):
-                at[3] = grid[3] + shift
                 used, _ = look_up(
-                    values[row], window[row], table, at, 1.0, wide - 1, wide, columns, place
-                )
+                    values[row], motion[row], table, grid, grid["shift_m"] + shift, 1.0, wide - 1,
+                    wide, columns, place,
+                )  # fmt: skip
                 for t in range(near.size):
                     tried[t] = min(max(chosen + near[t], 0), waves.shape[1] - 1)
                 now = coarse if rough else tried
@@ -254,29 +273,29 @@ def onset_rows(
                     shift += _own_shift(best, trust_m)
             if rough:
                 far = max(abs(best[SHIFT] / best[HEIGHT]) / trust_m, 1.0)
-                cost[k], onset[k], moved[k] = told[top, 0] * far**FAR, chosen, shift
+                cost[k], onset[k], moved[k] = told[top]["chi2"] * far**FAR, chosen, shift
                 some = used > FITTED and not np.isnan(cost[k])
                 for t in range(coarse.size):
-                    costs[k, t] = told[t, 0] * far**FAR if some else np.inf
+                    costs[k, t] = told[t]["chi2"] * far**FAR if some else np.inf
                 if not some:
                     cost[k] = np.inf
-            elif used > FITTED and best[HEIGHT] > 0.0 and not out[row, 8] <= told[top, 0]:
+            elif used > FITTED and best[HEIGHT] > 0.0 and not made["chi2"] <= told[top]["chi2"]:
                 middle = min(max(top, 1), near.size - 2)
-                out[row, 0], out[row, 1], out[row, 11] = chosen, tried[middle], used
-                for c in range(3):
-                    out[row, 2 + c], out[row, 5 + c], out[row, 8 + c] = (
-                        told[middle - 1 + c, 0],
-                        told[middle - 1 + c, 1],
-                        told[top, c],
-                    )
-            if not rough and out[row, 8] < enough * used:
+                made["best"], made["middle"], made["used"] = chosen, tried[middle], used
+                before, after = told[middle - 1], told[middle + 1]
+                made["chi2_before"], made["length_before"] = before["chi2"], before["length"]
+                made["chi2_middle"] = told[middle]["chi2"]
+                made["length_middle"] = told[middle]["length"]
+                made["chi2_after"], made["length_after"] = after["chi2"], after["length"]
+                made["chi2"], made["length"] = told[top]["chi2"], told[top]["length"]
+                made["length_se"] = told[top]["length_se"]
+            if not rough and made["chi2"] < enough * used:
                 break
-        if np.isnan(out[row, 0]):
+        if np.isnan(made["best"]):
             continue
         rival = np.inf
         for t in range(coarse.size):
-            if abs(coarse[t] - out[row, 0]) > apart:
+            if abs(coarse[t] - made["best"]) > apart:
                 for k in range(starts_m.size):
                     rival = min(rival, costs[k, t])
-        out[row, 12] = rival
-    return out
+        made["rival"] = rival

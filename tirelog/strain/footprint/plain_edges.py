@@ -19,7 +19,15 @@ import numpy as np
 
 from tirelog.dsp.derivatives import derivative, noise_gains, window_spectra
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.strain.footprint.kernels import motion_of
+from tirelog.vocabulary.arrays import FloatArray, Records
+
+#: the fields of `Edges` of one row
+EDGES = np.dtype(
+    [("length_d2_m", "f8"), ("length_d2_se_m", "f8"), ("length_d1_m", "f8"),
+     ("length_d1_se_m", "f8"), ("entry_m", "f8"), ("exit_m", "f8"), ("entry_height", "f8"),
+     ("exit_height", "f8")]
+)  # fmt: skip
 
 #: edges are looked for out to this multiple of the expected half length
 SEARCH = 2.1
@@ -71,11 +79,12 @@ def _along(
 
 
 @compiled
-def _along_rows(derivatives: FloatArray, motion: FloatArray, upsample: int) -> FloatArray:
-    """`derivatives` (2, n, m) in time turned into those along the tread."""
+def _along_rows(derivatives: FloatArray, motion: Records, upsample: int) -> FloatArray:
+    """`derivatives` (2, n, m) in time turned into those along the tread; `motion` (n,)."""
     out = np.empty_like(derivatives)
-    for row in range(motion.shape[0]):
-        centre, rate, speed, acceleration = motion[row]
+    for row in range(motion.size):
+        centre, rate = motion[row]["centre"], motion[row]["rate_Hz"]
+        speed, acceleration = motion[row]["speed_m_s"], motion[row]["acceleration_m_s2"]
         for k in range(derivatives.shape[2]):
             time = (k / upsample - centre) / rate
             out[0, row, k], out[1, row, k] = _along(
@@ -111,7 +120,7 @@ def along_tread(
         [derivative(spectra, rate_Hz, cutoff_Hz, order, count, upsample) for order in (1, 2)]
     )
     first, second = _along_rows(
-        derivatives, _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2), upsample
+        derivatives, motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2), upsample
     )
     time = (np.arange(count * upsample) / upsample - centre[:, None]) / rate_Hz
     return AlongTread(
@@ -124,13 +133,6 @@ def lowpassed(
 ) -> FloatArray:
     """The windows (n, m) low-passed, less the line through their ends: (n, m x upsample)."""
     return derivative(window_spectra(windows), rate_Hz, cutoff_Hz, 0, windows.shape[1], upsample)
-
-
-def _motion(
-    rate_Hz: float, centre: FloatArray, speed_m_s: FloatArray, acceleration_m_s2: FloatArray
-) -> FloatArray:
-    """Centre, rate, speed, acceleration of each row, (n, 4)."""
-    return np.column_stack([centre, np.full(centre.size, rate_Hz), speed_m_s, acceleration_m_s2])
 
 
 def find_edges(
@@ -156,8 +158,10 @@ def find_edges(
     )
     # an extremum moves by the noise of the next derivative
     wiggle = noise * noise_gains(count, rate_Hz, cutoff_Hz)
-    motion = _motion(rate_Hz, centre, speed_m_s, acceleration_m_s2)
-    return Edges(*edge_rows(first, second, motion, SEARCH * half_length_m, wiggle, upsample).T)
+    motion = motion_of(centre, rate_Hz, speed_m_s, acceleration_m_s2)
+    found = np.empty(centre.size, EDGES)
+    edge_rows(first, second, motion, SEARCH * half_length_m, wiggle, upsample, found)
+    return Edges(**{name: found[name] for name in EDGES.names or ()})
 
 
 @compiled
@@ -200,23 +204,24 @@ def least(row: FloatArray, low: float, high: float) -> tuple[float, float, float
 def edge_rows(
     first_s: FloatArray,
     second_s: FloatArray,
-    motion: FloatArray,
+    motion: Records,
     reach_m: FloatArray,
     wiggle: FloatArray,
     upsample: int,
-) -> FloatArray:
-    """The fields of `Edges` of each row, (n, 8), out of derivatives in time.
+    found: Records,
+) -> None:
+    """Fills `found` (n,) of EDGES out of derivatives in time.
 
-    The derivatives (n, m x upsample) are looked at within `reach_m` (n,) of the centre; `wiggle`
-    (n, 2): standard deviations of the second and third derivative's noise.
+    The derivatives (n, m x upsample) are looked at within `reach_m` (n,) of the centre; rows move
+    as `motion` (n,) says; `wiggle` (n, 2): standard deviations of the second and third derivative's
+    noise.
     """
     n, count = first_s.shape
-    out = np.empty((n, 8))
     fall, rise, bend = np.empty(count), np.empty(count), np.empty(count)
     place, squares, heights = np.empty(4), np.empty(4), np.empty(4)
     for row in range(n):
-        rate, speed, acceleration = motion[row, 1] * upsample, motion[row, 2], motion[row, 3]
-        middle = motion[row, 0] * upsample
+        rate, speed = motion[row]["rate_Hz"] * upsample, motion[row]["speed_m_s"]
+        acceleration, middle = motion[row]["acceleration_m_s2"], motion[row]["centre"] * upsample
         reach = reach_m[row] / speed * rate
         for k in range(max(int(middle - reach) - 2, 0), min(int(middle + reach) + 3, count)):
             fall[k], bend[k] = _along(
@@ -226,17 +231,19 @@ def edge_rows(
         low, high = middle - reach, middle + reach
         for e in range(4):  # steepest fall and rise, then the sharpest bends outside of them
             if e < 2:
-                found = least(rise if e else fall, middle if e else low, high if e else middle)
+                least_of = least(rise if e else fall, middle if e else low, high if e else middle)
             else:
                 steepest = middle if np.isnan(place[e - 2]) else place[e - 2]
-                found = least(bend, steepest if e == 3 else low, high if e == 3 else steepest)
-            place[e], heights[e] = found[0], found[1]
-            squares[e] = (wiggle[row, e // 2] / speed ** (e // 2 + 1) / rate**2 / found[2]) ** 2
+                least_of = least(bend, steepest if e == 3 else low, high if e == 3 else steepest)
+            place[e], heights[e] = least_of[0], least_of[1]
+            squares[e] = (wiggle[row, e // 2] / speed ** (e // 2 + 1) / rate**2 / least_of[2]) ** 2
         for e in range(4):
             time = (place[e] - middle) / rate
             place[e] = time * (speed + 0.5 * acceleration * time)
-        out[row, 0], out[row, 1] = place[3] - place[2], np.sqrt(squares[2] + squares[3]) * speed
-        out[row, 2], out[row, 3] = place[1] - place[0], np.sqrt(squares[0] + squares[1]) * speed
-        out[row, 4], out[row, 5] = place[2], place[3]
-        out[row, 6], out[row, 7] = -heights[2], -heights[3]
-    return out
+        edges = found[row]
+        edges["length_d2_m"] = place[3] - place[2]
+        edges["length_d2_se_m"] = np.sqrt(squares[2] + squares[3]) * speed
+        edges["length_d1_m"] = place[1] - place[0]
+        edges["length_d1_se_m"] = np.sqrt(squares[0] + squares[1]) * speed
+        edges["entry_m"], edges["exit_m"] = place[2], place[3]
+        edges["entry_height"], edges["exit_height"] = -heights[2], -heights[3]

@@ -24,7 +24,7 @@ from tirelog.strain.footprint.fit import shape_table
 from tirelog.strain.footprint.kernels import HEIGHT, OWN, SHIFT, class_sums
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: rounds of refining, at most
 ROUNDS = 6
@@ -52,12 +52,12 @@ class Sample:
     """Windows of passages of about one speed, and their `motion` (`PatchWindows.motion`)."""
 
     windows: PatchWindows
-    motion: FloatArray
+    motion: Records
 
     @property
     def speed_m_s(self) -> float:
         """Root mean square of the passages' speeds."""
-        return float(np.sqrt(np.mean(self.motion[:, 2] ** 2)))
+        return float(np.sqrt(np.mean(self.motion["speed_m_s"] ** 2)))
 
     def take(self, which: NDArray[np.bool_]) -> Sample:
         """The rows `which` (mask)."""
@@ -90,7 +90,7 @@ def _class_step(
     table, grid = shape_table(reference, number, half_window_m)
     sigma = noise / np.sqrt(windows.averaged)
     # the class' form holds at its own speed: the tension of each passage follows its squared speed
-    sums, rows, left = class_sums(
+    sums = class_sums(
         windows.values,
         sample.motion,
         table,
@@ -102,13 +102,13 @@ def _class_step(
         CELLS,
     )
     return _Step(
-        sums[:, :SHARED],
-        sums[:, SHARED],
-        sums[:, SHARED + 1] / len(rows),
-        rows[:, :OWN],
-        rows[:, OWN],
-        np.maximum(rows[:, OWN + 1] - OWN, 1.0),
-        left[0] / np.maximum(left[1], 1.0),
+        normal=sums.normal,
+        right=sums.right,
+        length_by=sums.length_by / len(sums.own),
+        own=sums.own,
+        chi2=sums.chi2,
+        free=np.maximum(sums.used - OWN, 1.0),
+        left=sums.left / np.maximum(sums.counts, 1.0),
     )
 
 

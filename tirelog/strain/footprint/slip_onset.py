@@ -26,10 +26,10 @@ from tirelog.strain.footprint.family import EdgeFamily, EdgeShape
 from tirelog.strain.footprint.fit import ODD_SD, PassageFits, grid_of
 from tirelog.strain.footprint.kernels import FITTED, OWN
 from tirelog.strain.footprint.learn import LEAST_SCATTER
-from tirelog.strain.footprint.onset_kernels import onset_rows, traction_gains
+from tirelog.strain.footprint.onset_kernels import ONSET, onset_rows, traction_gains
 from tirelog.strain.footprint.reference import Reference
 from tirelog.strain.footprint.windows import PatchWindows
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Record, Records
 
 #: onsets that are tried, as a share of the half length, coarse steps and fine ones between them
 FIRST, LAST, COARSE, FINE = -0.8, 0.94, 22, 5
@@ -181,16 +181,16 @@ class Usual:
 class Tractions:
     """What slip onsets are looked for with at one speed.
 
-    `table` (g, 8) and `grid` (5,) of the form, `waves` (g, c) of the traction, half of the form's
-    length.
+    `table` (g, 8) and `grid` (one GRID) of the form, `waves` (g, c) of the traction, half of the
+    form's length.
     """
 
     table: FloatArray
-    grid: FloatArray
+    grid: Record
     waves: FloatArray
     half_length_m: float
 
-    def gains(self, windows: PatchWindows, motion: FloatArray, sigma: float) -> FloatArray:
+    def gains(self, windows: PatchWindows, motion: Records, sigma: float) -> FloatArray:
         """Squared sigmas of misfit that a small traction removes from the fit of each row.
 
         That of the best of every other coarse onset.
@@ -202,7 +202,7 @@ class Tractions:
     def onsets(
         self,
         windows: PatchWindows,
-        motion: FloatArray,
+        motion: Records,
         shift_m: FloatArray,
         sigma: float,
         scatter: float,
@@ -214,7 +214,8 @@ class Tractions:
         """
         L, onsets = self.half_length_m, onset_grid(self.half_length_m)
         step, starts = onsets[1] - onsets[0], np.array(START_SHIFTS) * L
-        found = onset_rows(
+        found = np.full(len(shift_m), np.nan, ONSET)
+        onset_rows(
             windows.values,
             motion,
             self.table,
@@ -228,9 +229,12 @@ class Tractions:
             JOINT_ODD_SD,
             ENOUGH * scatter**2,
             int(APART * L / step),
-        ).T
-        best, middle, (a, b, c), (shorter, _, longer) = found[0], found[1], found[2:5], found[5:8]
-        left, length, length_se, used, rival = found[8:]
+            found,
+        )
+        best, middle, used, rival = (found[n] for n in ("best", "middle", "used", "rival"))
+        a, b, c = found["chi2_before"], found["chi2_middle"], found["chi2_after"]
+        shorter, longer = found["length_before"], found["length_after"]
+        left, length, length_se = found["chi2"], found["length"], found["length_se"]
         # what a row's residual is beyond the log's usual one widens its own error
         scale = np.maximum(left / np.maximum(used - FITTED, 1.0), scatter**2)
         known = np.isfinite(best)

@@ -23,8 +23,9 @@ import numpy as np
 
 from tirelog.data.recording import BLOCK_SAMPLES, Channel
 from tirelog.runtime import compiled
+from tirelog.strain.footprint.kernels import motion_of
 from tirelog.strain.footprint.plain_edges import travelled
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 #: numbers in the windows that are given at a time: what works on them does so without leaving the
 #: processor's cache
@@ -52,20 +53,20 @@ class PatchWindows:
             self.row[which], self.values[which], self.centre[which], self.rate_Hz, self.averaged
         )
 
-    def motion(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> FloatArray:
-        """Centre, rate, speed and acceleration of each row, shape (n, 4), for the kernels.
+    def motion(self, speed_m_s: FloatArray, acceleration_m_s2: FloatArray) -> Records:
+        """How each row moves, (n,) of MOTION, for the kernels.
 
         `speed_m_s` and `acceleration_m_s2`: of all passages of the log.
         """
-        rate = np.full(len(self.row), self.rate_Hz)
-        return np.column_stack(
-            [self.centre, rate, speed_m_s[self.row], acceleration_m_s2[self.row]]
+        return motion_of(
+            self.centre, self.rate_Hz, speed_m_s[self.row], acceleration_m_s2[self.row]
         )
 
-    def distance_m(self, motion: FloatArray) -> FloatArray:
+    def distance_m(self, motion: Records) -> FloatArray:
         """Distance of each sample from the patch centre along the tread, shape (n, m)."""
-        time = (np.arange(self.values.shape[1]) - motion[:, [0]]) / motion[:, [1]]
-        return travelled(time, motion[:, [2]], motion[:, [3]])
+        rows = motion[:, None]
+        time = (np.arange(self.values.shape[1]) - rows["centre"]) / rows["rate_Hz"]
+        return travelled(time, rows["speed_m_s"], rows["acceleration_m_s2"])
 
     def reduced(self, averaged: int) -> PatchWindows:
         """The same windows with `averaged` neighbouring columns as one."""
@@ -197,7 +198,8 @@ def _cut_out(
 ) -> FloatArray:
     """`count` samples from each of `starts` (n,) on, times `turned`.
 
-    NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which are numbered from `low` on.
+    Shape (n, count); NaN outside of `begins` (n,) to `ends` (n,) and of `samples`, which are
+    numbered from `low` on. `turned`: 1 or -1.
     """
     out = np.empty((starts.size, count))
     for row in range(starts.size):

@@ -21,12 +21,17 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.strain.passages import fit_kernels as kernels
-from tirelog.strain.passages.fit_kernels import spline_sums
+from tirelog.strain.passages.fit_kernels import (
+    FOUND,
+    ROW,
+    SEGMENT,
+    SPAN,
+    Source,
+    scratch,
+    spline_sums,
+)
 from tirelog.strain.passages.template import CurveSums, Template
-from tirelog.vocabulary.arrays import FloatArray, IntArray
-
-#: samples, times, segments of the axis, sign, least and largest sample of the channel
-Source = tuple[FloatArray, FloatArray, FloatArray, float, float, float]
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
 
 @dataclass(frozen=True)
@@ -100,23 +105,22 @@ class PassageFit:
 class Windows:
     """The windows of some rows in pieces of a channel.
 
-    `samples` (N,) as recorded, and their `times`, empty if the axis tells them; `spans` (n, 3):
-    first and last + 1 sample of each row's window, and what to add to their numbers to find them in
-    `samples`; `outside` (n,): part of the window lies outside the log.
+    `samples` (N,) as recorded, and their `times` [s], empty if the axis tells them; `spans` (n,):
+    each row's window, of SPAN; `outside` (n,): part of the window lies outside the log.
     """
 
     signal: Signal
     samples: FloatArray
     times: FloatArray
-    spans: IntArray
+    spans: Records
     outside: NDArray[np.bool_]
 
     @classmethod
     def concatenate(cls, parts: list[Windows]) -> Windows:
         begins = np.cumsum([0] + [part.samples.size for part in parts])
-        spans = [
-            part.spans + np.array([0, 0, begin]) for part, begin in zip(parts, begins, strict=False)
-        ]
+        spans = [part.spans.copy() for part in parts]
+        for part, begin in zip(spans, begins, strict=False):
+            part["shift"] += begin
         samples, times = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("samples", "times")
         )
@@ -139,15 +143,14 @@ class Windows:
 
 def _source(signal: Signal, samples: FloatArray, times: FloatArray) -> Source:
     axis = signal.channel.axis
-    segments = np.column_stack([axis.first, axis.start_s, axis.period_s])
-    return samples, times, segments, signal.sign, signal.extremes[0], signal.extremes[1]
+    segments = np.empty(axis.first.size, SEGMENT)
+    segments["first"], segments["start_s"] = axis.first, axis.start_s
+    segments["period_s"] = axis.period_s
+    return Source(samples, times, segments, signal.sign, *signal.extremes)
 
 
-def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, NDArray[np.bool_]]:
-    """First and last + 1 sample of each row's window and 0, (n, 3); which leave the log.
-
-    Whether the window leaves the log: (n,).
-    """
+def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[Records, NDArray[np.bool_]]:
+    """Each row's window (n,) of SPAN, not shifted; which of them leave the log (n,)."""
     axis = signal.channel.axis
     reach = window_rad / start.omega * axis.rate_Hz
     with np.errstate(over="ignore", invalid="ignore"):
@@ -155,19 +158,21 @@ def _spans(signal: Signal, start: Start, window_rad: float) -> tuple[IntArray, N
     # a row without a finite guess gets a window of one sample, in which nothing is fitted
     first = np.clip(np.nan_to_num(low), 0, axis.size - 1).astype(np.int64)
     stop = np.clip(np.nan_to_num(high), first + 1, axis.size).astype(np.int64)
-    return np.column_stack([first, stop, np.zeros_like(first)]), (low < 0) | (high > axis.size)
+    spans = np.zeros(first.size, SPAN)
+    spans["first"], spans["stop"] = first, stop
+    return spans, (low < 0) | (high > axis.size)
 
 
-def _read(signal: Signal, spans: IntArray) -> tuple[FloatArray, FloatArray]:
+def _read(signal: Signal, spans: Records) -> tuple[FloatArray, FloatArray]:
     """Samples and times from the first to the last window.
 
-    The third column of `spans` becomes what leads there.
+    The shift of `spans` (n,) becomes what leads there.
     """
     channel = signal.channel
     if not spans.size:  # no row has a first guess
         return np.zeros(0), np.zeros(0)
-    begin, end = int(spans[:, 0].min()), int(spans[:, 1].max())
-    spans[:, 2] = -begin
+    begin, end = int(spans["first"].min()), int(spans["stop"].max())
+    spans["shift"] = -begin
     samples = np.ascontiguousarray(channel.read(begin, end), dtype=np.float64)
     explicit = channel.axis.explicit
     return samples, np.asarray(
@@ -216,13 +221,16 @@ def residuals(
     return np.concatenate(angles), np.concatenate(left)
 
 
-def _rows(start: Start, height: FloatArray) -> FloatArray:
-    """What is known of the rows, as the kernels take it: shape (n, 5)."""
-    return np.column_stack([start.time_s, start.omega, start.alpha, start.stretch, height])
-
-
-def _scratch() -> FloatArray:
-    return np.empty((kernels.SCRATCH_ROWS, kernels.MOST_SAMPLES))
+def _rows(start: Start, height: FloatArray) -> Records:
+    """What is known of the rows, as the kernels take it: (n,) of ROW."""
+    rows = np.empty(height.size, ROW)
+    rows["time_s"], rows["omega_rad_s"], rows["alpha_rad_s2"] = (
+        start.time_s,
+        start.omega,
+        start.alpha,
+    )
+    rows["stretch"], rows["height"] = start.stretch, height
+    return rows
 
 
 def fit_passages(
@@ -247,7 +255,8 @@ def fit_blocks(
         np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [block.size]]).tolist()
     ):
         part = slice(low, high)
-        fits.fit(part, (*_read(signal, spans[part]), *source[2:]), spans[part])
+        samples, times = _read(signal, spans[part])
+        fits.fit(part, source._replace(samples=samples, times_s=times), spans[part])
     return fits.found(outside)
 
 
@@ -255,36 +264,22 @@ class _Fits:
     """The fits of some rows by one template, made part by part."""
 
     def __init__(self, noise: float, template: Template, start: Start, height: FloatArray) -> None:
-        n = height.size
-        self._found, self._used, self._marks = (
-            np.empty((n, 7)),
-            np.zeros(n, np.int64),
-            np.zeros((n, 3), bool),
-        )
+        self._found = np.zeros(height.size, FOUND)
         self._known = noise, template.table, template.window_rad
-        self._rows, self._scratch = _rows(start, height), _scratch()
+        self._rows, self._scratch = _rows(start, height), scratch()
 
-    def fit(self, part: slice, source: Source, spans: IntArray) -> None:
+    def fit(self, part: slice, source: Source, spans: Records) -> None:
         """A part of the rows, whose windows are `spans` of the `source`."""
-        made = self._found[part], self._used[part], self._marks[part]
-        kernels.fit_rows(*source, *self._known, self._rows[part], spans, *made, self._scratch)
+        rows, found = self._rows[part], self._found[part]
+        kernels.fit_rows(source, *self._known, rows, spans, found, self._scratch)
 
     def found(self, outside: NDArray[np.bool_]) -> PassageFit:
-        time_s, time_se_s, omega, omega_se, height, offset, misfit = self._found.T.copy()
-        lost, spike, clipped = self._marks.T.copy()
+        made = {name: self._found[name].copy() for name in FOUND.names or ()}
         return PassageFit(
-            time_s,
-            time_se_s,
-            omega,
-            omega_se,
-            height,
-            offset,
-            misfit,
-            self._used,
-            lost,
-            spike,
-            clipped,
-            outside,
+            omega=made.pop("omega_rad_s"),
+            omega_se=made.pop("omega_se_rad_s"),
+            outside=outside,
+            **made,
         )
 
 
@@ -298,13 +293,13 @@ def curve_sums(
     sums = CurveSums()
     rows = _rows(start, height)
     sums.count = spline_sums(
-        *windows.source,
+        windows.source,
         rows,
         offset,
         windows.spans,
         window_rad,
         sums.normal,
         sums.right,
-        _scratch(),
+        scratch(),
     )
     return sums

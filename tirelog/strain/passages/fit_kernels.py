@@ -1,59 +1,127 @@
-"""Compiled loops over the windows of passages: the matched fit.
+"""Compiled loops over the windows of passages: the matched fit, and the curve of a template.
 
-    samples around rows, template
-        --read_window, Gauss-Newton--> `found` (n, 7), `used` (n,), `marks` (n, 3)
+    Source, SPAN of each row --read_window--> Scratch: samples, times, weights
+        --Gauss-Newton on the template--> FOUND of each row
+        --cubic B-splines over the angle--> normal equations of a template's curve
+    coefficients --> value and slope at any angle
 
-A window is the row's `spans` (n, 3): samples [first, stop) of the channel, thinned to MOST_SAMPLES,
-and what to add to their numbers to find them in `samples`. Their times are `times` if these are
-given, else those of `segments` (k, 3): first sample, its time, step. Columns of `rows` (n, 5): time
-[s], omega, alpha, standard deviation of the stretch, height.
+A window is a row's SPAN of the channel, thinned to MOST_SAMPLES.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from numpy.typing import NDArray
 
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, Record, Records
 
-# samples around rows --cubic B-splines over the angle--> normal equations
-#     coefficients --> value and slope at any angle
-#
-# Windows, segments and rows are those of the fit further below.
+#: a row as its fit begins: patch centre [s], the wheel's rate [rad/s] and its change [rad/s^2], how
+#: far the rate may be off (standard deviation, relative), height of the passage [channel's unit]
+ROW = np.dtype(
+    [("time_s", "f8"), ("omega_rad_s", "f8"), ("alpha_rad_s2", "f8"), ("stretch", "f8"),
+     ("height", "f8")]
+)  # fmt: skip
+#: a row's window: first sample of the channel and the one behind, and what to add to their numbers
+#: to find them in a `Source`
+SPAN = np.dtype([("first", "i8"), ("stop", "i8"), ("shift", "i8")])
+#: an even stretch of the time axis: its first sample, that one's time [s], seconds per sample
+SEGMENT = np.dtype([("first", "f8"), ("start_s", "f8"), ("period_s", "f8")])
+#: a template at one angle: value (height 1), slope [1/rad], scatter between turns over the height
+POINT = np.dtype([("value", "f8"), ("slope", "f8"), ("scatter", "f8")])
+#: a row's fit: patch centre [s], rate [rad/s] with the stretch in it, their standard errors, height
+#: and offset [channel's unit], rms of the residual in that unit, samples used, and what the window
+#: holds
+FOUND = np.dtype(
+    [("time_s", "f8"), ("time_se_s", "f8"), ("omega_rad_s", "f8"), ("omega_se_rad_s", "f8"),
+     ("height", "f8"), ("offset", "f8"), ("misfit", "f8"), ("used", "i8"), ("lost", "?"),
+     ("spike", "?"), ("clipped", "?")],
+    align=True,
+)  # fmt: skip
+
+
+class Source(NamedTuple):
+    """The samples of a channel that windows are read from.
+
+    samples   (N,) as recorded, NaN where lost
+    times_s   (N,) [s], or empty: then `segments` (k,) of SEGMENT tell them
+    sign      turns the patch upward; low, high: the channel's least and largest sample
+    """
+
+    samples: FloatArray
+    times_s: FloatArray
+    segments: Records
+    sign: float
+    low: float
+    high: float
+
+
+class Scratch(NamedTuple):
+    """Room for one window, (MOST_SAMPLES,) each; whoever calls in a loop keeps it.
+
+    value, time_s  samples, patch upward, and when they were taken
+    weight, stuck  1 if a sample counts; 1 if it stands at an end of the range
+    phi            angle from the patch centre [rad]
+    shape, slope, scatter  the template there, its slope [1/rad], its scatter between turns
+    residual, bend what the fit leaves of a sample, and how far that leaves its neighbours' mean
+    """
+
+    value: FloatArray
+    time_s: FloatArray
+    weight: FloatArray
+    stuck: FloatArray
+    phi: FloatArray
+    shape: FloatArray
+    slope: FloatArray
+    scatter: FloatArray
+    residual: FloatArray
+    bend: FloatArray
+
+
+class Step(NamedTuple):
+    """A solution of y = a + b T + c T' + d phi T'.
+
+    offset, height    a and b [channel's unit]
+    shift, stretch    c = -b s and d = b e: see `fit_rows`
+    shift_variance, stretch_variance  of c and d, per noise variance
+    """
+
+    offset: float
+    height: float
+    shift: float
+    stretch: float
+    shift_variance: float
+    stretch_variance: float
+
+
+def scratch() -> Scratch:
+    """Room for one window."""
+    return Scratch(*np.empty((len(Scratch._fields), MOST_SAMPLES)))
 
 
 @compiled
 def spline_sums(
-    samples: FloatArray,
-    times: FloatArray,
-    segments: FloatArray,
-    sign: float,
-    low: float,
-    high: float,
-    rows: FloatArray,
-    offset: FloatArray,
-    spans: IntArray,
-    window_rad: float,
-    normal: FloatArray,
-    right: FloatArray,
-    scratch: FloatArray,
-) -> int:
+    source: Source, rows: Records, offset: FloatArray, spans: Records, window_rad: float,
+    normal: FloatArray, right: FloatArray, scratch: Scratch,
+) -> int:  # fmt: skip
     """Adds the rows' samples to the normal equations of a cubic spline; how many.
 
-    The samples are less `offset` and over the height, the spline is over +-`window_rad`.
+    The samples are less `offset` (n,) and over the height, the spline is over +-`window_rad`.
 
-    intervals.
+    rows, spans  (n,) of ROW and SPAN
+    normal       (s, s), of which the upper triangle is added to; right (s,): s - 3 knot intervals
     """
     intervals = right.size - 3
     used = 0
     for k in range(rows.shape[0]):
-        count, _ = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
+        count, _ = read_window(source, spans[k], scratch)
+        row = rows[k]
         for i in range(count):
-            tau = scratch[TIME, i] - rows[k, 0]
-            phi = (rows[k, 1] + 0.5 * rows[k, 2] * tau) * tau
-            value = (scratch[VALUE, i] - offset[k]) / rows[k, 4]
-            if scratch[WEIGHT, i] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
+            tau = scratch.time_s[i] - row["time_s"]
+            phi = (row["omega_rad_s"] + 0.5 * row["alpha_rad_s2"] * tau) * tau
+            value = (scratch.value[i] - offset[k]) / row["height"]
+            if scratch.weight[i] > 0 and abs(phi) < window_rad and abs(value) < 2.0:
                 place = min(
                     max((phi + window_rad) * (intervals / (2.0 * window_rad)), 0.0),
                     intervals - 1e-9,
@@ -70,9 +138,10 @@ def spline_sums(
 
 @compiled
 def spline_curve(
-    coefficients: FloatArray, window_rad: float, phi: FloatArray, curve: FloatArray
-) -> None:
-    """Value and slope [1/rad] of the spline at `phi` (n,), into `curve` (n, 2)."""
+    coefficients: FloatArray, window_rad: float, phi: FloatArray, value: FloatArray,
+    slope: FloatArray,
+) -> None:  # fmt: skip
+    """Fills value and slope [1/rad] of the spline at `phi` (n,) [rad], within +-`window_rad`."""
     intervals = coefficients.size - 3
     scale = intervals / (2.0 * window_rad)
     for i in range(phi.size):
@@ -85,16 +154,16 @@ def spline_curve(
             coefficients[cell + 2],
             coefficients[cell + 3],
         )
-        curve[i, 0] = basis(u, 0) * c0 + basis(u, 1) * c1 + basis(u, 2) * c2 + basis(u, 3) * c3
-        slope = (
+        value[i] = basis(u, 0) * c0 + basis(u, 1) * c1 + basis(u, 2) * c2 + basis(u, 3) * c3
+        steepness = (
             (3 * u**2 - 4 * u) * c1 - (1 - u) ** 2 * c0 + (-3 * u**2 + 2 * u + 1) * c2 + u**2 * c3
         )
-        curve[i, 1] = 0.5 * scale * slope
+        slope[i] = 0.5 * scale * steepness
 
 
 @compiled
 def basis(u: float, which: int) -> float:
-    """The four cubic B-splines that are not zero at the fraction `u` in [0, 1] between knots."""
+    """Cubic B-spline number `which`, 0 to 3, of those that live at `u` in [0, 1] between knots."""
     if which == 0:
         return (1 - u) ** 3 / 6.0
     if which == 1:
@@ -122,142 +191,117 @@ CLIPPED_SIGMAS = 3.0
 #: how far a step may shift [window] and stretch
 MOST_SHIFT = MOST_STRETCH = 0.3
 
-#: rows of the scratch: a window's samples, and what is known of each
-VALUE, TIME, WEIGHT, STUCK, PHI, SHAPE, SLOPE, RESIDUAL, BEND, SCATTER = range(10)
-SCRATCH_ROWS = 10
-
 
 @compiled
 def fit_rows(
-    samples: FloatArray,
-    times: FloatArray,
-    segments: FloatArray,
-    sign: float,
-    low: float,
-    high: float,
-    noise: float,
-    table: FloatArray,
-    window_rad: float,
-    rows: FloatArray,
-    spans: IntArray,
-    found: FloatArray,
-    used: IntArray,
-    marks: NDArray[np.bool_],
-    scratch: FloatArray,
-) -> None:
+    source: Source, noise: float, table: Records, window_rad: float, rows: Records, spans: Records,
+    found: Records, scratch: Scratch,
+) -> None:  # fmt: skip
     """Fills each row's fit y = a + b T(phi (1 + e) - s) by the template T.
 
-    `table` (g, 3): values, slopes and scatter of T over +-`window_rad`. `found`: time, its standard
-    error, omega, its standard error, height, offset, misfit; `marks`: lost, spike, clipped; `low`,
-    `high`: the channel's extremes. `scratch` (SCRATCH_ROWS, MOST_SAMPLES) is the caller's.
+    table        (g,) of POINT: T over +-`window_rad`
+    rows, spans  (n,) of ROW and SPAN
+    found        (n,) of FOUND
+    noise        standard deviation of one sample [channel's unit]
     """
     for k in range(rows.shape[0]):
-        count, lost = read_window(samples, times, segments, sign, low, high, spans[k], scratch)
-        marks[k, 0] = lost > 0
-        time_s, omega, alpha, height = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 4]
+        count, lost = read_window(source, spans[k], scratch)
+        row, made = rows[k], found[k]
+        made["lost"], made["spike"] = lost > 0, False
+        time_s, omega, alpha = row["time_s"], row["omega_rad_s"], row["alpha_rad_s2"]
+        height = row["height"]
         for iteration in range(ITERATIONS):
-            hold = (max(noise, 1e-12 * height) / (height * rows[k, 3])) ** 2
+            hold = (max(noise, 1e-12 * height) / (height * row["stretch"])) ** 2
             _shapes(count, time_s, omega, alpha, table, window_rad, scratch)
-            a, b, c, d, variance_c, variance_d = _step(count, hold, scratch)
+            step = _step(count, hold, scratch)
             if iteration == 0 and _wild(count, abs(height), noise, scratch):
-                marks[k, 1] = True
-                a, b, c, d, variance_c, variance_d = _step(count, hold, scratch)
-            guess = b if abs(b) > 0.05 * height else height
-            shift = min(max(-c / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
+                made["spike"] = True
+                step = _step(count, hold, scratch)
+            guess = step.height if abs(step.height) > 0.05 * height else height
+            shift = min(max(-step.shift / guess, -MOST_SHIFT * window_rad), MOST_SHIFT * window_rad)
             time_s += shift / omega
-            omega *= 1.0 + min(max(d / guess, -MOST_STRETCH), MOST_STRETCH)
+            omega *= 1.0 + min(max(step.stretch / guess, -MOST_STRETCH), MOST_STRETCH)
             height = abs(guess)
-        square, off, stuck = 0.0, 0.0, 0.0
+        square, off, stuck, used = 0.0, 0.0, 0.0, 0
         for i in range(count):
-            if scratch[WEIGHT, i] > 0:
-                used[k] += 1
-                square += scratch[RESIDUAL, i] ** 2
-            if scratch[STUCK, i] > 0:
+            if scratch.weight[i] > 0:
+                used += 1
+                square += scratch.residual[i] ** 2
+            if scratch.stuck[i] > 0:
                 stuck += 1.0
-                off += abs(scratch[RESIDUAL, i])
-        marks[k, 2] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
-        found[k, 0] = time_s
-        found[k, 1] = noise * np.sqrt(variance_c) / (height * omega)
-        found[k, 2] = omega
-        found[k, 3] = noise * np.sqrt(variance_d) / height * omega
-        found[k, 4] = b
-        found[k, 5] = a
-        found[k, 6] = np.sqrt(square / max(used[k], 1))
+                off += abs(scratch.residual[i])
+        made["used"] = used
+        made["clipped"] = off > CLIPPED_SIGMAS * noise * max(stuck, 1.0)
+        made["time_s"] = time_s
+        made["time_se_s"] = noise * np.sqrt(step.shift_variance) / (height * omega)
+        made["omega_rad_s"] = omega
+        made["omega_se_rad_s"] = noise * np.sqrt(step.stretch_variance) / height * omega
+        made["height"] = step.height
+        made["offset"] = step.offset
+        made["misfit"] = np.sqrt(square / max(used, 1))
 
 
 @compiled
-def read_window(
-    samples: FloatArray,
-    times: FloatArray,
-    segments: FloatArray,
-    sign: float,
-    low: float,
-    high: float,
-    span: IntArray,
-    scratch: FloatArray,
-) -> tuple[int, int]:
+def read_window(source: Source, span: Record, scratch: Scratch) -> tuple[int, int]:
     """Fills `scratch` with the samples of a `span`, thinned; how many, and how many are lost.
 
     Their times too. Lost and stuck ones have no weight. Stuck are three or more in a row on the
-    channel's least or largest value.
+    channel's least or largest value. `span`: one SPAN.
     """
-    first, stop, shift = span[0], span[1], span[2]
+    first, stop, shift = span["first"], span["stop"], span["shift"]
+    samples, times, segments, sign = source.samples, source.times_s, source.segments, source.sign
     stride = -(-(stop - first) // MOST_SAMPLES)
     count = -(-(stop - first) // stride)
-    low, high = sign * low, sign * high
+    low, high = sign * source.low, sign * source.high
     lost = extreme = 0
     for i in range(count):
         value = sign * samples[first + i * stride + shift]
         there = np.isfinite(value)
-        scratch[VALUE, i] = value
-        scratch[WEIGHT, i] = 1.0 if there else 0.0
-        scratch[STUCK, i] = 0.0
+        scratch.value[i] = value
+        scratch.weight[i] = 1.0 if there else 0.0
+        scratch.stuck[i] = 0.0
         lost += not there
         extreme += (value == low) | (value == high)
     if extreme > 2:
         _without_stuck(count, low, high, scratch)
     if times.size > 0:
         for i in range(count):
-            scratch[TIME, i] = times[first + i * stride + shift]
+            scratch.time_s[i] = times[first + i * stride + shift]
         return count, lost
     i = 0
-    for segment in range(segments.shape[0]):
-        begin, start_s, period_s = segments[segment, 0], segments[segment, 1], segments[segment, 2]
-        end = segments[segment + 1, 0] if segment + 1 < segments.shape[0] else np.inf
+    for k in range(segments.size):
+        begin, start_s = segments[k]["first"], segments[k]["start_s"]
+        period_s = segments[k]["period_s"]
+        end = segments[k + 1]["first"] if k + 1 < segments.size else np.inf
         while i < count and first + i * stride < end:
-            scratch[TIME, i] = start_s + (first + i * stride - begin) * period_s
+            scratch.time_s[i] = start_s + (first + i * stride - begin) * period_s
             i += 1
     return count, lost
 
 
 @compiled
-def _without_stuck(count: int, low: float, high: float, scratch: FloatArray) -> None:
+def _without_stuck(count: int, low: float, high: float, scratch: Scratch) -> None:
     """Marks stuck samples and takes their weight."""
-    values = scratch[VALUE]
+    values = scratch.value
     run = 0
     for i in range(count):
         on = values[i] in (low, high)
         run = run + 1 if on and (run == 0 or values[i] == values[i - 1]) else (1 if on else 0)
         if run >= 3:
-            scratch[STUCK, i - 2 : i + 1], scratch[WEIGHT, i - 2 : i + 1] = 1.0, 0.0
+            scratch.stuck[i - 2 : i + 1], scratch.weight[i - 2 : i + 1] = 1.0, 0.0
 
 
 @compiled
 def _shapes(
-    count: int,
-    time_s: float,
-    omega: float,
-    alpha: float,
-    table: FloatArray,
-    window_rad: float,
-    scratch: FloatArray,
-) -> None:
+    count: int, time_s: float, omega: float, alpha: float, table: Records, window_rad: float,
+    scratch: Scratch,
+) -> None:  # fmt: skip
     """Fills angle, template, its slope and scatter at each sample.
 
-    Linear between the table's points, constant outside.
+    Linear between the points of `table` (g,), constant outside.
     """
-    times, phis, shapes, slopes = scratch[TIME], scratch[PHI], scratch[SHAPE], scratch[SLOPE]
-    scale, most = (table.shape[0] - 1) / (2.0 * window_rad), table.shape[0] - 1.001
+    times, phis, shapes, slopes = scratch.time_s, scratch.phi, scratch.shape, scratch.slope
+    scale, most = (table.size - 1) / (2.0 * window_rad), table.size - 1.001
     for i in range(count):
         tau = times[i] - time_s
         phi = (omega + 0.5 * alpha * tau) * tau
@@ -265,27 +309,23 @@ def _shapes(
         place = place if place > 0.0 else 0.0
         place = place if place < most else most
         lower = int(place)
-        share = place - lower
+        share, here, after = place - lower, table[lower], table[lower + 1]
         phis[i] = phi
-        shapes[i] = table[lower, 0] + share * (table[lower + 1, 0] - table[lower, 0])
-        slopes[i] = table[lower, 1] + share * (table[lower + 1, 1] - table[lower, 1])
-        scratch[SCATTER, i] = table[lower, 2]
+        shapes[i] = here["value"] + share * (after["value"] - here["value"])
+        slopes[i] = here["slope"] + share * (after["slope"] - here["slope"])
+        scratch.scatter[i] = here["scatter"]
 
 
 @compiled
-def _step(
-    count: int, hold: float, scratch: FloatArray
-) -> tuple[float, float, float, float, float, float]:
-    """One Gauss-Newton step: a, b, -b s, b e, and the variances of the last two.
+def _step(count: int, hold: float, scratch: Scratch) -> Step:
+    """One Gauss-Newton step of the first `count` samples of a window.
 
-    These are per noise variance; residuals of all samples that are there (0 where lost) go to
-    `scratch`. The stretch is held by `hold`; the other three have a prior too weak to matter, for
-    rows without samples.
+    Residuals of all samples that are there (0 for lost ones) go to `scratch`. The stretch is held
+    by `hold`, the inverse of its variance per noise variance; the other three have a prior too weak
+    to matter, for rows without samples.
     """
-    values, weights, phis, shapes, slopes, residuals = (
-        scratch[VALUE], scratch[WEIGHT], scratch[PHI], scratch[SHAPE], scratch[SLOPE],
-        scratch[RESIDUAL],
-    )  # fmt: skip
+    values, weights, phis = scratch.value, scratch.weight, scratch.phi
+    shapes, slopes, residuals = scratch.shape, scratch.slope, scratch.residual
     n00 = n10 = n20 = n30 = n11 = n21 = n31 = n22 = n32 = n33 = r0 = r1 = r2 = r3 = 0.0
     for i in range(count):
         if weights[i] > 0:
@@ -312,7 +352,7 @@ def _step(
         (n10, n20, n30, n21, n31, n32),
         (r0, r1, r2, r3),
     )
-    a, b, c, d = solved[0], solved[1], solved[2], solved[3]
+    a, b, c, d = solved.offset, solved.height, solved.shift, solved.stretch
     for i in range(count):
         residual = values[i] - (a + b * shapes[i] + (c + d * phis[i]) * slopes[i])
         residuals[i] = residual if np.isfinite(residual) else 0.0
@@ -324,7 +364,7 @@ def _solve(
     diagonal: tuple[float, float, float, float],
     below: tuple[float, float, float, float, float, float],
     right: tuple[float, float, float, float],
-) -> tuple[float, float, float, float, float, float]:
+) -> Step:
     """The solution of four normal equations, and two diagonal elements of the inverse.
 
     The last two elements, by L D L'. `below` the diagonal: 10, 20, 30, 21, 31, 32. Nothing here is
@@ -348,11 +388,11 @@ def _solve(
     d = r3 * i3
     c = r2 * i2 - l32 * d
     b = r1 * i1 - l21 * c - l31 * d
-    return r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3
+    return Step(r0 * i0 - l10 * b - l20 * c - l30 * d, b, c, d, i2 + l32 * l32 * i3, i3)
 
 
 @compiled
-def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
+def _wild(count: int, height: float, noise: float, scratch: Scratch) -> bool:
     """Whether any samples are wild; takes the weight off these.
 
     Their residual leaves the mean of its neighbours', by more than theirs do, or they are not the
@@ -362,15 +402,11 @@ def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
         max(WILD_SIGMAS * noise, WILD_SHARE * height),
         max(WILD_SIGMAS * noise, FOREIGN_SHARE * height),
     )
-    values, weights, residuals, bends = (
-        scratch[VALUE],
-        scratch[WEIGHT],
-        scratch[RESIDUAL],
-        scratch[BEND],
-    )
+    values, weights = scratch.value, scratch.weight
+    residuals, bends = scratch.residual, scratch.bend
     most = 0.0
     for i in range(count):
-        if scratch[STUCK, i] > 0:
+        if scratch.stuck[i] > 0:
             residuals[i] = 0.0
         size = abs(residuals[i])
         most = size if size > most else most
@@ -385,7 +421,7 @@ def _wild(count: int, height: float, noise: float, scratch: FloatArray) -> bool:
     found = False
     for i in range(count):
         largest = max(bends[max(i - 1, 0)], bends[min(i + 1, count - 1)])
-        usual = WILD_SCATTERS * height * scratch[SCATTER, i]
+        usual = WILD_SCATTERS * height * scratch.scatter[i]
         if (bends[i] > max(limit, usual) and bends[i] >= largest) or abs(residuals[i]) > max(
             foreign, usual
         ):

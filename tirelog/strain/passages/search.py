@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from tirelog.data.recording import Channel
 from tirelog.strain.passages.decimate import AT_ONCE, Decimated, decimate
-from tirelog.strain.passages.search_kernels import half_level, turning_points
+from tirelog.strain.passages.search_kernels import PULSE, half_level, turning_points
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
 #: a pulse climbs and falls by this share of the usual height; shoulders reach about 0.3
@@ -162,7 +162,7 @@ def _half_level(data: Decimated, peak: IntArray, left: IntArray, right: IntArray
 
     By linear interpolation between buckets.
     """
-    pulses = np.empty((peak.size, 4))
+    pulses = np.empty(peak.size, PULSE)
     half_level(data.values, peak, left, right, pulses)
-    middle, width, height, base = pulses.T.copy()
+    middle, width, height, base = (pulses[name].copy() for name in PULSE.names or ())
     return Pulses(data.index(middle), np.maximum(data.bucket * width, 1.0), height, base)

@@ -14,7 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.runtime import compiled
-from tirelog.vocabulary.arrays import FloatArray, IntArray
+from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
+
+#: a pulse: middle of its half-level crossings and width between them [places], height above the
+#: higher valley and that valley's level [channel's unit]
+PULSE = np.dtype([("middle", "f8"), ("width", "f8"), ("height", "f8"), ("base", "f8")])
 
 
 @compiled
@@ -65,6 +69,7 @@ def _medians_of_four(fours: FloatArray, factor: float, medians: NDArray[np.float
 
 @compiled
 def _sum(values: FloatArray, first: int, count: int) -> float:
+    """The sum of so many of `values` from `first` on, in their order; NaN if one is lost."""
     total = 0.0
     for i in range(first, first + count):
         total += values[i]
@@ -73,7 +78,10 @@ def _sum(values: FloatArray, first: int, count: int) -> float:
 
 @compiled
 def _median_of_some(values: FloatArray, first: int, quarter: int) -> float:
-    """Median of the means of those of four quarters that are whole, NaN if none is."""
+    """Median of the means of those of four quarters that are whole, NaN if none is.
+
+    The quarters begin at `first` and have `quarter` of `values` (n,) each.
+    """
     s0 = s1 = s2 = s3 = np.inf
     there = 0
     for begin in range(first, min(first + 4 * quarter, values.size - quarter + 1), quarter):
@@ -146,12 +154,11 @@ def turning_points(values: NDArray[np.float32], least: float, points: NDArray[np
 
 @compiled
 def half_level(
-    values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray, pulses: FloatArray
+    values: NDArray[np.float32], peak: IntArray, left: IntArray, right: IntArray, pulses: Records
 ) -> None:
-    """Fills `pulses` (n, 4) with the pulses between two valleys of each `peak` (n,).
+    """Fills `pulses` (n,) of PULSE with the pulses between two valleys of each `peak` (n,).
 
-    Between the valleys `left` and `right`: middle of the half-level crossings and width between
-    them [places of `values`], height above the higher valley, that valley's level.
+    Between the valleys `left` and `right` (n,), places of `values`.
     """
     for k in range(peak.size):
         base = max(np.float64(values[left[k]]), np.float64(values[right[k]]))
@@ -163,10 +170,9 @@ def half_level(
             after += 1
         entry = before + _share(values[before], values[before + 1], level)
         leave = after - _share(values[after], values[after - 1], level)
-        pulses[k, 0] = 0.5 * (entry + leave)
-        pulses[k, 1] = leave - entry
-        pulses[k, 2] = values[peak[k]] - base
-        pulses[k, 3] = base
+        pulse = pulses[k]
+        pulse["middle"], pulse["width"] = 0.5 * (entry + leave), leave - entry
+        pulse["height"], pulse["base"] = values[peak[k]] - base, base
 
 
 @compiled

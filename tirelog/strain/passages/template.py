@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tirelog.strain.passages.fit_kernels import spline_curve
-from tirelog.vocabulary.arrays import FloatArray
+from tirelog.strain.passages.fit_kernels import POINT, spline_curve
+from tirelog.vocabulary.arrays import FloatArray, Records
 
 #: knots over the template's window, and points of its table
 INTERVALS, TABLE = 40, 4096
@@ -49,10 +49,12 @@ class Template:
     scatter: FloatArray | None = None
 
     @property
-    def table(self) -> FloatArray:
-        """Values, slope and scatter as the kernels take them, (g, 3)."""
-        scatter = np.zeros(self.values.size) if self.scatter is None else self.scatter
-        return np.column_stack([self.values, self.slope, scatter])
+    def table(self) -> Records:
+        """The template as the kernels take it, (g,) of POINT."""
+        table = np.empty(self.values.size, POINT)
+        table["value"], table["slope"] = self.values, self.slope
+        table["scatter"] = 0.0 if self.scatter is None else self.scatter
+        return table
 
     def mirrored(self) -> Template:
         """The waveform of a wheel that rolls backwards."""
@@ -84,9 +86,9 @@ class CurveSums:
 
 def _curve(coefficients: FloatArray, phi: FloatArray, window: float) -> FloatArray:
     """Value and slope [1/rad] of the spline at `phi`, shape (2, n)."""
-    curve = np.empty((phi.size, 2))
-    spline_curve(coefficients, window, phi, curve)
-    return curve.T
+    curve = np.empty((2, phi.size))
+    spline_curve(coefficients, window, phi, *curve)
+    return curve
 
 
 def half_level(phi: FloatArray, values: FloatArray) -> tuple[float, float] | None:

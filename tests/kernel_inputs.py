@@ -1,0 +1,766 @@
+"""What `test_kernels_property` calls each kernel with: small, seeded, of the types in use.
+
+One function per module of kernels, of a generator of its own seed; it gives the kernel's name with
+a list of arguments, so that branches can be met one by one. Types are those that the package calls
+with, since another type would be compiled for this test alone.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from tirelog.readers.text.digits import bytes_of
+
+Arguments = Mapping[str, list[tuple[Any, ...]]]
+
+#: what makes the inputs of a module's kernels, by the module's name in the package
+_MAKERS: dict[str, Callable[[np.random.Generator], Arguments]] = {}
+#: kernels that give room which is filled later
+UNSET = {"readers.text.alike.unlearnt"}
+
+
+def inputs_of(module: str) -> Callable[[Callable[[np.random.Generator], Arguments]], None]:
+    """Registers the inputs of a module's kernels."""
+
+    def register(make: Callable[[np.random.Generator], Arguments]) -> None:
+        _MAKERS[module] = make
+
+    return register
+
+
+@cache
+def inputs() -> dict[str, list[tuple[Any, ...]]]:
+    """By the kernel's name in the package: all arguments that it is called with."""
+    return {
+        f"{module}.{name}": cases
+        for module, make in _MAKERS.items()
+        for name, cases in make(np.random.default_rng(zlib.crc32(module.encode()))).items()
+    }
+
+
+def holed(rng: np.random.Generator, *shape: int, share: float = 0.05) -> np.ndarray:
+    """Normal numbers, some of them lost."""
+    values = rng.normal(size=shape)
+    values[rng.uniform(size=shape) < share] = np.nan
+    return values
+
+
+# ---- dsp
+
+
+@inputs_of("dsp.noise")
+def _(rng: np.random.Generator) -> Arguments:
+    return {
+        "sixth_differences": [
+            (holed(rng, 80), np.zeros(80)),
+            (rng.normal(size=5), np.zeros(5)),
+        ]
+    }
+
+
+@inputs_of("dsp.derivatives")
+def _(rng: np.random.Generator) -> Arguments:
+    windows = holed(rng, 4, 70)
+    windows[1], windows[2, :9] = np.nan, np.nan
+    cutoff = np.array([20.0, 45.0, 3e3, 0.1])
+    spectra = rng.normal(size=(4, 36)) + 1j * rng.normal(size=(4, 36))
+    factor = 2j * np.pi * np.arange(36.0)
+    return {
+        "gain": [(12.5, 40.0), (0.0, 40.0), (1e4, 0.1)],
+        "closed": [(windows,), (rng.normal(size=(1, 7)),)],
+        "_shaped": [(spectra, factor, 7.5, cutoff)],
+        "noise_gains": [(64, 500.0, cutoff)],
+    }
+
+
+@inputs_of("dsp.differentiator")
+def _(rng: np.random.Generator) -> Arguments:
+    values = holed(rng, 60)
+    values[[0, 1, 30, 31, 32, -1]] = np.nan
+    values[[10, 44]] += 30.0
+    smooth, lost = np.sin(np.arange(60) / 9.0), np.full(12, np.nan)
+
+    def bridging(x: np.ndarray) -> tuple[Any, ...]:
+        return x, 2.0, np.zeros(x.size, bool), x.copy()
+
+    return {
+        "_doubtful": [(values, 2.0), (smooth, 2.0), (smooth, 1e-9), (smooth[:3].copy(), 2.0)],
+        "_bend": [(values, i) for i in (0, 10, 31, 58)],
+        "_bridge": [bridging(values), bridging(smooth), bridging(lost)],
+    }
+
+
+@inputs_of("dsp.encoder.angle")
+def _(rng: np.random.Generator) -> Arguments:
+    time = np.cumsum(rng.uniform(0.004, 0.02, 30))
+    time[12] = time[11]
+    count, rate = np.arange(30, dtype=np.int32), rng.uniform(40, 60, 30).astype(np.float32)
+    at = np.concatenate([np.linspace(time[0] - 0.01, time[-1] + 0.01, 40), time[[20, 3]]])
+    return {"_hermite": [(at, time, count, rate, 0.05, np.zeros(at.size))]}
+
+
+@inputs_of("dsp.encoder.kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    size, period = 900, 23.0
+    phase = np.arange(size) / period + 0.002 * (np.arange(size) / period) ** 2
+    x = np.sin(2.0 * np.pi * phase) + 0.02 * rng.normal(size=size) + 0.1
+    high = rng.normal(size=15)
+    side = np.where(x > 0.3, 1, np.where(x < -0.1, -1, 0)).astype(np.int8)
+    on = np.flatnonzero(side)
+    turn = np.flatnonzero(side[on[1:]] != side[on[:-1]])
+    before, after = on[turn].astype(np.int64), on[turn + 1].astype(np.int64)
+    before[3] -= 40  # a slow change
+    coarse = np.where(after - before < 30, 0.5 * (before + after), after - 0.5)
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    return {
+        "extremes": [(x,), (x[:3].copy(),)],
+        "without_spikes": [(high,), (high[:1].copy(),)],
+        "sliding_maximum": [(high, 2), (high, 20)],
+        "sides": [(x, np.full(15, 0.3), np.full(15, -0.1))],
+        "changes": [(side, -5, -1), (side, -1, 0)],
+        "_sums": [(x,), (x[:5].copy(),)],
+        "_windows": [(x, coarse, before, after, 30.0)],
+        "_middles": [(x, total, coarse, before, after, 30.0)],
+    }
+
+
+@inputs_of("dsp.encoder.knots")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.dsp.encoder.kernels import SUMS
+    from tirelog.dsp.encoder.knots import MOST_REACH
+
+    n = 120
+    time = np.cumsum(1e-3 * (1.0 + 0.05 * rng.normal(size=n)))
+    time[60:] += 0.05  # a standstill
+    count, stretch = np.arange(n, dtype=np.int64), np.zeros(n, np.int64)
+    count[90:], stretch[90:] = count[90:] + 7, 1
+    sums = np.zeros((MOST_REACH + 1, 16), SUMS)
+    return {
+        "_even_runs": [(time, count, stretch)],
+        "_local_cubics": [(time, count, stretch, 0.05, 2, n, -np.inf, sums)],
+    }
+
+
+@inputs_of("dsp.encoder.pitch")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.dsp.encoder.kernels import SUMS
+
+    turn, n = 12, 80
+    time = np.cumsum(1e-3 * (1.0 + 0.02 * np.sin(2 * np.pi * np.arange(n) / turn)))
+    time += 1e-6 * rng.normal(size=n)
+    seen = rng.uniform(size=n) > 0.1
+    return {
+        "_window_mean": [(time, turn)],
+        "_deviation_sums": [(time, seen, 5, turn, 0.4, np.zeros(turn, SUMS))],
+    }
+
+
+@inputs_of("dsp.encoder.teeth")
+def _(rng: np.random.Generator) -> Arguments:
+    steps = rng.uniform(9.5, 10.5, 40)
+    odd = steps.copy()
+    odd[20] = 27.0
+    return {"_all_regular": [(steps,), (odd,)]}
+
+
+# ---- readers and runs
+
+
+@inputs_of("readers.mcap.json_messages")
+def _(rng: np.random.Generator) -> Arguments:
+    texts = (b'{"a": ', b', "b": [', b", ", b"]}")
+    rows = [b"1550.25", b"-3", b"2e-3"], [b"null", b"0", b"1.5"], [b"7", b"x", b"1"]
+    messages = [b"".join(a + b for a, b in zip(texts, [*row, b""])) for row in rows]
+    data, sizes = b"".join(messages), np.array([len(m) for m in messages], np.int64)
+    starts = np.cumsum(sizes) - sizes
+    edges = np.cumsum([0, *map(len, texts)]).astype(np.int64)
+    joined, slots = bytes_of(b"".join(texts)), np.array([1, -1, 0], np.int64)
+    return {
+        "numbers_between": [
+            (bytes_of(data), starts[:n], sizes[:n], joined, edges, slots, np.zeros((2, n)))
+            for n in (2, 3)
+        ]
+    }
+
+
+@inputs_of("readers.mcap.walk")
+def _(rng: np.random.Generator) -> Arguments:
+    records = [
+        bytes([op]) + len(body).to_bytes(8, "little") + body
+        for op, body in ((5, b"abc"), (3, b""), (5, bytes(rng.integers(0, 256, 40, np.uint8))))
+    ]
+    whole = b"".join(records)
+    return {
+        "_chain": [
+            (bytes_of(whole), np.zeros(9, np.int64)),
+            (bytes_of(whole[:-1]), np.zeros(9, np.int64)),
+            (bytes_of(whole), np.zeros(1, np.int64)),
+        ]
+    }
+
+
+@inputs_of("readers.text.times")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.readers.text import times
+
+    cells = (b"2024-02-29T23:59:58.125", b"2023-02-29T10:00:00.500", b"1999-12-31x00:00:07.001")
+    pattern = bytes_of(cells[0])
+    match = times._FORMS["iso"].fullmatch(cells[0].decode())
+    assert match is not None
+    starts = np.arange(3) * len(cells[0])
+    out, done = np.zeros(3, np.int64), np.zeros(3, bool)
+    return {
+        "_days": [(2024, 2, 29), (1970, 1, 1), (1969, 13, 1), (1600, 12, 31)],
+        "times_alike": [
+            (bytes_of(b"".join(cells)), starts, pattern, times._roles(match, False), dated, 3600)
+            + (out, done)
+            for dated in (True, False)
+        ],
+    }
+
+
+@inputs_of("readers.text.digits")
+def _(rng: np.random.Generator) -> Arguments:
+    cells = (
+        b"1550.0003", b"-12,5e3", b"+7", b"000.1000", b"9223372036854775807", b"1e99999", b".",
+        b"1.5E-7", b"123456789012345678901", b"-.5",
+    )  # fmt: skip
+    words = [np.frombuffer(text, np.uint64)[0] for text in (b"15500003", b"12.45678", b"x2345678")]
+    mantissas = [int(m) for m in rng.integers(1 << 53, (1 << 63) - 1, 4)]
+    u64 = np.uint64
+    return {
+        "value_of": [(words[0] & u64(0x0F0F0F0F0F0F0F0F),)],
+        "leading_digits": [(word,) for word in words],
+        "digits_number": [(bytes_of(c + b"\n" * 9), 0, 46) for c in cells],
+        "as_count": [(15500003, -4, 4), (1, 3, 4), (0, 0, 0), (5, -6, 4), (-7, 0, 9), (-1, 0, 2)],
+        "as_float": [
+            *((m, e, False) for m in mantissas for e in (-30, 0, 44)),
+            (0, 3, True),
+            (-5, -3, True),
+            (7, 200, False),
+        ],
+        "_product": [(u64(mantissas[0]), u64(mantissas[1])), (u64(2**64 - 1), u64(2**64 - 1))],
+        "_rounded": [(u64(m), e) for m in mantissas for e in (-90, -3, 5, 99)]
+        + [(u64((1 << 53) + 1), 0)],
+    }
+
+
+@inputs_of("runs.in_memory")
+def _(rng: np.random.Generator) -> Arguments:
+    lost = -(1 << 31)
+    raw = rng.integers(1000, 60_000, 50).astype(np.int32)
+    raw[[3, 17]] = lost
+    short = np.where(raw == lost, 0, raw - 999).astype(np.uint16)
+    return {
+        "pack": [(raw, lost, 999, np.zeros(50, np.uint16))],
+        "unpacked": [(short, 999, 1e-4, 1549.0, np.zeros(50))],
+        "scaled": [(raw, lost, 1e-4, 1549.0, np.zeros(50))],
+    }
+
+
+@inputs_of("readers.text.alike")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.readers.text import alike
+
+    data, guides, ends = text_rows()
+    begin, stop = ends[1], ends[2]
+
+    def learnt() -> tuple[Any, int]:
+        template = empty_template(guides.size)
+        learn = alike.learn_alike.py_func  # type: ignore[attr-defined]
+        many = int(learn(data, begin, stop, guides, 44, 46, template))
+        assert many == 6
+        return template, many
+
+    template, many = learnt()
+    size, rows = stop - begin, 8
+    group = np.zeros(1, alike.GROUP)[0]
+    return {
+        "unlearnt": [(4,)],
+        "_masked": [(2, 5), (0, 8), (5, 5), (6, 3)],
+        "_group": [(group, 12, 17, 4, 4), (group.copy(), 12, 12, 8, 0)],
+        "_most_digits": [(alike.FLOAT, 3), (alike.COUNT, 4), (alike.TICK, 9), (alike.COUNT, 0)],
+        "learn_alike": [
+            (data, begin, stop, guides, 44, 46, empty_template(guides.size)),
+            (data, 0, ends[0], guides, 44, 46, empty_template(guides.size)),
+            (data, begin, stop, guides[:4].copy(), 44, 46, empty_template(4)),
+        ],
+        "_fitting": [(data, stop, size, 9, template), (data, begin + 1, size, 9, template)],
+        "_gathered": [
+            (data, stop - 8, size, 3, template.last[k], np.zeros(64, np.int64), 10)
+            for k in range(3)
+        ],
+        "alike_rows": [(data, stop, size, template, many, 2, *columns_of_text(rows))],
+    }
+
+
+def text_rows() -> tuple[Any, Any, list[int]]:
+    """Rows of text, what to do with their columns, and where each row ends."""
+    from tirelog.readers.text import alike
+
+    rows = [
+        b"1.25,1550.0001,-3.5,ok,12:00:01,x,0,1e3\n",
+        *(b"%d.%02d,15%02d.%04d,-%d.5,ok,12:00:%02d,x,7,2\n" % (k, k, k, 9 * k, k, k)
+          for k in range(2, 8)),
+        b"8.1, 1550.5 ,nan,bad,12:00:09,y,-1,99999999999\n",
+        b"9.00,0,-1,,12:00:10,,-1,1.5\r\n",
+        b"10.00,1550.0001,1,ok,12:00:11,z\n",
+    ]  # fmt: skip
+    data = b"".join(rows)
+    whats = (alike.TICK, alike.COUNT, alike.FLOAT, alike.SKIP, alike.SPAN, alike.SPAN)
+    guides = np.zeros(8, alike.GUIDE)
+    for k, (what, slot, places, marks) in enumerate(
+        zip((*whats, alike.COUNT, alike.FLOAT), (0, 0, 0, 0, 0, 1, 1, 1), (0, 4, 0, 0, 0, 0, 0, 0),
+            (0, 1, 1, 0, 0, 0, 0, 0), strict=True)
+    ):  # fmt: skip
+        guides[k] = what, slot, places, bool(marks), False
+    guides["what"][7] = alike.SKIP
+    return bytes_of(data + b"\n" * 60), guides, np.cumsum([len(row) for row in rows]).tolist()
+
+
+def columns_of_text(rows: int) -> tuple[Any, ...]:
+    """Room for the columns of `text_rows`."""
+    from tirelog.readers.text.alike import CELL_SPAN
+
+    counts = np.zeros((2, rows), np.int32)
+    floats, ticks = np.zeros((2, rows)), np.zeros((1, rows), np.int64)
+    return np.zeros(rows, np.int64), counts, floats, ticks, np.zeros((2, rows), CELL_SPAN)
+
+
+def empty_template(width: int) -> Any:
+    """Room for a template, all of it 0."""
+    from tirelog.readers.text import alike
+
+    made = alike.unlearnt(width)
+    for part in made:
+        part[...] = np.zeros(part.shape, part.dtype)
+    return made
+
+
+@inputs_of("readers.text.kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.readers.text import alike, kernels
+
+    data, guides, _ = text_rows()
+    blanks = bytes_of(b"a \t b\t\r\n  c d  \n")
+    word = np.frombuffer(b"15500003", np.uint64)[0]
+    lines = bytes_of(b"1.5, 2e3 ,\n x,-0,nan\n,,7\n" + b"\n" * 9)
+    n = 20
+
+    def room(width: int, rows: int) -> tuple[Any, ...]:
+        return *columns_of_text(rows), np.zeros(width, kernels.HARD)
+
+    return {
+        "collapsed": [(blanks, np.zeros(blanks.size, np.uint8))],
+        "_after_blanks": [(bytes_of(b"  \r x"), 0, 44), (bytes_of(b"  x"), 0, 32)],
+        "_is_lost": [(bytes_of(b"NaN,1"), a, b) for a, b in ((0, 3), (3, 3), (1, 4))],
+        "_together": [(word, word, 4, 4), (word, word, 8, 7), (word, word, 3, 0)],
+        "_fits": [
+            (what, 4, whole, behind)
+            for what in (alike.COUNT, alike.FLOAT)
+            for whole, behind in ((4, 4), (6, 2), (8, 8), (0, 1))
+        ],
+        "parse_rows": [
+            (data, 0, guides.copy(), 44, 46, 6, rest, *room(most, rows))
+            for rest, most, rows in ((True, 60, 12), (False, 9, 12), (True, 60, 5))
+        ],
+        "separated": [(lines, 44)],
+        "cells": [
+            (lines[:-9], 44, 46, np.array([False, False, True]), np.zeros(n, np.int64))
+            + (np.zeros(n, np.int64), np.zeros(9, np.int64), np.zeros(n), np.zeros(n, bool))
+        ],
+    }
+
+
+# ---- tables
+
+
+@inputs_of("tables.csv_kernel")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.tables.csv_kernel import WHOLE, WORD
+
+    texts, begins = np.frombuffer(b"okgap", np.uint8), np.array([0, 2, 5])
+    cells = np.array(
+        [
+            [0.0, 1.0, 0.0, 1.0],
+            [12.0, -3.0, np.nan, 0.0],
+            [0.5, -1234.5678, 3.7e-8, 99999.99999],
+            [-0.0, 1.0, np.nan, 0.000123456],
+        ]
+    )
+    digits = np.array([WORD, WHOLE, 9, 6], np.int64)
+    beyond = cells.copy()
+    beyond[2, 3] = 1e12
+
+    def room(n: int = 40) -> np.ndarray:
+        return np.zeros(n, np.uint8)
+
+    return {
+        "write_rows": [(c, digits, texts, begins, room(400)) for c in (cells, beyond)],
+        "_sign": [(v, room(), 3) for v in (1.0, -1.0, -0.0)],
+        "_whole": [(v, room(), 1) for v in (0.0, -120.0, 2.0**52)],
+        "_number": [
+            (12.5, 6, 1, room(), 0),
+            (-0.00012, 6, -4, room(), 2),
+            (3.7e-8, 9, -8, room(), 0),
+            (9.99999999, 6, 0, room(), 0),
+        ],
+        "_exponent": [(-7, room(), 0), (-12, room(), 5)],
+        "_twelve_digits": [(np.uint64(123456789012), room(), 1)],
+        "_six_digits": [(np.uint32(7089), room(), 0)],
+        "_three_digits": [(np.uint32(305), room(), 2)],
+    }
+
+
+# ---- strain
+
+
+@inputs_of("strain.footprint.windows")
+def _(rng: np.random.Generator) -> Arguments:
+    starts = np.array([-3, 20, 95])
+    return {
+        "_cut_out": [
+            (holed(rng, 90), 10, starts, 16, np.array([0, 25, 0]), np.array([100, 200, 97]), -1.0)
+        ]
+    }
+
+
+@inputs_of("strain.footprint.family_kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.strain.footprint.family import _mass
+    from tirelog.strain.footprint.family_kernels import ORDERS, TERMS
+
+    kappa = np.arange(1.0, 40.0, 3.0) / 0.3
+    shape, mass = np.array([0.06, 0.012, 0.4, 0.8, 0.1, -0.2]), _mass()
+    waves = np.zeros((kappa.size, 2 * TERMS + 1))
+    return {
+        "spherical_bessel": [(z, np.zeros(ORDERS)) for z in (0.02, 1.5, 7.0, 16.5, 40.0)],
+        "inverted": [(rng.normal(size=(7, 7)),), (np.eye(3)[[2, 0, 1]].copy(),)],
+        "_transforms": [(kappa, 0.06, waves, waves.copy())],
+        "form_spectra": [
+            (kappa, kappa**2 - s, s / kappa**2, 0.3, shape, mass) for s in (0.0, 11.1)
+        ],
+    }
+
+
+@inputs_of("strain.footprint.plain_edges")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.strain.footprint import kernels, plain_edges
+
+    xi = (np.arange(160) - 80.0) / 30.0
+    rows = np.stack([np.exp(-(((xi - s) / 1.1) ** 2)) for s in (0.0, 0.3, -5.0)])
+    first, second = np.gradient(rows, axis=1), np.gradient(np.gradient(rows, axis=1), axis=1)
+    motion = kernels.motion_of(
+        np.full(3, 40.0), 900.0, np.array([14.0, 12.0, 0.01]), np.array([1.0, -2.0, -30.0])
+    )
+    return {
+        "_along": [(0.3, -4.0, 0.02, speed, -3.0) for speed in (14.0, 0.01)],
+        "_along_rows": [(np.stack([first, second]), motion, 2)],
+        "least": [
+            (second[0], 20.0, 140.0),
+            (second[1], -5.0, 55.5),
+            (first[0], 3.0, 9.0),
+            (rows[2], 0.0, 170.0),
+        ],
+        "edge_rows": [
+            (first, second, motion, np.full(3, 0.5), np.full((3, 2), 1e-3), 2)
+            + (np.zeros(3, plain_edges.EDGES),)
+        ],
+    }
+
+
+def fits(rng: np.random.Generator) -> dict[str, Any]:
+    """Noisy rows of passages that hold a form's columns, how they move, and the form."""
+    from tirelog.strain.footprint import kernels as k
+
+    xi = -0.15 + 1e-3 * np.arange(301)
+    bell = np.exp(-((xi / 0.05) ** 2))
+    table = np.column_stack([bell * np.cos(10.0 * n * xi + 0.3 * n) for n in range(8)])
+    table[:, 5:7] *= 1e-2
+    table[:, 7] *= 1e-4
+    speed = rng.uniform(12, 16, 5)
+    motion = k.motion_of(30 + rng.uniform(-0.5, 0.5, 5), 2500.0, speed, rng.normal(0, 2, 5))
+    values = 0.7 + 0.02 * rng.normal(size=(5, 61))
+    for row, moves in zip(values, motion, strict=True):
+        time = (np.arange(61) - moves["centre"]) / moves["rate_Hz"]
+        place = moves["speed_m_s"] * time
+        for column, share in zip(table.T, (1.0, 0.05, 0.04, 0.03, 0.03), strict=False):
+            row += share * np.interp(place, xi, column)
+    values[rng.uniform(size=values.shape) < 0.02] = np.nan
+    values[3, 4:] = np.nan  # too few
+    grids = np.array([(-0.15, 1e-3, 196.0, 0.003, 0.13)], k.GRID)
+    used, wide = 41, 8
+    columns = rng.normal(size=(used + k.SPARE, wide + 1))
+    gram = columns[:used].T @ columns[:used]
+    lower, inverse = np.zeros((k.OWN, k.OWN)), np.zeros((k.OWN, k.OWN))
+    k.own_inverse.py_func(gram, wide, 0.02, 0.3, lower, inverse)  # type: ignore[attr-defined]
+    return locals()
+
+
+@inputs_of("strain.footprint.kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.strain.footprint import kernels as k
+
+    made = fits(rng)
+    values, motion, table, grids = (made[n] for n in ("values", "motion", "table", "grids"))
+    columns, gram, inverse, wide = (made[n] for n in ("columns", "gram", "inverse", "wide"))
+    room, six = np.zeros((61 + k.SPARE, wide + 1)), np.zeros((k.OWN, k.OWN))
+    number, found = np.zeros(5, np.int64), np.full(5, np.nan, k.FIT)
+    return {
+        "look_up": [
+            (row, moves, table, grids[0], 0.002, 1.0, 7, wide, room, np.zeros(61))
+            for row, moves in zip(values, motion, strict=True)
+        ],
+        "products": [(columns, 41, wide, np.zeros((wide + 1, wide + 1)))],
+        "own_inverse": [(gram, wide, 0.02, 0.3, six, six.copy())],
+        "apply_inverse": [(inverse, gram[wide], np.zeros(k.OWN))],
+        "bend": [(0.02, 1.5, 2.0), (np.nan, 1.0, 1.0), (3.0, -1.0, 1.0)],
+        "quadratic_form": [(gram, wide, rng.normal(size=wide))],
+        "fitted": [(gram, inverse, 0.9, np.zeros((3, k.OWN)), np.zeros(k.FITTED))],
+        "fit_rows": [(values, motion, number, table[None], grids, 0.02, 0.3, found)],
+        "class_sums": [(values, motion, table, grids[0], -1e-4, 6, 0.02, 0.3, 20)],
+    }
+
+
+@inputs_of("strain.footprint.onset_kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.strain.footprint import kernels as k
+    from tirelog.strain.footprint import onset_kernels as onset
+
+    made = fits(rng)
+    values, motion, table, grids = (made[n] for n in ("values", "motion", "table", "grids"))
+    columns, inverse = made["columns"], made["inverse"]
+    xi, used = made["xi"], made["used"]
+    waves = np.column_stack([0.2 * np.clip(xi - s, 0.0, 0.02) for s in np.linspace(-0.05, 0.05, 9)])
+    place, wave = rng.uniform(0, 299, used), rng.normal(size=used)
+    starts, shift = np.array([-0.004, 0.0, 0.004]), np.zeros(5)
+    form = values, motion, table, grids[0], waves
+    tried, told = np.arange(0, 9, 2), np.zeros(9, onset.TRIED)
+    return {
+        "_wave": [(waves, 3, place, used, np.zeros(used))],
+        "_beside": [(columns, wave, used, inverse, np.zeros(k.FITTED), np.zeros(k.OWN))],
+        "traction_gains": [(*form, 2, 0.02, 0.3)],
+        "_joint": [
+            (columns, place, used, waves, tried, 0.02, 0.3, 0.002, told, np.zeros(k.FITTED + 1))
+        ],
+        "_own_shift": [(np.linspace(1.0, 2.0, 9), 0.5), (np.zeros(9), 0.5)],
+        "onset_rows": [
+            (*form, 2, shift, starts, 2, 0.02, 0.3, enough, 1, np.full(5, np.nan, onset.ONSET))
+            for enough in (0.0, 1e9)
+        ],
+    }
+
+
+@inputs_of("strain.passages.search_kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.strain.passages.search_kernels import PULSE
+
+    f32 = np.float32
+    values, row = holed(rng, 203), rng.normal(size=60).cumsum().astype(f32)
+    stairs = np.array([0, 3, 3, 1, 1, 4, 0, 0], f32)
+    fours = holed(rng, 10, 4)
+    peak, left, right = np.array([4, 9]), np.array([0, 6]), np.array([6, 13])
+    waves = np.array([0, 1, 3, 5, 7, 4, 1, 2, 6, 8, 5, 3, 1, 0.5], f32)
+    return {
+        "bucket_medians": [
+            (values, 4, -1.0, np.zeros(51, f32)),
+            (values, 20, 1.0, np.zeros(11, f32)),
+            (values[:7].copy(), 8, 1.0, np.zeros(1, f32)),
+        ],
+        "_medians_of_four": [(fours, -0.5, np.zeros(10, f32))],
+        "_sum": [(values, 3, 0), (row.astype(float), 5, 7)],
+        "_median_of_some": [(values, k, 3) for k in range(0, 203, 12)],
+        "running_medians": [(values, 0, -1.0, np.zeros(203, f32))],
+        "turning_points": [
+            (x, least, np.zeros(61, np.int32)) for x in (row, stairs) for least in (0.0, 1.0, 99.0)
+        ],
+        "half_level": [(waves, peak, left, right, np.zeros(2, PULSE))],
+        "_share": [(f32(1.0), f32(4.0), 2.5), (f32(2.0), f32(2.0), 2.0), (f32(4.0), f32(1.0), 9.0)],
+        "medians_around": [(values, 4, np.zeros(9), np.zeros(203))],
+    }
+
+
+@inputs_of("strain.passages.fit_kernels")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.strain.passages import fit_kernels as k
+
+    phi = np.linspace(-0.4, 0.4, 81)
+    table = np.zeros(81, k.POINT)
+    table["value"] = np.exp(-((phi / 0.12) ** 2))
+    table["slope"], table["scatter"] = np.gradient(table["value"], phi), 0.01
+    rate, centres = 500.0, np.array([0.5, 1.5, 2.5, 3.5])
+    time_s = np.arange(2000) / rate
+    samples = np.zeros(2000)
+    for centre in centres:
+        samples += 2.0 * np.interp(40.0 * (time_s - centre), phi, table["value"], 0.0, 0.0)
+    samples += 0.01 * rng.normal(size=2000)
+    samples[248:252] = samples[251] = 2.05  # stuck at the end of the range
+    samples[745] += 0.9  # a spike
+    samples[1251] = np.nan
+    segments = np.array([(0.0, 0.0, 1 / rate), (1249.0, 2.498, 1 / rate)], k.SEGMENT)
+    source = k.Source(-samples, np.zeros(0), segments, -1.0, -2.05, 1.0)
+    timed = source._replace(times_s=time_s)
+    rows = np.array([(t + 0.001, 40.0, 2.0, 0.02, 1.9) for t in centres], k.ROW)
+    spans = np.array([(int(rate * t) - 5, int(rate * t) + 6, 0) for t in centres], k.SPAN)
+    spans["first"][3], spans["stop"][3] = 1300, 1990  # thinned
+    offset = np.zeros(4)
+
+    def room() -> k.Scratch:
+        return k.Scratch(*np.zeros((len(k.Scratch._fields), k.MOST_SAMPLES)))
+
+    def filled() -> k.Scratch:
+        made = room()
+        for array in made:
+            array[:30] = rng.normal(size=30)
+        made.weight[:30] = rng.uniform(size=30) > 0.1
+        made.stuck[:30] = rng.uniform(size=30) > 0.9
+        made.value[7], made.weight[7] = np.nan, 0.0
+        return made
+
+    knots = 13
+    diagonal, right = (4.0, 5.0, 6.0, 7.0), (1.0, -2.0, 0.5, 3.0)
+    ends = filled()
+    ends.value[[3, 4, 5, 9, 10, 11, 12]] = [2.0, 2.0, 2.0, -1.0, -1.0, 2.0, -1.0]
+    return {
+        "fit_rows": [
+            (s, 0.01, table, 0.4, rows, spans, np.zeros(4, k.FOUND), room())
+            for s in (source, timed)
+        ],
+        "spline_sums": [
+            (source, rows, offset, spans, 0.3, np.zeros((knots, knots)), np.zeros(knots), room())
+        ],
+        "spline_curve": [(rng.normal(size=knots), 0.3, phi, np.zeros(81), np.zeros(81))],
+        "basis": [(u, which) for u in (0.0, 0.3, 1.0) for which in range(4)],
+        "read_window": [(s, span, room()) for s in (source, timed) for span in spans],
+        "_without_stuck": [(30, -1.0, 2.0, ends)],
+        "_shapes": [(30, 0.1, 0.5, 0.1, table, 0.4, filled())],
+        "_step": [(30, hold, filled()) for hold in (0.0, 3.0)],
+        "_solve": [(diagonal, (0.1, 0.2, -0.3, 0.4, 0.5, -0.6), right)],
+        "_wild": [(30, height, 0.01, filled()) for height in (1.0, 5.0, 1e3)],
+    }
+
+
+@inputs_of("strain.dissipation")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.strain.dissipation import ENERGY, Scratch
+
+    values, side = rng.normal(size=300).cumsum(), rng.normal(size=13)
+    rows, low, high = np.array([2, 0]), np.array([110, 190]), np.array([190, 390])
+    slope = rng.normal(size=60)
+    return {
+        "revolution_sums": [
+            (values, 100, side, Scratch(*np.zeros((3, 300))), rows, low, high, np.zeros(3, ENERGY))
+        ],
+        "_derivative": [(values, side, np.zeros(300)), (values[:20].copy(), side, np.zeros(20))],
+        "_fours": [(slope, 2, np.zeros(60), np.zeros(60))],
+    }
+
+
+# ---- tires in motion
+
+
+@inputs_of("physics.moving.contact")
+def _(rng: np.random.Generator) -> Arguments:
+    from tirelog.physics.moving.contact import SEEN
+
+    nodes, start, some = 24, 20, 7
+    n = np.arange(1.0, 6.0)
+    turns = np.outer(n, 2.0 * np.pi * np.arange(2 * nodes) / nodes)
+    cosines, sines = np.cos(turns), np.sin(turns)
+    phi = 0.2 * np.linspace(-1.0, 1.0, some)
+    real, imag = 1e-3 * rng.normal(size=(2, 5))
+    s, z = 0.3 * np.sin(phi), 0.002 * rng.normal(size=some)
+    slope, height = 0.1 * rng.normal(size=some), np.zeros(some)
+    was = np.full(nodes, np.nan, SEEN)
+    for k, field in enumerate((0.3, 0.001, -0.001, 4.0)):
+        was[SEEN.names[k]][:22] = field * (1.0 + 0.01 * rng.normal(size=22) * (k < 3))  # type: ignore[index]
+    bristles = 1e-4 * rng.normal(size=nodes)
+    forces = rng.normal(size=(2, some))
+    forces[:, 2] = 0.0
+    return {
+        "places": [
+            (cosines, sines, start, n, real, imag, 0.3, 0.1, 0.29, np.sin(phi), np.cos(phi))
+        ],
+        "press": [
+            (s, z, height, slope, was, bristles, start, nodes, 2e6, c_x, mu, 5.0)
+            for c_x, mu in ((1e6, 0.8), (0.0, 0.0))
+        ],
+        "modes_of": [(cosines, sines, start, *forces, n, nodes)],
+    }
+
+
+def factored(rng: np.random.Generator, size: int) -> Any:
+    """Factors of a circulant with a large diagonal."""
+    from tirelog.simulation.rolling import circulant_kernel as banded
+
+    system = banded.factors.py_func(size)  # type: ignore[attr-defined]
+    system.stencil[:] = rng.normal(size=11)
+    system.stencil[5] += 12.0
+    banded.factor.py_func(system)  # type: ignore[attr-defined]
+    return system
+
+
+@inputs_of("simulation.rolling.circulant_kernel")
+def _(rng: np.random.Generator) -> Arguments:
+    system, x = factored(rng, 24), rng.normal(size=24)
+    return {
+        "factors": [(24,)],
+        "factor": [(system,)],
+        "solve": [(system, x, np.zeros(24))],
+        "apply_circulant": [(system.stencil, x, np.zeros(24))],
+    }
+
+
+@inputs_of("simulation.rolling.step_kernel")
+def _(rng: np.random.Generator) -> Arguments:
+    from tests.simulation.rolls import LEVEL, belt, orders, rolling, strain_rider
+    from tirelog.simulation.rolling import step_kernel as kernel
+    from tirelog.simulation.rolling.profile import Profile
+
+    made = belt(32, bristle_stiffness_N_m2=3e7, radial_damping_N_s_m2=300.0)
+    hill = Profile(np.array([0.0, 0.02, 0.05, 0.06]), np.array([0.0, 0.004, 0.004, 0.0]), 1e-4, 0.2)
+    step, size = 2.5e-5, 32
+    tires = [rolling(made, speed=8.0, load=2000.0, profile=p, step=step) for p in (LEVEL, hill)]
+    for tire in tires:
+        tire.u += 1e-3 * rng.normal(size=size)
+    drive = orders(9, speed=8.0, load=2000.0, torque=20.0, step=step)
+    rider = strain_rider(made, 0.3).rows
+
+    def work() -> Any:
+        return kernel.Work(*rng.normal(size=(8, size)), np.zeros(11))
+
+    def room() -> Any:
+        return np.zeros(1, kernel.CONTACT)[0]
+
+    def of(tire: Any) -> tuple[Any, ...]:
+        return tire.v, tire.u, tire.state, tire.constants, tire._stencils, tire._middles
+
+    stiff = factored(rng, size)
+    cases: dict[str, list[tuple[Any, ...]]] = {name: [] for name in ("touch", "run_steps")}
+    for tire in tires:
+        road = tire.profile.corner_m, tire.profile.height_m
+        state, shape = (tire.state, tire.constants), (tire._basis, tire._circle)
+        cases["touch"] += [
+            (tire.v, *state, *shape, *road, tire._tread, 1, np.zeros(size), room()),
+        ]
+        cases["run_steps"] += [
+            (tire.v, tire.u, *state, tire._stencils, *shape, tire._middles, *road, tire._tread)
+            + (drive, rider, np.zeros(1, np.int64), step, 1, 2, room())
+            + (np.zeros(5, kernel.MOMENT), np.zeros((5, 1)))
+        ]
+    return cases | {
+        "road_at": [
+            (x, hill.corner_m, hill.height_m, tires[1].constants)
+            for x in (-1.0, 0.0, 0.01, 0.05, 0.055, 0.3)
+        ],
+        "kick": [(*of(tires[1]), stiff, drive[0], step, 12.0, work())],
+        "belt_step": [
+            (*of(tires[1]), stiff, step, work()),
+            (*of(tires[0]), stiff, step, work()),
+        ],
+    }

@@ -1,0 +1,175 @@
+"""Every table that is made of a log, once: its columns, its options, and who makes it.
+
+From an entry come the command `tirelog NAME` with its help, `tirelog.NAME` in Python, the table's
+place in `tirelog tables`, campaigns and `check`, and its section of docs/tables.md. What a column
+means stands in `columns`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tirelog.vocabulary.kinds import STRAIN_KINDS
+
+
+@dataclass(frozen=True)
+class TableOption:
+    """A setting of a table.
+
+    name     its keyword in Python and in a campaign's manifest
+    flag     how the command calls it
+    kind     float, int, str, Path, or bool, which is a switch
+    help     what it does, with its unit
+    """
+
+    name: str
+    flag: str
+    kind: type[float | int | str | Path | bool]
+    help: str
+
+
+@dataclass(frozen=True)
+class LogTable:
+    """A table that is made of a recording.
+
+    says     what its command tells, one sentence for the help
+    kinds    of channels that it is made of; one of these has to be in the log
+    columns  their names, in order
+    options  its settings
+    made_by  "module:function", called with a Recording and the options as keywords. It gives what
+             has `columns` (by name, arrays of one length) and `remarks` (sentences), as a rule once
+             per channel. Empty: `products` makes the table, together with others
+    checked_by  "module:function", called with the options as keywords before any log is opened; it
+             raises UsageError for options that no log can be made a table with
+    picture  "module:function" that draws what was made, [(recording, made), ...], into a file: the
+             command then has --plot
+    driven   False for a table of a static test, which no drive has
+    """
+
+    name: str
+    says: str
+    kinds: tuple[str, ...]
+    columns: tuple[str, ...]
+    options: tuple[TableOption, ...] = ()
+    made_by: str = ""
+    checked_by: str = ""
+    picture: str = ""
+    driven: bool = True
+
+    @property
+    def python_name(self) -> str:
+        """Its function's name in `tirelog`, and its command's module in `tirelog.cli` if any."""
+        return self.name.replace("-", "_")
+
+
+_BEGIN = ("log", "channel", "revolution", "time_s", "speed_m_s")
+
+
+def _revolutions(*own: str) -> tuple[str, ...]:
+    """A table with a row per revolution: the common beginning, its own columns, and the quality."""
+    return (*_BEGIN, *own, "quality")
+
+
+_ALL = (
+    LogTable(
+        "speed",
+        "Tell the speed at each passage of the patch, with standard error and acceleration.",
+        (*STRAIN_KINDS, "wheel_encoder", "radial_acceleration"),
+        _revolutions("period_s", "speed_se_m_s", "acceleration_m_s2"),
+        (
+            TableOption(
+                "calibrate_radius",
+                "--calibrate-radius",
+                bool,
+                "Take the rolling radius from the log's vehicle_speed, with its error.",
+            ),
+        ),
+    ),
+    LogTable(
+        "footprint",
+        "Tell contact length, edges and slip onset at each passage of the patch.",
+        STRAIN_KINDS,
+        _revolutions(
+            "length_m", "length_se_m", "length_form_se_m", "length_d2_m", "length_d2_se_m",
+            "length_d1_m", "length_d1_se_m", "entry_time_s", "exit_time_s", "edge_asymmetry",
+            "slip_onset_m", "slip_onset_se_m", "slip_onset_reason",
+        ),
+        (
+            TableOption(
+                "cutoff",
+                "--cutoff",
+                str,
+                "Low-pass of the plain lengths: auto, hertz (400Hz), or multiples of the wheel "
+                "frequency (40x).",
+            ),
+        ),
+    ),
+    LogTable(
+        "dissipation",
+        "Tell the strain's dissipation factor and power in each revolution.",
+        STRAIN_KINDS,
+        _revolutions(
+            "dissipation_factor_1_m", "dissipation_factor_se_1_m", "specific_power_m3_s2",
+            "steady", "dissipation_factor_mean_1_m", "specific_power_mean_m3_s2", "strip_power_W",
+            "strip_rolling_resistance_N", "strip_rolling_resistance_coefficient",
+        ),
+        (
+            TableOption(
+                "steady_step",
+                "--steady-step",
+                float,
+                "Largest step of a constant speed between revolutions, m/s.",
+            ),
+            TableOption("average", "--average", int, "Revolutions of a moving average."),
+        ),
+    ),
+    LogTable(
+        "phase-shift",
+        "Patch width and phase shift from a wheel encoder and an in-tire accelerometer (P4).",
+        ("wheel_encoder",),
+        _revolutions(
+            "entry_angle_deg", "exit_angle_deg", "patch_width_deg", "patch_width_se_deg",
+            "phase_shift_deg", "phase_shift_se_deg", "patch_width_detrended_deg",
+            "phase_shift_detrended_deg", "phase_shift_corrected_deg", "vertical_force_N",
+            "vertical_force_se_N", "longitudinal_force_N", "longitudinal_force_se_N",
+        ),
+        (
+            TableOption("calibration", "--calibration", Path, "Calibration file to apply."),
+            TableOption(
+                "zero",
+                "--zero",
+                str,
+                "Zero of the phase shift: auto, none, a speed in m/s, or START:STOP in s.",
+            ),
+        ),
+    ),
+    LogTable(
+        "inflation",
+        "Tell strain against inflation pressure in a static test: slope, linearity, leaks at "
+        "stops.",
+        STRAIN_KINDS,
+        _revolutions(
+            "stretch", "duration_s", "inflation_pressure_Pa", "pressure_change_Pa", "strain",
+            "strain_se", "strain_change", "strain_slope_1_Pa", "strain_slope_se_1_Pa",
+            "strain_rate_1_s", "nonlinearity", "leak",
+        ),
+        (
+            TableOption(
+                "from_Pa",
+                "--from",
+                float,
+                "Pressure at the beginning, Pa, if no channel records it.",
+            ),
+            TableOption("to_Pa", "--to", float, "Pressure at the end, Pa."),
+        ),
+        made_by="tirelog.strain.inflation:inflation_of",
+        checked_by="tirelog.strain.inflation:refuse_one_end",
+        picture="tirelog.plots.inflation:inflation_picture",
+        driven=False,
+    ),
+)  # fmt: skip
+
+#: in the order of `tables`; those of a static test behind
+LOG_TABLES: Mapping[str, LogTable] = {table.name: table for table in _ALL}
