@@ -18,10 +18,6 @@ import math
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic, overload
-from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
 from tirelog.runtime import compiled
@@ -63,29 +59,16 @@ def bytes_of(block: Block) -> Bytes:
     return data
 
 
+@compiled
 def word(data: Bytes, at: Whole) -> Whole:
     """The eight bytes from the place `at` of `data` on as a little-endian word.
 
-    One load in compiled code.
+    By unsigned places, which cannot count from the end: so the compiler makes one load of it.
     """
-    return np.frombuffer(data[at : at + 8].tobytes(), np.uint64)[0]
-
-
-@overload(word, strict=False)  # the annotations are mypy's
-def _compiled_word(data: Any, at: Any) -> Any:
-    return lambda data, at: _load(data, at)  # type: ignore[call-arg]  # the context is numba's own
-
-
-@intrinsic
-def _load(context: Any, data: Any, at: Any) -> Any:
-    """The load itself, from any place, which numba has no word for."""
-
-    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        first = make_array(signature.args[0])(context, builder, values[0]).data
-        place = builder.bitcast(builder.gep(first, [values[1]]), ir.IntType(64).as_pointer())
-        return builder.load(place, align=1)
-
-    return types.uint64(data, at), code
+    found, first = np.uint64(0), np.uint64(at)
+    for k in range(8):
+        found |= np.uint64(data[first + np.uint64(k)]) << np.uint64(8 * k)
+    return found
 
 
 @compiled

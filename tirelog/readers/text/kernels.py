@@ -5,9 +5,8 @@
     cells      a block of anything to its cells, with the number in each
     separated, collapsed      small helpers
 
-`parse_rows` hands rows that are written like the one above to `alike`, and takes others cell by
-cell: it measures a cell's digits one word at a time and loads them as words; only a cell that is
-written otherwise is read byte by byte.
+`parse_rows` measures a cell's digits one word at a time and loads them as words; only a cell that
+is written otherwise is read byte by byte.
 """
 
 from __future__ import annotations
@@ -16,24 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.readers.base import LOST_COUNT
-from tirelog.readers.text.alike import (
-    COUNT,
-    FLOAT,
-    LARGEST,
-    MARKS_LOST,
-    PLACES,
-    SKIP,
-    SLOT,
-    SPAN,
-    TICK,
-    TICK_PLACES,
-    TOO_WIDE,
-    WHAT,
-    Counts,
-    alike_rows,
-    learn_alike,
-    unlearnt,
-)  # fmt: skip
 from tirelog.readers.text.digits import (
     EXACT_POWERS,
     NIBBLES,
@@ -51,14 +32,20 @@ from tirelog.readers.text.digits import (
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray
 
+#: what is done with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and
+#: byte behind
+SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
+#: columns of the table that guides the reading of rows (`parse_rows`)
+GUIDE = 5
+WHAT, SLOT, PLACES, MARKS_LOST, TOO_WIDE = range(GUIDE)
+#: decimals of a tick
+TICK_PLACES = 9
+LARGEST = np.iinfo(np.int64).max
+Counts = NDArray[np.int32]
 #: what is known about a cell: not yet anything, a number, that it is blank
 _UNREAD, _NUMBER, _BLANK = range(3)
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
-
-#: rows that are read cell by cell before alike ones are looked for: at first, and at most, if
-#: none were found
-_SOON, _MOST_PATIENCE = 2, 256
 
 
 @compiled
@@ -152,33 +139,11 @@ def parse_rows(
     more than a cell.
     """
     width, used, safe = guides.shape[0], 0, data.size - _TAIL
-    pattern, template = unlearnt(width)
-    r, begin, kept, wait, patience = 0, at, 0, _SOON, _SOON
+    r = 0
     while True:
-        if wait == 0 and used == kept:  # the row above left nothing to the caller
-            first_row, many = (
-                r,
-                learn_alike(data, begin, at, guides, separator, decimal, pattern, template),
-            )
-            if many:
-                r, at = alike_rows(
-                    data,
-                    at,
-                    at - begin,
-                    pattern,
-                    template[:many],
-                    r,
-                    begins,
-                    counts,
-                    floats,
-                    ticks,
-                    spans,
-                )
-            patience = _SOON if r > first_row else min(2 * patience, _MOST_PATIENCE)
-            wait = patience
         if r == begins.size:
             return r, at, used
-        begin, kept, wait = at, used, max(wait - 1, 0)
+        begin, kept = at, used
         begins[r] = at
         if (
             used + width > hard.shape[0]

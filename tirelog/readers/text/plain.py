@@ -17,10 +17,9 @@ import re
 import numpy as np
 
 from tirelog.readers.base import Samples, counted_floats
-from tirelog.readers.text.alike import COUNT, FLOAT, GUIDE, SPAN, TICK, TOO_WIDE
 from tirelog.readers.text.digits import Block, bytes_of
 from tirelog.readers.text.flat import cell_numbers
-from tirelog.readers.text.kernels import parse_rows
+from tirelog.readers.text.kernels import COUNT, FLOAT, GUIDE, SPAN, TICK, TOO_WIDE, parse_rows
 from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
