@@ -21,7 +21,7 @@ Arguments = Mapping[str, list[tuple[Any, ...]]]
 #: what makes the inputs of a module's kernels, by the module's name in the package
 _MAKERS: dict[str, Callable[[np.random.Generator], Arguments]] = {}
 #: kernels that give room which is filled later
-UNSET = {"readers.text.alike.unlearnt"}
+UNSET: set[str] = set()
 
 
 def inputs_of(module: str) -> Callable[[Callable[[np.random.Generator], Arguments]], None]:
@@ -171,7 +171,7 @@ def _(rng: np.random.Generator) -> Arguments:
 # ---- readers and runs
 
 
-@inputs_of("readers.mcap.json_messages")
+@inputs_of("readers.mcap.json_shapes")
 def _(rng: np.random.Generator) -> Arguments:
     texts = (b'{"a": ', b', "b": [', b", ", b"]}")
     rows = [b"1550.25", b"-3", b"2e-3"], [b"null", b"0", b"1.5"], [b"7", b"x", b"1"]
@@ -232,9 +232,8 @@ def _(rng: np.random.Generator) -> Arguments:
     )  # fmt: skip
     words = [np.frombuffer(text, np.uint64)[0] for text in (b"15500003", b"12.45678", b"x2345678")]
     mantissas = [int(m) for m in rng.integers(1 << 53, (1 << 63) - 1, 4)]
-    u64 = np.uint64
     return {
-        "value_of": [(words[0] & u64(0x0F0F0F0F0F0F0F0F),)],
+        "value_of": [(words[0] & np.uint64(0x0F0F0F0F0F0F0F0F),)],
         "leading_digits": [(word,) for word in words],
         "digits_number": [(bytes_of(c + b"\n" * 9), 0, 46) for c in cells],
         "as_count": [(15500003, -4, 4), (1, 3, 4), (0, 0, 0), (5, -6, 4), (-7, 0, 9), (-1, 0, 2)],
@@ -244,8 +243,17 @@ def _(rng: np.random.Generator) -> Arguments:
             (-5, -3, True),
             (7, 200, False),
         ],
-        "_product": [(u64(mantissas[0]), u64(mantissas[1])), (u64(2**64 - 1), u64(2**64 - 1))],
-        "_rounded": [(u64(m), e) for m in mantissas for e in (-90, -3, 5, 99)]
+        "word": [(bytes_of(b"15500003.2"), at) for at in (0, 2)],
+    }
+
+
+@inputs_of("readers.text.rounding")
+def _(rng: np.random.Generator) -> Arguments:
+    u64 = np.uint64
+    mantissas = [u64(m) for m in rng.integers(1 << 53, (1 << 63) - 1, 4)]
+    return {
+        "_product": [(mantissas[0], mantissas[1]), (u64(2**64 - 1), u64(2**64 - 1))],
+        "rounded": [(m, e) for m in mantissas for e in (-90, -3, 5, 99)]
         + [(u64((1 << 53) + 1), 0)],
     }
 
@@ -259,49 +267,12 @@ def _(rng: np.random.Generator) -> Arguments:
     return {
         "pack": [(raw, lost, 999, np.zeros(50, np.uint16))],
         "unpacked": [(short, 999, 1e-4, 1549.0, np.zeros(50))],
-        "scaled": [(raw, lost, 1e-4, 1549.0, np.zeros(50))],
-    }
-
-
-@inputs_of("readers.text.alike")
-def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.readers.text import alike
-
-    data, guides, ends = text_rows()
-    begin, stop = ends[1], ends[2]
-
-    def learnt() -> tuple[Any, int]:
-        template = empty_template(guides.size)
-        learn = alike.learn_alike.py_func  # type: ignore[attr-defined]
-        many = int(learn(data, begin, stop, guides, 44, 46, template))
-        assert many == 6
-        return template, many
-
-    template, many = learnt()
-    size, rows = stop - begin, 8
-    group = np.zeros(1, alike.GROUP)[0]
-    return {
-        "unlearnt": [(4,)],
-        "_masked": [(2, 5), (0, 8), (5, 5), (6, 3)],
-        "_group": [(group, 12, 17, 4, 4), (group.copy(), 12, 12, 8, 0)],
-        "_most_digits": [(alike.FLOAT, 3), (alike.COUNT, 4), (alike.TICK, 9), (alike.COUNT, 0)],
-        "learn_alike": [
-            (data, begin, stop, guides, 44, 46, empty_template(guides.size)),
-            (data, 0, ends[0], guides, 44, 46, empty_template(guides.size)),
-            (data, begin, stop, guides[:4].copy(), 44, 46, empty_template(4)),
-        ],
-        "_fitting": [(data, stop, size, 9, template), (data, begin + 1, size, 9, template)],
-        "_gathered": [
-            (data, stop - 8, size, 3, template.last[k], np.zeros(64, np.int64), 10)
-            for k in range(3)
-        ],
-        "alike_rows": [(data, stop, size, template, many, 2, *columns_of_text(rows))],
     }
 
 
 def text_rows() -> tuple[Any, Any, list[int]]:
     """Rows of text, what to do with their columns, and where each row ends."""
-    from tirelog.readers.text import alike
+    from tirelog.readers.text import kernels
 
     rows = [
         b"1.25,1550.0001,-3.5,ok,12:00:01,x,0,1e3\n",
@@ -312,39 +283,30 @@ def text_rows() -> tuple[Any, Any, list[int]]:
         b"10.00,1550.0001,1,ok,12:00:11,z\n",
     ]  # fmt: skip
     data = b"".join(rows)
-    whats = (alike.TICK, alike.COUNT, alike.FLOAT, alike.SKIP, alike.SPAN, alike.SPAN)
-    guides = np.zeros(8, alike.GUIDE)
+    whats = (kernels.TICK, kernels.COUNT, kernels.FLOAT, kernels.SKIP, kernels.SPAN, kernels.SPAN)
+    guides = np.zeros(8, kernels.GUIDE)
     for k, (what, slot, places, marks) in enumerate(
-        zip((*whats, alike.COUNT, alike.FLOAT), (0, 0, 0, 0, 0, 1, 1, 1), (0, 4, 0, 0, 0, 0, 0, 0),
+        zip((*whats, kernels.COUNT, kernels.FLOAT),
+            (0, 0, 0, 0, 0, 1, 1, 1), (0, 4, 0, 0, 0, 0, 0, 0),
             (0, 1, 1, 0, 0, 0, 0, 0), strict=True)
     ):  # fmt: skip
         guides[k] = what, slot, places, bool(marks), False
-    guides["what"][7] = alike.SKIP
+    guides["what"][7] = kernels.SKIP
     return bytes_of(data + b"\n" * 60), guides, np.cumsum([len(row) for row in rows]).tolist()
 
 
 def columns_of_text(rows: int) -> tuple[Any, ...]:
     """Room for the columns of `text_rows`."""
-    from tirelog.readers.text.alike import CELL_SPAN
+    from tirelog.readers.text.kernels import CELL_SPAN
 
     counts = np.zeros((2, rows), np.int32)
     floats, ticks = np.zeros((2, rows)), np.zeros((1, rows), np.int64)
     return np.zeros(rows, np.int64), counts, floats, ticks, np.zeros((2, rows), CELL_SPAN)
 
 
-def empty_template(width: int) -> Any:
-    """Room for a template, all of it 0."""
-    from tirelog.readers.text import alike
-
-    made = alike.unlearnt(width)
-    for part in made:
-        part[...] = np.zeros(part.shape, part.dtype)
-    return made
-
-
 @inputs_of("readers.text.kernels")
 def _(rng: np.random.Generator) -> Arguments:
-    from tirelog.readers.text import alike, kernels
+    from tirelog.readers.text import kernels
 
     data, guides, _ = text_rows()
     blanks = bytes_of(b"a \t b\t\r\n  c d  \n")
@@ -362,7 +324,7 @@ def _(rng: np.random.Generator) -> Arguments:
         "_together": [(word, word, 4, 4), (word, word, 8, 7), (word, word, 3, 0)],
         "_fits": [
             (what, 4, whole, behind)
-            for what in (alike.COUNT, alike.FLOAT)
+            for what in (kernels.COUNT, kernels.FLOAT)
             for whole, behind in ((4, 4), (6, 2), (8, 8), (0, 1))
         ],
         "parse_rows": [

@@ -88,6 +88,30 @@ def test_some_of_it_is_lost(folder: Path, tirelog: Command, name: str) -> None:
     assert len(outcome.out.splitlines()) > 10
 
 
+@pytest.mark.parametrize("table", ["speed", "footprint", "dissipation"])
+def test_a_log_refused_for_its_second_channel_leaves_no_row(
+    folder: Path, tirelog: Command, table: str
+) -> None:
+    """A wrong surface shows when the channel is read: after the first one's rows, if they go to a
+    file, which keeps what it held.
+    """
+    rows = [row.split(",") for row in pulse_rows()]
+    mirrored = [f"{a},{b},{3100.0 - float(b):.4f}" for a, b, _ in rows]
+    (folder / "log.csv").write_text(HEADER + "\n".join(mirrored) + "\n")
+    second = '[channels.strain_2]\nkind = "fbg_strain"\nsource = "CH2"\nunit = "nm"\n'
+    second += 'reference_wavelength_nm = 1550.0\nsurface = "outer"\n'
+    setup = SETUP.replace('temperature_channel = "temp_1"\n', "")
+    setup = setup[: setup.index("[channels.temp_1]")] + second + '[log]\ntime = "time_s"\n'
+    (folder / "log.toml").write_text(setup)
+    (folder / "kept.csv").write_text("kept")
+    for output in ([], ["-o", "kept.csv"]):
+        done = tirelog(table, "log.csv", *output)
+        assert (done.status, done.out) == (2, "")
+        assert "channel strain_2 shows a maximum" in message(done.err)
+    assert (folder / "kept.csv").read_text() == "kept"
+    assert not list(folder.glob("*.part*"))
+
+
 def test_a_missing_column_costs_that_channel_only(folder: Path, tirelog: Command) -> None:
     (folder / "log.toml").write_text(
         SETUP.replace("[log]", '[channels.other]\nkind = "strain"\nsource = "CH7"\n[log]')

@@ -9,7 +9,8 @@ import numpy as np
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tirelog.readers.mcap.json_messages import JsonReader, read_messages, shape_of
+from tirelog.readers.mcap.json_messages import JsonReader
+from tirelog.readers.mcap.json_shapes import read_messages, shape_of
 from tirelog.readers.mcap.source import Want
 from tirelog.readers.mcap.walk import MessageTable
 

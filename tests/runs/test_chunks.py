@@ -15,7 +15,7 @@ from tirelog.data.recording import TimeAxis
 from tirelog.data.setup import parse_setup
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock, counted_floats
 from tirelog.runs import chunks
-from tirelog.runs.chunks import CHUNK, FILTERS, ChunkWriter, fletcher32, unfiltered
+from tirelog.runs.chunks import CHUNK, FILTERS, ChunkWriter, fletcher32
 from tirelog.runs.store import RunWriter
 
 
@@ -139,65 +139,3 @@ def test_counts_and_floats_of_one_channel(
         stored = file["channels/t"]
         assert stored.dtype == dtype
         np.testing.assert_array_equal(counted_floats(stored[:], 2), whole)
-
-
-@pytest.mark.parametrize("dtype", ["i4", "f4", "f8"])
-@pytest.mark.parametrize("size", [0, 1, CHUNK, 5 * CHUNK + 17])
-def test_chunks_without_filters_are_read_past_hdf5(tmp_path: Path, dtype: str, size: int) -> None:
-    rng = np.random.default_rng(8101)
-    path, values = (
-        tmp_path / "two.h5",
-        [rng.integers(-(10**9), 10**9, size).astype(dtype) for _ in range(2)],
-    )
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
-        writer = ChunkWriter(compress=False)
-        made = [
-            file.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype=dtype)
-            for name in "ab"
-        ]
-        for start in range(
-            0, size, 2 * CHUNK
-        ):  # in turns, so that a dataset's chunks are not all side by side
-            for dataset, whole in zip(made, values, strict=True):
-                writer.write(dataset, start, whole[start : start + 2 * CHUNK])
-        writer.close()
-    with h5py.File(path) as file, path.open("rb") as plain:
-        for name, whole in zip("ab", values, strict=True):
-            read = unfiltered(file[name], plain)
-            assert read is not None
-            edges = [
-                0,
-                size,
-                size + 5,
-                *rng.integers(0, size + 1, 40).tolist(),
-                *(k * CHUNK for k in range(size // CHUNK + 1)),
-            ]
-            for start, stop in zip(edges, edges[1:] + edges[:1], strict=True):
-                found = read(start, stop)
-                assert found.dtype == whole.dtype
-                assert np.array_equal(found, whole[start:stop])
-
-
-def test_a_file_that_became_shorter_is_no_data(tmp_path: Path) -> None:
-    path = tmp_path / "cut.h5"
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
-        writer = ChunkWriter(compress=False)
-        dataset = file.create_dataset(
-            "a", shape=(0,), maxshape=(None,), chunks=(CHUNK,), dtype="i4"
-        )
-        writer.write(dataset, 0, np.arange(3 * CHUNK, dtype=np.int32))
-        writer.close()
-    with h5py.File(path) as file, path.open("rb+") as plain:
-        read = unfiltered(file["a"], plain)
-        assert read is not None
-        plain.truncate(path.stat().st_size // 2)
-        with pytest.raises(OSError, match="ends early"):
-            read(0, 3 * CHUNK)
-
-
-def test_a_chunk_that_was_never_written_is_left_to_hdf5(tmp_path: Path) -> None:
-    path = tmp_path / "hole.h5"
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
-        file.create_dataset("a", shape=(2 * CHUNK,), chunks=(CHUNK,), dtype="i4")[CHUNK:] = 1
-    with h5py.File(path) as file, path.open("rb") as plain:
-        assert unfiltered(file["a"], plain) is None

@@ -3,15 +3,12 @@ as its numbers need.
 """
 
 from dataclasses import is_dataclass, replace
-from io import FileIO
 
-import h5py
 import numpy as np
 import pytest
 
 from tirelog.data.recording import Channel, Scaled, TimeAxis
 from tirelog.runs import in_memory as module
-from tirelog.runs.chunks import CHUNK, unfiltered
 from tirelog.runs.in_memory import in_memory, released
 
 LOST = int(np.iinfo(np.int32).min)
@@ -70,6 +67,12 @@ def test_slices_are_those_of_the_stored_channel(name, piece, monkeypatch):
     assert in_memory(kept) is kept
 
 
+def test_what_is_quick_to_read_takes_no_memory():
+    stored = channel(walk(30, 2))
+    quick = replace(stored, samples=replace(stored.samples, at_hand=True))
+    assert in_memory(quick) is quick
+
+
 def test_two_bytes_a_sample_where_they_fit(monkeypatch):
     monkeypatch.setattr(module, "PIECE", 100)
 
@@ -89,26 +92,3 @@ def test_two_bytes_a_sample_where_they_fit(monkeypatch):
         return total
 
     assert [kept(name) for name in ("some_lost", "far", "floats")] == [2 * SIZE, 4 * SIZE, 8 * SIZE]
-
-
-def test_a_temporary_run_is_not_held_but_read(tmp_path):
-    """The numbers of the stored channel, lost samples among them, from the file each time."""
-    raw = np.tile(walk(300, 8102), 80)
-    raw[[0, 77, -1]] = LOST
-    with h5py.File(tmp_path / "run.h5", "w", libver=("v110", "v110")) as file:
-        file.create_dataset("a", data=raw, chunks=(CHUNK,), maxshape=(None,))
-    stored = channel(raw)
-    with h5py.File(tmp_path / "run.h5") as file, FileIO(tmp_path / "run.h5") as plain:
-        read = in_memory(
-            replace(stored, samples=replace(stored.samples, raw=unfiltered(file["a"], plain)))
-        )
-        assert in_memory(read) is read
-        assert not any(isinstance(value, np.ndarray) for value in vars(read.samples).values())
-        for start, stop in (
-            (0, raw.size),
-            (70, 90),
-            (CHUNK - 3, CHUNK + 5),
-            (raw.size - 2, raw.size),
-            (5, 5),
-        ):
-            np.testing.assert_array_equal(read.read(start, stop), stored.read(start, stop))

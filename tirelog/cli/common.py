@@ -126,6 +126,7 @@ class Session:
         self._unread: list[str] = []
         self._kept: list[Recording] = []
         self._read = 0
+        self._streams = False
         self.hashes: dict[str, str] = {}
 
     def __enter__(self) -> Session:
@@ -166,14 +167,15 @@ class Session:
     ) -> Iterator[tuple[Recording, Part]]:
         """The rows of one table of every log, part by part, what is to be said of them said.
 
-        All that could refuse a log has been looked at before its first rows.
+        If rows go to standard output, all that could refuse a log is looked at before the first. A
+        file takes its place whole or not at all, so that its channels need not be read twice.
         """
         from tirelog.products import checked, tables_of
 
         given = {name: value for name, value in options.items() if value is not None}
         wanted = checked({table: given})
         for recording in self.recordings(logs):
-            for part in tables_of(recording, wanted, refused_first=True):
+            for part in tables_of(recording, wanted, refused_first=self._streams):
                 for remark in part.remarks:
                     self.note(f"{recording.log}: {remark}")
                 yield recording, part
@@ -226,6 +228,7 @@ class Session:
         """A writer for the command's table."""
         from tirelog.tables.writer import TableWriter
 
+        self._streams |= output is None
         return TableWriter(name, output, format, metadata={"inputs": self.hashes, **metadata})
 
     def __exit__(self, kind: Any, value: Any, trace: Any) -> None:

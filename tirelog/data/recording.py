@@ -126,13 +126,14 @@ class Scaled:
     raw x scale + offset, NaN if raw is `lost` (None: never).
 
     `raw(start, stop)` gives the stored numbers; counts of int32 take half of the memory of what
-    they become.
+    they become. `at_hand` if they are stored as they are, so that reading them again costs little.
     """
 
     raw: Callable[[int, int], NDArray[Any]]
     scale: float
     offset: float
     lost: int | None = None
+    at_hand: bool = False
 
     def __call__(self, start: int, stop: int) -> FloatArray:
         raw = self.raw(start, stop)

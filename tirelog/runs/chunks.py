@@ -11,17 +11,12 @@ specification, III.I "Filter pipeline").
 
 from __future__ import annotations
 
-import os
 from collections import deque
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
-from io import FileIO
 from typing import Any
 
 import h5py
 import numpy as np
-
-from tirelog.errors import ReadError
 
 try:  # the same format, at a tenth of the cost
     from isal.isal_zlib import compress as deflate
@@ -98,69 +93,3 @@ class ChunkWriter:
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
-
-
-@dataclass(frozen=True)
-class Unfiltered:
-    """Numbers of a dataset whose chunks are in the file as they are.
-
-    Read past HDF5: in it one thread would wait for another. `places`: the byte at which each chunk
-    begins.
-    """
-
-    file: FileIO
-    dtype: np.dtype
-    size: int
-    places: tuple[int, ...]
-
-    def __call__(self, start: int, stop: int) -> np.ndarray:
-        """The numbers [start, stop).
-
-        ReadError: the recording is closed. OSError: the file is shorter than it was.
-        """
-        if self.file.closed:
-            raise recording_closed()
-        stop, wide = min(stop, self.size), self.dtype.itemsize
-        out = np.empty(max(stop - start, 0), self.dtype)
-        room, at = out.view(np.uint8), start
-        while at < stop:
-            first = last = at // CHUNK
-            while (last + 1) * CHUNK < stop and self.places[last + 1] == self.places[
-                last
-            ] + CHUNK * wide:
-                last += 1
-            end = min((last + 1) * CHUNK, stop)
-            part = room[(at - start) * wide : (end - start) * wide]
-            if (
-                os.preadv(
-                    self.file.fileno(),
-                    [part.data],
-                    self.places[first] + (at - first * CHUNK) * wide,
-                )
-                != part.size
-            ):
-                raise OSError("the file ends early")
-            at = end
-        return out
-
-
-def recording_closed() -> ReadError:
-    """What a recording says that is read after its end."""
-    return ReadError(
-        "the recording is closed; its samples can be read while `open_recording` is open, and in "
-        "a session until the next log is taken; read them there, or open it again"
-    )
-
-
-def unfiltered(dataset: h5py.Dataset, file: FileIO) -> Unfiltered | None:
-    """A reader of a dataset without filters in the open `file`, or None.
-
-    None if a chunk, or the system's call, is missing.
-    """
-    if not hasattr(os, "preadv"):
-        return None
-    places = [-1] * -(-dataset.size // CHUNK)
-    dataset.id.chunk_iter(
-        lambda chunk: places.__setitem__(chunk.chunk_offset[0] // CHUNK, chunk.byte_offset)
-    )
-    return None if -1 in places else Unfiltered(file, dataset.dtype, dataset.size, tuple(places))

@@ -21,9 +21,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
-from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +34,7 @@ from tirelog.data.setup import ChannelSetup, Setup, parse_setup
 from tirelog.errors import ReadError, SetupError, printable
 from tirelog.readers.base import LOST_COUNT, Group, RawBlock
 from tirelog.readers.hdf5.source import LIBRARY_ERRORS, walk
-from tirelog.runs.chunks import CHUNK, ChunkWriter, unfiltered
+from tirelog.runs.chunks import CHUNK, ChunkWriter
 from tirelog.runs.column import DatasetWriter, scaled_to_si
 from tirelog.runs.store_checks import (
     COLUMN_DIGEST,
@@ -212,10 +211,9 @@ def open_run(
             "writes; ingest it again",
             file=log,
         ) from None
-    with file, ExitStack() as more:
+    with file:
         try:
-            plain = more.enter_context(open(path, "rb", buffering=0)) if temporary else None
-            recording = _recording(file, plain, log, setup)
+            recording = _recording(file, log, setup, own=temporary)
         except SetupError:
             raise
         except ReadError as problem:
@@ -235,15 +233,14 @@ def _short(problem: BaseException) -> str:
     return str(problem).splitlines()[0][:120] if str(problem) else type(problem).__name__
 
 
-def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | None) -> Recording:
-    """What the run says; `plain`: a temporary one's file, read past HDF5."""
+def _recording(file: h5py.File, log: str, setup: Setup | None, *, own: bool) -> Recording:
+    """What the run says; `own`: a temporary one, to which only this process has written."""
     version = attribute(file, "tirelog_run")
     if version != FORMAT_VERSION:
         raise ReadError(
             f"it is of format {version:g}; this tirelog reads {FORMAT_VERSION}; ingest the log "
             "again"
         )
-    own = plain is not None
     if not own and contents_digest(file) != text_in(file, DIGEST):
         raise ReadError(
             "its contents are not those that were written (sha256); copy it again, or ingest the "
@@ -277,7 +274,7 @@ def _recording(file: h5py.File, plain: FileIO | None, log: str, setup: Setup | N
                     file=log,
                 )
             flags = flags_at(file, name, axis.size, foreign, own=own)
-            channels[name] = _channel(name, dataset, plain, used, axis, flags, losses)
+            channels[name] = _channel(name, dataset, used, axis, flags, losses, own=own)
     for name, used in setup.channels.items():
         twin = used.temperature_channel
         if name in channels and twin in channels and used.thermal_expansion_1_K:
@@ -330,15 +327,16 @@ def _with_units(setup: Setup, file: h5py.File) -> Setup:
 def _channel(
     name: str,
     dataset: h5py.Dataset,
-    plain: FileIO | None,
     channel: ChannelSetup,
     axis: TimeAxis,
     flags: tuple[Doubt, ...],
     losses: list[str],
+    *,
+    own: bool,
 ) -> Channel:
     """A channel whose samples are read, and scaled to SI, slice by slice.
 
-    `plain`: as of `_recording`.
+    `own`: as of `_recording`.
     """
     factor, offset = scaled_to_si(channel)
     counts = dataset.dtype.kind == "i"
@@ -351,8 +349,7 @@ def _channel(
         check_open(dataset)
         return _read(dataset, start, stop, name, losses)
 
-    raw = checked if plain is None else unfiltered(dataset, plain) or checked
-    samples = Scaled(raw, scale, offset, LOST_COUNT if counts else None)
+    samples = Scaled(checked, scale, offset, LOST_COUNT if counts else None, at_hand=own)
     more = {
         key: getattr(channel, key)
         for key in ("steps", "gauge_length_m")

@@ -30,7 +30,7 @@ from tirelog.readers.hdf5.source import (
     refuse,
     walk,
 )
-from tirelog.runs.chunks import CHUNK, recording_closed
+from tirelog.runs.chunks import CHUNK
 from tirelog.storage.documents import json_value
 from tirelog.vocabulary.quality import Doubt, Quality, flag_of
 
@@ -303,7 +303,10 @@ def flags_at(
 def check_open(dataset: h5py.Dataset) -> None:
     """ReadError if the run that holds the dataset has been closed."""
     if not dataset:
-        raise recording_closed()
+        raise ReadError(
+            "the recording is closed; its samples can be read while `open_recording` is open, and "
+            "in a session until the next log is taken; read them there, or open it again"
+        )
 
 
 # ---- digests -------------------------------------------------------------------------------------

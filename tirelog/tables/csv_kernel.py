@@ -1,6 +1,9 @@
 """Rows of a table as csv by a compiled loop, to the byte as arrow writes them.
 
-With arrow a number takes 130 ns.
+Kept beside arrow's writer for its memory: `tirelog tables` on an hour of 4 gratings takes 275 MB,
+and 313 MB with arrow, of 300 MB that tables may take; and `tirelog speed` on 4 minutes of 16
+gratings from a run 2.7 s of CPU and 202 MB, with arrow 3.0 s and 238 MB (22 November 2026, two
+shared cores, Python 3.11).
 
     columns (n,)
         --numbers as they are, texts and truth values as numbers of words-->

@@ -7,23 +7,18 @@ A mantissa and an exponent of ten, both whole, so that nothing is rounded on the
     m, e --as_float--> float64                                     correctly rounded, or none
 
 If |m| <= 2^53 and |e| <= 22, m and 10^|e| are float64 numbers, so that one multiplication or
-division rounds once, as a correct parser does. Else 128 bits of 5^e decide (D. Lemire, "Number
-parsing at a gigabyte per second", Software: Practice and Experience 51, 2021); if even they
-leave a doubt, or the result is no ordinary number, the caller has to ask a slower parser.
+division rounds once, as a correct parser does. Else `rounding` decides; if even it leaves a doubt,
+or the result is no ordinary number, the caller has to ask a slower parser.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic, overload
-from numba.np.arrayobj import make_array
 from numpy.typing import NDArray
 
+from tirelog.readers.text.rounding import MOST_POWER, rounded
 from tirelog.runtime import compiled
 
 #: in place of a count, if none holds the number
@@ -35,7 +30,6 @@ EXACT_POWERS = np.array([float(10**k) for k in range(23)])
 _FULL = (1 << 63) // 10
 _EXACT = 1 << 53
 _MOST_PLACES = 9
-_MOST_POWER = 100
 
 _ZEROS = np.uint64(0x3030303030303030)
 _TO_HIGH, _HIGH = np.uint64(0x7676767676767676), np.uint64(0x8080808080808080)
@@ -43,9 +37,8 @@ _TO_HIGH, _HIGH = np.uint64(0x7676767676767676), np.uint64(0x8080808080808080)
 NIBBLES = np.uint64(0x0F0F0F0F0F0F0F0F)
 _TENS = (np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0000FFFF0000FFFF), np.uint64(0xFFFFFFFF))
 _10, _100, _10000 = np.uint64(10), np.uint64(100), np.uint64(10_000)
-_8, _16, _32, _63, _NONE, _1, _3 = (np.uint64(k) for k in (8, 16, 32, 63, 0, 1, 3))
+_8, _16, _32, _NONE, _1 = (np.uint64(k) for k in (8, 16, 32, 0, 1))
 _56, _ONES = np.uint64(56), np.uint64(0x0101010101010101)
-_TOP_BIT, _BELOW, _ALL = np.uint64(1 << 63), np.uint64((1 << 9) - 1), np.uint64(2**64 - 1)
 
 Block = bytes | bytearray
 Bytes = NDArray[np.uint8]
@@ -63,29 +56,16 @@ def bytes_of(block: Block) -> Bytes:
     return data
 
 
+@compiled
 def word(data: Bytes, at: Whole) -> Whole:
     """The eight bytes from the place `at` of `data` on as a little-endian word.
 
-    One load in compiled code.
+    By unsigned places, which cannot count from the end: so the compiler makes one load of it.
     """
-    return np.frombuffer(data[at : at + 8].tobytes(), np.uint64)[0]
-
-
-@overload(word, strict=False)  # the annotations are mypy's
-def _compiled_word(data: Any, at: Any) -> Any:
-    return lambda data, at: _load(data, at)  # type: ignore[call-arg]  # the context is numba's own
-
-
-@intrinsic
-def _load(context: Any, data: Any, at: Any) -> Any:
-    """The load itself, from any place, which numba has no word for."""
-
-    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        first = make_array(signature.args[0])(context, builder, values[0]).data
-        place = builder.bitcast(builder.gep(first, [values[1]]), ir.IntType(64).as_pointer())
-        return builder.load(place, align=1)
-
-    return types.uint64(data, at), code
+    found, first = np.uint64(0), np.uint64(at)
+    for k in range(8):
+        found |= np.uint64(data[first + np.uint64(k)]) << np.uint64(8 * k)
+    return found
 
 
 @compiled
@@ -179,66 +159,7 @@ def as_float(m: Whole, e: Whole, negative: bool) -> tuple[float, bool]:
         return (-0.0 if negative else 0.0), True
     if -_EXACT <= m <= _EXACT and -22 <= e <= 22:
         return (m / EXACT_POWERS[-e] if e < 0 else m * EXACT_POWERS[e]), True
-    if e < -_MOST_POWER or e > _MOST_POWER:
+    if e < -MOST_POWER or e > MOST_POWER:
         return np.nan, False
-    value, good = _rounded(np.uint64(abs(m)), e)
+    value, good = rounded(np.uint64(abs(m)), e)
     return (-value if negative else value), good
-
-
-def _powers_of_five() -> NDArray[np.uint64]:
-    """The first 128 bits of 5^e, upper and lower half; shape (2 _MOST_POWER + 1, 2).
-
-    Rounded up if e is negative.
-    """
-    found = []
-    for e in range(-_MOST_POWER, _MOST_POWER + 1):
-        five = 5 ** abs(e)
-        if e >= 0:
-            bits = five << 128 >> five.bit_length()
-        else:  # five has no divisor in common with 2, so that the quotient is never whole
-            bits = (1 << (five.bit_length() + 127)) // five + 1
-        found.append((bits >> 64, bits & (2**64 - 1)))
-    return np.array(found, np.uint64)
-
-
-_FIVES = _powers_of_five()
-
-
-@compiled
-def _product(a: Whole, b: Whole) -> tuple[Whole, Whole]:
-    """(upper, lower) 64 bits of a product."""
-    a_low, a_high, b_low, b_high = a & _TENS[2], a >> _32, b & _TENS[2], b >> _32
-    low, cross, other = a_low * b_low, a_low * b_high, a_high * b_low
-    middle = (low >> _32) + (cross & _TENS[2]) + (other & _TENS[2])
-    return a_high * b_high + (cross >> _32) + (other >> _32) + (middle >> _32), (middle << _32) | (
-        low & _TENS[2]
-    )
-
-
-@compiled
-def _rounded(m: Whole, e: Whole) -> tuple[float, bool]:
-    """m 10^e, rounded to nearest, ties to even, for 0 < m < 2^63.
-
-    (NaN, False) if 128 bits of the power do not decide.
-    """
-    shift = 0
-    while m < _TOP_BIT:
-        m <<= _1
-        shift += 1
-    upper, lower = _product(m, _FIVES[e + _MOST_POWER, 0])
-    if upper & _BELOW == _BELOW:  # the digits behind decide
-        more, _ = _product(m, _FIVES[e + _MOST_POWER, 1])
-        lower += more
-        upper += np.uint64(lower < more)
-    if lower == _ALL and not -27 <= e <= 55:
-        return np.nan, False
-    top = np.int64(upper >> _63)
-    drop = np.uint64(top + 9)
-    mantissa = upper >> drop  # 54 bits: one more than are kept
-    if lower <= _1 and -4 <= e <= 23 and mantissa & _3 == _1 and mantissa << drop == upper:
-        mantissa &= ~_1  # half way, exactly: to even
-    mantissa = (mantissa + (mantissa & _1)) >> _1
-    power = ((217706 * e) >> 16) + 63 + top - shift - 52
-    if power < -1022 or power > 970:
-        return np.nan, False
-    return math.ldexp(np.float64(mantissa), int(power)), True

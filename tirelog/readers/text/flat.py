@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.readers.base import counted_floats
-from tirelog.readers.text.alike import LARGEST
 from tirelog.readers.text.digits import Block, bytes_of
-from tirelog.readers.text.kernels import cells, separated
+from tirelog.readers.text.kernels import LARGEST, cells, separated
 from tirelog.readers.text.layout import LOST_WORDS
 from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns

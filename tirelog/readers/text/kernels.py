@@ -5,9 +5,8 @@
     cells      a block of anything to its cells, with the number in each
     separated, collapsed      small helpers
 
-`parse_rows` hands rows that are written like the one above to `alike`, and takes others cell by
-cell: it measures a cell's digits one word at a time and loads them as words; only a cell that is
-written otherwise is read byte by byte.
+`parse_rows` measures a cell's digits one word at a time and loads them as words; only a cell that
+is written otherwise is read byte by byte.
 """
 
 from __future__ import annotations
@@ -16,19 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tirelog.readers.base import LOST_COUNT
-from tirelog.readers.text.alike import (
-    COUNT,
-    FLOAT,
-    LARGEST,
-    SKIP,
-    SPAN,
-    TICK,
-    TICK_PLACES,
-    Counts,
-    alike_rows,
-    learn_alike,
-    unlearnt,
-)  # fmt: skip
 from tirelog.readers.text.digits import (
     EXACT_POWERS,
     NIBBLES,
@@ -46,16 +32,27 @@ from tirelog.readers.text.digits import (
 from tirelog.runtime import compiled
 from tirelog.vocabulary.arrays import FloatArray, IntArray, Records
 
+#: what is done with a column: nothing, int32 counts, float64, int64 counts of 1e-9, first byte and
+#: byte behind
+SKIP, COUNT, FLOAT, TICK, SPAN = range(5)
+#: what to do with a column: `what` of the above, its slot in that output, places of counts, whether
+#: 0 and -1 are lost; set to True: a count could not hold a number
+GUIDE = np.dtype(
+    [("what", "i8"), ("slot", "i8"), ("places", "i8"), ("marks_lost", "?"), ("too_wide", "?")],
+    align=True,
+)
+#: first byte of a cell and the byte behind it
+CELL_SPAN = np.dtype([("first", "i8"), ("stop", "i8")])
+#: decimals of a tick
+TICK_PLACES = 9
+LARGEST = np.iinfo(np.int64).max
+Counts = NDArray[np.int32]
 #: what is known about a cell: not yet anything, a number, that it is blank
 _UNREAD, _NUMBER, _BLANK = range(3)
 #: a cell that is left to the caller: its row and column, first byte and byte behind
 HARD = np.dtype([("row", "i8"), ("column", "i8"), ("first", "i8"), ("stop", "i8")])
 #: bytes at the end of a block that are not loaded as words
 _TAIL = 48
-
-#: rows that are read cell by cell before alike ones are looked for: at first, and at most, if
-#: none were found
-_SOON, _MOST_PATIENCE = 2, 256
 
 
 @compiled
@@ -148,21 +145,11 @@ def parse_rows(
     more than a cell.
     """
     width, used, safe = guides.size, 0, data.size - _TAIL
-    template = unlearnt(width)
-    r, begin, kept, wait, patience = 0, at, 0, _SOON, _SOON
+    r = 0
     while True:
-        if wait == 0 and used == kept:  # the row above left nothing to the caller
-            first_row = r
-            wanted = learn_alike(data, begin, at, guides, separator, decimal, template)
-            if wanted:
-                r, at = alike_rows(
-                    data, at, at - begin, template, wanted, r, begins, counts, floats, ticks, spans
-                )
-            patience = _SOON if r > first_row else min(2 * patience, _MOST_PATIENCE)
-            wait = patience
         if r == begins.size:
             return r, at, used
-        begin, kept, wait = at, used, max(wait - 1, 0)
+        begin, kept = at, used
         begins[r] = at
         if (
             used + width > hard.size

@@ -17,10 +17,18 @@ import re
 import numpy as np
 
 from tirelog.readers.base import Samples, counted_floats
-from tirelog.readers.text.alike import CELL_SPAN, COUNT, FLOAT, GUIDE, SPAN, TICK
 from tirelog.readers.text.digits import Block, bytes_of
 from tirelog.readers.text.flat import cell_numbers
-from tirelog.readers.text.kernels import HARD, parse_rows
+from tirelog.readers.text.kernels import (
+    CELL_SPAN,
+    COUNT,
+    FLOAT,
+    GUIDE,
+    HARD,
+    SPAN,
+    TICK,
+    parse_rows,
+)
 from tirelog.readers.text.rows import ERROR_CODE, Parsed, RowPlan, joined_blocks, without_lost
 from tirelog.readers.text.times import MISSING, Nanoseconds, column_ns
 from tirelog.vocabulary.arrays import FloatArray, IntArray
