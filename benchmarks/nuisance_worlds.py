@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,7 @@ class Kind:
     lever_m: Range
     ring_bending_N_m2: Range
     ring_stiffness_N_m2: Range
+    width_belt_m: Range
     surface: str
     rates_Hz: tuple[float, ...]
     noise_nm: Range
@@ -75,6 +76,7 @@ TUNING = Kind(
     lever_m=(2.5e-4, 3.5e-4),
     ring_bending_N_m2=(1.7, 2.4),
     ring_stiffness_N_m2=(5.5e5, 7.5e5),
+    width_belt_m=(0.12, 0.16),
     surface="outer",
     rates_Hz=(2500.0,),
     noise_nm=(0.0008, 0.0008),
@@ -96,6 +98,7 @@ REPORTING = Kind(
     lever_m=(4.0e-4, 5.5e-4),
     ring_bending_N_m2=(2.4, 3.6),
     ring_stiffness_N_m2=(7.0e5, 9.5e5),
+    width_belt_m=(0.15, 0.19),
     surface="inner",
     rates_Hz=(2000.0, 4000.0),
     noise_nm=(0.0005, 0.0012),
@@ -220,6 +223,9 @@ def _interrogator(log: Drawn) -> None:
 def _exponent(exponent: float) -> Callable[[Drawn], None]:
     def change(log: Drawn) -> None:
         log.tables["tire"]["patch_load_exponent"] = exponent
+        if log.carcass == "ring":
+            # on a flat road the patch follows from the ring itself
+            log.tables["tire"]["contact"] = "parabola"
 
     return change
 
@@ -281,8 +287,12 @@ def _tire(kind: Kind, carcass: str, random: np.random.Generator) -> Tables:
     }
     ring_bending = _in(random, kind.ring_bending_N_m2)
     stiffness = _in(random, kind.ring_stiffness_N_m2)
+    width = _in(random, kind.width_belt_m)
     if carcass == "ring":
+        # the model's hoop force is the setup's pressure times the setup's width
         tire.update(
+            width_m=width,
+            width_belt_m=width,
             flexural_stiffness_N_m2=ring_bending,
             radial_stiffness_N_m2=stiffness,
             tangential_stiffness_N_m2=_in(random, (0.8 * stiffness, 1.2 * stiffness)),
@@ -314,7 +324,6 @@ class CaseOf:
     strength: float = 1.0
     logs: int = 2
     form: str = "exact"
-    more: Mapping[str, Any] = field(default_factory=dict)
 
     def tables(self) -> list[Tables]:
         """The tables of each log's scenario."""
@@ -360,6 +369,12 @@ class CaseOf:
                 tables["effects"] = [planted_tables(self.effect, self.strength, self.form)]
             out.append(tables)
         return out
+
+    @property
+    def contact(self) -> str | None:
+        """The contact of the model that is held against the case; None: the carcass's own."""
+        given = self.tables()[0]["tire"].get("contact")
+        return "prescribed" if given == "parabola" else None
 
     def scenarios(self) -> list[Scenario]:
         """One scenario per log."""

@@ -95,7 +95,7 @@ def written(case: CaseOf, folder: Path) -> tuple[list[Path], Path]:
         (folder / f"scenario_{number}.toml").write_text(text, encoding="utf-8")
         logs.append(write_log(simulate(scenario), folder / f"log_{number}.csv")[0])
     with tirelog.open_log(logs[0]) as log:
-        model, _ = new_model(case.carcass, log.setup)
+        model, _ = new_model(case.carcass, log.setup, contact=case.contact)
     tirelog.save_model(model, folder / "model.toml")
     return logs, folder / "model.toml"
 
