@@ -173,6 +173,41 @@ def test_belt_that_has_grown_is_that_of_a_larger_tire(
 
 
 @pytest.mark.parametrize("truth", ["beam", "ring"])
+def test_log_at_one_speed_is_that_of_a_larger_tire(truth: str) -> None:
+    """Samples, and all that the truth says of the passages."""
+    one = {"truth": truth, "manoeuvres": [{"duration_s": 0.6, "speed_m_s": 25.0}]}
+    grown = driven(**one, nuisances={"rolling_radius": {"error": 0.01, "growth": 0.02}})
+    larger = driven(**one, tire={"rolling_radius_m": 0.305 * 1.01 * 1.02})
+    assert grown.channels["s"] == pytest.approx(larger.channels["s"], abs=1e-9)
+    said, wanted = (made.truth["channels"]["s"]["passages"] for made in (grown, larger))
+    assert len(said["time_s"]) > 5
+    for name in ("time_s", "contact_length_m", "patch_width_deg", "dissipation_factor_1_m"):
+        assert said[name] == pytest.approx(wanted[name], rel=1e-7), name
+
+
+def test_contact_forgets_nothing_that_matters() -> None:
+    """A ring solved at several instants at once is what it is at each alone."""
+    tables: dict[str, Any] = {
+        "rolling_radius": {"growth": 0.03},
+        "warming": {"stiffness_per_K": 0.004, "pressure_per_K": 0.0034},
+    }
+    at = replace(
+        instants(),
+        **{k: np.array([v] * 4) for k, v in {"load": 3434.0, "half_length": 0.058}.items()},
+        **{k: np.zeros(4) for k in ("time_s", "acceleration", "slip", "warmed")},
+        speed=np.array([20.0, 25.0, 20.0, 25.0]),
+        temperature_K=np.array([0.0, 0.0, 15.0, 15.0]),
+        stretch=np.array([1.02, 1.03, 1.02, 1.03]),
+    )
+    made = {"truth": "ring", "nuisances": tables, **COARSE}
+    together = world(**made)
+    found = together.solve(at)
+    for row in range(4):
+        alone = world(**made).solve(at.take(slice(row, row + 1)))
+        assert found.w[row] == pytest.approx(alone.w[0], rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize("truth", ["beam", "ring"])
 def test_warm_tire_is_one_with_warm_numbers(truth: str) -> None:
     sizes = {"stiffness_per_K": 0.004, "bending_per_K": -0.003, "pressure_per_K": 0.0034}
     sizes |= {"patch_length_per_K": -0.002} if truth == "beam" else {}
