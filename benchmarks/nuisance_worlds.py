@@ -246,13 +246,33 @@ WORLDS: Mapping[str, Callable[[Drawn], None]] = {
     "exponent_0.35": _exponent(0.35),
     "exponent_0.8": _exponent(0.8),
 }
-#: these belong to the wheel or the tire: every log of a case has the same
+#: these belong to the wheel: every log of a case has the same
 SHARED = ("run_out_3", "run_out_30", "force_variation")
+#: of each of these at most one can be in a world
+KINDS = (
+    ("run_out_3", "run_out_30"),
+    ("force_variation",),
+    ("load_wander",),
+    ("scatter_1", "scatter_3"),
+    ("warming", "warming_logged"),
+    ("radius",),
+    ("colour", "interrogator"),
+    ("exponent_0.35", "exponent_0.8"),
+)
+#: worlds of several nuisances that each seed draws anew
+AT_ONCE = {"two": 2, "four": 4}
 
 
 def kind_of(seed: int) -> Kind:
     """What a seed draws from."""
     return TUNING if seed < FIRST_REPORTING else REPORTING
+
+
+def several(count: int, seed: int) -> str:
+    """The world of `count` nuisances at once that a seed draws."""
+    random = np.random.default_rng([seed, count, 19])
+    some = sorted(random.choice(len(KINDS), count, replace=False).tolist())
+    return "+".join(KINDS[k][int(random.integers(len(KINDS[k])))] for k in some)
 
 
 def parts_of(world: str) -> list[str]:
@@ -262,7 +282,7 @@ def parts_of(world: str) -> list[str]:
         if part not in WORLDS:
             raise UsageError(
                 f"unknown world {part!r}{nearest(part, WORLDS)}; "
-                f"allowed are {', '.join(WORLDS)}, several joined by +; mend it"
+                f"allowed are {', '.join((*WORLDS, *AT_ONCE))}, several joined by +; mend it"
             )
     return parts
 

@@ -10,7 +10,8 @@ A case is two logs of about a minute, written as files, measured and diagnosed a
 by row into FILE.csv (what is there already is not done again), then rates with 95 % Wilson bounds.
 `--keep DIR` leaves each case's scenarios, logs, setups, truths and model.toml in a folder of DIR.
 Seeds below 1000 are for choosing thresholds, from 20000 on for reporting, on other tires and plans
-(`benchmarks.nuisance_worlds`). An effect's strength is such that its excess in the control world,
+(`benchmarks.nuisance_worlds`). `--worlds two` or `four` draws so many nuisances anew for each seed,
+`all` is every single one. An effect's strength is such that its excess in the control world,
 beside a refitted model, is 2 to 4 squared floors (small) or 10 to 20 (large).
 """
 
@@ -32,7 +33,7 @@ import numpy as np
 import tirelog
 from benchmarks.cases import IN_CATALOGUE
 from benchmarks.hidden import wilson
-from benchmarks.nuisance_worlds import WORLDS, CaseOf, parts_of
+from benchmarks.nuisance_worlds import AT_ONCE, WORLDS, CaseOf, parts_of, several
 from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, write_log
@@ -213,6 +214,12 @@ def contradicted(row: Row) -> bool:
     )
 
 
+def shown(row: Row) -> str:
+    """The line of the table that a row counts in: several nuisances by their number."""
+    parts = row.world.count("+") + 1
+    return row.world if parts == 1 else f"{parts} at once"
+
+
 def summary(rows: list[Row]) -> Iterator[str]:
     """Rates by carcass and world, for logs without and with a planted effect."""
     for carcass in sorted({row.carcass for row in rows}):
@@ -268,9 +275,9 @@ def _table(rows: list[Row], *columns: tuple[str, Callable[[Row], bool]]) -> Iter
     head = "".join(f"{name:38s}" for name, _ in columns)
     yield f"{'world':34s}{head}{'excess':>9s}{'chi2':>9s}"
     order = {world: number for number, world in enumerate(WORLDS)}
-    known = sorted({r.world for r in rows}, key=lambda w: (order.get(w, len(order)), w))
+    known = sorted({shown(r) for r in rows}, key=lambda w: (order.get(w, len(order)), w))
     for world in [*known, "all"]:
-        of = [r for r in rows if world in ("all", r.world)]
+        of = [r for r in rows if world in ("all", shown(r))]
         rates = "".join(f"{wilson(sum(map(good, of)), len(of)):38s}" for _, good in columns)
         excess, chi2 = (
             float(np.median([getattr(r, k) for r in of])) for k in ("excess", "chi2_before")
@@ -304,7 +311,8 @@ def tasks_of(options: argparse.Namespace, done: Iterable[Row]) -> list[Task]:
     known = {(r.world, r.seed, r.carcass, r.planted, r.size) for r in done}
     worlds = list(WORLDS) if options.worlds == "all" else options.worlds.split(",")
     for world in worlds:
-        parts_of(world)
+        if world not in AT_ONCE:
+            parts_of(world)
     effects = {"none": [""], "all": list(IN_CATALOGUE)}.get(
         options.effects, ["" if e == "none" else e for e in options.effects.split(",")]
     )
@@ -313,7 +321,8 @@ def tasks_of(options: argparse.Namespace, done: Iterable[Row]) -> list[Task]:
         for carcass in options.carcass.split(","):
             for effect in effects:
                 for size in options.sizes.split(",") if effect else [""]:
-                    left = [w for w in worlds if (w, seed, carcass, effect, size) not in known]
+                    drawn = [several(AT_ONCE[w], seed) if w in AT_ONCE else w for w in worlds]
+                    left = [w for w in drawn if (w, seed, carcass, effect, size) not in known]
                     keep = str(options.keep) if options.keep else None
                     if left:
                         out.append(
