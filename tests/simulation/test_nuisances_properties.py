@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from tirelog.simulation import Scenario, Simulated, scenario_of, simulate
+from tirelog.simulation.sensors.wheel import tread_angle
 
 from .worlds import tables
 
@@ -90,6 +92,32 @@ def test_same_seed_same_log_other_seed_other_wandering() -> None:
     ]
     assert np.array_equal(loads[0], loads[1])
     assert not np.isclose(loads[0], loads[2]).any()
+
+
+@pytest.mark.parametrize("truth", ["beam", "ring"])
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [("force_variation", 3e-4), ("load_wander", 1e-4), ("rolling_radius", 2e-5), ("warming", 2e-5)],
+)
+def test_samples_are_what_is_true_at_their_instant(truth: str, name: str, limit: float) -> None:
+    """Knots and the parabola in the load against solutions at the very instant, over the peak.
+
+    2e-5 is what knots leave without a nuisance (`test_knots_leave_no_trace`).
+    """
+    fine = {"grid_points": 2048, "noise": 0.0, "road": {}}
+    made = simulate(made_of(truth, nuisances={name: ALL[name]}, **fine))
+    w, sensor = made.world, made.scenario.channels["s"]
+    time = made.stamp_s["s"][300:-200:41]
+    waves = w.waveform(w.solve(w.instants(time, 1.0 + w.fluctuation(time))), sensor)
+    turns = np.angle(np.exp(1j * tread_angle(w, sensor, time))) / (2.0 * np.pi)
+    place = turns * w.ring.circumference_m
+    grid = np.append(w.ring.xi_m, -w.ring.xi_m[0])
+    exact = [
+        CubicSpline(grid, np.append(wave, wave[0]), bc_type="periodic")(x)
+        for wave, x in zip(waves, place, strict=True)
+    ] + w.baseline(time, sensor)
+    strain = 1.27 * (values(made)[300:-200:41] / 1550.0 - 1.0)
+    assert np.abs(strain - exact).max() < limit * np.abs(waves).max()
 
 
 def test_truth_says_what_was_a_nuisance() -> None:
