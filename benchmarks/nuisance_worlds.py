@@ -22,10 +22,9 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from benchmarks.cases import ORDINARY, PLANS
+from benchmarks.cases import PLANS, planted
 from tirelog.errors import UsageError, nearest
 from tirelog.simulation import Scenario, scenario_of
-from tirelog.simulation.scenario.planted import PLANTABLE
 
 Tables = dict[str, Any]
 Range = tuple[float, float]
@@ -405,19 +404,7 @@ class CaseOf:
         return [tomlkit.dumps(tables) for tables in self.tables()]
 
 
-#: parameters that are no strength: a fainter effect keeps them
-SHAPES = ("lever_m", "position", "width", "time_constant_s", "speed_exponent", "load_exponent")
-
-
 def planted_tables(effect: str, strength: float, form: str = "exact") -> Tables:
     """An [[effects]] table at `strength` times its ordinary size."""
-    if effect not in ORDINARY:
-        raise UsageError(
-            f"unknown effect {effect!r}{nearest(effect, ORDINARY)}; "
-            f"allowed are {', '.join(ORDINARY)}; mend it"
-        )
-    values = {**PLANTABLE[effect].parameters, **ORDINARY[effect]}
-    for size in ORDINARY[effect]:
-        if size not in SHAPES:
-            values[size] *= strength
-    return {"name": effect, "form": form, **values}
+    (one,) = planted([effect], form, strength)
+    return {"name": one.name, "form": one.form, **one.parameters}

@@ -1,7 +1,7 @@
 """Nuisances that every car has, in the truth: how often `diagnose` takes one for missing physics.
 
     python -m benchmarks.nuisances [--worlds all|control,radius,run_out_3+warming] [--seeds 1-4]
-                                   [--effects none|all|NAME,...] [--sizes small,large]
+                                   [--effects none|all|turn|NAME,...] [--sizes small,large]
                                    [--carcass beam,ring] [--jobs 2] [-o FILE.csv]
                                    [--keep DIR [--write-only]]
     python -m benchmarks.nuisances --summary FILE.csv
@@ -11,8 +11,9 @@ by row into FILE.csv (what is there already is not done again), then rates with 
 `--keep DIR` leaves each case's scenarios, logs, setups, truths and model.toml in a folder of DIR.
 Seeds below 1000 are for choosing thresholds, from 20000 on for reporting, on other tires and plans
 (`benchmarks.nuisance_worlds`). `--worlds two` or `four` draws so many nuisances anew for each seed,
-`all` is every single one. An effect's strength is such that its excess in the control world,
-beside a refitted model, is 2 to 4 squared floors (small) or 10 to 20 (large).
+`all` is every single one; `--effects turn` plants one effect per seed, the next for the next. An
+effect's strength is such that its excess in the control world, beside a refitted model, is 2 to 4
+squared floors (small) or 10 to 20 (large).
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ import numpy as np
 import tirelog
 from benchmarks.cases import IN_CATALOGUE
 from benchmarks.hidden import wilson
-from benchmarks.nuisance_worlds import AT_ONCE, WORLDS, CaseOf, parts_of, several
+from benchmarks.nuisance_worlds import AT_ONCE, WORLDS, CaseOf, parts_of, planted_tables, several
 from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, write_log
@@ -313,11 +314,16 @@ def tasks_of(options: argparse.Namespace, done: Iterable[Row]) -> list[Task]:
     for world in worlds:
         if world not in AT_ONCE:
             parts_of(world)
-    effects = {"none": [""], "all": list(IN_CATALOGUE)}.get(
+    named = {"none": [""], "all": list(IN_CATALOGUE)}.get(
         options.effects, ["" if e == "none" else e for e in options.effects.split(",")]
     )
     out = []
     for seed in seeds_of(options.seeds):
+        turn = [IN_CATALOGUE[seed % len(IN_CATALOGUE)]]
+        effects = turn if options.effects == "turn" else named
+        for effect in effects:
+            if effect:
+                planted_tables(effect, 1.0)  # refused at once if there is none of that name
         for carcass in options.carcass.split(","):
             for effect in effects:
                 for size in options.sizes.split(",") if effect else [""]:
@@ -353,7 +359,10 @@ def main() -> None:
         print("\n".join(summary(read_rows(options.summary))))
         return
     rows = read_rows(options.output) if options.output and options.output.exists() else []
-    tasks = tasks_of(options, rows)
+    try:
+        tasks = tasks_of(options, rows)
+    except TirelogError as problem:
+        parser.error(str(problem))
     with ProcessPoolExecutor(options.jobs) as pool:
         for some in pool.map(run, tasks):
             rows += some
