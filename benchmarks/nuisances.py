@@ -310,7 +310,8 @@ def seeds_of(text: str) -> range:
 def tasks_of(options: argparse.Namespace, done: Iterable[Row]) -> list[Task]:
     """What is still to do."""
     known = {(r.world, r.seed, r.carcass, r.planted, r.size) for r in done}
-    worlds = list(WORLDS) if options.worlds == "all" else options.worlds.split(",")
+    given = options.worlds.split(",")
+    worlds = [w for name in given for w in (WORLDS if name == "all" else [name])]
     for world in worlds:
         if world not in AT_ONCE:
             parts_of(world)
