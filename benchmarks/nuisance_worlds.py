@@ -385,7 +385,10 @@ class CaseOf:
                     Drawn(tables, np.random.default_rng([self.seed, 17, key]), self.carcass)
                 )
             if self.effect:
-                tables["effects"] = [planted_tables(self.effect, self.strength, self.form)]
+                strength = self.strength
+                if self.effect == "thermal_drift" and "warm_up_K" in tables["conditions"]:
+                    strength /= WARMED_K  # per K if the temperature is known, else per log
+                tables["effects"] = [planted_tables(self.effect, strength, self.form)]
             out.append(tables)
         return out
 
