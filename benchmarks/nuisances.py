@@ -44,8 +44,10 @@ SIZES = {"small": (2.0, 4.0), "large": (10.0, 20.0)}
 #: a sentence that says "the noise floor" is contradicted beyond these: held-out error over the
 #: floor, reduced chi-square
 HELD_OUT_AT_FLOOR, CHI2_AT_FLOOR = 1.05, 1.2
-#: a strength is found by so many refits, each within this factor of the one before
-STEPS, LARGEST_STEP = 3, 6.0
+#: a strength is found by at most so many refits, each within this factor of the one before
+STEPS, LARGEST_STEP = 5, 20.0
+#: least excess that a step in strength is taken from [squared floors]: below it is noise
+SEEN = 0.05
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ def strength_of(task: Task) -> tuple[float, float]:
     low, high = SIZES[task.size]
     share = np.random.default_rng([task.seed, 18]).uniform()
     wanted = low * (high / low) ** share
-    strength, best = 1.0, (1.0, float("nan"))
+    strength, best, before = 1.0, (1.0, float("nan")), (0.0, 0.0)
     for _ in range(STEPS):
         case = CaseOf("control", task.seed, task.carcass, task.effect, strength)
         try:
@@ -131,7 +133,12 @@ def strength_of(task: Task) -> tuple[float, float]:
             best = strength, excess
         if low <= excess <= high and abs(excess / wanted - 1.0) < 0.2:
             break
-        step = np.sqrt(wanted / max(excess, 0.05))
+        # an excess grows as the square of a small effect, and less of a large one
+        power, here = 2.0, (np.log(strength), np.log(max(excess, SEEN)))
+        if before != (0.0, 0.0) and here[0] != before[0]:
+            power = float(np.clip((here[1] - before[1]) / (here[0] - before[0]), 0.7, 4.0))
+        before = here
+        step = (wanted / max(excess, SEEN)) ** (1.0 / power)
         strength *= float(np.clip(step, 1.0 / LARGEST_STEP, LARGEST_STEP))
     return best
 
@@ -208,6 +215,14 @@ def false_names(row: Row) -> set[str]:
     return names(row) - {row.planted} - apart
 
 
+def of_size(row: Row) -> bool:
+    """Is what was planted as large as it should be, to a tenth?"""
+    if not row.planted:
+        return False
+    low, high = SIZES[row.size]
+    return 0.9 * low <= row.planted_excess <= 1.1 * high
+
+
 def contradicted(row: Row) -> bool:
     """Is the floor claimed at an error or a chi-square that is more?"""
     return row.status == "nothing_missing" and (
@@ -227,7 +242,8 @@ def summary(rows: list[Row]) -> Iterator[str]:
         driven = [
             r for r in rows if r.carcass == carcass and r.status not in ("refused", "written")
         ]
-        nulls, planted = [r for r in driven if not r.planted], [r for r in driven if r.planted]
+        nulls, planted = [r for r in driven if not r.planted], [r for r in driven if of_size(r)]
+        missed = {(r.seed, r.planted, r.size) for r in driven if r.planted and not of_size(r)}
         if nulls:
             yield f"\n{carcass}, nothing planted"
             yield from _table(
@@ -255,6 +271,9 @@ def summary(rows: list[Row]) -> Iterator[str]:
             for name, cases in sorted(wrong.items()):
                 of = sum(r.planted == name for r in some)
                 yield f"    {name}: {len(cases)} of {of} wrong, as {'; '.join(cases[:4])}"
+        if missed:
+            each = "; ".join(f"{p} {size} ({seed})" for seed, p, size in sorted(missed))
+            yield f"    left out, since no strength gave the size: {each}"
         said: dict[str, int] = {}
         for row in nulls:
             for name in names(row):

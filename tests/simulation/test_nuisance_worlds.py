@@ -117,3 +117,11 @@ def test_rates_count_what_they_say() -> None:
     said = "\n".join(nuisances.summary([ROW, replace(ROW, named="wear", status="missing")]))
     assert "control: wear x1" in said
     assert said.count("1/2 = 50.0 %") == 4  # nothing missing and false names; control and all
+
+
+def test_effect_of_another_size_is_left_out_and_said() -> None:
+    sized = replace(ROW, planted="wear", size="small", named="wear", status="missing")
+    rows = [replace(sized, planted_excess=3.0), replace(sized, planted_excess=7.0, seed=2)]
+    said = "\n".join(nuisances.summary(rows))
+    assert "1/1 = 100.0 %" in said
+    assert "left out, since no strength gave the size: wear small (2)" in said
