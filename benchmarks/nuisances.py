@@ -350,10 +350,12 @@ def tasks_of(options: argparse.Namespace, done: Iterable[Row]) -> list[Task]:
                     drawn = [several(AT_ONCE[w], seed) if w in AT_ONCE else w for w in worlds]
                     left = [w for w in drawn if (w, seed, carcass, effect, size) not in known]
                     keep = str(options.keep) if options.keep else None
-                    if left:
-                        out.append(
-                            Task(tuple(left), seed, carcass, effect, size, keep, options.write_only)
-                        )
+                    # a strength is found once for all worlds; without one each goes alone
+                    out += [
+                        Task(some, seed, carcass, effect, size, keep, options.write_only)
+                        for some in ([tuple(left)] if effect else [(w,) for w in left])
+                        if some
+                    ]
     return out
 
 
