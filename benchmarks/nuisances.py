@@ -112,10 +112,10 @@ def folder_of(case: CaseOf, size: str) -> str:
 def strength_of(task: Task) -> tuple[float, float]:
     """(strength in ordinary ones, its excess in squared floors) of a planted effect.
 
-    In the control world, beside a refitted model; the excess wanted is drawn by the seed.
+    In the control world, beside a refitted model; the excess wanted is drawn by seed and effect.
     """
     low, high = SIZES[task.size]
-    share = np.random.default_rng([task.seed, 18]).uniform()
+    share = np.random.default_rng([task.seed, 18, sum(task.effect.encode())]).uniform()
     wanted = low * (high / low) ** share
     strength, best, before = 1.0, (1.0, float("nan")), (0.0, 0.0)
     for _ in range(STEPS):
