@@ -1,7 +1,7 @@
 # A fresh machine needs Python 3.11 (or later) and make; every target sets up its own .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
-.PHONY: demo test test-versions coverage bench lint hidden fuzz docs
+.PHONY: demo test test-versions coverage bench lint hidden nuisances fuzz docs
 
 # each target installs what it needs and no more: the demo the package with its pictures, the rest also the tools
 .venv/bin/python:
@@ -49,6 +49,10 @@ bench: .venv/.dev
 
 hidden: .venv/.dev
 	$(BIN)/python -m benchmarks.hidden
+
+# other tires and plans from seed 20000 on; NUISANCES="--seeds 1-4 --effects all" for others
+nuisances: .venv/.dev
+	$(BIN)/python -m benchmarks.nuisances $(NUISANCES)
 
 # another seed each time; FUZZ="--seed 1 --only 17" carries one case out again
 fuzz: .venv/.dev

@@ -16,16 +16,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import tomlkit
 
-from benchmarks.cases import ORDINARY, PLANS
+from benchmarks.cases import PLANS, planted
 from tirelog.errors import UsageError, nearest
 from tirelog.simulation import Scenario, scenario_of
-from tirelog.simulation.scenario.planted import PLANTABLE
 
 Tables = dict[str, Any]
 Range = tuple[float, float]
@@ -56,6 +55,7 @@ class Kind:
     lever_m: Range
     ring_bending_N_m2: Range
     ring_stiffness_N_m2: Range
+    width_belt_m: Range
     surface: str
     rates_Hz: tuple[float, ...]
     noise_nm: Range
@@ -75,6 +75,7 @@ TUNING = Kind(
     lever_m=(2.5e-4, 3.5e-4),
     ring_bending_N_m2=(1.7, 2.4),
     ring_stiffness_N_m2=(5.5e5, 7.5e5),
+    width_belt_m=(0.12, 0.16),
     surface="outer",
     rates_Hz=(2500.0,),
     noise_nm=(0.0008, 0.0008),
@@ -96,6 +97,7 @@ REPORTING = Kind(
     lever_m=(4.0e-4, 5.5e-4),
     ring_bending_N_m2=(2.4, 3.6),
     ring_stiffness_N_m2=(7.0e5, 9.5e5),
+    width_belt_m=(0.15, 0.19),
     surface="inner",
     rates_Hz=(2000.0, 4000.0),
     noise_nm=(0.0005, 0.0012),
@@ -220,6 +222,9 @@ def _interrogator(log: Drawn) -> None:
 def _exponent(exponent: float) -> Callable[[Drawn], None]:
     def change(log: Drawn) -> None:
         log.tables["tire"]["patch_load_exponent"] = exponent
+        if log.carcass == "ring":
+            # on a flat road the patch follows from the ring itself
+            log.tables["tire"]["contact"] = "parabola"
 
     return change
 
@@ -240,13 +245,33 @@ WORLDS: Mapping[str, Callable[[Drawn], None]] = {
     "exponent_0.35": _exponent(0.35),
     "exponent_0.8": _exponent(0.8),
 }
-#: these belong to the wheel or the tire: every log of a case has the same
+#: these belong to the wheel: every log of a case has the same
 SHARED = ("run_out_3", "run_out_30", "force_variation")
+#: of each of these at most one can be in a world
+KINDS = (
+    ("run_out_3", "run_out_30"),
+    ("force_variation",),
+    ("load_wander",),
+    ("scatter_1", "scatter_3"),
+    ("warming", "warming_logged"),
+    ("radius",),
+    ("colour", "interrogator"),
+    ("exponent_0.35", "exponent_0.8"),
+)
+#: worlds of several nuisances that each seed draws anew
+AT_ONCE = {"two": 2, "four": 4}
 
 
 def kind_of(seed: int) -> Kind:
     """What a seed draws from."""
     return TUNING if seed < FIRST_REPORTING else REPORTING
+
+
+def several(count: int, seed: int) -> str:
+    """The world of `count` nuisances at once that a seed draws."""
+    random = np.random.default_rng([seed, count, 19])
+    some = sorted(random.choice(len(KINDS), count, replace=False).tolist())
+    return "+".join(KINDS[k][int(random.integers(len(KINDS[k])))] for k in some)
 
 
 def parts_of(world: str) -> list[str]:
@@ -256,7 +281,7 @@ def parts_of(world: str) -> list[str]:
         if part not in WORLDS:
             raise UsageError(
                 f"unknown world {part!r}{nearest(part, WORLDS)}; "
-                f"allowed are {', '.join(WORLDS)}, several joined by +; mend it"
+                f"allowed are {', '.join((*WORLDS, *AT_ONCE))}, several joined by +; mend it"
             )
     return parts
 
@@ -281,8 +306,12 @@ def _tire(kind: Kind, carcass: str, random: np.random.Generator) -> Tables:
     }
     ring_bending = _in(random, kind.ring_bending_N_m2)
     stiffness = _in(random, kind.ring_stiffness_N_m2)
+    width = _in(random, kind.width_belt_m)
     if carcass == "ring":
+        # the model's hoop force is the setup's pressure times the setup's width
         tire.update(
+            width_m=width,
+            width_belt_m=width,
             flexural_stiffness_N_m2=ring_bending,
             radial_stiffness_N_m2=stiffness,
             tangential_stiffness_N_m2=_in(random, (0.8 * stiffness, 1.2 * stiffness)),
@@ -314,7 +343,6 @@ class CaseOf:
     strength: float = 1.0
     logs: int = 2
     form: str = "exact"
-    more: Mapping[str, Any] = field(default_factory=dict)
 
     def tables(self) -> list[Tables]:
         """The tables of each log's scenario."""
@@ -357,9 +385,18 @@ class CaseOf:
                     Drawn(tables, np.random.default_rng([self.seed, 17, key]), self.carcass)
                 )
             if self.effect:
-                tables["effects"] = [planted_tables(self.effect, self.strength, self.form)]
+                strength = self.strength
+                if self.effect == "thermal_drift" and "warm_up_K" in tables["conditions"]:
+                    strength /= WARMED_K  # per K if the temperature is known, else per log
+                tables["effects"] = [planted_tables(self.effect, strength, self.form)]
             out.append(tables)
         return out
+
+    @property
+    def contact(self) -> str | None:
+        """The contact of the model that is held against the case; None: the carcass's own."""
+        given = self.tables()[0]["tire"].get("contact")
+        return "prescribed" if given == "parabola" else None
 
     def scenarios(self) -> list[Scenario]:
         """One scenario per log."""
@@ -370,19 +407,7 @@ class CaseOf:
         return [tomlkit.dumps(tables) for tables in self.tables()]
 
 
-#: parameters that are no strength: a fainter effect keeps them
-SHAPES = ("lever_m", "position", "width", "time_constant_s", "speed_exponent", "load_exponent")
-
-
 def planted_tables(effect: str, strength: float, form: str = "exact") -> Tables:
     """An [[effects]] table at `strength` times its ordinary size."""
-    if effect not in ORDINARY:
-        raise UsageError(
-            f"unknown effect {effect!r}{nearest(effect, ORDINARY)}; "
-            f"allowed are {', '.join(ORDINARY)}; mend it"
-        )
-    values = {**PLANTABLE[effect].parameters, **ORDINARY[effect]}
-    for size in ORDINARY[effect]:
-        if size not in SHAPES:
-            values[size] *= strength
-    return {"name": effect, "form": form, **values}
+    (one,) = planted([effect], form, strength)
+    return {"name": one.name, "form": one.form, **one.parameters}

@@ -1,7 +1,7 @@
 """Nuisances that every car has, in the truth: how often `diagnose` takes one for missing physics.
 
     python -m benchmarks.nuisances [--worlds all|control,radius,run_out_3+warming] [--seeds 1-4]
-                                   [--effects none|all|NAME,...] [--sizes small,large]
+                                   [--effects none|all|turn|NAME,...] [--sizes small,large]
                                    [--carcass beam,ring] [--jobs 2] [-o FILE.csv]
                                    [--keep DIR [--write-only]]
     python -m benchmarks.nuisances --summary FILE.csv
@@ -10,8 +10,10 @@ A case is two logs of about a minute, written as files, measured and diagnosed a
 by row into FILE.csv (what is there already is not done again), then rates with 95 % Wilson bounds.
 `--keep DIR` leaves each case's scenarios, logs, setups, truths and model.toml in a folder of DIR.
 Seeds below 1000 are for choosing thresholds, from 20000 on for reporting, on other tires and plans
-(`benchmarks.nuisance_worlds`). An effect's strength is such that its excess in the control world,
-beside a refitted model, is 2 to 4 squared floors (small) or 10 to 20 (large).
+(`benchmarks.nuisance_worlds`). `--worlds two` or `four` draws so many nuisances anew for each seed,
+`all` is every single one; `--effects turn` plants one effect per seed, the next for the next. An
+effect's strength is such that its excess in the control world, beside a refitted model, is 2 to 4
+squared floors (small) or 10 to 20 (large).
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ import numpy as np
 import tirelog
 from benchmarks.cases import IN_CATALOGUE
 from benchmarks.hidden import wilson
-from benchmarks.nuisance_worlds import WORLDS, CaseOf, parts_of
+from benchmarks.nuisance_worlds import AT_ONCE, WORLDS, CaseOf, parts_of, planted_tables, several
 from tirelog.errors import TirelogError
 from tirelog.physics.model.from_setup import new_model
 from tirelog.simulation import simulate, write_log
@@ -42,8 +44,10 @@ SIZES = {"small": (2.0, 4.0), "large": (10.0, 20.0)}
 #: a sentence that says "the noise floor" is contradicted beyond these: held-out error over the
 #: floor, reduced chi-square
 HELD_OUT_AT_FLOOR, CHI2_AT_FLOOR = 1.05, 1.2
-#: a strength is found by so many refits, each within this factor of the one before
-STEPS, LARGEST_STEP = 3, 6.0
+#: a strength is found by at most so many refits, each within this factor of the one before
+STEPS, LARGEST_STEP = 5, 20.0
+#: least excess that a step in strength is taken from [squared floors]: below it is noise
+SEEN = 0.05
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ def written(case: CaseOf, folder: Path) -> tuple[list[Path], Path]:
         (folder / f"scenario_{number}.toml").write_text(text, encoding="utf-8")
         logs.append(write_log(simulate(scenario), folder / f"log_{number}.csv")[0])
     with tirelog.open_log(logs[0]) as log:
-        model, _ = new_model(case.carcass, log.setup)
+        model, _ = new_model(case.carcass, log.setup, contact=case.contact)
     tirelog.save_model(model, folder / "model.toml")
     return logs, folder / "model.toml"
 
@@ -108,12 +112,12 @@ def folder_of(case: CaseOf, size: str) -> str:
 def strength_of(task: Task) -> tuple[float, float]:
     """(strength in ordinary ones, its excess in squared floors) of a planted effect.
 
-    In the control world, beside a refitted model; the excess wanted is drawn by the seed.
+    In the control world, beside a refitted model; the excess wanted is drawn by seed and effect.
     """
     low, high = SIZES[task.size]
-    share = np.random.default_rng([task.seed, 18]).uniform()
+    share = np.random.default_rng([task.seed, 18, sum(task.effect.encode())]).uniform()
     wanted = low * (high / low) ** share
-    strength, best = 1.0, (1.0, float("nan"))
+    strength, best, before = 1.0, (1.0, float("nan")), (0.0, 0.0)
     for _ in range(STEPS):
         case = CaseOf("control", task.seed, task.carcass, task.effect, strength)
         try:
@@ -129,7 +133,12 @@ def strength_of(task: Task) -> tuple[float, float]:
             best = strength, excess
         if low <= excess <= high and abs(excess / wanted - 1.0) < 0.2:
             break
-        step = np.sqrt(wanted / max(excess, 0.05))
+        # an excess grows as the square of a small effect, and less of a large one
+        power, here = 2.0, (np.log(strength), np.log(max(excess, SEEN)))
+        if before != (0.0, 0.0) and here[0] != before[0]:
+            power = float(np.clip((here[1] - before[1]) / (here[0] - before[0]), 0.7, 4.0))
+        before = here
+        step = (wanted / max(excess, SEEN)) ** (1.0 / power)
         strength *= float(np.clip(step, 1.0 / LARGEST_STEP, LARGEST_STEP))
     return best
 
@@ -206,11 +215,25 @@ def false_names(row: Row) -> set[str]:
     return names(row) - {row.planted} - apart
 
 
+def of_size(row: Row) -> bool:
+    """Is what was planted as large as it should be, to a tenth?"""
+    if not row.planted:
+        return False
+    low, high = SIZES[row.size]
+    return 0.9 * low <= row.planted_excess <= 1.1 * high
+
+
 def contradicted(row: Row) -> bool:
     """Is the floor claimed at an error or a chi-square that is more?"""
     return row.status == "nothing_missing" and (
         row.heldout_after > HELD_OUT_AT_FLOOR or row.chi2_after > CHI2_AT_FLOOR
     )
+
+
+def shown(row: Row) -> str:
+    """The line of the table that a row counts in: several nuisances by their number."""
+    parts = row.world.count("+") + 1
+    return row.world if parts == 1 else f"{parts} at once"
 
 
 def summary(rows: list[Row]) -> Iterator[str]:
@@ -219,7 +242,8 @@ def summary(rows: list[Row]) -> Iterator[str]:
         driven = [
             r for r in rows if r.carcass == carcass and r.status not in ("refused", "written")
         ]
-        nulls, planted = [r for r in driven if not r.planted], [r for r in driven if r.planted]
+        nulls, planted = [r for r in driven if not r.planted], [r for r in driven if of_size(r)]
+        missed = {(r.seed, r.planted, r.size) for r in driven if r.planted and not of_size(r)}
         if nulls:
             yield f"\n{carcass}, nothing planted"
             yield from _table(
@@ -247,6 +271,9 @@ def summary(rows: list[Row]) -> Iterator[str]:
             for name, cases in sorted(wrong.items()):
                 of = sum(r.planted == name for r in some)
                 yield f"    {name}: {len(cases)} of {of} wrong, as {'; '.join(cases[:4])}"
+        if missed:
+            each = "; ".join(f"{p} {size} ({seed})" for seed, p, size in sorted(missed))
+            yield f"    left out, since no strength gave the size: {each}"
         said: dict[str, int] = {}
         for row in nulls:
             for name in names(row):
@@ -268,9 +295,9 @@ def _table(rows: list[Row], *columns: tuple[str, Callable[[Row], bool]]) -> Iter
     head = "".join(f"{name:38s}" for name, _ in columns)
     yield f"{'world':34s}{head}{'excess':>9s}{'chi2':>9s}"
     order = {world: number for number, world in enumerate(WORLDS)}
-    known = sorted({r.world for r in rows}, key=lambda w: (order.get(w, len(order)), w))
+    known = sorted({shown(r) for r in rows}, key=lambda w: (order.get(w, len(order)), w))
     for world in [*known, "all"]:
-        of = [r for r in rows if world in ("all", r.world)]
+        of = [r for r in rows if world in ("all", shown(r))]
         rates = "".join(f"{wilson(sum(map(good, of)), len(of)):38s}" for _, good in columns)
         excess, chi2 = (
             float(np.median([getattr(r, k) for r in of])) for k in ("excess", "chi2_before")
@@ -302,23 +329,33 @@ def seeds_of(text: str) -> range:
 def tasks_of(options: argparse.Namespace, done: Iterable[Row]) -> list[Task]:
     """What is still to do."""
     known = {(r.world, r.seed, r.carcass, r.planted, r.size) for r in done}
-    worlds = list(WORLDS) if options.worlds == "all" else options.worlds.split(",")
+    given = options.worlds.split(",")
+    worlds = [w for name in given for w in (WORLDS if name == "all" else [name])]
     for world in worlds:
-        parts_of(world)
-    effects = {"none": [""], "all": list(IN_CATALOGUE)}.get(
+        if world not in AT_ONCE:
+            parts_of(world)
+    named = {"none": [""], "all": list(IN_CATALOGUE)}.get(
         options.effects, ["" if e == "none" else e for e in options.effects.split(",")]
     )
     out = []
     for seed in seeds_of(options.seeds):
+        turn = [IN_CATALOGUE[seed % len(IN_CATALOGUE)]]
+        effects = turn if options.effects == "turn" else named
+        for effect in effects:
+            if effect:
+                planted_tables(effect, 1.0)  # refused at once if there is none of that name
         for carcass in options.carcass.split(","):
             for effect in effects:
                 for size in options.sizes.split(",") if effect else [""]:
-                    left = [w for w in worlds if (w, seed, carcass, effect, size) not in known]
+                    drawn = [several(AT_ONCE[w], seed) if w in AT_ONCE else w for w in worlds]
+                    left = [w for w in drawn if (w, seed, carcass, effect, size) not in known]
                     keep = str(options.keep) if options.keep else None
-                    if left:
-                        out.append(
-                            Task(tuple(left), seed, carcass, effect, size, keep, options.write_only)
-                        )
+                    # a strength is found once for all worlds; without one each goes alone
+                    out += [
+                        Task(some, seed, carcass, effect, size, keep, options.write_only)
+                        for some in ([tuple(left)] if effect else [(w,) for w in left])
+                        if some
+                    ]
     return out
 
 
@@ -344,7 +381,10 @@ def main() -> None:
         print("\n".join(summary(read_rows(options.summary))))
         return
     rows = read_rows(options.output) if options.output and options.output.exists() else []
-    tasks = tasks_of(options, rows)
+    try:
+        tasks = tasks_of(options, rows)
+    except TirelogError as problem:
+        parser.error(str(problem))
     with ProcessPoolExecutor(options.jobs) as pool:
         for some in pool.map(run, tasks):
             rows += some

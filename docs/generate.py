@@ -10,11 +10,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, Field, fields
+from inspect import getdoc
 from pathlib import Path
+from typing import Any
 
 from tirelog.diagnosis.rules import RULES, THRESHOLDS
 from tirelog.physics.effects import CATALOGUE, Effect
 from tirelog.physics.model.nuisances import NUISANCES, Nuisance
+from tirelog.simulation.scenario import schema
 from tirelog.vocabulary.columns import COLUMNS, OPTIONAL
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
@@ -305,6 +309,76 @@ def effect_section(effect: Effect) -> str:
     )
 
 
+#: tables of a scenario file, in the order of a reader's questions
+SCENARIO_TABLES: Mapping[str, type] = {
+    "[[manoeuvres]]": schema.Manoeuvre,
+    "[channels.NAME]": schema.Sensor,
+    "[tire]": schema.TrueTire,
+    "[conditions]": schema.TrueConditions,
+    "[vehicle]": schema.Vehicle,
+    "[road]": schema.Road,
+    "[[load_steps]]": schema.LoadStep,
+    "[ramp]": schema.Ramp,
+}
+NUISANCE_TABLES: Mapping[str, type] = {
+    f"[nuisances.{f.name}]": type(f.default) for f in fields(schema.Nuisances)
+}
+
+
+def scenario_page() -> str:
+    """docs/scenario.md."""
+    return (
+        "\n".join(
+            [
+                NOTE.format("tirelog/simulation/scenario/schema.py"),
+                "# Scenario files\n",
+                "What `tirelog simulate` drives. sample_data/README.md shows a file as a whole, "
+                "and what can be planted with\n`[[effects]]`; a key that is not here is refused. "
+                "The same `seed` gives the same log.",
+                *(scenario_section(name, kind) for name, kind in SCENARIO_TABLES.items()),
+                "\n## Nuisances\n",
+                f"{getdoc(schema.Nuisances)}\n",
+                "They act in the truth, beam or ring, any of them together. Beside them: "
+                "`load_scatter` under `[road]`,\n`patch_load_exponent` under `[tire]`, and with "
+                "the channel `noise_correlation`, `hum`, `flicker`, `quantisation`,\n"
+                "`lost_fraction`, `lost_run`, `lost_at_flanks`. "
+                "`sample_data/scenarios/nuisances.toml` has all of them.",
+                *(scenario_section(name, kind, "###") for name, kind in NUISANCE_TABLES.items()),
+            ]
+        )
+        + "\n"
+    )
+
+
+def scenario_section(name: str, kind: type, level: str = "##") -> str:
+    """One table of a scenario: what it is, its keys with what is allowed."""
+    rows = [(f"`{f.name}`", default_of(f), allowed_in(f)) for f in fields(kind)]
+    head = ("key", "if absent", "allowed")
+    return f"\n{level} `{name}`\n\n{getdoc(kind)}\n\n{table(head, rows)}"
+
+
+def default_of(key: Field[Any]) -> str:
+    """A key's value if a scenario does not give it, as a cell."""
+    if key.default is MISSING or key.default in (None, "", ()):
+        return ""
+    value = key.default
+    return str(value).lower() if isinstance(value, bool) else f"{value}"
+
+
+def allowed_in(key: Field[Any]) -> str:
+    """What a scenario may give for a key, as a cell."""
+    if "allowed" in key.metadata:
+        return words(key.metadata["allowed"])
+    if "range" not in key.metadata:
+        wanted = str(key.type)
+        kinds = {"bool": "true, false", "tuple": "a list of numbers from 0"}
+        return next((said for name, said in kinds.items() if name in wanted), "text")
+    low, high = key.metadata["range"]
+    said = f"{low:g} to {high:g}"
+    most = key.metadata.get("length")
+    return said if most is None else f"at most {most} numbers, {said}"
+
+
 def kinds_section() -> str:
     """Kinds of channel, as README.md shows them."""
     return table(
@@ -372,6 +446,7 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "docs/effects.md": effects_page,
     "docs/verdicts.md": verdicts_page,
     "docs/tables.md": tables_page,
+    "docs/scenario.md": scenario_page,
 }
 README_SECTIONS: Mapping[str, Callable[[], str]] = {
     "quality words": quality_section,

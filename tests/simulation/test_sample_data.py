@@ -7,6 +7,7 @@ from __future__ import annotations
 import hashlib
 import re
 import runpy
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,12 @@ import pytest
 
 from tirelog.runs.ingest import open_recording
 from tirelog.simulation import load_scenario, simulate, to_recording
+from tirelog.simulation.scenario.schema import Manoeuvre, Nuisances
 
 FOLDER = Path(__file__).parents[2] / "sample_data"
 LOGS: dict[str, str] = runpy.run_path(str(FOLDER / "make.py"))["LOGS"]
+#: examples that are no log of sample_data
+WITHOUT_LOG = ("nuisances.toml",)
 TABLE = re.findall(
     r"^\| (\S+) \| (\d+) \| `([0-9a-f]{64})` \|$",
     (FOLDER / "README.md").read_text(encoding="utf-8"),
@@ -33,6 +37,16 @@ def test_table_of_the_readme() -> None:
         assert (len(data), hashlib.sha256(data).hexdigest()) == (int(size), digest)
 
 
+def test_example_of_nuisances_has_all_of_them_and_can_be_driven() -> None:
+    scenario = load_scenario(FOLDER / "scenarios" / "nuisances.toml")
+    for name in (f.name for f in fields(Nuisances)):
+        assert getattr(scenario.nuisances, name) != getattr(Nuisances(), name), name
+    made = simulate(
+        replace(scenario, manoeuvres=(Manoeuvre(1.0, 12.0),), grid_points=512, knot_s=0.05)
+    )
+    assert 0.0 < np.isnan(made.channels["strain_1"]).mean() < 0.1
+
+
 def test_size_and_nothing_unnamed() -> None:
     files = [p for p in FOLDER.rglob("*") if p.is_file()]
     assert sum(p.stat().st_size for p in files) < 10e6
@@ -40,6 +54,7 @@ def test_size_and_nothing_unnamed() -> None:
         {name for name, _, _ in TABLE}
         | {"README.md", "make.py", "demo.py"}
         | {f"{s}.toml" for s in LOGS.values()}
+        | set(WITHOUT_LOG)
     )
     assert {p.name for p in files if p.parent in (FOLDER, FOLDER / "scenarios")} - known == set()
 

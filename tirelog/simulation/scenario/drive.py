@@ -29,6 +29,9 @@ CRUISE_M_S2, BRAKE_M_S2 = 0.15, -1.5
 #: time constant of the body's pitch in the other form of the load transfer [s], and of a load that
 #: steps between manoeuvres
 PITCH_S, SETTLING_S = 0.35, 0.15
+#: step of the wandering's knots [s]: an exact Ornstein-Uhlenbeck sequence at these, smooth between
+#: them, so that the waveform's own knots (`Scenario.knot_s`) see all of it
+WANDER_STEP_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -211,13 +214,8 @@ class Wander:
         return values
 
 
-#: step of the wandering's knots [s]: an exact Ornstein-Uhlenbeck sequence at these, smooth between
-#: them, so that the waveform's own knots (`Scenario.knot_s`) see all of it
-WANDER_STEP_S = 0.1
-
-
 def wander_of(scenario: Scenario, random: np.random.Generator) -> Wander:
-    """The load's wandering, drawn for the scenario; it begins where it would have been."""
+    """The load's wandering, drawn for the scenario; at the start it has its full spread."""
     wander = scenario.nuisances.load_wander
     if not wander.share:
         return Wander()

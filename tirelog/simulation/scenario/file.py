@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 T = TypeVar("T", bound="DataclassInstance")
+#: what must be left of a stiffness, a length or the pressure when the tire is warm: less is no
+#: tire; twice as much would refuse a foundation that loses half
+LEAST_WHEN_WARM = 0.3
 
 
 def _number(value: Any) -> bool:
@@ -365,10 +368,6 @@ def _check_nuisances(scenario: Scenario, file: str | None) -> None:
                 file=file,
             )
 
-
-#: what must be left of a stiffness, a length or the pressure when the tire is warm: less is no
-#: tire; twice as much would refuse a foundation that loses half
-LEAST_WHEN_WARM = 0.3
 
 #: effects that a tire in motion knows: on the load, the sensors and the telemetry
 _MOVING = (
