@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from tirelog.physics.effects import CATALOGUE, Effect
+from tirelog.physics.effects import CATALOGUE, Effect, readers, serves
 from tirelog.vocabulary.conditions import CONDITIONS
 from tirelog.vocabulary.kinds import KINDS
 from tirelog.vocabulary.observables import OBSERVABLES
@@ -168,7 +168,7 @@ def observables_page() -> str:
             unit_of(o.unit),
             unit_of(o.shown_unit),
             words(o.kinds),
-            words(effect.id for effect in CATALOGUE if o.name in effect.reaches),
+            words(effect.id for effect in CATALOGUE if o.name in effect.reaches) + through(o.name),
         )
         for o in OBSERVABLES.values()
     ]
@@ -184,6 +184,18 @@ def observables_page() -> str:
             )
             + "\n",
         ]
+    )
+
+
+def through(observable: str) -> str:
+    """What acts on an observable beside another effect only."""
+    beside = {
+        effect.id: " or ".join(f"`{other.id}`" for other in readers(effect, observable))
+        for effect in CATALOGUE
+    }
+    return "".join(
+        f"; beside {others}: {words(name for name, by in beside.items() if by == others)}"
+        for others in dict.fromkeys(filter(None, beside.values()))
     )
 
 
@@ -229,7 +241,10 @@ def ranges(effect: Effect) -> list[str]:
 def effect_section(effect: Effect) -> str:
     """All that the catalogue says of one effect."""
     facts = [
-        ("observables", words(effect.reaches)),
+        (
+            "observables",
+            ", ".join(said.replace(name, f"`{name}`", 1) for name, said in serves(effect).items()),
+        ),
         ("needs", words(effect.needs) or "nothing beyond speed"),
         *((f"option `{name}`", words(allowed)) for name, allowed in effect.options.items()),
         ("signature", effect.signature),

@@ -214,6 +214,7 @@ def contributions(
     whole = predicted(settled)
     parts = {"base": predicted(replace(settled, effects=()))}
     for effect in settled.effects:
-        parts[effect.id] = whole - predicted(settled.without_effect(effect.id))
+        others = tuple(e for e in settled.effects if e.id != effect.id)
+        parts[effect.id] = whole - predicted(replace(settled, effects=others))
     parts["interaction"] = whole - sum(parts.values())
     return parts
