@@ -136,7 +136,8 @@ def tables_of(
     for name, options in wanted.items():
         whole = MAKERS[name].whole
         if name not in by_channel and whole is not None:
-            yield from whole(recording, options)
+            parts = whole(recording, options)
+            yield from list(parts) if refused_first else parts
 
 
 def _channel_tables(
@@ -150,7 +151,7 @@ def _channel_tables(
     stored = speed_channels(recording) if only_speed else strain_channels(recording)
     found: list[Passages | None] = [None] * len(stored)
     if refused_first:
-        stored, found = _all_passages(recording, stored, keep=not only_speed)
+        stored, found = _all_passages(recording, stored, workers, keep=not only_speed)
         if not only_speed and not any(len(passages) for passages in found if passages is not None):
             raise not_turning(recording)
     turned = False
@@ -185,7 +186,7 @@ def _channel_tables(
 
 
 def _all_passages(
-    recording: Recording, channels: list[Channel], keep: bool
+    recording: Recording, channels: list[Channel], workers: int, keep: bool
 ) -> tuple[list[Channel], list[Passages | None]]:
     """The channels and the passages of each; a single one in memory if it is to be `kept` there."""
     from tirelog.runs.in_memory import in_memory
@@ -193,7 +194,8 @@ def _all_passages(
 
     if keep and len(channels) == 1:
         channels = [in_memory(channels[0])]  # gone through once more by whoever takes it
-    return channels, [passages_of(recording, channel) for channel in channels]
+    with ThreadPoolExecutor(workers) as pool:
+        return channels, list(pool.map(partial(passages_of, recording), channels))
 
 
 class _Forms:
