@@ -127,7 +127,7 @@ def pieces_name(observable: str, log: str) -> str:
 
     The folder's name changes with what is in them.
     """
-    return f"{HIDDEN}/steady/{observable}/{log}.npz"
+    return f"{HIDDEN}/means/{observable}/{log}.npz"
 
 
 @contextmanager

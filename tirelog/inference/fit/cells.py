@@ -351,7 +351,8 @@ def take_cells(cells: Cells, rows: NDArray[np.int64]) -> Cells:
     """Some of the cells."""
     names = (
         "values", "phi", "phi_variance", "sd", "random", "random_cov", "shift", "revolutions",
-        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square", "rounding",
+        "log", "manoeuvre", "regime", "within", "speed_mean", "moved", "speed_square",
+        "speed_angle", "rounding",
     )  # fmt: skip
     return replace(
         cells,
