@@ -105,8 +105,9 @@ def checked(wanted: Mapping[str, Options]) -> Mapping[str, Options]:
 def _one_of(what: str, name: str, allowed: Collection[str]) -> None:
     if name not in allowed:
         raise UsageError(
-            f"no {what} is called {name!r}{nearest(name, allowed)}; "
-            f"allowed are {', '.join(allowed) or 'none'}; choose among them"
+            f"no {what} is called {name!r}{nearest(name, allowed)}",
+            allowed=f"allowed are {', '.join(allowed) or 'none'}",
+            do="choose among them",
         )
 
 
@@ -338,8 +339,9 @@ def _steadiness(options: Options) -> tuple[float, int]:
     average = int(options.get("average", AVERAGED))
     if not step > 0 or average < 1:
         raise UsageError(
-            "steady_step (--steady-step) is above 0 m/s and average (--average) at least "
-            "1 revolution; mend the number"
+            "steady_step (--steady-step) is above 0 m/s and average (--average) at least 1 "
+            "revolution",
+            do="mend the number",
         )
     return step, average
 
@@ -378,8 +380,9 @@ def _ends_Pa(options: Options) -> tuple[float, float] | None:
         return None
     if begin is None or end is None or begin == end:
         raise UsageError(
-            "--from and --to (from_Pa and to_Pa) go together and differ; allowed are two "
-            "pressures in Pa; e.g. --from 1.7e5 --to 2.3e5"
+            "--from and --to (from_Pa and to_Pa) go together and differ",
+            allowed="allowed are two pressures in Pa",
+            do="e.g. --from 1.7e5 --to 2.3e5",
         )
     return begin, end
 

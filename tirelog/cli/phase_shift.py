@@ -49,13 +49,15 @@ def phase_shift(
 
     if calibration is not None and calibrate is not None:
         raise UsageError(
-            "--calibration and --calibrate; one reads a calibration, the other learns one; "
-            "give one of them"
+            "--calibration and --calibrate",
+            allowed="one reads a calibration, the other learns one",
+            do="give one of them",
         )
     if fit_forces and calibrate is None:
         raise UsageError(
-            "--fit-forces without --calibrate; the force maps are part of a calibration; "
-            "give --calibrate FILE"
+            "--fit-forces without --calibrate",
+            allowed="the force maps are part of a calibration",
+            do="give --calibrate FILE",
         )
     applied = read_calibration(calibration) if calibration is not None else None
     with (

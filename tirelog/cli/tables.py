@@ -58,8 +58,9 @@ def tables(
     for name in table or ():
         if name not in OF_A_DRIVE:
             raise UsageError(
-                f"--table {name}{nearest(name, OF_A_DRIVE)}; allowed are {', '.join(OF_A_DRIVE)}; "
-                "choose among them"
+                f"--table {name}{nearest(name, OF_A_DRIVE)}",
+                allowed=f"allowed are {', '.join(OF_A_DRIVE)}",
+                do="choose among them",
             )
     suffix = table_format(None, format)
     with (

@@ -64,7 +64,8 @@ def top_of_ladder(
         if name not in catalogue:
             raise UsageError(
                 f"the ladder has the effect {name!r}{nearest(name, catalogue)}, which is not "
-                "known here; give it with --effects"
+                "known here",
+                do="give it with --effects",
             )
         model = model.with_effect(catalogue[name])
     values = {

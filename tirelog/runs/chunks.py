@@ -147,8 +147,10 @@ class Unfiltered:
 def recording_closed() -> ReadError:
     """What a recording says that is read after its end."""
     return ReadError(
-        "the recording is closed; its samples can be read while `open_recording` is open, and in "
-        "a session until the next log is taken; read them there, or open it again"
+        "the recording is closed",
+        allowed="its samples can be read while `open_recording` is open, and in a session until "
+        "the next log is taken",
+        do="read them there, or open it again",
     )
 
 

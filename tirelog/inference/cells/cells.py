@@ -349,6 +349,8 @@ def with_nuisances(cells: Cells, free: Sequence[str]) -> Cells:
     for name in free:
         if name not in NUISANCES:
             raise ModelError(
-                f"unknown nuisance {name!r}; allowed are {', '.join(NUISANCES)}; choose among them"
+                f"unknown nuisance {name!r}",
+                allowed=f"allowed are {', '.join(NUISANCES)}",
+                do="choose among them",
             )
     return replace(cells, free=tuple(name for name in NUISANCES if name in free))

@@ -286,8 +286,9 @@ def fit_channels(
             refused = problem_of_start
     if not results:
         raise refused or ModelError(
-            "the model could not be fitted; a model that predicts these speeds is allowed; "
-            "change its start values"
+            "the model could not be fitted",
+            allowed="a model that predicts these speeds is allowed",
+            do="change its start values",
         )
     best, _, settled = min(results, key=lambda result: result[1])
     fits = finish(problems, best, names, settled)

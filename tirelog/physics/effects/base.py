@@ -294,8 +294,10 @@ class Effect:
         ):
             raise ModelError(
                 f"effect {self.id}: parameters {names}, strength {list(self.strength)}, acts on "
-                f"{list(self.acts_on)}; allowed are distinct "
-                f"parameters, a strength among them, and {', '.join(ACTS_ON)}; correct the effect"
+                f"{list(self.acts_on)}",
+                allowed="allowed are distinct parameters, a strength among them, and "
+                f"{', '.join(ACTS_ON)}",
+                do="correct the effect",
             )
         stages = dict.fromkeys(stage for _, stage in ENTERS.values())
         if not set(self.reads) <= set(stages):
@@ -318,9 +320,10 @@ class Effect:
             }
         except (AttributeError, TypeError, ValueError):
             raise ModelError(
-                f"effect {self.id}: follows {self.follows!r}, valid_range {self.valid_range!r}; "
-                'allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a pair '
-                '(lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}; correct the effect'
+                f"effect {self.id}: follows {self.follows!r}, valid_range {self.valid_range!r}",
+                allowed='allowed are pairs (condition, power) such as (("speed_m_s", 2),), and a '
+                'pair (lowest, highest) by name such as {"speed_m_s": (2.0, 40.0)}',
+                do="correct the effect",
             ) from None
         for names, known, what in (
             (followed, [*CONDITIONS], "condition"),
@@ -329,19 +332,22 @@ class Effect:
             for name in names:
                 if name not in known:
                     raise ModelError(
-                        f"effect {self.id}: {name!r} is no {what}{nearest(str(name), known)}; "
-                        f"allowed are {', '.join(known)}; correct the effect"
+                        f"effect {self.id}: {name!r} is no {what}{nearest(str(name), known)}",
+                        allowed=f"allowed are {', '.join(known)}",
+                        do="correct the effect",
                     )
         if not np.isfinite(list(followed.values())).all():
             raise ModelError(
-                f"effect {self.id}: follows {self.follows!r}; allowed are finite powers; "
-                "correct the effect"
+                f"effect {self.id}: follows {self.follows!r}",
+                allowed="allowed are finite powers",
+                do="correct the effect",
             )
         for name, (low, high) in ranges.items():
             if not low <= high:
                 raise ModelError(
-                    f"effect {self.id}: valid_range of {name} is from {low:g} to {high:g}; "
-                    "allowed is (lowest, highest); correct the effect"
+                    f"effect {self.id}: valid_range of {name} is from {low:g} to {high:g}",
+                    allowed="allowed is (lowest, highest)",
+                    do="correct the effect",
                 )
 
 
