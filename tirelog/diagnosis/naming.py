@@ -39,10 +39,12 @@ from tirelog.physics.effects import Effect
 from tirelog.physics.model.model import Model
 from tirelog.vocabulary.arrays import FloatArray
 
-#: candidates whose statistic reaches this share of the largest are refitted, at most so many
+#: candidates whose statistic reaches this share of the largest are refitted, at most so many: to
+#: first order they explain 0.42 of what that one does.  Each costs fits from several starts
 CONTENDER = 0.65
 MOST_CONTENDERS = 4
-#: starts of a candidate are tried on so many cells, so many steps
+#: starts of a candidate are tried on so many cells, so many steps, before the best is finished on
+#: all cells; the time goes with both
 _TRIAL_CELLS = 24
 _TRIAL_STEPS = 12
 #: starts that end so near the least chi-square, as a share of it, fit alike; of these the one
@@ -50,24 +52,28 @@ _TRIAL_STEPS = 12
 #: fit may drift until something stands at a bound.  Ten times what settles a fit; doubling changes
 #: nothing seen
 SAME_CHI2 = 1e-3
-#: likeness (a cosine) from which on two effects are one to these data
+#: likeness (a cosine) from which on two effects are one to these data: the rival leaves a tenth of
+#: what the best explains.  Leaving twice as much is LIKE
 TWINS = 0.95
 #: and from which on they are if the wrong one leaves less than a third of the floor more: in mean
-#: squares, a ninth
+#: squares, a ninth; doubled, 0.47 of the floor
 LIKE = 0.90
 _THIRD = 1.0 / 9.0
 #: share of such a direction that makes a strength undetermined
 _UNDETERMINED = 0.1
-#: squared floors that a second effect removes beside free shapes of the first
+#: squared floors that a second effect removes beside free shapes of the first: 0.7 floors in size;
+#: doubled, what is as large as the floor is not named
 SECOND_LEAST = 0.5
-#: share of a contribution's energy that makes it even, or odd
+#: share of a contribution's energy that makes it even, or odd: the other part is a quarter as large
+#: at most; with twice the rest, a third
 _SYMMETRIC = 0.95
 #: a rest of the excess that no form of the first effect would leave
 NOT_FORM = 0.12
 #: standard errors (of all strengths together, per root of their number) from which an effect is
 #: there at all; doubled it would ask of a name more than the test asks of an alarm
 ESTABLISHED_SIGMAS = 2.0
-#: standard errors by which a rival is clearly worse than one that is right to the floor
+#: standard errors by which a rival is clearly worse than one that is right to the floor: by chance
+#: once in 740; half of it, once in 15
 WORSE_SIGMAS = 3.0
 #: what is left is the floor: held-out error in floors, and reduced chi-square, at most (the
 #: contract's); twice the margins would let a quarter of the floor's square pass unsaid

@@ -27,16 +27,19 @@ from tirelog.vocabulary.arrays import FloatArray
 #: an alarm needs all three: a family-wise p of at most this, which bounds the rate of false alarms
 #: over all candidates (doubled, it allows twice as many);
 ALARM_P = 0.01
-#: a gain held out of more than so many of its standard errors;
+#: a gain held out of more than so many of its standard errors, for a direction only: chance gains
+#: as much once in six (doubled, once in 44), and p has judged chance already;
 GAIN_SIGMAS = 1.0
 #: and that more than this share of the squared floor goes: what is too small to matter may repeat
-#: perfectly, and no p-value removes that
+#: perfectly, and no p-value removes that.  In size 0.22 floors; doubled, 0.32
 LEAST_SHARE_OF_FLOOR = 0.05
-#: manoeuvres that a two-sided p of ALARM_P needs
+#: manoeuvres that a two-sided p of ALARM_P needs: 2^(1 - 8) is below it, 2^(1 - 7) is not.  Twice
+#: as many would refuse logs whose p can be told
 FEWEST_MANOEUVRES = 8
-#: up to so many manoeuvres all patterns of signs are tried
+#: up to so many manoeuvres all patterns of signs are tried, 2^13; each more doubles the time
 _EXACT = 13
-#: and beyond them so many random ones, some at a time
+#: and beyond them so many random ones, some at a time: they tell a p of ALARM_P to 8 % of it; twice
+#: as many to 5.5 %
 _RANDOM = 16383
 _BLOCK = 1024
 

@@ -26,7 +26,8 @@ from tirelog.vocabulary.arrays import FloatArray
 
 #: shape parameters are tried at these factors of their probe
 _FACTORS = (0.5, 2.0)
-#: a change below this share of the waveform is rounding
+#: a change below this share of the waveform is rounding; doubling it decides nothing, since what
+#: acts at its probe strength does far more
 _NOTHING = 1e-9
 
 
